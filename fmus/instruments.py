@@ -282,6 +282,13 @@ ATTITUDE_COMPUTER = Component(
             len(ALGORITHMS),
             start=tuple(a.max_increment for a in ALGORITHMS),
         ),
+        state(
+            "reads_previous",
+            "1 for each algorithm that reads the increments of the step before",
+            len(ALGORITHMS),
+            start=tuple(float(a.previous) for a in ALGORITHMS),
+        ),
+        state("chosen", "what the algorithm that was chosen takes, and what is left of a sample", 4),
         state("table", "what a functional iteration needs", TABLE_SIZE),
         state("half_table", "what a functional iteration through half a window needs", HALF_TABLE_SIZE),
         work("differences", "differences of the increments", WORK_SIZE),
@@ -297,8 +304,8 @@ ATTITUDE_COMPUTER = Component(
     model=(computer.initialise, computer.step),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
-        "the communication step is not the sample period: it goes past the end of a sample, and each sample needs an "
-        "increment of its own; steps over parts of a sample add up",
+        "the communication step is not the sample period, or does not follow the last one: one increment for each "
+        "sample is needed; those over parts of a sample add up",
         f"increment is not finite or longer than half a turn ({math.pi:.6f} rad): its direction would be ambiguous",
         "increment is beyond the valid range of the algorithm; longest [rad]: "
         + ", ".join(f"{a.name} {a.max_increment:.3g}" for a in ALGORITHMS),

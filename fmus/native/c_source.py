@@ -1,6 +1,7 @@
 """The native flavour: a component's table and kernels in C, behind FMI 2.0 or FMI 3.0, with all sources."""
 
 import hashlib
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -32,6 +33,8 @@ MODEL_C = """/* {description}. Made by Trihedron from the component's kernels an
 const Variable variables[] = {{
 {variables}
 }};
+
+const uint32_t reals[] = {{{reals}}};
 
 const double start_values[MEMORY_SIZE] = {{
 {starts}
@@ -102,6 +105,13 @@ def _row(row: Row) -> str:
     return f"    {{{', '.join([*parts, _bound(lower, '-'), _bound(upper, '')])}}},"
 
 
+def _real(row: Row) -> str:
+    """A row in the table of the calls of every step: where its value is, and whether it is an input; 0: not real."""
+    if row.variable.type != "real":
+        return "0"
+    return str(4 * row.place + 2 * (row.variable.causality == "input") + 1)
+
+
 def _text(message: str) -> str:
     return '    "' + message.replace("\\", "\\\\").replace('"', '\\"') + '",'
 
@@ -150,10 +160,12 @@ def model_c(component: Component, fmi: int) -> str:
         a kernel is not in restricted Python
     """
     text, kernels = translate(flat_parts(component))
+    table = rows(component, fmi)
     return MODEL_C.format(
         description=component.description,
         kernels=text,
-        variables="\n".join(_row(row) for row in rows(component, fmi)),
+        variables="\n".join(_row(row) for row in table),
+        reals="\n".join(textwrap.wrap(", ".join(["0", *(_real(row) for row in table)]), 110)),
         starts="\n".join(f"    {value!r}," for value in _starts(component)),
         messages="\n".join(_text(m) for m in component.messages) or '    "",',
         calls=_calls(component, kernels),

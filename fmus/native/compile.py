@@ -32,6 +32,8 @@ FLAGS = (
     "-fno-builtin-exp",
     "-fno-builtin-atan2",
     "-fno-math-errno",
+    # Pairs of numbers that were stored one by one would be waited for.
+    "-fno-tree-vectorize",
 )
 SMALL = (
     "-fno-vectorize",
@@ -49,7 +51,7 @@ WINDOWS_LIBRARIES = tuple(f"-lapi-ms-win-crt-{part}-l1-1-0" for part in ("math",
 
 
 WHOLE = "whole.c"
-"""A file that includes all the others, for a compiler that takes one file at a time."""
+"""A file that includes all the others: calls of every step are compiled into the functions of FMI."""
 
 ENTITLEMENTS = "none.plist"
 """A list of nothing. The linker signs a library for ARM by itself, one for Intel only where it is given such a list."""
@@ -169,7 +171,7 @@ def compiles(name: str) -> bool:
     return zig_version() is not None or (name == host_name() and host_compiler() is not None)
 
 
-def _commands(platform: Platform, sources: Sequence[str], output: str, cross: bool) -> tuple[list[list[str]], str]:
+def _commands(platform: Platform, output: str, cross: bool) -> tuple[list[list[str]], str]:
     """The commands, one after the other, and the version of the compiler."""
     linux = ["-Wl,--build-id=none"] if platform.suffix == ".so" else []
     # Found by whoever loads it, wherever the archive was unpacked.
@@ -181,7 +183,7 @@ def _commands(platform: Platform, sources: Sequence[str], output: str, cross: bo
         stripped = [oldest, *named] if named else ["-s"]
         pages = ["-Wl,-z,noseparate-code"] if linux else []
         shared = ["-fPIC", "-shared", *stripped, *linux, *pages]
-        return [[compiler[0], *FLAGS, *shared, "-o", output, *sources, "-lm"]], compiler[1]
+        return [[compiler[0], *FLAGS, *shared, "-o", output, WHOLE, "-lm"]], compiler[1]
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
     version = f"zig {zig_version()}"
     if platform.name == "x86_64-darwin":
@@ -191,7 +193,7 @@ def _commands(platform: Platform, sources: Sequence[str], output: str, cross: bo
         return [compiled, [*linker, *named, *signed]], version
     if platform.suffix != ".dll":
         shared = ["-fPIC", "-shared", "-s", *linux, *named, "-ffunction-sections", "-Wl,--gc-sections"]
-        return [[*zig, *FLAGS, *SMALL, *shared, "-o", output, *sources, "-lm"]], version
+        return [[*zig, *FLAGS, *SMALL, *shared, "-o", output, WHOLE, "-lm"]], version
     compiled = [*zig, *FLAGS, *SMALL, "-DTRIHEDRON_UCRT_ONLY", "-c", WHOLE]
     entry = ["-nostdlib", "-Wl,--entry=TrihedronEntry"]
     linked = [*zig, "-O2", "-shared", "-s", *entry, "-o", output, str(Path(WHOLE).with_suffix(".obj"))]
@@ -264,7 +266,7 @@ def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, porta
     cross = zig_version() is not None and (portable or platform.name != host_name() or host_compiler() is None)
     output = f"{name}{platform.suffix}"
     compiled = [n for n in sources if n.endswith(".c")]
-    commands, version = _commands(platform, compiled, output, cross)
+    commands, version = _commands(platform, output, cross)
     whole = "".join(f'#include "{name}"\n' for name in compiled)
     files = {**sources, WHOLE: whole.encode(), ENTITLEMENTS: b'<plist version="1.0"><dict/></plist>\n'}
     digest = hashlib.sha256("\0".join([version, *(word for command in commands for word in command[1:])]).encode())

@@ -332,7 +332,7 @@ class _Function:
                 declared.append(f"{'' if name in self.changed else 'const '}double *{variable_name(name)}")
             else:
                 declared.append(f"{TYPES[kind]} {variable_name(name)}")
-        head = f"static {TYPES[self.result]} {kernel_name(self.node.name)}({', '.join(declared) or 'void'})"
+        head = f"static inline {TYPES[self.result]} {kernel_name(self.node.name)}({', '.join(declared) or 'void'})"
         lines = _wrapped(head, 0)
         summary = (ast.get_docstring(self.node) or "").partition("\n\n")[0]
         if summary:

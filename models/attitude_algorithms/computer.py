@@ -52,6 +52,15 @@ HALF_TABLE_SIZE = (WINDOW + EXTRA_NODES + 1) * (WINDOW // 2 + EXTRA_NODES)
 WORK_SIZE = 4 * (MOST_INCREMENTS + EXTRA_NODES)
 """Length of each of the working arrays `differences`, `rates`, `values`, `slopes`."""
 
+SAMPLES = 0
+"""Place in `chosen`: increments of one update of the algorithm that was chosen."""
+LONGEST_SQUARED = 1
+"""square of the longest increment in its valid range [rad²]"""
+READS_PREVIOUS = 2
+"""1.0 where it reads the increments of the step before"""
+LEFT = 3
+"""time that is left of a sample [s]; the sample period while no part has passed"""
+
 SAMPLE_TOLERANCE = 1e-3
 """How far the end of a step may be off that of a sample [samples]: hosts add up rounded times."""
 
@@ -157,11 +166,15 @@ def update(
     return 0
 
 
-def increment_effects(before: Vector, increment: Vector, effect: Vector, added: Vector) -> None:
-    """Stage "increment": what effects add to an increment (3,) [rad], by the one before it; nominally nothing."""
+def increment_effects(before: Vector, increment: Vector, effect: Vector, added: Vector) -> float:
+    """Stage "increment": what effects add to an increment (3,) [rad], by the one before it; nominally nothing.
+
+    Returns 1.0 where there are any, else 0.0.
+    """
     added[0] = 0.0
     added[1] = 0.0
     added[2] = 0.0
+    return 0.0
 
 
 def initialise(
@@ -182,6 +195,10 @@ def initialise(
     half_table: Vector,
     before: Vector,
     sample: Vector,
+    samples_of_update: Vector,
+    longest_increment: Vector,
+    reads_previous: Vector,
+    chosen: Vector,
 ) -> int:
     """Begin at the initial attitude; returns 0 or the number of a message."""
     square = 0.0
@@ -204,6 +221,11 @@ def initialise(
         collected[i] = 0.0
         previous[i] = 0.0
     prepare_update(algorithm, table, half_table)
+    at = int(algorithm) - 1
+    chosen[SAMPLES] = samples_of_update[at]
+    chosen[LONGEST_SQUARED] = longest_increment[at] * longest_increment[at]
+    chosen[READS_PREVIOUS] = reads_previous[at]
+    chosen[LEFT] = sample_period
     return 0
 
 
@@ -223,8 +245,7 @@ def step(
     known: Vector,
     collected: Vector,
     previous: Vector,
-    samples_of_update: Vector,
-    longest_increment: Vector,
+    chosen: Vector,
     table: Vector,
     half_table: Vector,
     differences: Vector,
@@ -244,39 +265,50 @@ def step(
     """
     if period[0] <= 0.0:
         period[0] = step
+        chosen[LEFT] = step
     if step <= 1e-9 * period[0]:
         return 0
-    missing = samples[0] + 1.0 - (time + step - start[0]) / period[0]
-    if not missing >= -SAMPLE_TOLERANCE:
+    missing = (samples[0] + 1.0) * period[0] - (time + step - start[0])
+    tolerance = SAMPLE_TOLERANCE * period[0]
+    if not missing >= -tolerance or not math.fabs(missing - (chosen[LEFT] - step)) <= tolerance:
         return 2
-    x = sample[0] + increment[0]
-    y = sample[1] + increment[1]
-    z = sample[2] + increment[2]
+    x = increment[0]
+    y = increment[1]
+    z = increment[2]
+    if chosen[LEFT] != period[0]:
+        x = sample[0] + x
+        y = sample[1] + y
+        z = sample[2] + z
     size = x * x + y * y + z * z
     if not size <= MAX_INCREMENT * MAX_INCREMENT:
         return 3
-    chosen = int(algorithm) - 1
-    if size > longest_increment[chosen] * longest_increment[chosen]:
+    if size > chosen[LONGEST_SQUARED]:
         return 4
     updated[0] = 0.0
     sample[0] = x
     sample[1] = y
     sample[2] = z
-    if missing > SAMPLE_TOLERANCE:
+    if missing > tolerance:
+        chosen[LEFT] = missing
         return 0
+    chosen[LEFT] = period[0]
     if samples[0] == 0.0:
         # Before the first step the body turned as in it.
         for i in range(3):
             before[i] = sample[i]
-    increment_effects(before, sample, effect, added)
+    if increment_effects(before, sample, effect, added) == 1.0:
+        for i in range(3):
+            before[i] = sample[i]
+        x = x + added[0]
+        y = y + added[1]
+        z = z + added[2]
     at = 3 * int(waiting[0])
-    for i in range(3):
-        collected[at + i] = sample[i] + added[i]
-        before[i] = sample[i]
-        sample[i] = 0.0
+    collected[at] = x
+    collected[at + 1] = y
+    collected[at + 2] = z
     samples[0] = samples[0] + 1.0
     waiting[0] = waiting[0] + 1.0
-    if waiting[0] == samples_of_update[chosen]:
+    if waiting[0] == chosen[SAMPLES]:
         failed = update(
             algorithm,
             previous,
@@ -296,8 +328,9 @@ def step(
         multiply(attitude, turned, attitude)
         if renormalise == 1.0:
             normalise(attitude)
-        for i in range(STEP_SIZE):
-            previous[i] = collected[i]
+        if chosen[READS_PREVIOUS] == 1.0:
+            for i in range(at + 3):
+                previous[i] = collected[i]
         known[0] = 1.0
         waiting[0] = 0.0
         updated[0] = 1.0

@@ -139,11 +139,17 @@ def functional_iteration(
     nodes = count + EXTRA_NODES
     fastest = 0.0
     for i in range(nodes):
-        for k in range(3):
-            rate = 0.0
-            for n in range(count):
-                rate = rate + table[count * i + n] * g[3 * (first + n) + k]
-            rates[3 * i + k] = rate
+        x = 0.0
+        y = 0.0
+        z = 0.0
+        for n in range(count):
+            weight = table[count * i + n]
+            x = x + weight * g[3 * (first + n)]
+            y = y + weight * g[3 * (first + n) + 1]
+            z = z + weight * g[3 * (first + n) + 2]
+        rates[3 * i] = x
+        rates[3 * i + 1] = y
+        rates[3 * i + 2] = z
         fastest = max_of(fastest, dot(rates, i, rates, i))
         for k in range(4):
             values[4 * i + k] = 0.0
@@ -157,22 +163,35 @@ def functional_iteration(
         for i in range(nodes):
             quaternion_slope(rates, i, values, slopes)
         for i in range(nodes):
-            for k in range(4):
-                value = 0.0
-                for j in range(nodes):
-                    value = value + table[nodes * (count + i) + j] * slopes[4 * j + k]
-                values[4 * i + k] = value
+            weighted_sum(nodes, table, nodes * (count + i), slopes, values, 4 * i)
     if not remainder <= ITERATION_REMAINDER:
         return 1
     for i in range(nodes):
         quaternion_slope(rates, i, values, slopes)
-    for k in range(4):
-        value = 0.0
-        for j in range(nodes):
-            value = value + table[nodes * (count + nodes) + j] * slopes[4 * j + k]
-        turned[k] = value
+    weighted_sum(nodes, table, nodes * (count + nodes), slopes, turned, 0)
     turned[0] = 1.0 + turned[0]
     return 0
+
+
+def weighted_sum(nodes: int, table: Vector, row: int, slopes: Vector, result: Vector, at: int) -> None:
+    """Sum of the quaternions in `slopes`, weighted by `table` from `row` on, into result[at] and on.
+
+    The four sums are made side by side: none waits for another.
+    """
+    w = 0.0
+    x = 0.0
+    y = 0.0
+    z = 0.0
+    for j in range(nodes):
+        weight = table[row + j]
+        w = w + weight * slopes[4 * j]
+        x = x + weight * slopes[4 * j + 1]
+        y = y + weight * slopes[4 * j + 2]
+        z = z + weight * slopes[4 * j + 3]
+    result[at] = w
+    result[at + 1] = x
+    result[at + 2] = y
+    result[at + 3] = z
 
 
 def max_of(a: float, b: float) -> float:

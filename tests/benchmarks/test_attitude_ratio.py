@@ -14,6 +14,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from native_model import numbering, open_fmu
+from trihedron.fmus import build, components
+from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles
 from trihedron.tools.motion.compare import Samples, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
@@ -21,6 +24,7 @@ from trihedron.tools.papers.attitude import EXACT, paper_motion
 RATE = 100.0
 COUNT = 160_000
 ROUNDS = 5
+SHORT = 8_000
 FEW = 4_000
 """Samples for what takes tens of microseconds for each."""
 
@@ -76,21 +80,54 @@ def ahrs_closed_form(increments: np.ndarray) -> np.ndarray:
     return AngularRate(gyr=rates, q0=np.array([1.0, 0.0, 0.0, 0.0]), frequency=RATE, method="closed").Q[1:]
 
 
-def compiled_c(folder: Path) -> Run | None:
-    """(22) in C, as the compiler of this machine makes it."""
+def compiled(name: str, folder: Path) -> ctypes.CDLL | None:
+    """A source beside this file, as the compiler of this machine makes it."""
     compiler = shutil.which("cc")
     if compiler is None:
         return None
-    source, library = Path(__file__).with_name("two_sample_rodrigues.c"), folder / "two_sample_rodrigues.so"
-    options = ["-O3", "-ffp-contract=off", "-shared", "-fPIC"]
-    subprocess.run([compiler, *options, str(source), "-o", str(library)], check=True)
-    run = ctypes.CDLL(str(library)).run
-    pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
-    run.argtypes, run.restype = [pointer, ctypes.c_long, pointer], None
+    source, library = Path(__file__).with_name(name), folder / f"{name}.so"
+    options = ["-O3", "-ffp-contract=off", "-fno-math-errno", "-shared", "-fPIC"]
+    subprocess.run([compiler, *options, str(source), "-o", str(library), "-lm"], check=True)
+    return ctypes.CDLL(str(library))
+
+
+POINTER = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+
+
+def plain_c(folder: Path, *, renormalise: bool) -> Run | None:
+    """(22) in C."""
+    library = compiled("two_sample_rodrigues.c", folder)
+    if library is None:
+        return None
+    library.run.argtypes, library.run.restype = [POINTER, ctypes.c_long, ctypes.c_int, POINTER], None
 
     def carry(increments: np.ndarray) -> np.ndarray:
         attitudes = np.empty((len(increments) // 2, 4))
-        run(increments, len(attitudes), attitudes)
+        library.run(increments, len(attitudes), int(renormalise), attitudes)
+        return attitudes
+
+    return carry
+
+
+def native_fmu(algorithm: str, folder: Path) -> Run:
+    """The attitude computer as a native FMU, in a loop in C that sets, steps and gets for each sample."""
+    component = components()["AttitudeComputer"]
+    number = next(a.number for a in ALGORITHMS if a.name == algorithm)
+    fmu = open_fmu(build(component.name, folder, flavour="native"), folder / "unpacked")
+    host, at = compiled("fmu_samples.c", folder), numbering(component, 2)
+    assert host is not None
+    functions = (ctypes.cast(fmu.dll[f"fmi2{name}"], ctypes.c_void_p) for name in ("SetReal", "DoStep", "GetReal"))
+    known = (*functions, at["increment"][0], at["attitude"][0])
+    host.run.argtypes = [*[ctypes.c_void_p] * 4, ctypes.c_uint, ctypes.c_uint, ctypes.c_double, POINTER]
+    host.run.argtypes += [ctypes.c_long, POINTER]
+
+    def carry(increments: np.ndarray) -> np.ndarray:
+        instance = fmu.instantiate()
+        assert fmu.set(instance, "enumeration", at["algorithm"], [number]) == 0
+        fmu.start(instance)
+        attitudes = np.empty((len(increments), 4))
+        assert host.run(instance, *known, 1.0 / RATE, increments, len(increments), attitudes) == 0
+        fmu.free(instance)
         return attitudes
 
     return carry
@@ -100,8 +137,8 @@ def nanoseconds(run: Run, increments: np.ndarray, rounds: int) -> tuple[float, n
     """Best time for one gyro sample, and the attitudes."""
     attitudes = run(increments[: len(increments) // 40 * 8])
     best = math.inf
+    gc.collect()
     for _ in range(rounds):
-        gc.collect()
         began = time.perf_counter()
         attitudes = run(increments)
         best = min(best, time.perf_counter() - began)
@@ -126,7 +163,7 @@ def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture
 
     for name in KERNELS:
         measure(name, partial(run_algorithm, algorithm_named(name)))
-    c = compiled_c(tmp_path)
+    c = plain_c(tmp_path, renormalise=False)
     if c is not None:
         measure("(22) in C, cc -O3", c)
         assert np.abs(attitudes["(22) in C, cc -O3"] - attitudes["two-sample-rodrigues"]).max() < 1e-13
@@ -147,3 +184,29 @@ def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture
     for name in set(rows) - set(KERNELS) - {"(22) in C, cc -O3"}:
         assert rows[name][1] == pytest.approx(rows["mean-rate"][1], rel=1e-6)
         assert rows[name][0] > ours
+
+
+@pytest.mark.benchmark_ratio
+def test_ratio_of_a_sample_through_a_native_fmu_to_c(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """(22), renormalised: in C, compiled by numba, and in a native FMU that a host in C drives sample by sample."""
+    c = plain_c(tmp_path, renormalise=True)
+    if c is None:
+        pytest.skip("no C compiler")
+    increments = sample_motion(paper_motion("1", EXACT), 1.0 / RATE, SHORT).increments
+    runs: dict[str, Run] = {"(22) in C, cc -O3": c}
+    for name in ("two-sample-rodrigues", "adaptive-degree"):
+        runs[f"{name}, numba"] = partial(run_algorithm, algorithm_named(name), renormalise=True)
+        runs[f"{name}, native FMU"] = native_fmu(name, tmp_path / name)
+    costs, attitudes = {}, {}
+    for name, run in runs.items():
+        # The best of many short runs: what else the machine does is in none of them.
+        costs[name], attitudes[name] = nanoseconds(run, increments, 200)
+    with capsys.disabled():
+        print(f"\n{SHORT} gyro samples, renormalised, best of 200\n{'':<34} {'ns a sample':>12} {'of C':>6}")
+        for name, cost in costs.items():
+            print(f"{name:<34} {cost:>12.1f} {cost / costs['(22) in C, cc -O3']:>6.2f}")
+    for name in ("two-sample-rodrigues", "adaptive-degree"):
+        samples = algorithm_named(name).samples
+        same = attitudes[f"{name}, native FMU"][samples - 1 :: samples]
+        assert same.tobytes() == attitudes[f"{name}, numba"].tobytes()
+    assert costs["two-sample-rodrigues, native FMU"] < 4.0 * costs["(22) in C, cc -O3"]

@@ -1,4 +1,5 @@
 /* Update (22) and the product with the attitude, operation by operation as the kernels have them. */
+#include <math.h>
 
 static void multiply(const double *p, const double *q, double *r)
 {
@@ -17,7 +18,7 @@ static double dot(const double *a, const double *b)
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-void run(const double *increments, long steps, double *attitudes)
+void run(const double *increments, long steps, int renormalise, double *attitudes)
 {
     double attitude[4] = {1.0, 0.0, 0.0, 0.0};
     for (long k = 0; k < steps; k++) {
@@ -33,6 +34,12 @@ void run(const double *increments, long steps, double *attitudes)
         for (int i = 1; i < 4; i++)
             turned[i] = 2.0 * scale * turned[i];
         multiply(attitude, turned, attitude);
+        if (renormalise) {
+            const double norm = 1.0 / sqrt(attitude[0] * attitude[0] + attitude[1] * attitude[1] +
+                                           attitude[2] * attitude[2] + attitude[3] * attitude[3]);
+            for (int i = 0; i < 4; i++)
+                attitude[i] = attitude[i] * norm;
+        }
         for (int i = 0; i < 4; i++)
             attitudes[4 * k + i] = attitude[i];
     }

@@ -7,8 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char INSTANCE_MARK[8] = {'T', 'R', 'I', 'H', 'C', 'O', 'M', '1'};
-
 static const char *const PHASE_NAMES[PHASES] = {
     "before the initialisation", "during the initialisation", "between steps", "after a failed call",
     "after the termination"};
@@ -53,17 +51,9 @@ int say(const Listener *listener, const char *format, ...)
     return ERROR;
 }
 
-/* Whether a call is one of a live instance and allowed in its phase. */
-int may(Component *c, const char *call, unsigned phases)
+void refuse_in_phase(Component *c, const char *call)
 {
-    if (!c || memcmp(c->mark, INSTANCE_MARK, sizeof INSTANCE_MARK) != 0) {
-        return 0;
-    }
-    if (!(phases & IN(c->state.phase))) {
-        refuse(c, "%s is not allowed %s", call, PHASE_NAMES[c->state.phase]);
-        return 0;
-    }
-    return 1;
+    refuse(c, "%s is not allowed %s", call, PHASE_NAMES[c->state.phase]);
 }
 
 void reset(Component *c)
@@ -94,7 +84,7 @@ Component *create(const char *token, const Listener *listener)
         say(listener, "instantiation: there is not enough memory");
         return NULL;
     }
-    memcpy(c->mark, INSTANCE_MARK, sizeof INSTANCE_MARK);
+    c->mark = INSTANCE_MARK;
     c->name = strcpy(copy, name);
     c->listener = *listener;
     c->listener.name = c->name;
@@ -104,8 +94,8 @@ Component *create(const char *token, const Listener *listener)
 
 void destroy(Component *c)
 {
-    if (c && memcmp(c->mark, INSTANCE_MARK, sizeof INSTANCE_MARK) == 0) {
-        memset(c->mark, 0, sizeof c->mark);
+    if (c && c->mark == INSTANCE_MARK) {
+        c->mark = 0;
         free(c->name);
         free(c);
     }
@@ -146,14 +136,16 @@ int finish_initialisation(Component *c, const char *call)
 int do_step(Component *c, const char *call, double time, double step)
 {
     State *state = &c->state;
-    if (!finite_number(time) || !finite_number(step) || !(step > 0.0)) {
+    if (!(fabs(time) < INFINITY && step > 0.0 && step < INFINITY)) {
         return refuse(c, "%s: a step of %.17g s from %.17g s is not positive", call, step, time);
     }
-    double tolerance = 1e-9 * (1.0 + fabs(time)) + 1e-6 * step;
-    if (!(fabs(time - state->time) <= tolerance)) {
+    /* Nothing is tolerated where nothing has to be: most steps begin to the bit where the last one ended. */
+    const int exact = time == state->time && time + step <= state->stop;
+    const double tolerance = exact ? 0.0 : 1e-9 * (1.0 + fabs(time)) + 1e-6 * step;
+    if (!exact && !(fabs(time - state->time) <= tolerance)) {
         return refuse(c, "%s: the step begins at %.17g s, the instance stands at %.17g s", call, time, state->time);
     }
-    if (time + step > state->stop + tolerance) {
+    if (!exact && time + step > state->stop + tolerance) {
         return refuse(c, "%s: the step ends at %.17g s, after the stop time %.17g s", call, time + step, state->stop);
     }
     state->time = time;

@@ -28,8 +28,16 @@ typedef struct {
     double upper;
 } Variable;
 
+/* How many elements a value reference has: in FMI 2.0 each is one. */
+#if FMI_VERSION == 2
+#define ELEMENTS(reference) ((void)(reference), (size_t)1)
+#else
+#define ELEMENTS(reference) (variables[(reference) - 1].size)
+#endif
+
 /* Of model.c, made from the component's table and kernels. */
 extern const Variable variables[];
+extern const uint32_t reals[]; /* by value reference: four times the place of a real variable, + 2 of an input, + 1 */
 extern const double start_values[];
 extern const char *const messages[];
 int64_t model_initialise(double *memory, double time, double step);
@@ -70,11 +78,13 @@ typedef struct {
 
 typedef struct {
     Listener listener;
-    char mark[8];
+    uint64_t mark; /* of a live instance */
     char *name;
     State state;
     double preview[MEMORY_SIZE];
 } Component;
+
+#define INSTANCE_MARK 0x314d4f4348495254ull /* "TRIHCOM1" */
 
 /* How the values of a call are laid out. */
 typedef enum { DOUBLES, INTS, INT64S, BOOLS } Layout;
@@ -90,7 +100,21 @@ static inline int finite_number(double x)
 
 int say(const Listener *listener, const char *format, ...);
 #define refuse(c, ...) say(&((Component *)(c))->listener, __VA_ARGS__)
-int may(Component *c, const char *call, unsigned phases);
+void refuse_in_phase(Component *c, const char *call);
+
+/* Whether a call is one of a live instance and allowed in its phase. */
+static inline int may(Component *c, const char *call, unsigned phases)
+{
+    if (!c || c->mark != INSTANCE_MARK) {
+        return 0;
+    }
+    if (!(phases & IN(c->state.phase))) {
+        refuse_in_phase(c, call);
+        return 0;
+    }
+    return 1;
+}
+
 Component *create(const char *token, const Listener *listener);
 void destroy(Component *c);
 void reset(Component *c);
@@ -102,6 +126,51 @@ int set_values(Component *c, const char *call, Type type, Layout layout, const u
                const void *values, size_t value_count);
 int get_values(Component *c, const char *call, Type type, Layout layout, const uint32_t *references, size_t count,
                void *values, size_t value_count);
+
+/* The calls of every step, real inputs set and real variables read, without a way round; all else as it comes. */
+static inline int set_reals(Component *c, const char *call, const uint32_t *references, size_t count,
+                            const double *values, size_t value_count)
+{
+    size_t total = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (!references || references[i] > VARIABLE_COUNT || !(reals[references[i]] & 2u)) {
+            return set_values(c, call, REAL, DOUBLES, references, count, values, value_count);
+        }
+        total += ELEMENTS(references[i]);
+    }
+    if (!values || total != value_count) {
+        return set_values(c, call, REAL, DOUBLES, references, count, values, value_count);
+    }
+    for (size_t i = 0; i < count; i++) {
+        double *place = c->state.memory + (reals[references[i]] >> 2);
+        for (size_t k = 0; k < ELEMENTS(references[i]); k++) {
+            place[k] = *values++;
+        }
+    }
+    c->state.stale = c->state.phase == STEPPING;
+    return OK;
+}
+
+static inline int get_reals(Component *c, const char *call, const uint32_t *references, size_t count, double *values,
+                            size_t value_count)
+{
+    size_t at = 0, i = 0;
+    if (c->state.phase == STEPPING && !c->state.stale && references && values) {
+        while (i < count && references[i] <= VARIABLE_COUNT && reals[references[i]] &&
+               (FMI_VERSION == 2 || at + ELEMENTS(references[i]) <= value_count)) {
+            const double *place = c->state.memory + (reals[references[i]] >> 2);
+            for (size_t k = 0; k < ELEMENTS(references[i]); k++) {
+                values[at++] = place[k];
+            }
+            i++;
+        }
+        if (i == count && at == value_count) {
+            return OK;
+        }
+    }
+    return get_values(c, call, REAL, DOUBLES, references, count, values, value_count);
+}
+
 int set_logging(Component *c, const char *call, int logging, size_t count, const char *const *categories);
 int save(Component *c, const char *call, void **record);
 int restore(Component *c, const char *call, const void *record);

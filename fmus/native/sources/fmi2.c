@@ -102,7 +102,7 @@ fmi2Status fmi2Reset(fmi2Component instance)
 fmi2Status fmi2GetReal(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
 {
     CALL(INITIALISED)
-    return get_values(c, __func__, REAL, DOUBLES, vr, nvr, value, nvr);
+    return get_reals(c, __func__, vr, nvr, value, nvr);
 }
 
 fmi2Status fmi2GetInteger(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])
@@ -120,7 +120,7 @@ fmi2Status fmi2GetBoolean(fmi2Component instance, const fmi2ValueReference vr[],
 fmi2Status fmi2SetReal(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[])
 {
     CALL(SETTABLE)
-    return set_values(c, __func__, REAL, DOUBLES, vr, nvr, value, nvr);
+    return set_reals(c, __func__, vr, nvr, value, nvr);
 }
 
 fmi2Status fmi2SetInteger(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer value[])

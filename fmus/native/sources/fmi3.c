@@ -123,14 +123,14 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
     fmi3Float64 values[], size_t nValues)
 {
     CALL(INITIALISED)
-    return get_values(c, __func__, REAL, DOUBLES, valueReferences, nValueReferences, values, nValues);
+    return get_reals(c, __func__, valueReferences, nValueReferences, values, nValues);
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
     const fmi3Float64 values[], size_t nValues)
 {
     CALL(SETTABLE)
-    return set_values(c, __func__, REAL, DOUBLES, valueReferences, nValueReferences, values, nValues);
+    return set_reals(c, __func__, valueReferences, nValueReferences, values, nValues);
 }
 
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
