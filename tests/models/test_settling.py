@@ -9,7 +9,15 @@ from scipy.integrate import solve_ivp
 from effect_readings import G, extended_instance
 from trihedron.models.effects import CATALOGUE, EffectPlace, Rows
 from trihedron.models.effects.last_stage import LAST_HOUR
-from trihedron.models.effects.settling import BEFORE, LONGEST, lagged, settled, time_constants
+from trihedron.models.effects.settling import (
+    BEFORE,
+    LONGEST,
+    beginnings,
+    begun,
+    lagged,
+    settled,
+    time_constants,
+)
 from trihedron.models.effects.wander import wander_at
 
 SLOW, FAST = 3.0, 0.02
@@ -38,6 +46,28 @@ def test_every_response_lies_between_those_at_the_ends_of_its_cell_but_for_what_
         assert np.all(np.abs(exact - between) <= error[:, k] + 1e-12)
     # It costs little: a hundredth of what it adds.
     assert error.max() < 0.01 * np.ptp(values, axis=0).max()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_lag_that_begins_anywhere_lies_between_those_from_both_ends_but_for_what_is_paid(seed):
+    rng, hours, temperature = drawn(seed)
+    ends, ahead = time_constants(hours), beginnings(temperature)
+    # Half the range beyond it, on both sides.
+    assert np.ptp(ahead) == pytest.approx(2.0 * np.ptp(temperature))
+    assert temperature[0] + ahead.mean() == pytest.approx(0.5 * (temperature.min() + temperature.max()))
+    values, error = begun(lagged(hours, temperature, ends), settled(hours, ends), ahead)
+    needed = 0.0
+    for _ in range(40):
+        k, share, part = int(rng.integers(len(ends) - 1)), float(rng.random()), float(rng.integers(2))
+        own = ends[k] * (ends[k + 1] / ends[k]) ** share
+        steady = lagged(hours, temperature, np.array([own]))[0][:, 0]
+        exact = steady + ahead @ [1.0 - part, part] * np.exp(-hours / own)
+        at_ends = values[:, k : k + 2] @ [1.0 - part, part]
+        off = np.abs(exact - at_ends @ [1.0 - share, share])
+        assert np.all(off <= error[:, k] @ [1.0 - part, part] + 1e-12)
+        needed = max(needed, float((off - lagged(hours, temperature, ends[k : k + 2])[1][:, 0]).max()))
+    # What the lag alone needs would not be enough.
+    assert needed > 0.0
 
 
 @pytest.mark.parametrize("constant", [SLOW, 0.2, FAST])
