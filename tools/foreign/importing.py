@@ -19,6 +19,7 @@ from .deciding import understood
 from .layout import has_table
 from .mapping import OPEN, Mapping, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
+from .shape import upright
 from .sheet import LARGEST, Sheet, decoded, is_labview, labview_sheet, lines_of, refuse_other, text_sheet, unpacked
 from .understanding import Understanding
 from .workbook import sheet_of_workbook, workbook_sheets
@@ -148,8 +149,8 @@ def sheets_of(file: Path, given: Mapping) -> list[Sheet]:
         lines = lines_of(file, text)
         if is_labview(lines):
             return [labview_sheet(file, lines, encoding)]
-        return [text_sheet(file, lines, encoding, given.separator)]
-    sheets = workbook_sheets(file, data)
+        return [upright(text_sheet(file, lines, encoding, given.separator))]
+    sheets = [upright(sheet) for sheet in workbook_sheets(file, data)]
     if given.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, given.sheet)]
     tables = [sheet for sheet in sheets if has_table(sheet, given)]

@@ -81,6 +81,8 @@ class Sheet:
         of a text file; of a table in a file of several
     stated : Stated
         what the file says of itself
+    shape : str
+        what shape the table had that was made an upright one
     """
 
     path: Path
@@ -90,6 +92,7 @@ class Sheet:
     separator: str = ""
     name: str = ""
     stated: Stated = field(default_factory=Stated)
+    shape: str = ""
 
     def rows(self, first: int = 1, last: int | None = None) -> Iterator[Row]:
         """The rows from line `first` on; what is empty is passed over."""
@@ -119,10 +122,11 @@ class Sheet:
     @property
     def about(self) -> str:
         """How it is written, for a person."""
-        if self.cells is not None:
-            return f"sheet {self.name!r}"
+        shape = f", {self.shape}" if self.shape else ""
+        if self.name:
+            return f"sheet {self.name!r}{shape}"
         between = self.separator if self.separator in ("tab", "blanks") else repr(self.separator)
-        return f"{self.encoding}, {between} between fields"
+        return f"{self.encoding}, {between} between fields{shape}"
 
 
 def is_value(text: str, decimal: str = "") -> bool:
