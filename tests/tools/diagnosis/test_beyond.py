@@ -135,6 +135,7 @@ def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_
     found = beyond.extension(rerun=True)
     assert found is not None
     assert 1.0 < found.radius < NEAR
+    assert found.noise_bound_needed is not None
     assert found.noise_bound_needed == pytest.approx(found.radius * SIGMA)
     assert found.left_out_rms is not None
     assert found.left_out_rms < 1.5

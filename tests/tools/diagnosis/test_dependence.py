@@ -16,7 +16,7 @@ from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, Search, dependence, is_same
 from trihedron.tools.diagnosis.laws import Laws
-from trihedron.tools.diagnosis.rivals import RIVAL, Listed, Unlisted, complexity_of
+from trihedron.tools.diagnosis.rivals import NOT_COMPARED, RIVAL, ROUGHLY, Listed, Unlisted, complexity_of
 from trihedron.tools.diagnosis.search import search
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.records import read_record
@@ -63,6 +63,26 @@ def test_a_quantity_is_found_though_every_error_is_at_its_bound(index: int, tmp_
     assert found is not None
     assert found.proven is not None
     assert (found.proven.pair.where, found.proven.pair.quantity) == (case.place, case.quantity)
+
+
+@pytest.mark.parametrize(("size", "says"), [(3e-4, None), (1e-2, ROUGHLY), (1.6e-2, NOT_COMPARED)])
+def test_that_functions_were_compared_roughly_or_not_at_all_is_said(size: float, says: str | None, tmp_path: Path):
+    """The linear model by which they are compared is wrong by the square of the misfit: a bound, or a third of one."""
+    rng = np.random.default_rng([6, 41])
+    session = Session.drawn(rng, 36)
+    n = session.stand.inputs(session.alpha, session.beta)
+    reading = session.stand.readings(n)
+    reading[:, 1] += size * n[:, 1] ** 2
+    record: Any = read_record(written(tmp_path / "large.positions.csv", rng, session, reading))
+    evidence = bench_evidence(record, noise_bound=SIGMA)
+    low, high = {None: (0.0, 0.3), ROUGHLY: (0.3, 1.0), NOT_COMPARED: (1.0, np.inf)}[says]
+    assert low < evidence.second_order < high
+    fit = evidence.refit([EffectPlace("quadratic", "accelerometer-2")])
+    assert fit.radius <= evidence.limit
+    told = Unlisted.of(dependence(evidence), Listed(evidence), fit)
+    assert [text for text in told.caution if text in (ROUGHLY, NOT_COMPARED)] == ([] if says is None else [says])
+    # What stands only by a linear model that may be wrong is no rival.
+    assert says is None or told.rivals == ()
 
 
 def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path: Path):
