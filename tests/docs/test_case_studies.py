@@ -41,6 +41,7 @@ def latency_first(found: Diagnosis) -> None:
     assert any("noise and reference at rest explain" in line for line in lines(found))
 
 
+@pytest.mark.acceptance
 def test_the_first_ninety_seconds_of_broad_03_show_latency_and_scale_and_misalignment():
     record = measured(BROAD)
     arrays = {field.name: getattr(record, field.name) for field in fields(record)}

@@ -106,6 +106,7 @@ def test_faults_of_two_gyros_in_different_quantities_are_proven_of_none():
     assert found.proven is None
 
 
+@pytest.mark.acceptance
 def test_an_accelerometer_that_bends_is_not_put_down_to_a_gyro():
     def bent(n):
         return np.column_stack([np.zeros((len(n), 2)), 1e-2 * np.sin(5.0 * n[:, 2])])

@@ -128,6 +128,7 @@ def test_with_the_effects_that_help_what_they_need_is_enough(narrow):
     assert narrow.verdict == "explained"
 
 
+@pytest.mark.acceptance
 def test_it_enters_at_both_ends_of_each_window_and_takes_nothing_from_what_the_record_shows():
     record = filmed(moves=8)
     none, zero, five, nine = (

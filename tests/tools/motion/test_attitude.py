@@ -460,6 +460,7 @@ def test_the_period_of_the_paper_is_two_seconds() -> None:
     assert split_error(time, error).period == pytest.approx(2.0, rel=1e-3)
 
 
+@pytest.mark.acceptance
 def test_the_drift_of_an_algorithm_is_the_growth_between_equal_phases() -> None:
     """The first motion repeats every 2 s, so the error's growth over whole periods is the drift, exactly."""
     algorithm = BY_NAME["mean-rate"]

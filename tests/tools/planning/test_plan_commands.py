@@ -208,6 +208,7 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
     assert "over all targets:" in out
 
 
+@pytest.mark.acceptance
 def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:
     options = ["--positions", "8", "--starts", "1", "--cuts", "0", "--json", str(tmp_path / "plan.json")]
     assert main(["plan", *options, "--keep-out", "alpha:40:250", "--keep-out", "beta:100:450"]) == 0

@@ -177,6 +177,7 @@ def test_a_table_that_never_stops_has_no_rests():
         averaged(few)
 
 
+@pytest.mark.acceptance
 def test_a_million_rows_are_no_loop():
     raw, truth = Bench(white=5e-6, encoder_noise=ARCSEC, step=0.0006).run(PROGRAMME)
     assert len(raw) > 900_000

@@ -42,6 +42,7 @@ def test_single_effects_of_the_second_size_are_named_and_their_sizes_are_inside(
     assert all(outcome.inside is not False for outcome in suite.results)
 
 
+@pytest.mark.acceptance
 def test_between_the_two_sizes_the_truth_is_among_the_candidates():
     assert set(part_of("quick-between", 2).outcomes) <= {"right", "candidate"}
 
@@ -96,11 +97,13 @@ def test_a_lag_begins_with_what_the_temperature_was_before_and_is_held_against_t
     assert np.abs(own - expected).max() <= 1.2 * NOISE_BOUND < 0.2 * np.abs(expected).max()
 
 
+@pytest.mark.acceptance
 def test_pairs_are_named_both():
     suite = part_of("quick-pairs", 1)
     assert suite.outcomes == {"right": suite.cases}
 
 
+@pytest.mark.acceptance
 def test_what_the_catalogue_lacks_gets_no_name():
     assert len(set(UNKNOWN)) == 10
     unknown = draw_unknown(501, 9, (20, 24))

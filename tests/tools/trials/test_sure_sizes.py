@@ -98,6 +98,7 @@ def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(known
     assert sizes.detected == pytest.approx(2.0 / radius(here, d), rel=1e-9)
 
 
+@pytest.mark.acceptance
 def test_over_all_phases_the_worst_is_taken(known: Known):
     own = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=d) for d in spread_directions(2, DIRECTIONS)]
     worst = sure_sizes(*known, ENCODER, [SAG, ODD])
