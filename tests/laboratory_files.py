@@ -444,6 +444,39 @@ def strapdown_files(block: Block) -> list[LabFile]:
             table(["time_s", *(f"{n} [dps]" for n in short[:3]), *(f"{n} [g]" for n in short[3:])], [t, *ours]),
         ),
         LabFile("time of day", table(["Time", *said], [day, *ours])),
+        LabFile(
+            "names that only their units tell",
+            table(
+                [
+                    "#timestamp [ns]",
+                    *(f"w_RS_S_{k} [rad s^-1]" for k in "xyz"),
+                    *(f"a_RS_S_{k} [m s^-2]" for k in "xyz"),
+                ],
+                [[f"{1403636579758555392 + round(v * 1e9)}" for v in b.time], *plain],
+            ),
+        ),
+        LabFile(
+            "messages of a robot",
+            table(
+                ["%time", "field.header.seq"]
+                + [f"field.{name}.{k}" for name in ("angular_velocity", "linear_acceleration") for k in "xyz"],
+                [[f"{1403636579758555392 + round(v * 1e9)}" for v in b.time], samples, *plain],
+            ),
+            needs={"units.time": "ns", "units.rate": "rad/s", "units.force": "m/s2"},
+        ),
+        LabFile(
+            "channels counted from 0",
+            table(
+                ["timestamp_us", *(f"gyro[{k}] (deg/s)" for k in range(3)), *(f"acc[{k}] (g)" for k in range(3))],
+                [us, *ours],
+            ),
+        ),
+        LabFile(
+            "seconds of the week",
+            table(["week", "TOW [s]", *said], [["2300"] * len(t), t, *ours]),
+            needs={"columns.time_s": "TOW [s]"},
+        ),
+        LabFile("milliseconds as a name", table(["millis", *said], [ms, *ours])),
         LabFile("time of the epoch", table(["timestamp [s]", *said], [epoch, *ours])),
         LabFile("temperature", table(["time [s]", *said, "temp [°C]"], [t, *ours, warm])),
         LabFile(

@@ -42,6 +42,10 @@ PARTS_OF_ANGLES = frozenset(
     ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
 )
 """Units of minutes and seconds of an arc, beside degrees."""
+NO_READING = frozenset(
+    ("std", "sigma", "noise", "bias", "error", "offset", "var", "rms", "max", "min", "cov", "gravity")
+)
+"""Words in names of three columns that are no readings, whatever their unit."""
 MOST_WORDS = 6
 """So many different words in a column of numbers are asked of."""
 MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
@@ -100,6 +104,9 @@ def _places(found: Understanding) -> dict[str, int]:
         for place, head in enumerate(headings):
             if gyro_of(head) and gyro_of(head) not in given and found.cells(place):
                 meant.setdefault(gyro_of(head), []).append(place)
+    for columns in (RATE, FORCE):
+        if not {*meant, *places, *given} & {*columns, *INCREMENT}:
+            meant |= {column: [place] for column, place in _by_unit(found, columns).items()}
     places |= _readings_beside(found, {*meant, *places, *given})
     _refuse_parts(found, meant)
     for column, fields in meant.items():
@@ -111,6 +118,22 @@ def _places(found: Understanding) -> dict[str, int]:
             answers = named if len(set(named)) == len(named) else [str(place + 1) for place in fields]
             found.ask(f"columns.{column}", answers[:4], why)
     return places
+
+
+def _by_unit(found: Understanding, columns: tuple[str, ...]) -> dict[str, int]:
+    """The only three columns in a unit of these, whose names differ by x, y, z at the end: w_RS_S_x [rad s^-1]."""
+    triads: dict[str, dict[str, int]] = {}
+    for place, head in enumerate(found.layout.headings):
+        unit = known_unit(head.unit)
+        if unit is None or unit.quantity != QUANTITY_OF[columns[0]] or not found.cells(place):
+            continue
+        named = re.fullmatch(r"(.*?) ?([xyz])", normal(head.name))
+        stem, axis = (named[1], named[2]) if named else (normal(head.name), "")
+        triads.setdefault(stem, {})[axis] = place
+    (stem, triad), *others = triads.items() or [("", {})]
+    if others or triad.keys() != {*"xyz"} or NO_READING & {*stem.split()}:
+        return {}
+    return {column: triad[axis] for column, axis in zip(columns, "xyz", strict=True)}
 
 
 def _refuse_parts(found: Understanding, meant: dict[str, list[int]]) -> None:
@@ -253,7 +276,16 @@ def _decide_time(found: Understanding, places: dict[str, int]) -> None:
     if place is None:
         if found.given.time != "order" and not any(question.key == "kind" for question in found.questions):
             rate = ("1 s",) if found.kind is POSITION else ("100 Hz",)
-            if found.kind is POSITION or not (found.sheet.stated.time or TIME in found.given.units):
+            timed = [
+                head.text
+                for field, head in enumerate(found.layout.headings)
+                if (unit := known_unit(head.unit)) and unit.quantity == TIME and found.cells(field)
+            ]
+            if timed and TIME not in found.given.units:
+                why = "which column is the time"
+                why += "; rows in their order: --set time=order" if found.kind is POSITION else ""
+                found.ask("columns.time_s", timed[:3], why)
+            elif found.kind is POSITION or not (found.sheet.stated.time or TIME in found.given.units):
                 key = "time" if found.kind is POSITION else "units.time"
                 answers = ("order",) if found.kind is POSITION else rate
                 said = "rows in their order" if key == "time" else "rows at which rate"

@@ -91,10 +91,10 @@ class Mapping(Section):
     separator: str = ""
     decimal: Literal[".", ",", "?", ""] = ""
     thousands: str = ""
-    names: int = -1
-    units_row: int = -1
-    first: int = -1
-    last: int = 0
+    names: int = Field(default=-1, ge=-1)
+    units_row: int = Field(default=-1, ge=-1)
+    first: int = Field(default=-1, ge=-1)
+    last: int = Field(default=0, ge=0)
     dates: Literal["day-first", "month-first", "year-first", "?", ""] = ""
     clock: Literal["h:m", "m:s", "?", ""] = ""
     readings: Literal["average", "each", "?", ""] = ""

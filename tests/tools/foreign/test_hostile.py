@@ -94,6 +94,13 @@ def test_answers_of_any_kind(folder: Path, answers: dict[str, str]):
     imported(folder, b"\n".join([NAMES, *ROWS]), answers)
 
 
+@pytest.mark.parametrize("key", ["last", "first", "names", "units_row"])
+def test_lines_that_are_none_are_refused(folder: Path, key: str):
+    path = folder / "lab.csv"
+    path.write_bytes(b"\n".join([NAMES, *ROWS]))
+    assert f"--set {key}=-5" in refusal(path, answers={key: "-5"})
+
+
 @SETTINGS
 @given(
     lines=st.lists(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from laboratory_files import Block, LabFile, strapdown_files
+from laboratory_files import Block, LabFile, strapdown_files, table
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools.records import StrapdownRecord
 
@@ -91,3 +91,18 @@ def test_rows_that_lack_a_number_are_a_gap_and_said(block: Block, tmp_path: Path
     found = th.import_record(path)
     assert len(found.record) == len(block.time) - 2
     assert found.left_out == ("2 rows (a number is missing): 51, 52",)
+
+
+@pytest.mark.parametrize("second", ["std", "gyro2"])
+def test_three_columns_are_told_by_their_unit_only_where_no_others_have_it(second: str, block: Block, tmp_path: Path):
+    """What scatters, and what is another sensor, is taken for no gyro."""
+    rates = [[f"{v:.6f}" for v in column] for column in block.rate[TURNED].T]
+    forces = [[f"{v:.6f}" for v in column] for column in block.force[TURNED].T]
+    time = [f"{v:.4f}" for v in block.time[TURNED]]
+    of_rates = [f"{second}_{k} [rad/s]" for k in "xyz"] + ([f"w_b_{k} [rad/s]" for k in "xyz"] * (second != "std"))
+    names = ["time_s", *of_rates, *(f"acc {k} [m/s2]" for k in "xyz")]
+    columns = [time, *rates * (len(of_rates) // 3), *forces]
+    path = tmp_path / "log.csv"
+    path.write_bytes(table(names, columns))
+    with pytest.raises(th.InputError, match=r"which column is w1_radps|kind=strapdown record"):
+        th.import_record(path)
