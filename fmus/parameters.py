@@ -297,14 +297,15 @@ def parameter_file(
     values: Iterable[tuple[str, str, dict[str, str]]],
     units: Mapping[str, Unit],
     intervals: Mapping[str, Interval] = MappingProxyType({}),
+    version: str = "1.0",
 ) -> bytes:
-    """An .ssv of SSP 1.0; a value is its name, its type, and its text and unit as the attributes that hold them.
+    """An .ssv of SSP; a value is its name, its type, and its text and unit as the attributes that hold them.
 
     The interval of a value stands in an annotation: an element `interval` with `low` and `high` in the value's unit; an
     end that nothing bounds is left out.
     """
     spaces = {"xmlns:ssv": VALUES, "xmlns:ssc": COMMON}
-    root = Element("ssv:ParameterSet", {**spaces, "version": "1.0", "name": name, "description": description})
+    root = Element("ssv:ParameterSet", {**spaces, "version": version, "name": name, "description": description})
     parameters = SubElement(root, "ssv:Parameters")
     for parameter, kind, attributes in values:
         element = SubElement(parameters, "ssv:Parameter", name=parameter)

@@ -76,9 +76,10 @@ def export_ssp(
     flavour: Literal["python", "native"] | None = None,
     fmi: int = 2,
     platform: str | None = None,
+    version: Annotated[Literal["1.0", "2.0"], Parameter(name="--ssp")] = "1.0",
     json: JsonFile = None,
 ) -> Answer:
-    """Write the system of a scenario as an .ssp (SSP 1.0), which OMSimulator, FMPy and `trihedron simulate` open.
+    """Write the system of a scenario as an .ssp, which OMSimulator, FMPy and `trihedron simulate` open.
 
     Its position programme becomes a component, constants become parameters.
 
@@ -96,9 +97,12 @@ def export_ssp(
         Version of FMI: 2, which the tools that open an .ssp run.
     platform
         Of native FMUs: host (the default), all, or a name such as x86_64-windows.
+    version
+        Version of SSP: 1.0, which more tools read, or 2.0.
     """
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
-    path = ssp.export_ssp(orchestrator.read_scenario(scenario), out, flavour=flavour, fmi=fmi, platform=platform)
+    checked = orchestrator.read_scenario(scenario)
+    path = ssp.export_ssp(checked, out, flavour=flavour, fmi=fmi, platform=platform, ssp=version)
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 

@@ -5,7 +5,6 @@ Position programmes become components, constants become parameters, so that no s
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement
@@ -27,7 +26,6 @@ from ..orchestrator.load import (
     Loaded,
     Sources,
     Wire,
-    calibrated_parameters,
     interfaces_of,
     load,
     resolve_connections,
@@ -50,6 +48,9 @@ from .xml import declared
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 """Namespace of OMSimulator's annotations."""
 
+SET_NAME = "parameters"
+"""Name of the parameter set of every FMU: Ecos applies those of one name, in all FMUs at once."""
+
 
 def export_ssp(
     scenario: Scenario,
@@ -58,8 +59,9 @@ def export_ssp(
     flavour: Literal["python", "native"] | None = None,
     fmi: int = 2,
     platform: str | None = None,
+    ssp: Literal["1.0", "2.0"] = "1.0",
 ) -> Path:
-    """Write the system of a scenario as an .ssp of SSP 1.0, whose path is returned; the same scenario, the same bytes.
+    """Write the system of a scenario as an .ssp, whose path is returned; the same scenario, the same bytes.
 
     Position programmes become components PositionProgramme, constants become parameters.
 
@@ -72,6 +74,8 @@ def export_ssp(
         2: the tools that open an .ssp take FMI 2.0
     platform : str, optional
         of the native flavour: "host" (the default), "all" or a name
+    ssp : str
+        version of SSP: "1.0", which more tools read, or "2.0"
 
     Raises
     ------
@@ -83,6 +87,8 @@ def export_ssp(
         raise InputError(f"{out}: must end in .ssp; other tools know it by that")
     if fmi != 2:
         raise InputError(f"--fmi {fmi}: an .ssp has FMUs of FMI 2.0; FMPy and OMSimulator run no others in it")
+    if ssp not in ("1.0", "2.0"):
+        raise InputError(f"--ssp {ssp}: must be 1.0 or 2.0")
     if flavour is None:
         flavour = "native" if platform is not None else usual_flavour()
     if flavour == "python" and platform is not None:
@@ -92,7 +98,7 @@ def export_ssp(
         if flavour == "native":
             chosen_platforms(platform)
         with own_folder() as scratch:
-            members = _members(scenario, flavour, platform, scratch)
+            members = _members(scenario, flavour, platform, ssp, scratch)
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
     except InputError as error:
@@ -165,7 +171,9 @@ def _parameters(
     return values
 
 
-def _members(scenario: Scenario, flavour: Literal["python", "native"], platform: str, folder: Path) -> dict[str, bytes]:
+def _members(
+    scenario: Scenario, flavour: Literal["python", "native"], platform: str, version: str, folder: Path
+) -> dict[str, bytes]:
     """The files of the archive."""
     for name in scenario.fmus:
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
@@ -189,14 +197,12 @@ def _members(scenario: Scenario, flavour: Literal["python", "native"], platform:
         names = [f"resources/{stem}.fmu", *(f"resources/{stem}_{i}.fmu" for i in range(2, len(members) + 3))]
         files[name] = next(n for n in names if members.get(n, content) == content)
         members[files[name]] = content
-    sets = _parameter_sets(whole, loaded, sources)
+    sets = {name: _parameter_set(name, whole, entry, version) for name, entry in loaded.items()}
+    members |= {f"resources/{name}.ssv": content for name, content in sets.items() if content}
     stem = scenario.source.stem if scenario.source is not None else "scenario"
-    about = {"name": re.sub(r"\W", "_", stem, flags=re.ASCII), "title": scenario.title}
-    elements = {name: (files[name], entry.interface) for name, entry in loaded.items()}
-    set_files = {each.name: each.files() for each in sets}
-    members[STRUCTURE] = _structure(about, elements, wires, [list(each) for each in set_files.values()], grid)
-    for each in set_files.values():
-        members |= each
+    about = {"name": re.sub(r"\W", "_", stem, flags=re.ASCII), "title": scenario.title, "version": version}
+    elements = {name: (files[name], entry.interface, bool(sets[name])) for name, entry in loaded.items()}
+    members[STRUCTURE] = _structure(about, elements, wires, grid)
     written = scenario.as_written()
     members[RECORD] = json_text(written["record"]).encode()
     coupling = {name: written["run"][name] for name in COUPLING_SETTINGS if name in written["run"]}
@@ -205,95 +211,47 @@ def _members(scenario: Scenario, flavour: Literal["python", "native"], platform:
     return members
 
 
-@dataclass
-class WrittenSet:
-    """A parameter set to be written: by the name in the set, each value's type and attributes, and the units of all.
-
-    The mapping has the names that each has in the system, and nothing where they are the same.
-    """
-
-    name: str
-    description: str
-    values: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
-    units: dict[str, Unit] = field(default_factory=dict)
-    mapping: dict[str, list[str]] = field(default_factory=dict)
-
-    def add(self, name: str, variable: Variable, value: Value, scales: Mapping[str, Unit]) -> None:
-        """Add a value in its variable's unit."""
+def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -> bytes:
+    """The .ssv of an FMU: what the scenario and its calibration give it; nothing where they give it nothing."""
+    setting, interface = scenario.fmus[name], entry.interface
+    values = dict(entry.values)
+    if setting.component == PROGRAMME:
+        # Other tools pass outputs on when all FMUs have stepped: what the table does next must be out by then.
+        values["lead_steps"] = (interface.variables["lead_steps"], 1)
+    rows: list[tuple[str, str, dict[str, str]]] = []
+    units: dict[str, Unit] = {}
+    text = {"Real": lambda v: number(float(v)), "Boolean": lambda v: str(bool(v)).lower(), "String": str}
+    for element, (variable, value) in values.items():
         # An enumeration goes out as the whole number that FMI passes: neither OMSimulator nor FMPy reads its name.
         kind = "Integer" if variable.kind == "Enumeration" else variable.kind
-        text = {"Real": lambda v: number(float(v)), "Boolean": lambda v: str(bool(v)).lower(), "String": str}
         attributes = {"value": text.get(kind, lambda v: str(int(v)))(value)}
-        if variable.unit is not None and variable.unit in scales:
-            self.units[variable.unit] = scales[variable.unit]
-        if kind == "Real" and variable.unit in self.units:
-            attributes["unit"] = str(variable.unit)
-        self.values[name] = (kind, attributes)
-
-    def files(self) -> dict[str, bytes]:
-        """The .ssv of the set, and the .ssm that gives its names those of the system where they differ."""
-        name = f"resources/{self.name}"
-        rows = [(key, *value) for key, value in self.values.items()]
-        written = {f"{name}.ssv": parameter_file(self.name, self.description, rows, self.units)}
-        if self.mapping:
-            root = Element("ssm:ParameterMapping", {**declared("ssm", "ssc"), "version": "1.0"})
-            for source, target in ((source, target) for source, targets in self.mapping.items() for target in targets):
-                SubElement(root, "ssm:MappingEntry", source=source, target=target)
-            written[f"{name}.ssm"] = xml_bytes(root)
-        return written
-
-
-def _parameter_sets(scenario: Scenario, loaded: Mapping[str, Loaded], sources: Sources) -> list[WrittenSet]:
-    """One set for each calibration, mapped to the FMUs that take it; over them the scenario's own values."""
-    sets: dict[str, WrittenSet] = {}
-    own = WrittenSet("parameters", "parameters of the scenario")
-    for name, entry in loaded.items():
-        setting, interface = scenario.fmus[name], entry.interface
-        calibrated: set[str] = set()
-        if setting.parameters_from is not None:
-            label, component = setting.parameters_from, setting.component or interface.model
-            taken = ["parameters", *(each.name for each in sets.values())]
-            if label not in sets:
-                sets[label] = WrittenSet(free_name(PurePosixPath(label).stem, taken), f"calibration {label}")
-            for key, given in calibrated_parameters(name, setting, interface, sources).items():
-                for variable, value in spread(given, interface.find(key), key):
-                    calibrated.add(variable.name)
-                    shown = f"{component}.{variable.name}"
-                    sets[label].add(shown, variable, value, interface.scales)
-                    sets[label].mapping.setdefault(shown, []).append(f"{name}.{variable.name}")
-        explicit = {v.name for key in setting.parameters for v in interface.find(key)}
-        for element, (variable, value) in entry.values.items():
-            if element in explicit or element not in calibrated:
-                own.add(f"{name}.{element}", variable, value, interface.scales)
-        if setting.component == PROGRAMME:
-            # Other tools pass outputs on when all FMUs have stepped: what the table does next must be out by then.
-            own.add(f"{name}.lead_steps", interface.variables["lead_steps"], 1, interface.scales)
-    return [each for each in (*sets.values(), own) if each.values]
+        if variable.unit is not None and variable.unit in interface.scales:
+            units[variable.unit] = interface.scales[variable.unit]
+            if kind == "Real":
+                attributes["unit"] = variable.unit
+        rows.append((element, kind, attributes))
+    origin = f", calibration {setting.parameters_from}" if setting.parameters_from is not None else ""
+    said = f"parameters of {name}{origin}"
+    return parameter_file(SET_NAME, said, rows, units, version=version) if rows else b""
 
 
 def _structure(
     about: Mapping[str, str],
-    fmus: Mapping[str, tuple[str, Interface]],
+    fmus: Mapping[str, tuple[str, Interface, bool]],
     wires: Iterable[Wire],
-    sets: Sequence[Sequence[str]],
     grid: Grid,
 ) -> bytes:
-    """SystemStructure.ssd of SSP 1.0, its elements in the order that OMSimulator wants.
+    """SystemStructure.ssd, its elements in the order that OMSimulator wants.
 
-    The system has a name and a title, which may be empty; an FMU its file in the archive and its interface; a set is
-    the files of the parameters and of their mapping, the later set over the earlier.
+    The system has a name, a version of SSP and a title, which may be empty; an FMU its file in the archive, its
+    interface, and whether it has a set of parameters. The sets are bound at the FMUs: not every tool looks at those of
+    the system.
     """
     versions = {**declared("ssd", "ssc", "ssv", "ssm"), "xmlns:oms": OMS}
-    root = Element("ssd:SystemStructureDescription", {**versions, "name": about["name"], "version": "1.0"})
+    root = Element("ssd:SystemStructureDescription", {**versions, "name": about["name"], "version": about["version"]})
     system = SubElement(root, "ssd:System", {"name": "root"})
     if about["title"]:
         system.set("description", about["title"])
-    # OMSimulator knows no empty ones.
-    bindings = SubElement(system, "ssd:ParameterBindings") if sets else system
-    for source, *mapping in sets:
-        binding = SubElement(bindings, "ssd:ParameterBinding", source=source)
-        for file in mapping:
-            SubElement(binding, "ssd:ParameterMapping", source=file)
     elements, connections = SubElement(system, "ssd:Elements"), Element("ssd:Connections")
     connected = set()
     for wire in wires:
@@ -303,7 +261,7 @@ def _structure(
         SubElement(connections, "ssd:Connection", ends)
     enumerations: dict[str, Variable] = {}
     units: dict[str, Unit] = {}
-    for name, (file, interface) in fmus.items():
+    for name, (file, interface, bound) in fmus.items():
         component = SubElement(
             elements, "ssd:Component", name=name, type="application/x-fmu-sharedlibrary", source=file
         )
@@ -311,6 +269,10 @@ def _structure(
         shown = [v for v in variables if v.causality == "output" or (name, v.name) in connected]
         units |= {u: interface.scales[u] for u in (v.unit for v in shown) if u is not None and u in interface.scales}
         enumerations |= _connectors(component, name, shown, units)
+        if bound:
+            SubElement(
+                SubElement(component, "ssd:ParameterBindings"), "ssd:ParameterBinding", source=f"resources/{name}.ssv"
+            )
     system.append(connections)
     # OMSimulator's annotation: without it there is no master that steps the system.
     annotation = SubElement(SubElement(system, "ssd:Annotations"), "ssc:Annotation", type="org.openmodelica")

@@ -3,11 +3,12 @@
 import json
 import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from fmpy.ssp.simulation import simulate_ssp
-from fmpy.ssp.ssd import find_components, read_ssd, read_ssm, read_ssv
+from fmpy.ssp.ssd import ParameterSet, find_components, read_ssd, read_ssv
 
 import trihedron as th
 from scenario_runs import SCENARIOS, wires
@@ -67,10 +68,22 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return export_ssp(bench(), folder / "bench.ssp", flavour="python")
 
 
+def all_parameters(path: Path) -> ParameterSet:
+    """The parameters of all FMUs under the names that they have in the system, as FMPy wants to be given them."""
+    whole = ParameterSet()
+    whole.parameters = []
+    for component in find_components(read_ssd(str(path)).system):
+        for binding in component.parameterBindings:
+            for parameter in read_ssv(str(path), binding.source).parameters:
+                parameter.name = f"{component.name}.{parameter.name}"
+                whole.parameters.append(parameter)
+    return whole
+
+
 def test_fmpy_reads_it_by_the_schemas(exported):
     read = read_ssd(str(exported))
     assert [c.name for c in find_components(read.system)] == ["programme", "table", "block", "computer"]
-    values = {p.name: (p.type, p.value, p.unit) for p in read_ssv(str(exported), "resources/parameters.ssv").parameters}
+    values = {p.name: (p.type, p.value, p.unit) for p in all_parameters(exported).parameters}
     assert values["table.kappa"] == ("Real", "0.001", "rad")
     assert values["table.temperature"] == ("Real", "25.0", "degC")
     assert values["block.bias[3]"] == ("Real", "-0.002", "g")
@@ -88,7 +101,7 @@ def test_the_parts_stand_in_the_order_that_omsimulator_wants(exported):
     assert names[0] == "SystemStructure.ssd"
     assert [e.tag.rpartition("}")[2] for e in root] == ["System", "Units", "DefaultExperiment"]
     parts = [e.tag.rpartition("}")[2] for e in children(root, "ssd:System")[0]]
-    assert parts == ["ParameterBindings", "Elements", "Connections", "Annotations"]
+    assert parts == ["Elements", "Connections", "Annotations"]
     annotation = children(root, "ssd:System/ssd:Annotations/ssc:Annotation")[0]
     assert annotation.get("type") == "org.openmodelica"
     masters = [e for e in annotation.iter() if e.tag.endswith("FixedStepMaster")]
@@ -113,7 +126,7 @@ def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
     """FMPy passes outputs on when all FMUs have stepped: what follows the table is a step later, no number differs."""
     expected = simulate(bench()).table
     steps = expected.height - 1
-    values = read_ssv(str(exported), "resources/parameters.ssv")
+    values = all_parameters(exported)
     found = simulate_ssp(str(exported), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=values)
 
     readings = np.column_stack([found[f"table.angle_reading[{i}]"] for i in (1, 2)])
@@ -128,7 +141,7 @@ def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
     np.testing.assert_allclose(attitude[1:], computer[1:-1], rtol=0, atol=1e-15)
 
 
-def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
+def test_a_calibration_goes_to_every_fmu_that_takes_it_under_the_scenarios_own_values(tmp_path):
     result = th.calibrate(th.simulate(SCENARIOS / "static-calibration.toml"), noise_bound=1e-5)
     (tmp_path / "measured.json").write_text(result.json_text())
     table, block = (
@@ -141,19 +154,23 @@ def test_a_calibration_is_a_set_of_its_own_with_a_mapping(tmp_path):
     with zipfile.ZipFile(path) as archive:
         resources = sorted(n for n in archive.namelist() if n.startswith("resources/"))
     fmus = ["AccelerometerBlock.fmu", "PositionProgramme.fmu", "TurntableMotion.fmu"]
-    sets = ["measured.ssm", "measured.ssv", "parameters.ssv"]
-    assert resources == [f"resources/{name}" for name in fmus + sets]
-    values = {p.name: p for p in read_ssv(str(path), "resources/measured.ssv").parameters}
-    mapping = [(e.source, e.target) for e in read_ssm(str(path), "resources/measured.ssm").mappingEntries]
-    assert ("AccelerometerBlock.bias[1]", "first.bias[1]") in mapping
-    assert ("AccelerometerBlock.bias[1]", "second.bias[1]") in mapping
-    assert ("TurntableMotion.kappa", "table.kappa") in mapping
-    assert float(values["AccelerometerBlock.bias[1]"].value) != 0.0
+    sets = ["first.ssv", "programme.ssv", "second.ssv", "table.ssv"]
+    assert resources == sorted(f"resources/{name}" for name in fmus + sets)
+    with zipfile.ZipFile(path) as archive:
+        assert (
+            'description="parameters of first, calibration measured.json"'
+            in archive.read("resources/first.ssv").decode()
+        )
+    values = {p.name: float(p.value) for p in all_parameters(path).parameters}
+    estimates = {p["symbol"]: p["estimate"] for p in json.loads((tmp_path / "measured.json").read_text())["parameters"]}
+    assert values["first.bias[1]"] == estimates["X16"] != 0.0
+    assert values["second.bias[1]"] == 0.0
+    assert values["second.scale_error_plus[1]"] == values["first.scale_error_plus[1]"] == estimates["X4"]
     expected = simulate(scenario).table
     with scenario_of_ssp(path) as (again, _):
         fmus_again = again.fmus
         assert fmus_again["second"].parameters["bias[1]"] == 0.0
-        assert fmus_again["first"].parameters["bias[1]"] == float(values["AccelerometerBlock.bias[1]"].value)
+        assert fmus_again["first"].parameters["bias[1]"] == values["first.bias[1]"]
         assert simulate(again).table.select(expected.columns).equals(expected)
 
 
@@ -190,6 +207,25 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
         assert again.run.coupling == "jacobi"
     assert cli.main(["simulate", str(SCENARIOS / "table-stabilised.toml"), "--coupling", "jacobi"]) == 2
     assert "--coupling: belongs to an .ssp" in capsys.readouterr().err
+
+
+def test_of_ssp_2_it_is_the_same_system(exported, tmp_path):
+    path = export_ssp(bench(), tmp_path / "second.ssp", flavour="python", ssp="2.0")
+    with zipfile.ZipFile(exported) as first, zipfile.ZipFile(path) as second:
+        for name in first.namelist():
+            before, after = first.read(name), second.read(name)
+            if name.endswith((".ssd", ".ssv")):
+                root = ElementTree.fromstring(after)
+                assert root.get("version") == "2.0"
+                root.set("version", "1.0")
+                assert ElementTree.tostring(root) == ElementTree.tostring(ElementTree.fromstring(before))
+            else:
+                assert after == before
+    with scenario_of_ssp(path) as (again, _):
+        expected = simulate(bench()).table
+        assert simulate(again).table.select(expected.columns).equals(expected)
+    with pytest.raises(InputError, match=r"--ssp 3\.0: must be 1\.0 or 2\.0"):
+        export_ssp(bench(), tmp_path / "x.ssp", ssp="3.0")  # type: ignore[arg-type]
 
 
 def test_by_commands(tmp_path, monkeypatch, capsys):
