@@ -1,0 +1,131 @@
+"""What may be done to a record that must not change what is found in it, or only as is said: metamorphic relations.
+
+Each takes a table of a record and gives another one, with the options that go with it.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+CYCLE = np.roll(np.eye(3), 1, axis=1)
+"""New axis 1 is the old 2, 2 the old 3, 3 the old 1: a rotation."""
+QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+READINGS = ["f1_mps2", "f2_mps2", "f3_mps2"]
+Matrix = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A record after a change: its table, the options that go with it, and where each accelerometer is now."""
+
+    table: pl.DataFrame
+    options: Matrix = field(default_factory=dict)
+    accelerometers: tuple[int, ...] = (1, 2, 3)
+
+
+def named(matrix: np.ndarray) -> dict[str, Any]:
+    """A mounting as the library takes it."""
+    return {"turned": matrix.tolist()}
+
+
+def shifted(table: pl.DataFrame) -> Changed:
+    """The clock was set later, by a number that costs no digits."""
+    return Changed(table.with_columns(pl.col("time_s") + 4096.0))
+
+
+def whole_turns(table: pl.DataFrame) -> Changed:
+    """Angles are counted on instead of from zero."""
+    return Changed(table.with_columns(pl.col("alpha_deg") + 360.0, pl.col("beta_deg") - 720.0))
+
+
+def other_columns(table: pl.DataFrame) -> Changed:
+    """Columns stand in another order."""
+    return Changed(table.select(table.columns[::-1]))
+
+
+def stronger_gravity(table: pl.DataFrame) -> Changed:
+    """Readings in a unit that is a 64th larger, and gravity in it."""
+    return Changed(table.with_columns(pl.col(READINGS) * (1.0 + 2.0**-6)), {"gravity": 9.80665 * (1.0 + 2.0**-6)})
+
+
+def doubled(table: pl.DataFrame) -> Changed:
+    """The last position was written twice: it says nothing new."""
+    again = table.tail(1).with_columns(pl.col("position") + 1, pl.col("time_s") + 20.0)
+    return Changed(pl.concat([table, again]))
+
+
+def another_order(table: pl.DataFrame) -> Changed:
+    """The positions were measured in another order, with nothing that depends on order or time."""
+    kept = table.select("position", "time_s")
+    mixed = table.drop("position", "time_s").sample(fraction=1.0, shuffle=True, seed=1)
+    return Changed(kept.hstack(mixed.select(c for c in mixed.columns if not c.startswith("approach"))))
+
+
+def axes_renamed(table: pl.DataFrame) -> Changed:
+    """The block's axes have other numbers, and the mounting says so."""
+    new = [pl.col(READINGS[k]).alias(READINGS[j]) for j, k in enumerate(np.argmax(CYCLE, axis=1))]
+    return Changed(table.with_columns(new), {"mounting": named(CYCLE)}, (3, 1, 2))
+
+
+def channels_renamed(table: pl.DataFrame) -> Changed:
+    """The file's channels stand in another order with another sign, and it is said."""
+    new = [pl.col("f3_mps2").alias("f1_mps2"), -pl.col("f1_mps2").alias("f2_mps2"), pl.col("f2_mps2").alias("f3_mps2")]
+    return Changed(table.with_columns(new), {"channels": ("-2,3,1",)})
+
+
+def base_turned(table: pl.DataFrame) -> Changed:
+    """The inner axis counts from another mark, a quarter of a turn off, and the mounting says so."""
+    return Changed(table.with_columns(pl.col("beta_deg") - 90.0), {"mounting": named(_inner_turn(90.0))})
+
+
+def two_mountings(table: pl.DataFrame) -> Changed:
+    """One record joined of two: the block was taken off and put back between them."""
+    half = pl.when(pl.int_range(pl.len()) < pl.len() // 2).then(pl.lit("a")).otherwise(pl.lit("b"))
+    both = {"a": np.eye(3).tolist(), "b": np.eye(3).tolist()}
+    return Changed(table.with_columns(half.alias("mounting")), {"mounting": both})
+
+
+def _inner_turn(degrees: float) -> np.ndarray:
+    """The mounting with which the block stands as before when the inner axis's angle is so many degrees less."""
+    from trihedron.models.bench import nominal_input
+
+    alpha, beta = np.radians([10.0, 50.0, 200.0, 300.0]), np.radians([20.0, 110.0, 240.0, 30.0])
+    before = nominal_input(alpha, beta, np.eye(3))
+    for turn in (QUARTER, QUARTER.T):
+        if np.allclose(nominal_input(alpha, beta - np.radians(degrees), turn), before, atol=1e-12):
+            return turn
+    raise AssertionError("the inner axis is not the third of the block")
+
+
+Change = Callable[[pl.DataFrame], Changed]
+EXACT: dict[str, Change] = {
+    "time shifted": shifted,
+    "columns in another order": other_columns,
+    "channels renamed": channels_renamed,
+}
+"""What is found is the same, number by number."""
+SAME: dict[str, Change] = {
+    "angles of whole turns more": whole_turns,
+    "another unit of force": stronger_gravity,
+    "a position doubled": doubled,
+    "positions permuted": another_order,
+    "base turned with the mounting": base_turned,
+}
+"""What is found is the same but for rounding."""
+
+
+def differences(one: Any, other: Any, tolerance: float, path: str = "") -> list[str]:
+    """Where two plain values differ by more than a part `tolerance` of their size."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        keys = sorted({*one, *other})
+        return [d for k in keys for d in differences(one.get(k), other.get(k), tolerance, f"{path}.{k}")]
+    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        pairs = enumerate(zip(one, other, strict=True))
+        return [d for k, (a, b) in pairs for d in differences(a, b, tolerance, f"{path}[{k}]")]
+    if isinstance(one, float) and isinstance(other, float):
+        near = abs(one - other) <= tolerance * max(abs(one), abs(other))
+        return [] if near or one == other else [f"{path}: {one} and {other}"]
+    return [] if one == other else [f"{path}: {one} and {other}"]

@@ -1,0 +1,159 @@
+"""Records changed so that what is found in them must be the same, or change as is known: the cheap relations.
+
+Those of `diagnose`, `attitude` and the search for positions are in `make acceptance`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from bench_cases import write_hidden_record
+from relations import EXACT, SAME, axes_renamed, differences, two_mountings
+from strapdown_records import POSES, strapdown_record, true_motion
+from trihedron.tools import measured
+from trihedron.tools.calibration import apply_calibration
+from trihedron.tools.records import write_record
+
+SIGMA = 1e-5
+FILE = ("provenance", "sha256", "record", "path", "files")
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
+    path = tmp_path_factory.mktemp("clean") / "clean.csv"
+    write_hidden_record(path, 5, None, effects=())
+    return pl.read_csv(path, comment_prefix="#")
+
+
+def found(table: pl.DataFrame, **options: object) -> dict:
+    """A calibration as plain values, without where the record came from."""
+    result = measured.calibrate(table, noise_bound=SIGMA, convention="A2", **options).to_json()
+    return {name: value for name, value in result.items() if name not in (*FILE, "warnings", "mountings")}
+
+
+@pytest.fixture(scope="module")
+def first(clean: pl.DataFrame) -> dict:
+    return found(clean)
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_calibration_is_the_same(name, clean, first):
+    changed = EXACT[name](clean)
+    assert found(changed.table, **changed.options) == first
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_a_calibration_is_the_same_but_for_names(name, clean, first):
+    """Verdict, radius and every interval."""
+    changed = SAME[name](clean)
+    other = found(changed.table, **changed.options)
+    assert other["verdict"] == first["verdict"] == "consistent"
+    assert other["radius"] == pytest.approx(first["radius"], rel=1e-6)
+    for one, same in zip(first["parameters"], other["parameters"], strict=True):
+        ends = [one["low"], one["high"]]
+        assert [same["low"], same["high"]] == pytest.approx(ends, rel=1e-5, abs=1e-9), one["symbol"]
+
+
+def test_a_block_taken_off_and_put_back_leaves_more_possible(clean, first):
+    """The mounting's own errors are free twice."""
+    changed = two_mountings(clean)
+    other = found(changed.table, **changed.options)
+    assert other["radius"] <= first["radius"]
+    ends = {p["symbol"]: (p["low"], p["high"]) for p in other["parameters"]}
+    both = [p for p in first["parameters"] if p["symbol"] in ends]
+    assert len(both) == 15
+    for p in both:
+        low, high = ends[p["symbol"]]
+        assert low <= p["low"] + 1e-10
+        assert high >= p["high"] - 1e-10
+
+
+def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
+    """With one scale factor for each accelerometer; two go by the signs of inputs along the convention's own axes."""
+    write_hidden_record(tmp_path / "s.csv", 5, None, effects=(), symmetric=True)
+    table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
+    changed = axes_renamed(table)
+    first, other = found(table, baseline="symmetric"), found(changed.table, baseline="symmetric", **changed.options)
+    assert other["verdict"] == first["verdict"] == "consistent"
+    assert other["radius"] == pytest.approx(first["radius"], rel=1e-5)
+    # The frame of corrected readings is the convention's own; how long they are is the block's.
+    before = corrected(table, tmp_path, baseline="symmetric")
+    after = corrected(changed.table, tmp_path, baseline="symmetric", **changed.options)
+    assert np.linalg.norm(after, axis=1) == pytest.approx(np.linalg.norm(before, axis=1), abs=1e-5)
+
+
+def corrected(table: pl.DataFrame, folder: Path, **options: object) -> np.ndarray:
+    """The readings of a record corrected by its own calibration, (N, 3)."""
+    calibration = measured.calibrate(table, noise_bound=SIGMA, convention="A2", **options)
+    path = folder / "record.csv"
+    table.write_csv(path)
+    channels = options.get("channels", ())
+    return apply_calibration(calibration, path, channels=channels).record.specific_force  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["time shifted", "channels renamed", "base turned with the mounting"])
+def test_corrected_readings_are_the_same(name, clean, tmp_path):
+    changed = (EXACT | SAME)[name](clean)
+    after = corrected(changed.table, tmp_path, **changed.options)
+    assert after == pytest.approx(corrected(clean, tmp_path), abs=1e-6)
+
+
+def test_csv_and_parquet_are_the_same_record(clean, tmp_path):
+    """What is written in digits may be off by half the last one, and that is paid for."""
+    clean.write_csv(tmp_path / "r.csv")
+    clean.write_parquet(tmp_path / "r.parquet")
+    csv, parquet = (measured.calibrate(tmp_path / f"r.{form}", noise_bound=SIGMA) for form in ("csv", "parquet"))
+    assert csv.verdict == parquet.verdict
+    for one, other in zip(csv.to_json()["parameters"], parquet.to_json()["parameters"], strict=True):
+        width = other["high"] - other["low"]
+        assert [one["low"], one["high"]] == pytest.approx([other["low"], other["high"]], abs=1e-4 * width)
+        assert one["low"] <= other["low"] + 1e-6 * width
+        assert one["high"] >= other["high"] - 1e-6 * width
+
+
+def test_a_record_split_and_joined_is_the_record(clean, tmp_path, first):
+    clean.head(17).write_csv(tmp_path / "a.csv")
+    clean.tail(23).write_csv(tmp_path / "b.csv")
+    joined = pl.concat([pl.read_csv(tmp_path / "a.csv"), pl.read_csv(tmp_path / "b.csv")])
+    assert found(joined) == first
+
+
+def test_a_part_of_a_record_leaves_more_possible_and_no_less(clean, first):
+    fewer = found(clean.head(30))
+    assert fewer["verdict"] == "consistent"
+    assert fewer["radius"] <= first["radius"] * (1.0 + 1e-9)
+    for whole, part in zip(first["parameters"], fewer["parameters"], strict=True):
+        assert part["low"] <= whole["low"] + 1e-10
+        assert part["high"] >= whole["high"] - 1e-10
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
+    path = tmp_path_factory.mktemp("moved") / "moved.csv"
+    write_record(strapdown_record(true_motion(POSES[:6])), path)
+    return pl.read_csv(path, comment_prefix="#")
+
+
+def inspected(table: pl.DataFrame, **options: object) -> dict:
+    result = measured.inspect(table, **options).to_json()
+    return {name: value for name, value in result.items() if name not in FILE}
+
+
+def test_an_inspection_knows_no_zero_of_time_and_no_order_of_columns(moved):
+    first = inspected(moved)
+    later = inspected(moved.with_columns(pl.col("time_s") + 4096.0))
+    assert [d for d in differences(first, later, 1e-6) if "_s" not in d.partition(":")[0]] == []
+    assert inspected(moved.select(moved.columns[::-1])) == first
+
+
+def test_rates_in_degrees_that_are_said_are_the_same_rates(moved):
+    rates = [f"w{k}_radps" for k in (1, 2, 3)]
+    degrees = moved.with_columns(pl.col(rates) * (180.0 / np.pi))
+    first, other = inspected(moved), inspected(degrees, channels=("w=deg",))
+    for name in first.keys() - {"warnings", "turning"}:
+        assert differences(first[name], other[name], 1e-9) == [], name
+    # Found step by step, until a step is small beside what noise leaves open.
+    matrix = np.array(first["turning"]["matrix"])
+    assert np.array(other["turning"]["matrix"]) == pytest.approx(matrix, abs=1e-3)
