@@ -11,8 +11,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from ...fmus import build
+from ...fmus import build, components
 from ...fmus.archive import write_archive
+from ...fmus.component import started
 from ...fmus.native.compile import BuildError, chosen_platforms
 from ...fmus.parameters import add_units, parameter_file, xml_bytes
 from ...fmus.units import Unit, number
@@ -192,7 +193,10 @@ def _members(
             stem, content = PurePosixPath(setting.fmu).stem, (whole.base_folder / setting.fmu).read_bytes()
         else:
             places, stem = [place_from_mapping(entry)[0] for entry in setting.effects], str(setting.component)
-            content = build(stem, folder / name, places, flavour=flavour, fmi=2, platform=platform).read_bytes()
+            # Ecos and libcosim pass over enumerations of parameter sets: the FMU starts with them.
+            values = loaded[name].values.values()
+            component = started(components()[stem], {v.name: int(x) for v, x in values if v.kind == "Enumeration"})
+            content = build(component, folder / name, places, flavour=flavour, fmi=2, platform=platform).read_bytes()
         # FMUs with the same content share a file.
         names = [f"resources/{stem}.fmu", *(f"resources/{stem}_{i}.fmu" for i in range(2, len(members) + 3))]
         files[name] = next(n for n in names if members.get(n, content) == content)

@@ -5,6 +5,7 @@ import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy.ssp.simulation import simulate_ssp
@@ -92,6 +93,13 @@ def test_fmpy_reads_it_by_the_schemas(exported):
     assert values["programme.lead_steps"] == ("Integer", "1", None)
     assert float(values["programme.alpha[2]"][1]) == np.radians(30.0)
     assert "programme.alpha[4]" not in values
+
+
+def test_an_fmu_starts_with_the_enumerations_that_other_tools_pass_over(exported, tmp_path):
+    with zipfile.ZipFile(exported) as archive:
+        (tmp_path / "computer.fmu").write_bytes(archive.read("resources/AttitudeComputer.fmu"))
+    variables = {v.name: v.start for v in fmpy.read_model_description(tmp_path / "computer.fmu").modelVariables}
+    assert int(variables["algorithm"]) == NUMBERS["one-sample-rodrigues"]
 
 
 def test_the_parts_stand_in_the_order_that_omsimulator_wants(exported):
