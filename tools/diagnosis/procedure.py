@@ -120,7 +120,7 @@ def diagnosed(
     groups = equivalence_groups(evidence, found.fits)
     unlisted = Unlisted.of(told.get("dependence"), listed, groups[0][0])
     told |= {"caution": (*told.get("caution", ()), *unlisted.caution)}
-    tried = [_finding(evidence, group) for group in groups[: evidence.most_sets]]
+    tried = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
     findings = [finding for finding in tried if finding.acts]
     idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
     if not findings:
@@ -197,7 +197,7 @@ def answered(
     fits = evidence.mended([place], Work())
     if not fits:
         return answer_of(place, before, "refuted", radius=radius_with(evidence, place), **told)
-    finding = _finding(evidence, fits)
+    finding = finding_of(evidence, fits)
     told |= {"radius": finding.fit.radius, "parameters": finding.causes[-1].parameters}
     if not evidence.falsified:
         return answer_of(place, before, "not needed", **told)
@@ -208,7 +208,7 @@ def answered(
     return answer_of(place, before, "stands", gain=evidence.gain(finding.fit) if rerun else None, **told)
 
 
-def _finding(evidence: Evidence, group: Sequence[Fit]) -> Finding:
+def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:
     """The first of a group of sets whose effects cannot be nothing; where each can, the first."""
     findings = (Finding(causes_of(evidence, fit), fit) for fit in (centred(evidence, fit) for fit in group))
     first = next(findings)

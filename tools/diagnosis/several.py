@@ -15,8 +15,9 @@ from ..errors import InputError
 from ..evidence.fit import Fit
 from ..evidence.joint import Differs, InRecord, Joint, Mended, in_record, is_of_instrument, join, plain
 from ..result import Result, Told, finite_or_none
-from .cause import Cause, Finding, NamedEffect, Number, SizedParameter
-from .procedure import centred, judgement_of
+from .cause import Finding, NamedEffect, Number, SizedParameter
+from .cross_gain import CrossGain, Helps, cross_gains
+from .procedure import causes_of, centred, finding_of, judgement_of
 from .result import Diagnosis, EffectWitness
 from .search import MOST_WORK, Found, equivalence_groups, search
 
@@ -96,6 +97,10 @@ class Several(Told):
     causes, alternatives : tuple of JointCause, tuple of such
         the smallest set with which all records stand, and the others
     repeatability : tuple of Repeated
+    gains : tuple of CrossGain
+        errors of each record without effects, and with what was found in each
+    helps : tuple of Helps
+        of each effect that was found, on which other records it helps
     missing : tuple of str
         parameters that the records leave open together
     """
@@ -115,6 +120,8 @@ class Several(Told):
     witnesses: tuple[EffectWitness, ...] = ()
     parameters: tuple[SizedParameter, ...] = ()
     repeatability: tuple[Repeated, ...] = ()
+    gains: tuple[CrossGain, ...] = ()
+    helps: tuple[Helps, ...] = ()
     missing: tuple[str, ...] = ()
     not_named: tuple[str, ...] = ()
     not_searched: tuple[str, ...] = ()
@@ -152,11 +159,14 @@ def diagnosed_together(
     """
     reasons = {label: (left_out or {}).get(label) or reason_apart(result) for label, result in alone.items()}
     joint = _joined(alone, reasons, shared, own)
+    gains, helps = cross_gains(alone)
     told: dict[str, Any] = {
+        "gains": gains,
+        "helps": helps,
         "records": [
             OneRecord(record=label, sha256=(sha256 or {}).get(label, ""), left_out=reasons[label], diagnosis=result)
             for label, result in alone.items()
-        ]
+        ],
     }
     if joint is None:
         told["repeatability"] = repeated(alone, None, (), shared, own)
@@ -222,7 +232,8 @@ def _judged(
         "radius": joint.baseline_radius,
         "not_searched": joint.not_searched,
     }
-    missing, few = joint.left_open, len(joint.residual) <= np.linalg.matrix_rank(joint.nominal)
+    missing = joint.left_open
+    few = len(joint.names) > 0 and len(joint.residual) <= np.linalg.matrix_rank(joint.nominal)
     if missing or few:
         said = ("no more readings than parameters: nothing could be falsified",) if few else ()
         return Several(verdict="insufficient", missing=missing, not_named=said, **told)
@@ -232,7 +243,7 @@ def _judged(
         return Several(verdict="consistent", parameters=parameters, repeatability=again, **told)
     found = search(joint, progress=progress, most_work=most_work)
     groups = equivalence_groups(joint, found.fits)
-    tried = [_finding(joint, group) for group in groups]
+    tried = [finding_of(joint, group) for group in groups]
     findings = [finding for finding in tried if finding.acts]
     idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
     told |= {"findings": tuple(findings), "complete": found.complete}
@@ -300,37 +311,13 @@ def _with_unsought(
                     found.append(causes)
                     break
                 if fit is not None:
-                    found.append((*causes, *_causes(beside, Finding(_intervals(beside, fit), fit))))
+                    found.append((*causes, *_causes(beside, Finding(causes_of(beside, fit), fit))))
                     break
     return found
 
 
 def _told_by(sets: Sequence[bool]) -> Open:
     return "yes" if all(sets) else "open" if any(sets) else "no"
-
-
-def _finding(joint: Joint, group: Sequence[Fit]) -> Finding:
-    """The first of a group of sets none of whose effects may be zero; where each has one that may, the first."""
-    found = [Finding(_intervals(joint, fit), fit) for fit in (centred(joint, fit) for fit in group)]
-    return next((finding for finding in found if finding.acts), found[0])
-
-
-def _intervals(joint: Joint, fit: Fit) -> tuple[Cause, ...]:
-    """What is stated of each effect of a fit, inside what the records leave possible."""
-    causes = []
-    for place, values, possible in zip(
-        fit.places, fit.values(), fit.intervals(joint.room(fit), joint.most_rows), strict=True
-    ):
-        ends = joint.told(place, possible)
-        parameters = place.definition.parameters
-        stated = [
-            value - 2.0 * np.pi * round((value - 0.5 * (low + high)) / (2.0 * np.pi))
-            if parameter.name.endswith("phase") and np.isfinite((low, high)).all()
-            else min(max(value, low), high)
-            for parameter, value, (low, high) in zip(parameters, values, ends, strict=True)
-        ]
-        causes.append(Cause.found(joint.named(place), (), stated, ends))
-    return tuple(causes)
 
 
 def _causes(joint: Joint, finding: Finding) -> tuple[JointCause, ...]:

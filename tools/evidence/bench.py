@@ -39,7 +39,15 @@ from .bench_model import (
 )
 from .bench_pairs import pairs_of_bench
 from .bench_power import powers
-from .bench_predictions import dense_spaces, helpful_mounting, measure_gain, second_mounting, separating_positions
+from .bench_predictions import (
+    can_be_run,
+    dense_spaces,
+    helpful_mounting,
+    measure_gain,
+    second_mounting,
+    separating_positions,
+    simulate_rows,
+)
 from .bench_scenario import extension_of_bench
 from .bench_search import (
     SECOND_ORDER,
@@ -49,7 +57,7 @@ from .bench_search import (
 from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
 from .evidence import About, Channel, Evidence, Trial
 from .extension import Extension, Sized
-from .fit import Classes, Fit, Gain
+from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
 
 PAIR = 2
@@ -230,6 +238,22 @@ class Bench(Evidence):
     def second_order_at(self, radius: float) -> float:
         """What the linear model may be wrong by where it misses by so many bounds."""
         return SECOND_ORDER * radius**2 * float(self.bound.min())
+
+    def applied(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
+        """Errors of the readings (N - 1, 3) behind the first position, at which a run begins, fractions of g."""
+        if not can_be_run(self.readings.circumstances):
+            return None
+        places, sizes, point = self.own_with(effects)
+        at, x = self.about(places, point, sizes), np.append(point, sizes)
+        linear = at.residual, at.bound, at.jacobian
+        fit = Fit(tuple(places), blocks_of(places), x, np.zeros(len(x)), *linear, self.baseline_radius, x, sizes)
+        rows = np.arange(1, len(self.readings))
+        return self.readings.reading[rows] - simulate_rows(self.readings, fit, rows, self.calibration.gravity)
+
+    @property
+    def quoted_errors(self) -> tuple[str, str, float]:
+        """Readings, in g."""
+        return "readings behind the first position", "g", 1.0
 
     @property
     def least_singular(self) -> float:

@@ -398,7 +398,7 @@ def _stands(fit: Fit, rows: Rows) -> bool:
 
 def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit | None:
     """A fit with possible sizes, its own or the nearest; None where none keep the radius at or below the limit."""
-    if np.abs(fit.point).max() > largest_of_bench:
+    if np.abs(fit.point).max(initial=0.0) > largest_of_bench:
         return None
     if fit.is_possible:
         return fit

@@ -376,6 +376,20 @@ class Carried(CarriedRun):
         first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - quoted))
         return first.model_copy(update={"others": others})
 
+    def applied(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64]:
+        """Errors (S, d) of the quoted moves or windows [rad]."""
+        places, sizes, point = self.own_with(effects)
+        held = [np.arange(len(self.parts[k])) for k in self.scored]
+        with own_folder() as scratch:
+            fmus = extended_fmus(places, scratch, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
+            found = self.simulated(fmus, places, np.concatenate([point - self.point, sizes]), held)
+        return found[self.scored.index(self.quoted)]
+
+    @property
+    def quoted_errors(self) -> tuple[str, str, float]:
+        """Moves, or windows of the middle length, in arcminutes."""
+        return self.parts[self.quoted].label, "arcmin", ARCMIN
+
     def extension(self, fit: Fit, effects: Sized) -> Extension:
         """Gyros, attitude computer and, where gravity is the reference, accelerometers as they are found, and a run.
 

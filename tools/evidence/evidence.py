@@ -23,6 +23,8 @@ FOLDS = 8
 """Blocks in time that are left out in turn."""
 RANK = 1e-12
 """Directions of so small a part of the sum of squares are not determined."""
+ROUNDS_OF_OWN = 3
+"""So many rounds of least squares bring a record's own parameters to rest beside effects of given sizes."""
 SEEN = 1e-3
 """An effect of its largest possible size that moves no error by so much of its bound cannot be seen."""
 
@@ -391,6 +393,35 @@ class Evidence:
     def second_order_at(self, radius: float) -> float:
         """What the linear model may be wrong by, in units of the bounds, where it misses by so many of them."""
         return 0.0
+
+    def own_with(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[list[EffectPlace], NDArray, NDArray]:
+        """Those of some effects that the record can show, their given coefficients (K,), and its own parameters (P,).
+
+        The parameters are those of least squares beside the effects.
+        """
+        places = [place for place in effects if place in self.linear_places]
+        sizes = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
+        point = self.point
+        for _ in range(ROUNDS_OF_OWN):
+            at = self.about(places, point, sizes)
+            rows = at.jacobian[:, : len(point)] / at.bound[:, None]
+            point = point + estimated(rows, at.residual / at.bound) if len(point) else point
+        return places, sizes, point
+
+    def rms_with(self, effects: Mapping[EffectPlace, NDArray]) -> float:
+        """Root mean square of the errors over their bounds with effects of given coefficients, to first order."""
+        places, sizes, point = self.own_with(effects)
+        at = self.about(places, point, sizes)
+        return float(np.sqrt(np.mean((at.residual / at.bound) ** 2)))
+
+    def applied(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
+        """The quoted errors (S, d) by FMUs that are extended by effects of given coefficients; None: cannot be run."""
+        raise NotImplementedError
+
+    @property
+    def quoted_errors(self) -> tuple[str, str, float]:
+        """Of what the quoted errors are, in words, the unit in which they are quoted, and what it is in theirs."""
+        raise NotImplementedError
 
     @property
     def least_singular(self) -> float:

@@ -204,7 +204,10 @@ def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
             names[mine] = (mine, unit)
             columns[-1].append(mine)
     order = list(names)
-    chosen = [np.eye(len(order))[[order.index(name) for name in mine]].reshape(-1, len(order)) for mine in columns]
+    chosen = [
+        np.array([[name == one for one in order] for name in mine], float).reshape(len(mine), len(order))
+        for mine in columns
+    ]
     # The rows of each about its own fit give the point that is nearest to all of them.
     pairs = list(zip(members.values(), chosen, strict=True))
     matrix = np.vstack([one.nominal @ own_ / one.bound[:, None] for one, own_ in pairs])
@@ -536,6 +539,8 @@ class Joint(Evidence):
 
     def _predicted(self, jacobian: NDArray, error: NDArray) -> NDArray[np.float64]:
         """Errors (M,), in bounds, of parts of the records left out in turn; NaN where the others do not tell them."""
+        if not jacobian.shape[1]:
+            return error
         folds, found = np.concatenate([member.fold_of_rows() for member in self.members]), np.full(len(error), np.nan)
         for fold in range(folds.max() + 1):
             held = np.flatnonzero(folds == fold)

@@ -6,7 +6,7 @@ from ..calibration.targets import NAMES
 from ..diagnosis.several import JointCause, Repeated, Several
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
-from ..rounding import downwards, interval, residual, upwards
+from ..rounding import digits, downwards, interval, residual, upwards
 from .makers import cited, versions
 from .pictures.several import drawable, repeatability_picture
 
@@ -43,9 +43,22 @@ def lines(result: Several) -> list[str]:
         if one.of == "instrument" and one.at_least > 0.0:
             most = "" if one.at_most is None else f", {upwards(one.at_most)} at most"
             said.append(f"{words(one.name)} changes by {downwards(one.at_least)} {unit_text(one.unit)} at least{most}")
+    for gain in result.gains:
+        applied = ", ".join(f"{one.found_in} {digits(one.rms)}" for one in gain.applied)
+        said.append(f"{gain.record}, {gain.over}: {digits(gain.rms)} {gain.unit} rms; with what was found in {applied}")
+    said += helps_lines(result)
     if result.not_searched and result.radius is not None:
         said.append(f"not sought in several records together: {', '.join(result.not_searched)}")
     return said
+
+
+def helps_lines(result: Several) -> list[str]:
+    """Where each effect that was found helps; one that helps nowhere else is the run's."""
+    return [
+        f"{one.effect}, found in {one.found_in}: "
+        + (f"helps on {', '.join(one.on)}" if one.on else "helps on no other record: it is the run's")
+        for one in result.helps
+    ]
 
 
 def words(name: str) -> str:
@@ -61,6 +74,9 @@ def _named(causes: Sequence[object]) -> str:
 def verdict_line(result: Several) -> str:
     """The first line: the verdict; where records that say too little alone say enough together, that they do."""
     said = VERDICTS[result.verdict]
+    if result.verdict == "ambiguous" and not result.alternatives:
+        also = "what is in no catalogue does, too" if result.caution else "others may that were not tried"
+        said = f"ambiguous: one set makes all records consistent together, and {also}"
     alone = [one.diagnosis.verdict for one in result.records if one.left_out is None]
     if alone and set(alone) == {"insufficient"} and result.verdict != "insufficient":
         said += "; each by itself is insufficient, together they are not"
@@ -112,12 +128,29 @@ def page(result: Several) -> Page:
     return Page(
         "Several records of one instrument",
         sentence(verdict_line(result)),
-        [together, alone, *_repeatability(result.repeatability), shared],
+        [together, alone, *_gains(result), *_repeatability(result.repeatability), shared],
         TONES.get(result.verdict, "attention"),
         {} if result.radius is None else {"radius with shared parameters": residual(result.radius)},
         {**versions(), **{one.record: one.sha256 for one in result.records}},
         cited("guaranteed", "simplex", "lawson", "left-out", "shuffles"),
     )
+
+
+def _gains(result: Several) -> list[Section]:
+    if not result.gains:
+        return []
+    sources = [one.found_in for one in result.gains[0].applied]
+    rows: list[list[Cell]] = [
+        [f"{gain.record}, {gain.over}", digits(gain.rms), *(digits(one.rms) for one in gain.applied), gain.unit]
+        for gain in result.gains
+    ]
+    said = (
+        "What was found in one record, applied to each by the extended FMUs: errors, root mean square. Sizes are those "
+        "of the one record; a record's own biases, or mounting and table, are its own. What explains nothing by "
+        "itself, but helps most, counts as found."
+    )
+    table = Table(["errors of", "without", *(f"with that of {source}" for source in sources), "unit"], rows)
+    return [Section("What one record says of the others", [said, *map(sentence, helps_lines(result))], table=table)]
 
 
 def _repeatability(found: Sequence[Repeated]) -> list[Section]:

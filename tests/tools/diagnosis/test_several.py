@@ -63,6 +63,21 @@ def test_repeatability_of_the_days_parameters_is_surely_a_change(found):
     assert {known[symbol].at_least for symbol in ("X4", "X5", "X9", "X10", "X14", "X15")} == {0.0}
 
 
+def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs_own_does_not(found):
+    """A record's errors with what was found in itself are noise; with what one of another day has, they are not."""
+    rms = {gain.record: {one.found_in: one.rms for one in gain.applied} for gain in found.gains}
+    assert {gain.unit for gain in found.gains} == {"g"}
+    for gain in found.gains:
+        assert rms[gain.record][gain.record] < SIGMA < gain.rms
+    # The second has a cubic term besides: of itself alone.
+    assert rms["record-1"]["record-3"] < SIGMA < rms["record-1"]["record-2"]
+    assert rms["record-2"]["record-1"] > SIGMA
+    helps = {(one.found_in, one.effect): one.on for one in found.helps}
+    assert helps["record-1", QUADRATIC.title] == ("record-2", "record-3")
+    assert helps["record-2", CUBIC.title] == ()
+    assert "cubic accelerometer-1, found in record-2: helps on no other record: it is the run's" in str(found)
+
+
 def test_records_without_a_secret_need_nothing():
     clean = th.diagnose_together(*of_one_instrument(21, positions=(20, 20)), noise_bound=SIGMA)
     assert clean.verdict == "consistent"
@@ -70,6 +85,7 @@ def test_records_without_a_secret_need_nothing():
     assert clean.radius is not None
     assert clean.radius < 1.0
     assert len(clean.parameters) == 9
+    assert clean.gains == ()
 
 
 def test_three_that_are_each_insufficient_end_together_in_a_verdict():

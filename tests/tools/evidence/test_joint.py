@@ -1,5 +1,7 @@
 """Several records as one evidence: halves of a record say together what the whole says, shared or not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,11 +10,16 @@ from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.evidence import rms_size
 from trihedron.tools.evidence.joint import Differs, in_record, is_of_instrument, join
+from trihedron.tools.trials.draw import draw_clean_block
+from trihedron.tools.trials.sizes import Hidden
 
 SIGMA = 1e-5
 ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
-CUBIC = EffectPlace("cubic", "accelerometer-3")
+G_SENSITIVITY = EffectPlace("gyro-g-sensitivity", "gyro-block")
+TRUE_G = (2e-3, 0.0, 0.0, 0.0, -1e-3, 0.0, 0.0, 0.0, 1.5e-3)
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +98,40 @@ def test_names_that_no_record_has_and_that_cannot_be_both_are_refused(halves):
         join(halves, own=["bais-1"])
     with pytest.raises(InputError, match=r"^--shared and --own: X16 cannot be both"):
         join(halves, shared=["bias-*"], own=["X16"])
+
+
+@pytest.fixture(scope="module")
+def carried():
+    """Two records of one block beside the true attitude, whose gyros feel gravity on both days."""
+    cases = [draw_clean_block(77, k, "truth") for k in range(2)]
+    same = cases[0].instrument.instruments
+    found = {}
+    for label, case in zip(("first", "second"), cases, strict=True):
+        block, bias = case.instrument, {"bias": case.instrument.instruments.gyros["bias"]}
+        of_day = replace(same, gyros={**same.gyros, **bias})
+        hidden = Hidden(G_SENSITIVITY, TRUE_G)
+        record = replace(block, instruments=of_day, temperature=None).measured(7, case.index, [hidden])
+        found[label] = carried_evidence(record)
+    return found
+
+
+def test_strapdown_records_share_an_effect_within_the_interval_of_each(carried):
+    both = join(carried)
+    assert both.falsified
+    fit = both.refit([G_SENSITIVITY])
+    assert fit.radius <= both.limit
+    for (low, high), *alone in zip(
+        fit.intervals()[0], *(one.refit([G_SENSITIVITY]).intervals()[0] for one in carried.values()), strict=True
+    ):
+        for least, most in alone:
+            assert least - 1e-9 <= low <= high <= most + 1e-9
+    np.testing.assert_allclose(np.array(fit.intervals()[0])[:, 0] < np.array(TRUE_G), True)
+    np.testing.assert_allclose(np.array(fit.intervals()[0])[:, 1] > np.array(TRUE_G), True)
+
+
+def test_what_was_found_in_one_strapdown_record_helps_on_the_other_by_the_fmus(carried):
+    first, second = carried.values()
+    estimate = {G_SENSITIVITY: first.estimate([G_SENSITIVITY])[len(first.names) :]}
+    before, after = (rms_size(second.applied(effects)) for effects in ({}, estimate))
+    assert before == pytest.approx(rms_size(second.parts[second.quoted].error), rel=0.05)
+    assert after < 0.3 * before
