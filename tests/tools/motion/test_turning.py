@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from record_files import measured
 from simulated_bench import random_bench, simulated
@@ -182,6 +183,9 @@ def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_
 def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down_are_said(tmp_path):
     record = filmed(5, speed=2.0)
     assert downward_warning(record) == ()
+    # a reference whose z lies level is neither
+    level = Rotation.from_euler("x", 90.0, degrees=True) * Rotation.from_quat(np.roll(record.attitude, -1, axis=1))
+    assert downward_warning(replace(record, attitude=np.roll(level.as_quat(), 1, axis=1))) == ()
     reversed_ = replace(record, specific_force=-record.specific_force)
     (said,) = downward_warning(reversed_)
     assert "z points down, or all accelerometers are reversed (--channels -1,-2,-3)" in said
