@@ -12,7 +12,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.evidence import rms_size
-from trihedron.tools.evidence.joint import Differs, in_record, is_of_instrument, join
+from trihedron.tools.evidence.joint import Differs, Mended, in_record, is_of_instrument, join
 from trihedron.tools.trials.draw import draw_clean_block
 from trihedron.tools.trials.sizes import Hidden
 
@@ -59,6 +59,18 @@ def test_halves_that_share_nothing_are_two_records(halves):
     for label, fit in fits.items():
         for symbol, pair in zip(halves[label].here.symbols, fit.ends(), strict=True):
             np.testing.assert_allclose(ends[f"{symbol} in {label}"], pair, rtol=1e-6, atol=1e-10)
+
+
+def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_its_own(halves):
+    """So a set that is not sought in several records is tried beside the others: as it acts where it was found."""
+    mended = {label: Mended.of(one, one.refit([ENCODER])) for label, one in halves.items()}
+    of_each = [in_record(ENCODER, label) for label in halves]
+    beside, together = join(mended), join(halves)
+    assert not beside.falsified
+    assert together.falsified
+    assert beside.baseline.radius == pytest.approx(together.refit(of_each).radius, abs=2e-3)
+    # One that is mended in one of them alone does not stand.
+    assert join({"even": mended["even"], "odd": halves["odd"]}).falsified
 
 
 def test_what_is_the_instruments_by_default_and_by_what_is_asked():
