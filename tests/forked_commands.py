@@ -100,11 +100,11 @@ class ForkedCommands:
         assert self._process.stdout is not None
         self._process.stdin.write(json.dumps(said) + "\n")
         self._process.stdin.flush()
-        came = json.loads(self._process.stdout.readline())
-        texts = {name: (self._scratch / name).read_text(encoding="utf-8", errors="replace") for name in ("out", "err")}
+        came: dict[str, Any] = json.loads(self._process.stdout.readline())
+        came |= {name: (self._scratch / name).read_text(encoding="utf-8", errors="replace") for name in ("out", "err")}
         calls = self._scratch / "calls"
         told = json.loads(calls.read_text(encoding="utf-8")) if calls.exists() else {}
-        return Done(**came, **texts, struck=bool(told.get("struck")), calls=told.get("calls", {}))
+        return Done(**came, struck=bool(told.get("struck")), calls=told.get("calls", {}))
 
 
 def serve() -> None:

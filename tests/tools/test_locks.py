@@ -36,12 +36,16 @@ def holder(what: str) -> subprocess.Popen[str]:
     return subprocess.Popen([sys.executable, "-c", HOLDER.format(what=what)], stdout=subprocess.PIPE, text=True)
 
 
+def first_line(process: subprocess.Popen[str]) -> Path:
+    assert process.stdout is not None
+    return Path(process.stdout.readline().strip())
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_lock_keeps_others_out_until_its_process_is_killed_and_its_file_stays(tmp_path: Path) -> None:
     path = tmp_path / "here.lock"
     with holder(f"locked(Path({str(path)!r}))") as other:
-        assert other.stdout is not None
-        other.stdout.readline()
+        first_line(other)
         file = path.stat().st_ino
         with pytest.raises(Taken), locked(path):
             pass
@@ -55,9 +59,7 @@ def test_a_lock_keeps_others_out_until_its_process_is_killed_and_its_file_stays(
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_the_folder_of_a_killed_process_is_taken_away_by_the_next(base: Path) -> None:
     with holder("own_folder()") as living, holder("own_folder()") as killed:
-        assert living.stdout is not None
-        assert killed.stdout is not None
-        kept, left = (Path(process.stdout.readline().strip()) for process in (living, killed))
+        kept, left = first_line(living), first_line(killed)
         (left / "file").write_text("large")
         killed.send_signal(signal.SIGKILL)
         killed.wait()

@@ -4,6 +4,7 @@ Those of `diagnose`, `attitude` and the search for positions are in `make accept
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -27,7 +28,7 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     return pl.read_csv(path, comment_prefix="#")
 
 
-def found(table: pl.DataFrame, **options: object) -> dict:
+def found(table: pl.DataFrame, **options: Any) -> dict:
     """A calibration as plain values, without where the record came from."""
     result = measured.calibrate(table, noise_bound=SIGMA, convention="A2", **options).to_json()
     return {name: value for name, value in result.items() if name not in (*FILE, "warnings", "mountings")}
@@ -84,7 +85,7 @@ def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
     assert np.linalg.norm(after, axis=1) == pytest.approx(np.linalg.norm(before, axis=1), abs=1e-5)
 
 
-def corrected(table: pl.DataFrame, folder: Path, **options: object) -> np.ndarray:
+def corrected(table: pl.DataFrame, folder: Path, **options: Any) -> np.ndarray:
     """The readings of a record corrected by its own calibration, (N, 3)."""
     calibration = measured.calibrate(table, noise_bound=SIGMA, convention="A2", **options)
     path = folder / "record.csv"
@@ -136,7 +137,7 @@ def moved(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     return pl.read_csv(path, comment_prefix="#")
 
 
-def inspected(table: pl.DataFrame, **options: object) -> dict:
+def inspected(table: pl.DataFrame, **options: Any) -> dict:
     result = measured.inspect(table, **options).to_json()
     return {name: value for name, value in result.items() if name not in FILE}
 

@@ -361,7 +361,7 @@ def test_what_is_interrupted_while_a_call_is_handed_out_ends_without_a_traceback
     def interrupted() -> None:
         with started("local", 1) as workers:
             workers.submit(os.getpid).result()
-            workers.pool._work_ids.put(99)
+            workers.pool._work_ids.put(99)  # type: ignore[attr-defined]
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
