@@ -25,7 +25,7 @@ MOST_SETS = 6
 def lines(result: Several) -> list[str]:
     """The verdict, whose what was found is, each record by itself, repeatability."""
     said = [verdict_line(result), *(sentences(result))]
-    said += [f"not named: {text}" for text in result.not_named]
+    said += [f"not named: {text}" for text in result.not_named if result.radius is not None]
     said += [f"caution: {text}" for text in result.caution]
     if result.missing:
         said.append(f"still open: {', '.join(result.missing)}")
@@ -74,6 +74,8 @@ def _named(causes: Sequence[object]) -> str:
 def verdict_line(result: Several) -> str:
     """The first line: the verdict; where records that say too little alone say enough together, that they do."""
     said = VERDICTS[result.verdict]
+    if result.radius is None:
+        said = "insufficient: nothing is said of all together, as fewer than two records can be judged so"
     if result.verdict == "ambiguous" and not result.alternatives:
         also = "what is in no catalogue does, too" if result.caution else "others may that were not tried"
         said = f"ambiguous: one set makes all records consistent together, and {also}"

@@ -134,6 +134,14 @@ def test_a_record_that_nothing_mends_is_left_out_and_said():
     assert result.verdict == "consistent"
 
 
+def test_where_fewer_than_two_can_be_judged_the_first_line_says_that_and_not_that_nothing_is_wrong():
+    """Each may well falsify the simulation by itself."""
+    said = str(
+        Several(verdict="insufficient", records=(), not_named=("fewer than two records can be judged together",))
+    )
+    assert said == "insufficient: nothing is said of all together, as fewer than two records can be judged so"
+
+
 def test_files_are_called_by_their_names():
     assert labels_of([Path("a/monday.csv"), Path("tuesday.positions.csv")]) == ["monday", "tuesday"]
     assert labels_of([Path("a/run.csv"), Path("b/run.csv"), Path("c.csv")]) == ["run-1", "run-2", "c"]
