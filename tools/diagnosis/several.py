@@ -13,7 +13,8 @@ from ..bounded.programmes import SolverError
 from ..bounded.sets import CutOff, Work
 from ..errors import InputError
 from ..evidence.fit import Fit
-from ..evidence.joint import Differs, InRecord, Joint, Mended, in_record, is_of_instrument, join, plain
+from ..evidence.joint import Joint, join
+from ..evidence.of_record import Differs, InRecord, Mended, in_record, is_of_instrument, plain
 from ..result import Result, Told, finite_or_none
 from .cause import Finding, NamedEffect, Number, SizedParameter
 from .cross_gain import CrossGain, Helps, cross_gains

@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ...models.effects.definition import Effect, EffectParameter
 from ..bounded.programmes import Interval, chebyshev_radius, same_space, spaces_beyond
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
-from ..calibration.targets import NAMES
 from ..errors import InputError, nearest
 from ..motion.norm import LARGEST
 from .bench_model import (
@@ -35,15 +33,10 @@ from .bench_model import (
     predicted_errors,
     with_possible_sizes,
 )
-from .evidence import About, Evidence, Trial
-from .fit import Classes, Fit, blocks_of, coefficient_count, estimated
+from .evidence import Evidence, Trial
+from .fit import Classes, Fit, blocks_of, estimated
+from .of_record import Differs, InRecord, in_record, is_asked, is_of_instrument, names_of, plain, width_of
 
-OF_INSTRUMENT = (
-    *("X4", "X5", "X9", "X10", "X14", "X15", "X6+X8", "X7+X12", "X11+X13"),
-    *("accelerometer gamma_*", "gyro gamma_*"),
-)
-"""Parameters that are the instrument's by default: scale factors and misalignments. Biases are the day's, mounting and
-angles of the table each record's own. A star stands for anything."""
 OPEN = 0.01
 """An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
 LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
@@ -53,127 +46,6 @@ LEAST_PART = 1e-3
 ALIKE = 1e-6
 """Spaces whose parts of a given vector differ more are not the same."""
 SHUFFLES = 20
-
-
-@dataclass(frozen=True)
-class InRecord(EffectPlace):
-    """An effect that acts in one of several records alone."""
-
-    record: str = ""
-
-    @property
-    def title(self) -> str:
-        """In words, with the record."""
-        return f"{super().title} in {self.record}"
-
-
-@dataclass(frozen=True)
-class Differs(InRecord):
-    """A shared parameter, `where`, that has a value of its own in one record."""
-
-    unit: str = ""
-
-    @property
-    def definition(self) -> Effect:
-        """One number: by how much the parameter is larger there than in the others."""
-        said = "by how much the parameter is larger there"
-        parameter = EffectParameter("difference", self.unit, said, LARGEST_OF_BENCH)
-        return Effect(self.effect, (), (parameter,), lambda place, _: place.title)
-
-    @property
-    def title(self) -> str:
-        """In words."""
-        return f"{self.where} differs in {self.record}"
-
-
-def plain(place: EffectPlace) -> EffectPlace:
-    """The effect without the record that it is of."""
-    return EffectPlace(place.effect, place.where, place.order, place.axes, place.law)
-
-
-def in_record(place: EffectPlace, record: str) -> InRecord:
-    """The effect in one record alone."""
-    return InRecord(place.effect, place.where, place.order, place.axes, place.law, record)
-
-
-@dataclass(frozen=True, eq=False)
-class Mended(Evidence):
-    """A record with what mends it by itself, linear about that fit, as parameters of its own.
-
-    It tells whether the others stand beside it: an effect that is not linear acts as it does there.
-    """
-
-    before: Evidence
-    fit: Fit
-
-    @staticmethod
-    def of(before: Evidence, fit: Fit) -> "Mended":
-        """The record about a fit to it."""
-        more = tuple((f"{fit.title} {k}", "") for k in range(len(fit.stated)))
-        return Mended((), (*before.names, *more), fit.at, before.places, before, fit)
-
-    @cached_property
-    def residual(self) -> NDArray[np.float64]:
-        """Errors (M,) at the fit."""
-        return self.fit.residual
-
-    @cached_property
-    def nominal(self) -> NDArray[np.float64]:
-        """Derivatives (M, P + K) by parameters and coefficients."""
-        return self.fit.jacobian
-
-    @cached_property
-    def bound(self) -> NDArray[np.float64]:
-        """Bounds (M,) with what the sizes there leave open."""
-        return self.fit.allowed
-
-    @property
-    def limit(self) -> float:
-        """That of the record."""
-        return self.before.limit
-
-    @property
-    def linear_places(self) -> list[EffectPlace]:
-        """Those of the record that the fit has not."""
-        return [place for place in self.before.linear_places if place not in self.fit.places]
-
-    def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
-        """The rows about parameters and coefficients, linear about the fit."""
-        count = len(self.fit.point)
-        at = self.before.about(places, self.fit.point, np.zeros(width_of(places)))
-        matrix = np.hstack([self.nominal, at.jacobian[:, count:]])
-        rate = np.hstack([np.zeros_like(self.nominal), at.rate[:, count:]])
-        step = np.concatenate([point - self.point, coefficients])
-        return About(self.residual - matrix @ step, matrix, self.bound, rate)
-
-    def outlier_at(self, row: int) -> EffectPlace | None:
-        """A reading that is off, as of the record."""
-        return self.before.outlier_at(row)
-
-    def second_order_at(self, radius: float) -> float:
-        """As of the record."""
-        return self.before.second_order_at(radius)
-
-
-def width_of(places: Sequence[EffectPlace]) -> int:
-    """How many coefficients some effects have."""
-    return sum(coefficient_count(place) for place in places)
-
-
-def is_of_instrument(name: str, shared: Sequence[str] = (), own: Sequence[str] = ()) -> bool:
-    """Whether a parameter is shared: by what is asked, in which a star stands for anything, else by default."""
-    return not is_asked(name, own) and is_asked(name, (*shared, *OF_INSTRUMENT))
-
-
-def is_asked(name: str, asked: Sequence[str]) -> bool:
-    """Whether a parameter is meant by one of some names, in which a star stands for anything."""
-    return any(fnmatchcase(one, pattern) for pattern in asked for one in names_of(name))
-
-
-def names_of(name: str) -> tuple[str, ...]:
-    """What a parameter is called: as the model has it, in words, and without its mounting."""
-    bare = name.partition("@")[0]
-    return tuple(dict.fromkeys((name, bare, *NAMES.get(bare, (bare,))[:1])))
 
 
 def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Sequence[str] = ()) -> "Joint":

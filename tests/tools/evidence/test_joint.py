@@ -12,7 +12,8 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.evidence import rms_size
-from trihedron.tools.evidence.joint import Differs, Mended, in_record, is_of_instrument, join
+from trihedron.tools.evidence.joint import join
+from trihedron.tools.evidence.of_record import Differs, Mended, in_record, is_of_instrument
 from trihedron.tools.trials.draw import draw_clean_block
 from trihedron.tools.trials.sizes import Hidden
 
