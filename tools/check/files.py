@@ -5,7 +5,6 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -33,22 +32,9 @@ from ..motion import inspect_record
 from ..motion.rests import FEWEST_ROWS
 from ..orchestrator.fmu import unpack
 from ..orchestrator.interface import interface_of
-from ..orchestrator.load import (
-    Loaded,
-    Sources,
-    Wire,
-    check_states,
-    check_steps,
-    load,
-    resolve_connections,
-    resolve_parameters,
-    stepping_groups,
-)
-from ..orchestrator.loops import resolve_columns
-from ..orchestrator.run import temporary_folder
 from ..orchestrator.scenario import SCHEMA as SCENARIO
-from ..orchestrator.scenario import RunSetting, Scenario, Stimulus
-from ..orchestrator.stimuli import check_single_sources, read_table, resolve_stimuli
+from ..orchestrator.scenario import Scenario
+from ..orchestrator.stimuli import read_table
 from ..parquet import MAGIC
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
@@ -58,10 +44,11 @@ from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of
 from ..records.read import all_faults, is_workbook, read_record
 from ..records.rests import position_record_of
-from ..result import Location, field_problems, not_for_files
+from ..result import field_problems, not_for_files
 from ..rounding import exactly, upwards
 from ..ssp.read import scenario_of_ssp
 from .findings import Check, Findings, json_lines, toml_lines
+from .scenario import check_scenario
 
 SCHEMAS = {
     CALIBRATION: "calibration",
@@ -72,7 +59,6 @@ SCHEMAS = {
     SEVERAL: "diagnosis of several records",
 }
 MODELS = {"calibration": Calibration, "diagnosis": Diagnosis, SCHEMAS[SEVERAL]: Several}
-LISTS = ("connections", "stimuli")
 ALIGNED = np.eye(3)
 """The mounting of a block of which nothing is said."""
 MOST = 200
@@ -354,159 +340,3 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
         )
     plans = content.get("plans", [content])
     return f"optimal plans of {', '.join(str(plan['target']) for plan in plans)}"
-
-
-def check_scenario(data: dict[str, Any], found: Findings) -> None:
-    """Note the problems of a scenario's fields, and of what those say that are right by themselves; nothing is run."""
-    origin = {"base_folder": found.path.parent, "source": found.path}
-    system = _System(found, data)
-    try:
-        scenario = Scenario.model_validate({**data, **origin})
-    except ValidationError as error:
-        wrong = field_problems(error, Scenario)
-        for where, text in wrong:
-            found.add(text, where)
-        try:
-            right = system.without([where for where, _ in wrong])
-            scenario = Scenario.model_validate({**right, **origin})
-        except (ValidationError, TypeError):
-            return
-    with temporary_folder() as folder:
-        system.check(scenario, folder)
-    if not found.problems:
-        fmus = ", ".join(f"{name} ({setting.component or setting.fmu})" for name, setting in scenario.fmus.items())
-        counts = f"{len(scenario.connections)} connections, {len(scenario.stimuli)} stimuli"
-        found.summary = (
-            scenario.title or "no title",
-            f"FMUs: {fmus}",
-            f"{counts}, step {exactly(scenario.run.step_s)} s",
-        )
-
-
-class _System:
-    """What of a scenario's file is right by itself, and what that says.
-
-    `numbers` are those that the connections and stimuli which remain have in the file; FMUs are `absent` that are wrong
-    by themselves or cannot be had, the others are `loaded`; `wires` are the connections that are right.
-    """
-
-    def __init__(self, found: Findings, data: dict[str, Any]):
-        self.found, self.data = found, data
-        self.numbers = {part: list(range(1, len(data.get(part, ())) + 1)) for part in LISTS}
-        self.absent: set[str] = set()
-        self.loaded: dict[str, Loaded] = {}
-        self.wires: list[Wire] = []
-
-    def without(self, wrong: Sequence[Location]) -> dict[str, Any]:
-        """What remains without the FMUs, connections, stimuli, columns and keys at these locations."""
-        data = dict(self.data)
-        self.absent = {str(where[1]) for where in wrong if where[0] == "fmus" and len(where) > 1}
-        if self.absent:
-            data["fmus"] = {name: value for name, value in data["fmus"].items() if name not in self.absent}
-        for part in LISTS:
-            indices = {where[1] for where in wrong if where[0] == part and len(where) > 1}
-            if indices:
-                data[part] = [item for k, item in enumerate(data[part]) if k not in indices]
-                self.numbers[part] = [number for number in self.numbers[part] if number - 1 not in indices]
-        for where in wrong:
-            if where[0] == "record" or len(where) == 1:
-                data.pop(str(where[0]), None)
-        return data
-
-    def check(self, scenario: Scenario, folder: Path) -> None:
-        """Load the FMUs one by one, then resolve connections, stimuli and columns one by one."""
-        found, sources, coupling = self.found, Sources(scenario.base_folder), scenario.run.coupling
-        for number, name in enumerate(scenario.fmus):
-            loaded = self.load(scenario, name, sources, folder / str(number))
-            if loaded is None:
-                self.absent.add(name)
-            else:
-                self.loaded[name] = loaded
-        interfaces = {name: entry.interface for name, entry in self.loaded.items()}
-        for number, connection in zip(self.numbers["connections"], scenario.connections, strict=True):
-            if self.present(connection.source, connection.target):
-                with found.of(("connections", number - 1), number):
-                    self.wires += resolve_connections([connection], interfaces)
-        if not self.absent:
-            with found.of(("connections",)):
-                groups = stepping_groups(list(interfaces), self.wires, coupling)
-                with found.of():
-                    check_states(groups, self.loaded, coupling)
-            with found.of():
-                check_steps(self.loaded, scenario.run.step_s)
-        self.check_stimuli(scenario, sources)
-        for name, text in (scenario.record.columns or {}).items():
-            if self.present(text):
-                with found.of(("record", "columns", name)):
-                    resolve_columns({name: text}, interfaces)
-
-    def present(self, *named: str) -> bool:
-        """Whether the FMUs of all these variables (`fmu.name`) are there."""
-        return self.absent.isdisjoint(text.partition(".")[0] for text in named)
-
-    def load(self, scenario: Scenario, name: str, sources: Sources, folder: Path) -> Loaded | None:
-        """The FMU with all that is right of its setting; None where it cannot be had at all."""
-        at, setting, numbers = ("fmus", name), scenario.fmus[name], count()
-        right: dict[str, Any] = {"parameters": {}, "effects": [], "parameters_from": None}
-
-        def load_as(*where: str | int, number: int | None = None, **changed: Any) -> Loaded | None:
-            """With other settings beside the right ones, of which they are where nothing is refused."""
-            with self.found.of((*at, *where), number):
-                target = folder / str(next(numbers))
-                target.mkdir(parents=True)
-                one = setting.model_copy(update={**right, **changed})
-                loaded = load(scenario.model_copy(update={"fmus": {name: one}}), sources, target)[name]
-                right.update(changed)
-                return loaded
-            return None
-
-        loaded = load_as("component" if setting.component is not None else "fmu")
-        if loaded is None:
-            return None
-        if setting.effects:
-            own = enumerate(setting.effects)
-            effects = [entry for k, entry in own if load_as("effects", k, number=k + 1, effects=[entry])]
-            right["effects"] = []
-            loaded = load_as("effects", effects=effects) or loaded
-        if setting.parameters_from is not None:
-            load_as("parameters_from", parameters_from=setting.parameters_from)
-        parameters: dict[str, Any] = {}
-        for key, value in setting.parameters.items():
-            with self.found.of((*at, "parameters", key)):
-                resolve_parameters(loaded.interface, {key: value})
-                parameters[key] = value
-        return load_as("parameters", parameters=parameters) or loaded
-
-    def check_stimuli(self, scenario: Scenario, sources: Sources) -> None:
-        """The stimuli one by one, programmes first: they may say when the run ends."""
-        programmes: list[Stimulus] = []
-        drives: list[tuple[str, Any]] = []
-
-        def resolve(stimulus: Stimulus, number: int, run: RunSetting = scenario.run) -> bool:
-            copy = scenario.model_copy(update={"run": run, "stimuli": [*programmes, stimulus]})
-            with self.found.of(("stimuli", number - 1), number):
-                _, resolved = resolve_stimuli(copy, sources, self.loaded)
-                drives.extend((f"stimuli[{number}]", drive) for _, drive in resolved[len(programmes) :])
-                return True
-            return False
-
-        numbered = zip(self.numbers["stimuli"], scenario.stimuli, strict=True)
-        own = [(k, s) for k, s in numbered if self.present(*(s.columns if s.columns is not None else [str(s.to)]))]
-        for number, stimulus in own:
-            if stimulus.kind == "programme" and resolve(stimulus, number):
-                programmes.append(stimulus)
-        # Without its programmes nothing says when such a run ends; what is wrong with them has been said.
-        written = any(isinstance(s, dict) and "programme" in s for s in self.data.get("stimuli", ()))
-        written |= any(stimulus.kind == "programme" for stimulus in scenario.stimuli)
-        unknown_end = scenario.run.stop_s is None and not programmes and written
-        step = scenario.run.model_copy(update={"stop_s": scenario.run.start_s + scenario.run.step_s})
-        for number, stimulus in own:
-            if stimulus.kind != "programme" and not unknown_end:
-                resolve(stimulus, number)
-            elif stimulus.kind == "constant":
-                resolve(stimulus, number, step)
-        with self.found.of(("stimuli",)):
-            check_single_sources(self.wires, drives)
-        if not written and not scenario.stimuli:
-            with self.found.of(("run",)):
-                resolve_stimuli(scenario, sources, self.loaded)

@@ -13,8 +13,9 @@ from ..bounded.sets import Work
 from ..errors import InputError
 from ..evidence.bench import bench_evidence
 from ..evidence.carried_record import carried_evidence
-from ..evidence.evidence import Channel, Evidence
+from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
+from ..evidence.rows import Channel
 from ..records import PositionRecord, StrapdownRecord
 from .beyond import Beyond, keys_of
 from .cause import Cause, Finding, NamedEffect

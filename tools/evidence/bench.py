@@ -55,10 +55,11 @@ from .bench_search import (
     with_usual_signs,
 )
 from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
-from .evidence import About, Channel, Evidence, Trial
+from .evidence import Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
+from .rows import About, Channel
 
 PAIR = 2
 """Effects of a set that is no larger than two that each act at a time of their own."""

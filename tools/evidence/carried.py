@@ -25,10 +25,11 @@ from ..records.columns import FORCE, INCREMENT, QUATERNION
 from ..result import finite_or_none
 from ..rounding import digits, downwards, exactly, residual, upwards
 from .carried_run import BIAS, LONG, CarriedRun
-from .evidence import Channel, Evidence, ReadOff, Trial, rms_size
+from .evidence import Evidence, ReadOff, Trial, rms_size
 from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of
 from .references import Gravity, Truth, all_rows, rotation_vectors, turned
+from .rows import Channel
 
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
 LATENCY = EffectPlace("latency", "gyro-block")

@@ -23,7 +23,7 @@ from ..rounding import exactly
 from .carried import LATENCY, SCALE, Carried, is_of_gyros, with_parameters
 from .carried_checks import check_record, check_reference_bound, missing_things, warnings_of
 from .carried_run import BIAS, LONG, CarriedRecord
-from .evidence import Part, Pieces, ReadOff
+from .evidence import ReadOff
 from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains, estimated
 from .references import (
     Gravity,
@@ -38,6 +38,7 @@ from .references import (
     truth_scatter,
     truth_windows,
 )
+from .rows import Part, Pieces
 
 BASELINES = ("calibrated", "nominal")
 RELINEARISATIONS = 2

@@ -12,8 +12,9 @@ from ...models.effects import EffectPlace
 from ...models.effects.definition import Effect, EffectParameter
 from ..calibration.targets import NAMES
 from .bench_model import LARGEST_OF_BENCH
-from .evidence import About, Evidence
+from .evidence import Evidence
 from .fit import Fit, coefficient_count
+from .rows import About
 
 OF_INSTRUMENT = (
     *("X4", "X5", "X9", "X10", "X14", "X15", "X6+X8", "X7+X12", "X11+X13"),

@@ -21,9 +21,9 @@ from ...models.effects import EffectPlace
 from ...models.effects.last_stage import LAST_HOUR
 from ..bounded.sets import sharpened
 from ..motion.carry import GyroModel, Motion
-from .evidence import Part, Pieces
 from .fit import estimated, least_radius
 from .references import Gravity, Run, Truth, integrals, matrices_of
+from .rows import Part, Pieces
 
 STRETCHES = 16
 """Stretches of times that are tried first."""

@@ -21,8 +21,8 @@ from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
 from ..motion.rests import GAP, Rests
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR
-from .evidence import Part, Pieces
 from .fit import coefficient_count
+from .rows import Part, Pieces
 
 CHUNK = 30_000
 """Rows at a time: the memory does not grow with the record."""
