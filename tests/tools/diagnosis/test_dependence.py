@@ -188,6 +188,7 @@ def test_a_wander_of_the_catalogue_is_a_function_of_time_by_its_law(tmp_path: Pa
     assert not of & {"n1", "n2", "n3", "alpha", "beta"}
 
 
+@pytest.mark.acceptance
 def test_sets_of_several_effects_that_are_less_simple_are_no_rivals_of_one_function(tmp_path: Path):
     rng = np.random.default_rng([14, 3])
     session = Session.drawn(rng, 36)

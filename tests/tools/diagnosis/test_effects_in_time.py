@@ -79,7 +79,7 @@ def followed(hours: np.ndarray, temperature: np.ndarray, constant: float) -> np.
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.acceptance)])
-@pytest.mark.parametrize("before", [0.0, -0.25, 0.15])
+@pytest.mark.parametrize("before", [-0.25, *(pytest.param(k, marks=pytest.mark.acceptance) for k in (0.0, 0.15))])
 def test_a_lag_of_the_temperature_is_named_with_its_time_constant(seed, before):
     """Steady at the first row, or after another temperature for some hours before it, which no row says."""
     rng, record = drawn(seed, 26)
@@ -119,6 +119,7 @@ def test_what_depends_on_an_input_is_no_wander():
     assert "bias-wander" not in {cause.place.effect for finding in result.findings for cause in finding.causes}
 
 
+@pytest.mark.acceptance
 def test_two_effects_in_time_get_no_name_from_three_that_look_like_them():
     """A drift and the temperature stand for a bias that settles, beside a step: pairs in time are not tried."""
     settling, stepped = (
@@ -132,6 +133,7 @@ def test_two_effects_in_time_get_no_name_from_three_that_look_like_them():
     assert any("two effects that set in, settle or lag" in text for text in result.not_named or ())
 
 
+@pytest.mark.acceptance
 def test_three_linear_effects_are_named_where_no_pair_in_time_does():
     _, record = drawn(8, 40)
     hours, n = hours_of(record), record.specific_force / GRAVITY

@@ -61,7 +61,15 @@ def beyond_noise(record, again) -> np.ndarray:
     return np.abs(again.specific_force - record.specific_force) / G / NOISE_BOUND
 
 
-@pytest.mark.parametrize(("place", "values"), DRAWN, ids=lambda value: getattr(value, "title", ""))
+LONG = ("thermal-lag", "mounting-slip", "warm-up")
+"""Effects whose FMUs take long to be found or made; `make acceptance` has them too."""
+
+
+@pytest.mark.parametrize(
+    ("place", "values"),
+    [pytest.param(*d, marks=[pytest.mark.acceptance] if d[0].effect in LONG else []) for d in DRAWN],
+    ids=lambda value: getattr(value, "title", ""),
+)
 def test_the_exported_scenario_gives_the_record_again(place, values, tmp_path):
     """Every reading within σ, at the record's times and encoder readings, by simulating what was written."""
     record = bench_case(17, place, values).measured()

@@ -93,10 +93,10 @@ THREE: Effects = {CUBIC_1: (6e-4,), WOBBLE: (4e-4, 0.7), DRIFT_2: (2e-3,)}
 @pytest.mark.parametrize(
     ("effects", "seed"),
     [
-        (THREE, 1),
+        pytest.param(THREE, 1, marks=pytest.mark.acceptance),
         # The second order of 3e-3 rad is half a σ: with a signature alone the right name would be refused.
         ({SAG: (3e-3, 0.4)}, 5),
-        ({TWICE: (2e-3, 1.0, 3e-3, -2.0)}, 5),
+        pytest.param({TWICE: (2e-3, 1.0, 3e-3, -2.0)}, 5, marks=pytest.mark.acceptance),
         ({CUBIC_1: (8e-4,), place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,)}, 9),
     ],
     ids=["three", "large sag", "large wobble", "two outliers and an effect"],
@@ -112,12 +112,13 @@ def test_effects_are_named_together_though_every_error_is_at_its_bound(effects, 
     assert result.judgement.folds is not None
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("bent", "values"),
     [
-        pytest.param(EffectPlace("saturation", "accelerometer-3"), (0.93,), marks=pytest.mark.acceptance),
+        (EffectPlace("saturation", "accelerometer-3"), (0.93,)),
         (EffectPlace("quantisation", "accelerometer-2"), (2e-4,)),
-        pytest.param(EffectPlace("dead-zone", "accelerometer-2"), (0.045,), marks=pytest.mark.acceptance),
+        (EffectPlace("dead-zone", "accelerometer-2"), (0.045,)),
     ],
     ids=lambda value: value.effect if isinstance(value, EffectPlace) else None,
 )
@@ -137,6 +138,7 @@ def test_what_is_not_linear_is_named_beside_a_linear_effect(bent, values):
     assert low <= values[0] <= high
 
 
+@pytest.mark.acceptance
 def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name():
     """Every error is at its bound: what rounding adds is beyond it."""
     place = EffectPlace("temperature-bias", "accelerometer-1")
@@ -159,6 +161,7 @@ def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name():
     assert low <= 6e-5 <= high
 
 
+@pytest.mark.acceptance
 def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     """Five hundred σ of one and ten of the other: the search begins where the large one no longer draws the fit."""
     effects: Effects = {EffectPlace("encoder-harmonic", "outer-axis", 3): (5e-3, 0.3), CUBIC_1: (8e-4,)}

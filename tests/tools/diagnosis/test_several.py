@@ -108,6 +108,7 @@ def test_too_few_positions_stay_insufficient_whatever_they_would_fit():
     assert "X4" in few.missing
 
 
+@pytest.mark.acceptance
 def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect():
     rng = np.random.default_rng(4)
     benches = [random_bench(rng)] * 3
