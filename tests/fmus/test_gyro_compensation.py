@@ -21,6 +21,8 @@ ERRORS: dict[str, Any] = {
     "bias": np.array([0.01, -0.02, 0.03]),
 }
 LATENCY = EffectPlace("latency", "gyro-block")
+FADES_IN = 0.01
+"""Time constant [h] of what fades."""
 INVERTIBLE = [e.places[0] for e in STRAPDOWN_EFFECTS.values() if e.stage == "reading_effects"]
 
 
@@ -46,6 +48,8 @@ def test_it_undoes_effects_to_second_order(place):
     left, size = [], []
     for part in (1.0, 0.5):
         values = effect.from_coefficients(part * scale * direction)
+        if effect.fades:
+            values = (*values[:-1], FADES_IN)
         left.append(np.abs(undone([(place, values)], rows, regular=regular) - rows.rate).max())
         size.append(np.abs(undone([(place, values)], rows, regular=regular, known=[]) - rows.rate).max())
     assert left[0] < 0.1 * size[0]

@@ -200,12 +200,21 @@ class CarriedRun(CarriedRecord):
     def _setting_in(
         self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
     ) -> tuple[tuple[int, int], list[tuple[Fit, int]]]:
-        """Ends of the rows at which an effect beside others can set in, and fits at some of them."""
+        """Ends of the rows at which an effect beside others can set in, and fits at some of them.
+
+        The sizes depend on where in its piece an effect sets in: the hull of all that are possible takes several rows.
+        """
         found = []
         for begin, end in self._stretches(place, others, work):
             fit, row = self._within(place, others, (begin, end), work)
-            if fit.radius <= self.limit:
-                found.append((fit, row, begin, end))
+            if fit.radius > self.limit:
+                continue
+            found.append((fit, row, begin, end))
+            for other in np.setdiff1d(np.linspace(begin, end - 1, SLICES).round().astype(int), row).tolist():
+                work.programme(len(self.residual), self.nominal.shape[1] + 3 * (1 + len(others)))
+                fit = self.with_onset(place, other).refit([*others, place])
+                if fit.radius <= self.limit:
+                    found.append((fit, other, begin, end))
         if not found:
             return (0, 0), []
         # One that acts from the first row on would do as well.

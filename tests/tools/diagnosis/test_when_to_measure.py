@@ -1,4 +1,7 @@
-"""Candidates that differ in time: positions are to be measured again, at stated hours, and these decide."""
+"""Candidates that differ in time: positions are to be measured again, at stated hours, and these decide.
+
+Of records without temperatures: a lag of many hours behind temperatures can do nearly what a step or a drift does.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -22,13 +25,12 @@ def measured(bench: np.ndarray, angles: np.ndarray, hours: np.ndarray, added: np
     """A record of a bench at angles (2, N) [rad] and times (N,), whose second accelerometer reads so much [g] more."""
     noise = np.random.default_rng(seed).uniform(-NOISE_BOUND, NOISE_BOUND, (len(hours), 3))
     noise[:, 1] += added
-    warmth = 20.0 + 3.0 * np.sin(9.0 * np.minimum(hours, SPAN)) + 2.0 * np.minimum(hours, SPAN)
-    return replace(simulated(bench, angles[0], angles[1], noise), time_s=3600.0 * hours, temperature=warmth)
+    return replace(simulated(bench, angles[0], angles[1], noise), time_s=3600.0 * hours)
 
 
 def joined(first: PositionRecord, then: PositionRecord) -> PositionRecord:
     """One record after another."""
-    arrays = ("time_s", "alpha", "beta", "specific_force", "temperature")
+    arrays = ("time_s", "alpha", "beta", "specific_force")
     columns = {name: np.concatenate((getattr(first, name), getattr(then, name))) for name in arrays}
     return replace(
         first,

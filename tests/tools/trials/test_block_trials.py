@@ -28,6 +28,7 @@ from trihedron.tools.trials.block import (
 )
 from trihedron.tools.trials.case import Options, hideable_in_block
 from trihedron.tools.trials.draw import draw_case, draw_clean_block, evidence_of, size_in_block
+from trihedron.tools.trials.outcome import diagnosed, judged
 from trihedron.tools.trials.sizes import Hidden
 from trihedron.tools.trials.suite import Suite, run_suite
 
@@ -211,3 +212,11 @@ def test_two_hundred_hidden_effects_and_two_hundred_clean_records():
     clean = run_suite(Options("clean", strapdown=True), 200, 2)
     print(str(clean))
     assert clean.false_alarms["alarms"] < 2
+
+
+@pytest.mark.acceptance
+def test_sizes_of_what_sets_in_within_a_window_are_possible_wherever_in_it_that_is():
+    """The part of a window that a step acts in and its size are one number there: of a late one the size is larger."""
+    case = draw_case(Options(strapdown=True), 1, 39)
+    assert case.hidden[0].place.effect == "gyro-bias-step"
+    assert judged(case, diagnosed(case, case.measured())).inside is True
