@@ -36,7 +36,11 @@ needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no
     ("flavour", "fmi"),
     [("python", 2), pytest.param("native", 2, marks=needs_compiler), pytest.param("native", 3, marks=needs_compiler)],
 )
-@pytest.mark.parametrize("component", all_kinds(), ids=title)
+@pytest.mark.parametrize(
+    "component",
+    [pytest.param(k, marks=[pytest.mark.acceptance] if k.effects else []) for k in all_kinds()],
+    ids=title,
+)
 def test_valid_to_fmpy_and_the_same_bytes_on_every_build(component, flavour, fmi, tmp_path, monkeypatch):
     first = build(component.name, tmp_path / "a", component.effects, flavour=flavour, fmi=fmi)
     assert validate_fmu(str(first)) == []

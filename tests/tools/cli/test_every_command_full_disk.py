@@ -21,7 +21,7 @@ def can_mount() -> bool:
         return subprocess.run(tried, capture_output=True, check=False, timeout=60).returncode == 0
 
 
-SHORT = ("simulate run.toml", "calibrate clean.csv", "export AccelerometerBlock", "export-ssp run.toml", "new scenario")
+SHORT = ("simulate run.toml", "export AccelerometerBlock", "export-ssp run.toml", "new scenario")
 """Commands that a full disk is tried on in each run of the tests."""
 WRITING = [c for c in QUICK if c.arguments[0] not in ("doctor",)]
 FULL = """

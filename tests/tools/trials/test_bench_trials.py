@@ -77,6 +77,7 @@ def test_a_warm_up_is_held_against_the_clock_of_its_record():
     assert (outcome.outcome, outcome.inside) == ("right", True)
 
 
+@pytest.mark.acceptance
 def test_a_lag_begins_with_what_the_temperature_was_before_and_is_held_against_the_clock_of_its_record():
     """Readings are c (T_lag − 20) + s e^(−t/τ) from the first row on, the lag linear in time between the rows."""
     case = draw_case(Options("single", effects=("thermal-lag",), positions=(20, 24), noise="uniform"), 21, 6)
