@@ -13,6 +13,8 @@ from ..result import Result, Told, finite_or_none
 from ..rounding import Stated
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
+NO_SIZES = ("phase", "start", "time_constant")
+"""Ends of names of parameters that say when or where, and not how much."""
 
 
 class NamedEffect(Told):
@@ -117,7 +119,7 @@ class Cause(NamedEffect):
     def _may_be_zero(self) -> list[bool]:
         """Of each size, or where there is none of each parameter, whether its interval holds zero."""
         pairs = list(zip(self.parameters, self.intervals, strict=True))
-        sizes = [pair for pair in pairs if not pair[0].name.endswith(("phase", "start"))]
+        sizes = [pair for pair in pairs if not pair[0].name.endswith(NO_SIZES)]
         return [low <= 0.0 <= high for _, (low, high) in sizes or pairs]
 
     @property

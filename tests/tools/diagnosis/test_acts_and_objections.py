@@ -13,6 +13,7 @@ from trihedron.tools.evidence.evidence import Fit, Trial, Worst
 HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
 BASE = EffectPlace("base-drift", "base")
 HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
+WARM_UP = EffectPlace("warm-up", "accelerometer-1")
 
 
 @pytest.mark.parametrize(
@@ -24,6 +25,8 @@ HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
         # Not all components are zero together, though each may be.
         (BASE, [(-2e-5, 1e-5), (-1e-5, 0.0)], True),
         (BASE, [(-2e-5, 1e-5), (-1e-5, -1e-9)], True),
+        # A time constant is no size, and says nothing of one that may be zero.
+        (WARM_UP, [(-1e-5, 1e-5), (0.1, 2.0)], False),
         # The phase of an amplitude that may be zero says nothing.
         (HARMONIC, [(0.0, 1e-5), (0.5, 1.0)], False),
         (HARMONIC, [(1e-7, 1e-5), (-1.0, 1.0)], True),
