@@ -53,14 +53,10 @@ class {name}(Fmi2Slave):
         super().__init__(**kwargs)
         kernels = {{name: globals()[name] for name in ARGUMENTS}}
         self.model = Instance(VARIABLES, kernels, ARGUMENTS, EFFECTS)
-        self.start_time = None
+        self.start_time = 0.0
 
     def setup_experiment(self, start_time, stop_time=None, tolerance=None):
         self.start_time = self.model.time = start_time
-
-    def enter_initialization_mode(self):
-        if self.start_time is None:
-            self.refuse("fmi2SetupExperiment has to come before fmi2EnterInitializationMode")
 
     def exit_initialization_mode(self):
         self.check(self.model.initialise(self.start_time))
@@ -78,12 +74,8 @@ class {name}(Fmi2Slave):
         return message == 0
 
     def check(self, message):
-        if message:
-            self.refuse(MESSAGES[message - 1])
-
-    def refuse(self, reason):
-        self.log(f"{{self.instance_name}}: {{reason}}", Fmi2Status.error, "logStatusError")
-        raise ValueError(reason)
+        if not self.report(message):
+            raise ValueError(MESSAGES[message - 1])
 
     def get_real(self, references):
         return [self.model.get(reference) for reference in references]

@@ -185,12 +185,6 @@ def test_an_enumeration_takes_its_items_only():
             model.put(algorithm=wrong)
 
 
-def test_there_is_no_initialisation_before_the_experiment_is_set_up(fmu_folder, slaves):
-    slave = slaves(fmu_folder / "AttitudeComputer.fmu")
-    with pytest.raises(FMICallException):
-        slave.enterInitializationMode()
-
-
 @pytest.mark.parametrize("name", ["TurntableMotion", "AccelerometerBlock", "AttitudeComputer"])
 def test_a_step_that_is_none_is_discarded_and_the_next_one_works(name, fmu_folder, slaves):
     component, slave = components()[name], slaves(fmu_folder / f"{name}.fmu")
