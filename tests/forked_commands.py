@@ -107,6 +107,13 @@ class ForkedCommands:
         return Done(**came, struck=bool(told.get("struck")), calls=told.get("calls", {}))
 
 
+def with_temporary_folder(folder: Path) -> ForkedCommands:
+    """Commands whose temporary folder is `temporary` in a folder that is there, so that a test sees what they leave."""
+    (folder / "temporary").mkdir()
+    environment = {**os.environ, "TMPDIR": str(folder / "temporary"), "PYTHONWARNINGS": "ignore"}
+    return ForkedCommands(environment, folder / "said")
+
+
 def serve() -> None:
     """Do commands until the standard input ends."""
     from warm_commands import import_all

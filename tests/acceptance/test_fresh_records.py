@@ -75,7 +75,8 @@ def judged(fresh: Fresh, seed: int) -> Said:
             found.untrue += untrue_sizes(fresh, sets[0])
     elif told["verdict"] == "ambiguous":
         found.named = "among" if any(right) else "not among"
-    for cause, alone in ((cause, len(causes) == 1) for causes in sets for cause in causes):
+    excused = "may be zero, but not all together" in str(result)
+    for cause, alone in ((cause, excused and len(causes) == 1) for causes in sets for cause in causes):
         title = f"{cause['effect']} {cause['where']}"
         if may_be_zero(cause["parameters"], alone):
             found.zero.append(title)
@@ -102,7 +103,8 @@ def judged(fresh: Fresh, seed: int) -> Said:
 def may_be_zero(parameters: list[dict[str, Any]], alone: bool) -> bool:
     """Whether every size of a cause may be nothing at all; a phase, a time and a time constant are no sizes.
 
-    Of several sizes of a cause that stands alone each may be, and not all: without them the record is falsified.
+    Of several sizes of a cause that stands alone each may be, where it is said that not all are: without them the
+    record is falsified.
     """
     sizes = [p for p in parameters if not p["name"].endswith(("phase", "start", "time_constant"))]
     low = [-float("inf") if p["low"] is None else p["low"] for p in sizes]

@@ -17,7 +17,7 @@ import polars as pl
 import pytest
 
 from campaign_runs import CALIBRATION, PARTS, assert_begun, cluster, content, written
-from forked_commands import Done, ForkedCommands, Strike
+from forked_commands import Done, ForkedCommands, Strike, with_temporary_folder
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
 KILLS = int(os.environ.get("TRIHEDRON_KILLS", "200"))
@@ -53,9 +53,7 @@ INTERRUPTED = r"trihedron: interrupted(; .+)?\n"
 @pytest.fixture(scope="module")
 def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommands]:
     folder = tmp_path_factory.mktemp("commands")
-    (folder / "temporary").mkdir()
-    environment = {**os.environ, "TMPDIR": str(folder / "temporary"), "PYTHONWARNINGS": "ignore"}
-    with ForkedCommands(environment, folder / "said") as started:
+    with with_temporary_folder(folder) as started:
         yield started
         assert started.run(["doctor"], folder).status == 0
     assert list((folder / "temporary").iterdir()) == []

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from campaign_runs import CALIBRATION, PARTS, assert_begun, content, written
-from forked_commands import ForkedCommands, Strike
+from forked_commands import ForkedCommands, Strike, with_temporary_folder
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 SMALL = CALIBRATION.partition("[[compute]]")[0].replace("points = 7", "points = 2")
@@ -17,9 +17,7 @@ SMALL = CALIBRATION.partition("[[compute]]")[0].replace("points = 7", "points = 
 @pytest.fixture(scope="module")
 def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommands]:
     folder = tmp_path_factory.mktemp("commands")
-    (folder / "temporary").mkdir()
-    environment = {**os.environ, "TMPDIR": str(folder / "temporary"), "PYTHONWARNINGS": "ignore"}
-    with ForkedCommands(environment, folder / "said") as started:
+    with with_temporary_folder(folder) as started:
         yield started
     # Of those that were killed, too.
     assert list((folder / "temporary").iterdir()) == []
