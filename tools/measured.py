@@ -323,31 +323,44 @@ def diagnose(
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
+    asked = _asked(
+        run,
+        noise_bound=noise_bound,
+        gravity=gravity,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        rates=rates,
+        reference_bound=reference_bound,
+    )
+    with own_effects.with_effects_of(effects_from):
+        return diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **asked)
+
+
+def _asked(
+    run: Any,
+    *,
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: str | None = None,
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    rates: str = "instantaneous",
+    reference_bound: float | None = None,
+) -> dict[str, Any]:
+    """Options of a record's evidence, as of `diagnose`; an InputError for one that its kind does not have."""
     if isinstance(run, records.StrapdownRecord):
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
-        options: dict[str, Any] = {"baseline": baseline, "rates": rates, "reference_bound": reference_bound}
-        options |= {"hypotheses": hypotheses, "extend": extend}
-        with own_effects.with_effects_of(effects_from):
-            return diagnosis.diagnose(run, gravity=gravity, **options, progress=progress)
+        return {"gravity": gravity, "baseline": baseline, "rates": rates, "reference_bound": reference_bound}
     if rates != "instantaneous":
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     if reference_bound is not None:
         raise InputError(
             f"--reference-bound {reference_bound:g}: is of a strapdown record; a record of a table has no true attitude"
         )
-    with own_effects.with_effects_of(effects_from):
-        return diagnosis.diagnose(
-            run,
-            noise_bound=noise_bound,
-            gravity=gravity,
-            baseline=baseline or "asymmetric",
-            bounds=bounds,
-            mounting=mounting,
-            hypotheses=hypotheses,
-            extend=extend,
-            progress=progress,
-        )
+    own = {"noise_bound": noise_bound, "bounds": bounds, "mounting": mounting}
+    return {"gravity": gravity, "baseline": baseline or "asymmetric", **own}
 
 
 def diagnose_together(
@@ -393,7 +406,7 @@ def diagnose_together(
     given = (first, *others)
     if len(given) < 2:
         raise InputError("several records are needed, two at least")
-    if options.get("hypotheses"):
+    if options.pop("hypotheses", ()):
         raise InputError("--hypothesis: is of one record; give one")
     kinds, channels = (records.PositionRecord, records.StrapdownRecord), options.pop("channels", ())
     runs = [records.read_record(one, *kinds, channels=channels) for one in given]
@@ -405,17 +418,21 @@ def diagnose_together(
     ):
         raise InputError(f"{twice}: is given twice")
     named = dict(zip(diagnosis.labels_of([run.path for run in runs]), runs, strict=True))
-    with own_effects.with_effects_of(options.pop("effects_from", None)):
-        alone = {label: diagnose(run, **options, progress=progress) for label, run in named.items()}
-        unsure = (
-            {}
-            if options.get("noise_bound") is not None
-            else {
-                label: "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
-                for label, run in named.items()
-                if isinstance(run, records.PositionRecord) and not records.tells_noise(run)
-            }
-        )
+    effects_from, extend = options.pop("effects_from", None), options.pop("extend", False)
+    with own_effects.with_effects_of(effects_from):
+        evidence = {label: diagnosis.evidence_of(run, **_asked(run, **options)) for label, run in named.items()}
+        diagnosis.check_asked(evidence, shared, own)
+        alone = {
+            label: diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
+            for label, run in named.items()
+        }
+        unsure = {
+            label: "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
+            for label, run in named.items()
+            if options.get("noise_bound") is None
+            and isinstance(run, records.PositionRecord)
+            and not records.tells_noise(run)
+        }
         digests = {label: run.sha256 for label, run in named.items()}
         return diagnosis.diagnosed_together(
             alone, shared=shared, own=own, left_out=unsure, sha256=digests, progress=progress

@@ -68,6 +68,8 @@ class Cause(NamedEffect):
 
     equivalents: tuple[NamedEffect, ...]
     parameters: tuple[SizedParameter, ...]
+    among_records: Any = Field(default=None, exclude=True)
+    """The place where that is in one of several records; None else."""
 
     @staticmethod
     def found(
@@ -83,7 +85,13 @@ class Cause(NamedEffect):
             for p, value, (low, high) in named
         )
         same = tuple(NamedEffect.of(other) for other in equivalents)
-        return Cause(**NamedEffect.keys(place), equivalents=same, parameters=parameters)
+        among = None if type(place) is EffectPlace else place
+        return Cause(**NamedEffect.keys(place), equivalents=same, parameters=parameters, among_records=among)
+
+    @property
+    def place(self) -> EffectPlace:
+        """The effect and its place."""
+        return super().place if self.among_records is None else self.among_records
 
     @property
     def alike(self) -> tuple[EffectPlace, ...]:
@@ -170,5 +178,6 @@ class Finding:
         return tuple(cause.place for cause in self.causes)
 
     def in_order(self, places: Sequence[EffectPlace]) -> "Finding":
-        """The same with its causes in another order."""
-        return Finding(tuple(sorted(self.causes, key=lambda cause: places.index(cause.place))), self.fit)
+        """The same with its causes in another order, those of no place in it last."""
+        order = [*places, *(place for place in self.places if place not in places)]
+        return Finding(tuple(sorted(self.causes, key=lambda cause: order.index(cause.place))), self.fit)

@@ -112,7 +112,7 @@ def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:
 def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) -> tuple[str, ...]:
     """Effects that one of several lengths needs at most, and that another one would show and does not: not named."""
     said = []
-    for place, block in zip(fit.places, fit.blocks, strict=True):
+    for place, block in zip(fit.places, fit.blocks, strict=True) if lengths else ():
         if place not in evidence.places:
             # Of one that sets in at a time a length by itself tells less of the time than of the size.
             continue

@@ -47,6 +47,7 @@ MOST_ROWS = 400
 def diagnose(
     record: PositionRecord | StrapdownRecord,
     *,
+    evidence: Evidence | None = None,
     hypotheses: Sequence[str] = (),
     rerun: bool = True,
     extend: bool = False,
@@ -55,7 +56,7 @@ def diagnose(
 ) -> Diagnosis:
     """Say whether the simulation can be true of a record, and if not, which smallest set of effects mends it.
 
-    Options are of a position record as for `bench_evidence`, of a strapdown record as for `carried_evidence`. `rerun`:
+    Options are as for `evidence_of`; or the `evidence` of the record is given. `rerun`:
     simulate what was held out again, without and with the effects that were named, and say the power; `extend`: extend
     the model by what is in no catalogue though something in it stands; `progress`: show a bar on standard error, where
     that is a terminal; `hypotheses` are formulas that are judged. An InputError for a record that cannot be used, or
@@ -63,7 +64,7 @@ def diagnose(
     """
     carried = isinstance(record, StrapdownRecord)
     formulas = places_of(hypotheses, in_motion=carried)
-    evidence = carried_evidence(record, **options) if carried else bench_evidence(record, **options)
+    evidence = evidence_of(record, **options) if evidence is None else evidence
     # What carries a block is linear in what it was run with, so its formulas are run beside the catalogue.
     beside = evidence
     if formulas and not evidence.missing():
@@ -79,6 +80,15 @@ def diagnose(
         return result.model_copy(update={"hypotheses": answers})
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; {evidence.too_large}") from error
+
+
+def evidence_of(record: PositionRecord | StrapdownRecord, **options: Any) -> Evidence:
+    """The evidence of a record: options of positions as for `bench_evidence`, else as for `carried_evidence`."""
+    return (
+        carried_evidence(record, **options)
+        if isinstance(record, StrapdownRecord)
+        else bench_evidence(record, **options)
+    )
 
 
 def diagnosed(
@@ -110,7 +120,7 @@ def diagnosed(
     told |= of_dependence(evidence)
     objections = (*evidence.objections(), *_not_named(evidence))
     found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
-    told |= {"tried": single_radii(evidence), **evidence.of_misfit(), **found.told}
+    told |= {"tried": single_radii(evidence) if rerun else (), **evidence.of_misfit(), **found.told}
     listed = Listed(evidence)
     told |= of_what_is_proven(told, listed, found.fits)
     told |= of_functions(evidence, told, found.fits, extend=extend or not found.fits, rerun=rerun)
@@ -155,7 +165,7 @@ def diagnosed(
         places = [witness.place for witness in heard if witness.place is not None]
         best = best.in_order([*(read.place for read in evidence.read_off), *places])
         objections = tuple(text for witness in heard for text in witness.objections)
-        objections += only_at_one_length(evidence, best.fit, told["lengths"])
+        objections += only_at_one_length(evidence, best.fit, told.get("lengths", ()))
         told |= {"judgement": heard}
     told |= {"findings": [best]}
     # What has a witness against it is not named.

@@ -2,25 +2,26 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from pydantic import Field
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
 from ..bounded.sets import CutOff, Work
-from ..errors import InputError
+from ..errors import InputError, nearest
+from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..evidence.joint import Joint, join
-from ..evidence.of_record import Differs, InRecord, Mended, in_record, is_of_instrument, plain
+from ..evidence.of_record import Differs, InRecord, Mended, in_record, is_asked, is_of_instrument, names_of, plain
 from ..result import Result, Told, finite_or_none
 from .cause import Finding, NamedEffect, Number, SizedParameter
 from .cross_gain import CrossGain, Helps, cross_gains
-from .procedure import causes_of, centred, finding_of, judgement_of
+from .procedure import causes_of, centred, diagnosed
 from .result import Diagnosis, EffectWitness
-from .search import MOST_WORK, Found, equivalence_groups, search
+from .search import MOST_WORK
 
 SEVERAL = "trihedron.several/1"
 MOST_TRIED = 4
@@ -143,6 +144,18 @@ def labels_of(paths: Sequence[Path]) -> list[str]:
     return [f"{name}-{k}" if names.count(name) > 1 else name for k, name in enumerate(names, start=1)]
 
 
+def check_asked(members: Mapping[str, Evidence], shared: Sequence[str], own: Sequence[str]) -> None:
+    """Refuse a name that no record's parameter has, or a parameter that is asked to be both shared and own."""
+    known = dict.fromkeys(one for member in members.values() for name, _ in member.names for one in names_of(name))
+    for asked in (*shared, *own):
+        if not any(fnmatchcase(one, asked) for one in known):
+            option = "--shared" if asked in shared else "--own"
+            raise InputError(f"{option} {asked}: no parameter of these records; {nearest(asked, list(known))}")
+    every = dict.fromkeys(name for member in members.values() for name, _ in member.names)
+    if both := [name for name in every if is_asked(name, shared) and is_asked(name, own)]:
+        raise InputError(f"--shared and --own: {both[0]} cannot be both")
+
+
 def diagnosed_together(
     alone: Mapping[str, Diagnosis],
     *,
@@ -156,7 +169,7 @@ def diagnosed_together(
     """What records that were diagnosed each by itself, with their evidence, say together.
 
     `shared`, `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label;
-    `most_work` is that of the search. An InputError for a name of a parameter that there is not.
+    `most_work` is that of the search.
     """
     reasons = {label: (left_out or {}).get(label) or reason_apart(result) for label, result in alone.items()}
     joint = _joined(alone, reasons, shared, own)
@@ -225,59 +238,51 @@ def _judged(
     progress: bool,
     most_work: float,
 ) -> Several:
-    """The verdict on records that can be judged together."""
+    """The verdict on records that can be judged together: their diagnosis as one evidence, and whose its causes are."""
+    found = diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
+    named = found.findings if found.verdict in ("explained", "ambiguous") else ()
     told |= {
         "joint": joint,
         "shared": joint.shared,
         "own": tuple(dict.fromkeys(n for m in joint.members for n, _ in m.names if n not in joint.shared)),
         "radius": joint.baseline_radius,
         "not_searched": joint.not_searched,
+        "missing": found.missing or (),
+        "not_named": found.not_named or (),
+        "findings": named,
     }
-    missing = joint.left_open
-    few = len(joint.names) > 0 and len(joint.residual) <= np.linalg.matrix_rank(joint.nominal)
-    if missing or few:
-        said = ("no more readings than parameters: nothing could be falsified",) if few else ()
-        return Several(verdict="insufficient", missing=missing, not_named=said, **told)
-    if not joint.falsified:
-        parameters = _shared_parameters(joint, centred(joint, joint.baseline))
-        again = repeated(alone, joint, (), *asked)
-        return Several(verdict="consistent", parameters=parameters, repeatability=again, **told)
-    found = search(joint, progress=progress, most_work=most_work)
-    groups = equivalence_groups(joint, found.fits)
-    tried = [finding_of(joint, group) for group in groups]
-    findings = [finding for finding in tried if finding.acts]
-    idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
-    told |= {"findings": tuple(findings), "complete": found.complete}
-    if not findings:
-        said = idle or (_nothing(found),)
-        return Several(verdict="unexplained", not_named=said, repeatability=repeated(alone, joint, (), *asked), **told)
-    best = findings[0]
-    told |= {
-        "radius_with_causes": best.fit.radius,
-        "repeatability": repeated(alone, joint, best.fit.places, *asked),
-        "caution": _cautions(alone, joint, best),
-    }
-    sets = [_causes(joint, finding) for finding in findings]
-    sets += _with_unsought(joint, alone, asked, len(best.fit.places))
-    told |= _owners(joint, sets)
-    if len(sets) > 1 or not found.complete or told["caution"]:
-        return Several(verdict="ambiguous", causes=sets[0], alternatives=tuple(sets[1:]), not_named=idle, **told)
-    heard = judgement_of(joint, best.fit)
-    assert isinstance(heard, list)
-    told |= {"witnesses": tuple(heard)}
-    if objections := tuple(text for witness in heard for text in witness.objections):
-        return Several(verdict="unexplained", not_named=objections, **(told | {"instrument": None, "runs": {}}))
+    if found.verdict == "insufficient":
+        return Several(verdict="insufficient", **told)
+    told |= {"repeatability": repeated(alone, joint, named[0].fit.places if named else (), *asked)}
+    if found.verdict == "unexplained":
+        return Several(verdict="unexplained", **(told | {"not_named": found.not_named or (_nothing(found),)}))
+    told |= {"parameters": _shared_parameters(joint, named[0].fit if named else centred(joint, joint.baseline))}
+    if not named:
+        return Several(verdict="consistent", **told)
+    best = named[0]
+    rivals, untried = _with_unsought(joint, alone, asked, len(best.fit.places))
+    sets = [*(_causes(joint, finding) for finding in named), *rivals]
+    caution = (*_cautions(alone, joint, best), *untried)
+    several = found.verdict == "ambiguous" or len(sets) > 1 or caution
     return Several(
-        verdict="explained", causes=sets[0], parameters=_shared_parameters(joint, best.fit), not_named=idle, **told
+        verdict="ambiguous" if several else "explained",
+        radius_with_causes=best.fit.radius,
+        causes=sets[0],
+        alternatives=tuple(sets[1:]),
+        complete=found.cut_off_at is None,
+        witnesses=found.judgement,
+        caution=caution,
+        **told,
+        **_owners(joint, sets),
     )
 
 
-def _nothing(found: Found) -> str:
-    if found.complete:
+def _nothing(found: Diagnosis) -> str:
+    if found.cut_off_at is None:
         return (
             "no set of up to three effects, of all records or of one, and of parameters that differ in one, mends them"
         )
-    return f"the search was cut off among sets of {found.size}, and none of those that were tried mends them"
+    return f"the search was cut off among sets of {found.cut_off_at}, and none of those that were tried mends them"
 
 
 def _owners(joint: Joint, sets: Sequence[Sequence[JointCause]]) -> dict[str, Any]:
@@ -288,33 +293,49 @@ def _owners(joint: Joint, sets: Sequence[Sequence[JointCause]]) -> dict[str, Any
 
 def _with_unsought(
     joint: Joint, alone: Mapping[str, Diagnosis], asked: tuple[Sequence[str], Sequence[str]], size: int
-) -> list[tuple[JointCause, ...]]:
-    """Sets, no larger, with one that mends a record by itself and is not sought in several.
+) -> tuple[list[tuple[JointCause, ...]], tuple[str, ...]]:
+    """Sets, no larger, with one that mends a record by itself and is not sought in several; and what was not tried.
 
-    Each is tried as it acts there, beside sets that are sought.
+    Each is tried as it acts there, beside sets that are sought. In a record that nothing falsifies by itself none was
+    sought: there anything might do where the others stand with one effect less.
     """
-    found = []
+    found, untried = [], []
+    members = dict(zip(joint.labels, joint.members, strict=True))
     for label, known in zip(joint.labels, joint.searched, strict=True):
-        tried = [f for f in alone[label].findings if _unsought(f.fit, known) and len(f.fit.places) <= size]
+        every = alone[label].findings
+        if not members[label].falsified:
+            others = join({other: member for other, member in members.items() if other != label}, *asked)
+            if _beside(others, size - 1) is not None:
+                untried.append(label)
+        tried = [f for f in every if _unsought(f.fit, known) and len(f.fit.places) <= size]
+        # What contains a set that stands there can always stand, too.
+        tried = [f for f in tried if not any(f.contains(other) for other in every)]
         for finding in tried[:MOST_TRIED]:
-            members = dict(zip(joint.labels, joint.members, strict=True))
             beside = join(members | {label: Mended.of(members[label], finding.fit)}, *asked)
-            causes = tuple(_cause(in_record(c.place, label), c.parameters, ()) for c in finding.causes)
-            if not beside.falsified:
-                found.append(causes)
-                continue
-            for more in range(1, size - len(finding.fit.places) + 1):
-                try:
-                    candidates = beside.candidates(more, Work(MOST_WORK))
-                    fit = next((fits[0] for places in candidates if (fits := beside.mended(places, Work()))), None)
-                except CutOff:
-                    # What was not refuted stays a rival.
-                    found.append(causes)
-                    break
-                if fit is not None:
-                    found.append((*causes, *_causes(beside, Finding(causes_of(beside, fit), fit))))
-                    break
-    return found
+            more = _beside(beside, size - len(finding.fit.places))
+            if more is not None:
+                found.append((*(_cause(in_record(c.place, label), c.parameters) for c in finding.causes), *more))
+    return found, tuple(
+        f"{label}: nothing falsifies it by itself, so what is not sought in several records together was not tried "
+        "there, and might do as well"
+        for label in untried
+    )
+
+
+def _beside(joint: Joint, most: int) -> tuple[JointCause, ...] | None:
+    """Causes, so many at most, with which the records stand, empty where they need none; None where all are refuted."""
+    if not joint.falsified:
+        return ()
+    for size in range(1, most + 1):
+        try:
+            candidates = joint.candidates(size, Work(MOST_WORK))
+            fit = next((fits[0] for places in candidates if (fits := joint.mended(places, Work()))), None)
+        except CutOff:
+            # What was not refuted stays a rival.
+            return ()
+        if fit is not None:
+            return _causes(joint, Finding(causes_of(joint, fit), fit))
+    return None
 
 
 def _told_by(sets: Sequence[bool]) -> Open:
@@ -322,19 +343,17 @@ def _told_by(sets: Sequence[bool]) -> Open:
 
 
 def _causes(joint: Joint, finding: Finding) -> tuple[JointCause, ...]:
-    """A set of effects as it is published."""
-    return tuple(
-        _cause(joint.named(place), cause.parameters, joint.classes.equivalents(place))
-        for place, cause in zip(finding.fit.places, finding.causes, strict=True)
-    )
+    """A set of effects as it is published, the instrument's first."""
+    found = [_cause(c.place, c.parameters, joint.classes.equivalents(c.place)) for c in finding.causes]
+    return tuple(sorted(found, key=lambda cause: cause.of == "run"))
 
 
-def _cause(place: EffectPlace, parameters: Sequence[SizedParameter], same: Sequence[EffectPlace]) -> JointCause:
+def _cause(place: EffectPlace, parameters: Sequence[SizedParameter], same: Sequence[EffectPlace] = ()) -> JointCause:
     """An effect with whose it is."""
-    differs, alone = isinstance(place, Differs), isinstance(place, InRecord)
+    differs = isinstance(place, Differs)
     return JointCause(
         title=place.title,
-        of="run" if alone else "instrument",
+        of="run" if isinstance(place, InRecord) else "instrument",
         record=place.record if isinstance(place, InRecord) else None,
         effect=None if differs else NamedEffect.of(plain(place)),
         parameter=place.where if differs else None,

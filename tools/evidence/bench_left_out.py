@@ -22,6 +22,8 @@ UNIFORM = 3.0**-0.5
 
 Prediction = tuple[NDArray, NDArray]
 """Errors (H,) of readings that were left out, and how uncertain they are predicted, as `predicted_errors` has them."""
+Moved = Callable[[NDArray, np.random.Generator], NDArray]
+"""Columns (M, k) of an effect moved to where they do not belong, by a generator."""
 Split = tuple[NDArray, NDArray, Prediction | None]
 """Readings that are left out, those that are kept, and the former by the model without effects, if it has them."""
 
@@ -43,10 +45,10 @@ class Linear:
         return Linear(np.hstack((self.jacobian, columns)), self.residual, self.bound)
 
     def split(self, parts: Sequence[NDArray], used: NDArray) -> list[Split]:
-        """Readings of each part (rows), of those that are used, predicted over the others."""
+        """Readings of each part, of those that are used, predicted over the others."""
         split = []
         for out in parts:
-            held = np.intersect1d(readings_at(out), used)
+            held = np.intersect1d(out, used)
             kept = np.setdiff1d(used, held)
             split.append((held, kept, self.predicted(kept, held)))
         return split
@@ -105,16 +107,13 @@ def trials(
 ) -> Iterator[Trial]:
     """What was left out says of a set: positions in turn and blocks in time; then of each effect beside the others.
 
-    Every model is the one linearised at the fit to the whole record. Outliers last at no other position: their readings
-    are not used. `named` and `numbers` (N,) are effects and rows as the record names them.
+    Every model is the one linearised at the fit to the whole record. `named` and `numbers` (N,) are effects and rows as
+    the record names them.
     """
     count, bench, places = len(numbers), len(fit.point), tuple(map(named, fit.places))
-    turns = [np.arange(first, count, FOLDS) for first in range(FOLDS)]
-    blocks = [part for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
-    lasting = np.ones(len(fit.at), dtype=bool)
-    for place, block, _ in fit.ways:
-        lasting[bench:][block] = place.effect != "outlier"
-    used = np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))
+    turns = [readings_at(np.arange(first, count, FOLDS)) for first in range(FOLDS)]
+    blocks = [readings_at(part) for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
+    lasting, used = without_outliers(fit)
     if lasting.sum() == bench:
         yield Trial(places, None, None, jointly=True)
         return
@@ -122,24 +121,41 @@ def trials(
     turned = nominal.split(turns, used)
     folds, parts = (LeftOut.of(whole, split) for split in (turned, nominal.split(blocks, used)))
     own = lasting & (np.arange(len(fit.at)) >= bench)
-    shuffled = _shuffled(_without(fit, lasting, own), fit.jacobian[:, own], turned) if folds and fit.linear else ()
+    shuffled = _shuffled(_without(fit, lasting, own), fit.jacobian[:, own], turned, by_position)
     left = [part.worst(fit, numbers) for part in (folds, parts) if part is not None]
     worst = max(left, key=lambda one: one.error / one.allowed, default=None)
     # Shuffles cost most of all: they are made where they are asked for.
-    tried = (left.with_effects for left in shuffled)
+    tried = (left.with_effects for left in shuffled) if folds and fit.linear else ()
     rows = folds and folds.readings
     yield Trial(places, folds and folds.errors, parts and parts.errors, tried, jointly=True, worst=worst, rows=rows)
-    several = [(place, block) for place, block, _ in fit.ways if place.effect != "outlier"]
-    for place, block in several if folds and fit.linear and len(several) > 1 else ():
+    if folds and fit.linear and sum(place.effect != "outlier" for place in fit.places) > 1:
+        yield from trials_of_each(fit, turns, by_position)
+
+
+def trials_of_each(fit: Fit, parts: Sequence[NDArray], moved: Moved) -> Iterator[Trial]:
+    """What parts (rows) that are left out in turn say of each effect of a fit but outliers, beside the others.
+
+    `moved` gives an effect's columns at places where they do not belong.
+    """
+    lasting, used = without_outliers(fit)
+    whole = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
+    for place, block, _ in fit.ways:
         own = np.zeros(len(fit.at), dtype=bool)
-        own[bench:][block] = True
+        own[len(fit.point) :][block] = place.effect != "outlier"
         others = _without(fit, lasting, own)
-        split = others.split(turns, used)
-        alone = LeftOut.of(whole, split)
-        if alone is not None:
-            shuffled = _shuffled(others, fit.jacobian[:, own], split)
+        split = others.split(parts, used) if own.any() else []
+        if own.any() and (alone := LeftOut.of(whole, split)) is not None:
+            shuffled = _shuffled(others, fit.jacobian[:, own], split, moved)
             tried = (left.over(fit.allowed).with_effects for left in shuffled)
             yield Trial((place,), alone.over(fit.allowed).errors, None, tried)
+
+
+def without_outliers(fit: Fit) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
+    """Which columns (P + K,) are not those of outliers, which last at no other reading, and the readings without."""
+    lasting = np.ones(len(fit.at), dtype=bool)
+    for place, block, _ in fit.ways:
+        lasting[len(fit.point) :][block] = place.effect != "outlier"
+    return lasting, np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))
 
 
 def _without(fit: Fit, lasting: NDArray, own: NDArray) -> Linear:
@@ -147,12 +163,16 @@ def _without(fit: Fit, lasting: NDArray, own: NDArray) -> Linear:
     return Linear(fit.jacobian[:, lasting & ~own], fit.residual + fit.jacobian[:, own] @ fit.at[own], fit.allowed)
 
 
-def _shuffled(others: Linear, own: NDArray, split: Sequence[Split]) -> Iterator[LeftOut]:
-    """Columns (3 N, k) of effects moved to other positions, beside a model without them."""
+def by_position(own: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Columns (3 N, k) moved to other positions."""
     count = len(own) // 3
-    rng = np.random.default_rng(count)
+    return own.reshape(count, 3, -1)[rng.permutation(count)].reshape(3 * count, -1)
+
+
+def _shuffled(others: Linear, own: NDArray, split: Sequence[Split], moved: Moved) -> Iterator[LeftOut]:
+    """Columns (M, k) of effects moved, beside a model without them."""
+    rng = np.random.default_rng(len(own) // 3)
     for _ in range(SHUFFLES):
-        moved = own.reshape(count, 3, -1)[rng.permutation(count)].reshape(3 * count, -1)
-        left = LeftOut.of(others.beside(moved), split)
+        left = LeftOut.of(others.beside(moved(own, rng)), split)
         if left is not None:
             yield left

@@ -18,7 +18,15 @@ from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
 from ..bounded.possible import ROOM, Possible, Proofs, Reach, grown_rows, polar_intervals
-from ..bounded.programmes import Growth, Interval, SolverError, chebyshev_radius, column_space, same_space
+from ..bounded.programmes import (
+    SAME_SPACE,
+    Growth,
+    Interval,
+    SolverError,
+    chebyshev_radius,
+    column_space,
+    same_space,
+)
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 
@@ -226,9 +234,14 @@ class Fit:
 def contains(places: Sequence[EffectPlace], others: Sequence[EffectPlace]) -> bool:
     """Whether a set of effects is another one but for effects that contain others of that set at the same place."""
     more = [place for place in places if place not in others]
-    less = {(place.effect, place.where) for place in others if place not in places}
-    held = [next(((name, p.where) for name in p.definition.contains if (name, p.where) in less), None) for p in more]
+    less = {(place.effect, _home(place)) for place in others if place not in places}
+    held = [next(((name, _home(p)) for name in p.definition.contains if (name, _home(p)) in less), None) for p in more]
     return bool(more) and None not in held and len(set(held)) == len(less)
+
+
+def _home(place: EffectPlace) -> str:
+    """Where an effect acts: its place, and of an effect in one of several records that record."""
+    return place.title.removeprefix(place.effect)
 
 
 def are_possible(place: EffectPlace, values: Sequence[float]) -> bool:
@@ -286,15 +299,22 @@ class Classes:
 
     @staticmethod
     def of(places: Sequence[EffectPlace], spaces: Sequence[NDArray]) -> "Classes":
-        """Effects sorted by the spaces that they add to the model."""
-        found: list[tuple[list[EffectPlace], NDArray]] = []
+        """Effects sorted by the spaces that they add to the model.
+
+        The parts of a given vector in two spaces differ by no more than the spaces do: few have to be compared.
+        """
+        given = np.random.default_rng(0).normal(size=(len(spaces[0]) if spaces else 0, 2))
+        apart = 2.0 * SAME_SPACE * np.linalg.norm(given, axis=0)
+        found: list[tuple[list[EffectPlace], NDArray, NDArray]] = []
         for place, space in zip(places, spaces, strict=True):
-            same = next((members for members, other in found if same_space(space, other)), None)
+            mark = np.linalg.norm(space.T @ given, axis=0)
+            near = (one for one in found if np.all(np.abs(one[2] - mark) <= apart))
+            same = next((members for members, other, _ in near if same_space(space, other)), None)
             if same is not None:
                 same.append(place)
             elif space.shape[1]:
-                found.append(([place], space))
-        kept = [(first, tuple(others), space) for (first, *others), space in found]
+                found.append(([place], space, mark))
+        kept = [(first, tuple(others), space) for (first, *others), space, _ in found]
         return Classes(*zip(*kept, strict=True)) if kept else Classes((), (), ())
 
     def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:

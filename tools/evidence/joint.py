@@ -7,7 +7,6 @@ records, one below the other.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -16,26 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import Interval, chebyshev_radius, same_space, spaces_beyond
+from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
-from ..errors import InputError, nearest
 from ..motion.norm import LARGEST
+from .bench_left_out import trials_of_each
 from .bench_model import (
     ATTAINED,
     CONVERGED,
     LARGEST_OF_BENCH,
     MAX_ITERATIONS,
-    MAX_LEVERAGE,
     MAX_MOVES,
     Paid,
     growths_of,
     least_radius,
-    predicted_errors,
     with_possible_sizes,
 )
 from .evidence import Evidence, Trial
-from .fit import Classes, Fit, blocks_of, estimated
-from .of_record import Differs, InRecord, in_record, is_asked, is_of_instrument, names_of, plain, width_of
+from .fit import Fit, blocks_of, estimated
+from .of_record import Differs, InRecord, in_record, is_of_instrument, plain, width_of
+from .rows import Channel
 
 OPEN = 0.01
 """An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
@@ -43,9 +41,6 @@ LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
 """What the linear model of a search may be wrong by, in bounds: at least, and at most."""
 LEAST_PART = 1e-3
 """A parameter with so small a part in what is not determined is determined."""
-ALIKE = 1e-6
-"""Spaces whose parts of a given vector differ more are not the same."""
-SHUFFLES = 20
 
 
 def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Sequence[str] = ()) -> "Joint":
@@ -53,17 +48,7 @@ def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
 
     `shared` and `own` are names of parameters to be shared, or each record's own, other than by default; a star stands
     for anything. The rows are linear about the fit of the model without effects to all records.
-
-    An InputError for a name that no record has, and for a parameter that is asked to be both.
     """
-    known = dict.fromkeys(one for member in members.values() for name, _ in member.names for one in names_of(name))
-    for asked in (*shared, *own):
-        if not any(fnmatchcase(one, asked) for one in known):
-            option = "--shared" if asked in shared else "--own"
-            raise InputError(f"{option} {asked}: no parameter of these records; {nearest(asked, list(known))}")
-    every = dict.fromkeys(name for member in members.values() for name, _ in member.names)
-    if both := [name for name in every if is_asked(name, shared) and is_asked(name, own)]:
-        raise InputError(f"--shared and --own: {both[0]} cannot be both")
     names: dict[str, tuple[str, str]] = {}
     columns: list[list[str]] = []
     common: dict[str, None] = {}
@@ -312,11 +297,10 @@ class Joint(Evidence):
             moved[columns] += chebyshev_radius(jacobian[own][:, columns], left, np.ones(len(left)))[1]
         return moved
 
-    @property
-    def left_open(self) -> tuple[str, ...]:
-        """Parameters that all records together do not determine."""
+    def missing(self) -> Mapping[str, Any]:
+        """Parameters that all records together do not determine; no more readings than parameters prove nothing."""
         if not self.names:
-            return ()
+            return {}
         ends = self.baseline.ends(self.room(self.baseline), self.most_rows)
         _, values, directions = np.linalg.svd(self.nominal, full_matrices=True)
         kept = int((values > max(member.least_singular for member in self.members)).sum())
@@ -324,8 +308,11 @@ class Joint(Evidence):
         wide = [
             unit == "1" and high - low > 2.0 * LARGEST for (_, unit), (low, high) in zip(self.names, ends, strict=True)
         ]
-        unbounded = ~np.isfinite(ends).all(axis=1)
-        return tuple(name for (name, _), is_open in zip(self.names, loose | wide | unbounded, strict=True) if is_open)
+        which = loose | wide | ~np.isfinite(ends).all(axis=1)
+        told = {"missing": tuple(name for (name, _), is_open in zip(self.names, which, strict=True) if is_open)}
+        if len(self.residual) <= np.linalg.matrix_rank(self.nominal):
+            return told | {"not_named": ("no more readings than parameters: nothing could be falsified",)}
+        return told if told["missing"] else {}
 
     @property
     def slack(self) -> float:
@@ -333,29 +320,6 @@ class Joint(Evidence):
         radius = self.baseline_radius
         second = max(member.second_order_at(radius) for member in self.members)
         return min(MOST_SLACK, LEAST_SLACK + second + OPEN * radius)
-
-    @cached_property
-    def classes(self) -> Classes:
-        """Effects by what they add to all records; those that have the same space are one class.
-
-        Only spaces with equal parts of two given vectors are compared.
-        """
-        places = self.seen
-        spaces = spaces_beyond(self.nominal, [self.columns_of([place]) for place in places])
-        rng = np.random.default_rng(0)
-        given = rng.normal(size=(self.starts[-1], 2))
-        marks = [np.linalg.norm(space.T @ given, axis=0) for space in spaces]
-        found: list[tuple[list[EffectPlace], NDArray, NDArray]] = []
-        for place, space, mark in zip(places, spaces, marks, strict=True):
-            if not space.shape[1]:
-                continue
-            near = (one for one in found if np.abs(one[2] - mark).max() < ALIKE and same_space(one[1], space))
-            if (same := next(near, None)) is not None:
-                same[0].append(place)
-            else:
-                found.append(([place], space, mark))
-        kept = [(first, tuple(others), space) for (first, *others), space, _ in found]
-        return Classes(*zip(*kept, strict=True)) if kept else Classes((), (), ())
 
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
@@ -383,50 +347,21 @@ class Joint(Evidence):
         possible = with_possible_sizes(fit, self.limit, LARGEST_OF_BENCH)
         return [] if possible is None else [possible]
 
-    def alone(self, place: EffectPlace) -> float:
-        """Radius that one effect leaves."""
-        return self.refit([place]).radius
-
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Each effect of a fit but outliers: parts of all records left out without it, with it, and with it shuffled.
 
         Its signature is shuffled over the rows of a record on which it acts.
         """
-        rng, count = np.random.default_rng(len(self.residual)), len(self.point)
-        error = fit.residual + fit.jacobian[:, count:] @ fit.coefficients
-        for place, block, _ in fit.ways:
-            if place.effect == "outlier":
-                continue
-            own = np.arange(count + block.start, count + block.stop)
-            without = self._predicted(np.delete(fit.jacobian, own, axis=1), error)
-            reached = self._predicted(fit.jacobian, error)
-            scored = np.isfinite(without) & np.isfinite(reached)
-            if not scored.any():
-                continue
-            shuffled = (
-                moved[scored & np.isfinite(moved)]
-                for moved in (self._predicted(self._shuffled(fit.jacobian, own, rng), error) for _ in range(SHUFFLES))
-            )
-            yield Trial((place,), (without[scored], reached[scored]), None, shuffled)
+        folds = np.concatenate([member.fold_of_rows() for member in self.members])
+        parts = [np.flatnonzero(folds == fold) for fold in range(folds.max() + 1)]
+        yield from trials_of_each(fit, parts, self._shuffled)
 
-    def _predicted(self, jacobian: NDArray, error: NDArray) -> NDArray[np.float64]:
-        """Errors (M,), in bounds, of parts of the records left out in turn; NaN where the others do not tell them."""
-        if not jacobian.shape[1]:
-            return error
-        folds, found = np.concatenate([member.fold_of_rows() for member in self.members]), np.full(len(error), np.nan)
-        for fold in range(folds.max() + 1):
-            held = np.flatnonzero(folds == fold)
-            tried = predicted_errors(jacobian, error, np.ones(len(error)), np.flatnonzero(folds != fold), held)
-            if tried is not None:
-                found[held] = np.where(tried[1] <= MAX_LEVERAGE, tried[0], np.nan)
-        return found
-
-    def _shuffled(self, jacobian: NDArray, own: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
-        """The derivatives with an effect's columns moved to other rows of the same record."""
-        moved = jacobian.copy()
+    def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Columns (M, k) of an effect moved to other rows of the same record."""
+        moved = columns.copy()
         for begin, end in pairwise(self.starts):
-            acting = begin + np.flatnonzero(jacobian[begin:end][:, own].any(axis=1))
-            moved[np.ix_(acting, own)] = jacobian[np.ix_(rng.permutation(acting), own)]
+            acting = begin + np.flatnonzero(columns[begin:end].any(axis=1))
+            moved[acting] = columns[rng.permutation(acting)]
         return moved
 
     def alone_with(self, k: int, places: Sequence[EffectPlace]) -> Fit:
@@ -436,5 +371,18 @@ class Joint(Evidence):
         return member.refit([plain(place) for place in mine if not isinstance(place, Differs)])
 
     def head(self) -> Mapping[str, Any]:
-        """Nothing: what is said of several records is no diagnosis of one."""
+        """The model whose shared parameters have one value."""
+        baseline = {"radius": self.baseline_radius, "falsified": self.falsified}
+        return {"baseline_model": "shared parameters", "baseline": baseline}
+
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+        """Nothing: what each record excludes its own diagnosis says."""
+        yield from ()
+
+    def channels(self) -> Sequence[Channel]:
+        """None: they are each record's."""
+        return ()
+
+    def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
+        """Nothing: what to measure the diagnosis of each record says."""
         return {}

@@ -13,7 +13,9 @@ from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import procedure, several
 from trihedron.tools.diagnosis.several import Several, labels_of
+from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
@@ -76,6 +78,50 @@ def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs
     assert helps["record-1", QUADRATIC.title] == ("record-2", "record-3")
     assert helps["record-2", CUBIC.title] == ()
     assert "cubic accelerometer-1, found in record-2: helps on no other record: it is the run's" in str(found)
+
+
+def judged(monkeypatch, records) -> Several:
+    """Records judged together; nothing is simulated."""
+    monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
+    return several.diagnosed_together(
+        {f"record-{k}": procedure.diagnose(r, noise_bound=SIGMA, rerun=False) for k, r in enumerate(records, start=1)}
+    )
+
+
+def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_all(monkeypatch):
+    """The truth, a step, is not sought in several records: the record that shows it has it among its own sets.
+
+    What only contains one of these, as a lag contains the temperature itself, is none.
+    """
+    step = EffectPlace("bias-step", "accelerometer-2")
+    records = of_one_instrument(33, 2, positions=(16, 16), own={1: [(step, (3e-5, 0.009))]})
+    result = judged(monkeypatch, records)
+    assert "bias-step" in result.not_searched
+    sets = [[cause.title for cause in causes] for causes in (result.causes, *result.alternatives)]
+    assert result.verdict == "ambiguous"
+    assert ["bias-step accelerometer-2 in record-2"] in sets
+    assert not any("thermal-lag" in title or "warm-up" in title for titles in sets for title in titles)
+    assert result.runs["record-1"] == "no"
+
+
+def test_a_step_that_only_the_others_show_is_not_taken_for_what_is_sought_in_all(monkeypatch):
+    """By itself the second record falsifies nothing, so its step was never sought: no single cause is said."""
+    step = EffectPlace("bias-step", "accelerometer-2")
+    records = of_one_instrument(32, 2, positions=(16, 16), own={1: [(step, (3e-5, 0.009))]})
+    result = judged(monkeypatch, records)
+    assert {one.diagnosis.verdict for one in result.records} == {"consistent"}
+    assert result.verdict == "ambiguous"
+    assert any(text.startswith("record-2: nothing falsifies it by itself") for text in result.caution)
+
+
+def test_a_name_that_no_parameter_has_is_refused_before_any_diagnosis(monkeypatch):
+    def unwanted(*_: object, **__: object) -> None:
+        raise AssertionError("a record was diagnosed")
+
+    monkeypatch.setattr(procedure, "diagnosed", unwanted)
+    records = of_one_instrument(21, 2, positions=(20, 20))
+    with pytest.raises(InputError, match=r"^--own X99: no parameter of these records"):
+        th.diagnose_together(*records, noise_bound=SIGMA, own=["X99"])
 
 
 def test_records_without_a_secret_need_nothing():

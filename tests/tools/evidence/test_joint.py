@@ -8,6 +8,7 @@ import pytest
 from instrument_records import of_one_instrument
 from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import check_asked
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried_record import carried_evidence
@@ -106,11 +107,11 @@ def test_a_shared_parameter_that_differs_in_one_record_is_found_by_how_much_it_d
 
 def test_names_that_no_record_has_and_that_cannot_be_both_are_refused(halves):
     with pytest.raises(InputError, match=r"^--shared X44: no parameter of these records; "):
-        join(halves, shared=["X44"])
+        check_asked(halves, ["X44"], [])
     with pytest.raises(InputError, match=r"^--own bais-1: no parameter of these records; .*bias-1"):
-        join(halves, own=["bais-1"])
+        check_asked(halves, [], ["bais-1"])
     with pytest.raises(InputError, match=r"^--shared and --own: X16 cannot be both"):
-        join(halves, shared=["bias-*"], own=["X16"])
+        check_asked(halves, ["bias-*"], ["X16"])
 
 
 @pytest.fixture(scope="module")
