@@ -47,7 +47,11 @@ TYPE_NAMES = {
 }
 """Elements of the types in each version of FMI."""
 
-FMI2_CAPABILITIES = {"canGetAndSetFMUState": "canGetAndSetFMUstate", "canSerializeFMUState": "canSerializeFMUstate"}
+FMI2_CAPABILITIES = {
+    "canGetAndSetFMUState": "canGetAndSetFMUstate",
+    "canSerializeFMUState": "canSerializeFMUstate",
+    "providesDirectionalDerivatives": "providesDirectionalDerivative",
+}
 """What FMI 2.0 spells otherwise than FMI 3.0."""
 
 
@@ -163,7 +167,7 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
     else:
         root = Element("fmiModelDescription", {"fmiVersion": "3.0", **said, "instantiationToken": ""})
         spelt = {}
-    for name, can in component.capabilities.items():
+    for name, can in component.capabilities(native=bool(sources)).items():
         spelt[FMI2_CAPABILITIES.get(name, name) if fmi == 2 else name] = str(can).lower()
     about = {"modelIdentifier": component.name, "needsExecutionTool": "false"}
     interface = SubElement(root, "CoSimulation", about | spelt)

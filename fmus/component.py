@@ -125,6 +125,8 @@ class Component:
         name of the component whose inverse it is: effects that add to that one's readings extend it too
     any_step : bool
         whether steps of any lengths may follow one another
+    smooth : bool
+        whether its outputs change smoothly with inputs and parameters, so that derivatives tell something
     """
 
     name: str
@@ -139,11 +141,17 @@ class Component:
     effects: tuple[EffectPlace, ...] = ()
     undoes: str = ""
     any_step: bool = True
+    smooth: bool = True
 
     @property
-    def capabilities(self) -> dict[str, bool]:
-        """What its FMUs of every flavour can do, as FMI 3.0 names it."""
+    def derivatives(self) -> bool:
+        """Whether its native FMUs give directional derivatives: not of what is rounded."""
+        return self.smooth and not any(place.definition.rounds for place in self.effects)
+
+    def capabilities(self, *, native: bool) -> dict[str, bool]:
+        """What its FMUs of a flavour can do, as FMI 3.0 names it; PythonFMU has no derivatives."""
         return {
+            "providesDirectionalDerivatives": native and self.derivatives,
             "canHandleVariableCommunicationStepSize": self.any_step,
             "canGetAndSetFMUState": True,
             "canSerializeFMUState": True,

@@ -318,4 +318,5 @@ ATTITUDE_COMPUTER = Component(
     ),
     source="Chelnokov, Perelyaev, Chelnokova 2016",
     any_step=False,
+    smooth=False,
 )

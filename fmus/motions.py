@@ -191,6 +191,7 @@ POSITION_PROGRAMME = Component(
     ),
     source="the timing of Trihedron's position programmes",
     step_size=0.1,
+    smooth=False,
 )
 
 

@@ -16,6 +16,7 @@ from ..component import Component, Variable
 from ..reference import layered_reference
 from ..source import flat_parts
 from .compile import FLAGS, Platform, binary
+from .tangent import tangent_name, tangents
 from .translate import Signature, kernel_name, translate
 
 COMPILED = {
@@ -23,6 +24,9 @@ COMPILED = {
     3: ("model.c", "component.c", "values.c", "state.c", "fmi3.c", "fmi3_refused.c"),
 }
 """Source files of each version of FMI that are compiled."""
+
+DIFFERENTIATED = ("initialise", "respond")
+"""The kernels that make outputs of inputs and parameters as they stand, between steps."""
 
 MODEL_C = """/* {description}. Made by Trihedron from the component's kernels and table. */
 #include "component.h"
@@ -54,6 +58,7 @@ MODEL_H = """/* {description}. Made by Trihedron. */
 #define MODEL_HASH 0x{digest}ull
 #define VARIABLE_COUNT {variables}u
 #define MEMORY_SIZE {memory}
+#define DERIVATIVES {derivatives}
 
 #endif
 """
@@ -122,33 +127,57 @@ def _starts(component: Component) -> list[float]:
     return values if component.effect_count else [*values, 0.0]
 
 
-def _calls(component: Component, kernels: dict[str, Signature]) -> str:
-    """The functions by which the component's kernels work on the memory."""
+def _arguments(component: Component, kernel: str, signature: Signature, memory: str = "memory") -> list[str]:
+    """What a kernel is called with: its times, and places of the memory, or of another of the same layout.
+
+    A TypeError where the table has a scalar and the kernel a vector, or the reverse.
+    """
     where = places(component)
     scalars = {v.name for v in component.variables if not v.size and v.causality in ("parameter", "input")}
+    arguments = []
+    for name, wanted in zip(component.arguments[kernel], signature.kinds, strict=True):
+        if name in ("time", "step"):
+            arguments.append(name if memory == "memory" else "0.0")
+            continue
+        arguments.append(f"{memory}[{where[name]}]" if name in scalars else f"{memory} + {where[name]}")
+        if (name in scalars) == (wanted == "Vector"):
+            raise TypeError(f"kernel {kernel} of {component.name}: {name} is a {wanted} there, not in the table")
+    return arguments
+
+
+def _calls(component: Component, kernels: dict[str, Signature]) -> str:
+    """The functions by which the component's kernels work on the memory."""
     texts = []
     for kernel in ("initialise", "step", "respond"):
         kind = "void" if kernel == "respond" else "int64_t"
         body = ["    (void)memory;", "    (void)time;", "    (void)step;"]
         if kernel in component.kernels:
-            arguments = []
-            for name, wanted in zip(kernels[kernel].arguments, kernels[kernel].kinds, strict=True):
-                if name in ("time", "step"):
-                    arguments.append(name)
-                elif name in scalars:
-                    arguments.append(f"memory[{where[name]}]")
-                else:
-                    arguments.append(f"memory + {where[name]}")
-                if (arguments[-1].startswith("memory +")) != (wanted == "Vector"):
-                    raise TypeError(
-                        f"kernel {kernel} of {component.name}: {name} is a {wanted} there, not in the table"
-                    )
-            call = f"{kernel_name(kernel)}({', '.join(arguments)});"
+            call = f"{kernel_name(kernel)}({', '.join(_arguments(component, kernel, kernels[kernel]))});"
             body.append(f"    {call}" if kind == "void" else f"    return {call}")
         texts.append(
             f"\n{kind} model_{kernel}(double *memory, double time, double step)\n{{\n" + "\n".join(body) + "\n}\n"
         )
-    return "".join(texts)
+    return "".join(texts) + (_derivatives(component, kernels) if component.derivatives else "")
+
+
+def _derivatives(component: Component, kernels: dict[str, Signature]) -> str:
+    """The function by which a derivative of the memory is carried along."""
+    called = {}
+    for kernel in DIFFERENTIATED:
+        if kernel in component.kernels:
+            signature = kernels[kernel]
+            pairs = zip(
+                _arguments(component, kernel, signature), _arguments(component, kernel, signature, "dot"), strict=True
+            )
+            arguments = ", ".join([*(f"{own}, {dot}" for own, dot in pairs), "slope"])
+            called[kernel] = f"{kernel_name(tangent_name(kernel))}({arguments})"
+    lines = ["(void)memory;", "(void)dot;", "(void)time;", "double slope[1] = {0.0};"]
+    lines += [f"int64_t message = initialising ? {called['initialise']} : 0;"]
+    if "respond" in called:
+        lines += ["if (message == 0) {", f"    {called['respond']};", "}"]
+    lines += ["return message;"]
+    head = "\nint64_t model_differentiate(double *memory, double *dot, double time, int initialising)\n{\n"
+    return head + "".join(f"    {line}\n" for line in lines) + "}\n"
 
 
 def model_c(component: Component, fmi: int) -> str:
@@ -159,7 +188,10 @@ def model_c(component: Component, fmi: int) -> str:
     RestrictionError
         a kernel is not in restricted Python
     """
-    text, kernels = translate(flat_parts(component))
+    parts = flat_parts(component)
+    if component.derivatives:
+        parts = (*parts, *tangents(parts, [k for k in DIFFERENTIATED if k in component.kernels]))
+    text, kernels = translate(parts)
     table = rows(component, fmi)
     return MODEL_C.format(
         description=component.description,
@@ -181,6 +213,7 @@ def model_h(component: Component, fmi: int, token: str, source: str) -> str:
         digest=hashlib.sha256(f"state 1\n{source}".encode()).hexdigest()[:16],
         variables=len(rows(component, fmi)),
         memory=len(_starts(component)),
+        derivatives=int(component.derivatives),
     )
 
 

@@ -215,6 +215,8 @@ class Effect:
     contains : tuple of str
         names of effects at the same place that it can be, with some values of its parameters: where one of them
         stands, it is no rival
+    rounds : bool
+        readings come in whole steps, which no derivative tells
     """
 
     name: str
@@ -236,6 +238,7 @@ class Effect:
     open_argument: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
     memory: Callable[..., None] | None = None
     contains: tuple[str, ...] = ()
+    rounds: bool = False
     of_place: "Callable[[EffectPlace], Effect] | None" = None
     in_motion: bool = False
     sets_in: bool = False

@@ -331,6 +331,7 @@ QUANTISATION = last_stage_effect(
     quantisation_variants,
     "accelerometer {p} reads in steps of {step:.3e} g",
     formula="f_{p}/g 'in multiples of' {step}",
+    rounds=True,
 )
 
 
@@ -373,6 +374,7 @@ GYRO_QUANTISATION = last_stage_effect(
     places=(EffectPlace("gyro-quantisation", GYRO_BLOCK),),
     component="GyroBlock",
     in_motion=True,
+    rounds=True,
 )
 
 

@@ -22,6 +22,8 @@ TRIED = {
     "canHandleVariableCommunicationStepSize",
     # By the sequences of calls in test_native_conformance, and for Python in test_components.
     *("canGetAndSetFMUstate", "canSerializeFMUstate", "canGetAndSetFMUState", "canSerializeFMUState"),
+    # In test_derivatives.
+    *("providesDirectionalDerivative", "providesDirectionalDerivatives"),
     # The instances here are given no functions of memory.
     "canNotUseMemoryManagementFunctions",
 }

@@ -43,6 +43,8 @@ extern const char *const messages[];
 int64_t model_initialise(double *memory, double time, double step);
 int64_t model_step(double *memory, double time, double step);
 void model_respond(double *memory, double time, double step);
+/* Carries a derivative of the memory through the initialisation, where it is not over, and the response. */
+int64_t model_differentiate(double *memory, double *dot, double time, int initialising);
 
 enum { INSTANTIATED, INITIALISING, STEPPING, FAILED, TERMINATED, PHASES };
 #define IN(phase) (1u << (phase))
@@ -82,6 +84,9 @@ typedef struct {
     char *name;
     State state;
     double preview[MEMORY_SIZE];
+#if DERIVATIVES
+    double dot[MEMORY_SIZE];
+#endif
 } Component;
 
 #define INSTANCE_MARK 0x314d4f4348495254ull /* "TRIHCOM1" */
@@ -171,6 +176,9 @@ static inline int get_reals(Component *c, const char *call, const uint32_t *refe
     return get_values(c, call, REAL, DOUBLES, references, count, values, value_count);
 }
 
+int differentiate(Component *c, const char *call, const uint32_t *unknowns, size_t unknown_count,
+                  const uint32_t *knowns, size_t known_count, const double *seed, size_t seed_count,
+                  double *sensitivity, size_t sensitivity_count);
 int set_logging(Component *c, const char *call, int logging, size_t count, const char *const *categories);
 int save(Component *c, const char *call, void **record);
 int restore(Component *c, const char *call, const void *record);

@@ -254,14 +254,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component instance, const fmi2ValueR
                                         const fmi2ValueReference known[], size_t nKnown, const fmi2Real dvKnown[],
                                         fmi2Real dvUnknown[])
 {
-    CALL(ANY_PHASE)
-    (void)unknown;
-    (void)nUnknown;
-    (void)known;
-    (void)nKnown;
-    (void)dvKnown;
-    (void)dvUnknown;
-    return refuse(c, "%s: the FMU does not provide it", __func__);
+    CALL(INITIALISED)
+    return differentiate(c, __func__, unknown, nUnknown, known, nKnown, dvKnown, nKnown, dvUnknown, nUnknown);
 }
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr,

@@ -151,3 +151,53 @@ int get_values(Component *c, const char *call, Type type, Layout layout, const u
     }
     return OK;
 }
+
+/* The derivative of outputs along a direction of inputs and parameters, as the instance stands; nothing is changed. */
+int differentiate(Component *c, const char *call, const uint32_t *unknowns, size_t unknown_count,
+                  const uint32_t *knowns, size_t known_count, const double *seed, size_t seed_count,
+                  double *sensitivity, size_t sensitivity_count)
+{
+#if DERIVATIVES
+    if (check_call(c, call, REAL, DOUBLES, unknowns, unknown_count, sensitivity, sensitivity_count) != OK ||
+        check_call(c, call, REAL, DOUBLES, knowns, known_count, seed, seed_count) != OK) {
+        return ERROR;
+    }
+    for (size_t i = 0; i < unknown_count; i++) {
+        if (!unknowns[i] || variables[unknowns[i] - 1].causality != OUTPUT) {
+            return refuse(c, "%s: an unknown is no output", call);
+        }
+    }
+    memset(c->dot, 0, sizeof c->dot);
+    for (size_t i = 0, at = 0; i < known_count; i++) {
+        if (!knowns[i] || variables[knowns[i] - 1].causality == OUTPUT) {
+            return refuse(c, "%s: a known is neither an input nor a parameter", call);
+        }
+        const Variable *v = &variables[knowns[i] - 1];
+        for (size_t k = 0; k < v->size; k++) {
+            c->dot[v->place + k] += seed[at++];
+        }
+    }
+    memcpy(c->preview, c->state.memory, sizeof c->preview);
+    int64_t message = model_differentiate(c->preview, c->dot, c->state.time, c->state.phase == INITIALISING);
+    if (message != 0) {
+        return refuse(c, "%s: %s", call, messages[message - 1]);
+    }
+    for (size_t i = 0, at = 0; i < unknown_count; i++) {
+        const Variable *v = &variables[unknowns[i] - 1];
+        for (size_t k = 0; k < v->size; k++) {
+            sensitivity[at++] = c->dot[v->place + k];
+        }
+    }
+    return OK;
+#else
+    (void)unknowns;
+    (void)unknown_count;
+    (void)knowns;
+    (void)known_count;
+    (void)seed;
+    (void)seed_count;
+    (void)sensitivity;
+    (void)sensitivity_count;
+    return refuse(c, "%s: the FMU does not provide it", call);
+#endif
+}

@@ -1,0 +1,278 @@
+"""Derivatives of kernels: forward differentiation of restricted Python into restricted Python.
+
+The tangent of a kernel computes what the kernel does, the same bits, and carries a derivative along: beside every
+float and every vector ``x`` goes ``x_dot``, its derivative along a direction. Each statement is differentiated by the
+rules of calculus, so the derivative is exact to rounding. Where a function has none, that of the branch taken is given;
+a root, a size and an angle of zero count as flat, and so does what `floor` or `int` made whole.
+"""
+
+import ast
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from ..source import Part
+from .translate import FLOAT, INT, RestrictionError
+
+SLOPE = "slope"
+"""Argument of every tangent (1,): a kernel that returns a float leaves the derivative of it there."""
+
+RULES = '''
+def slope_of_root(x: float) -> float:
+    """Derivative of the root; flat at zero, as a length is that stays zero."""
+    if x > 0.0:
+        return 0.5 / math.sqrt(x)
+    return 0.0
+
+
+def slope_of_size(x: float) -> float:
+    """Derivative of the absolute value; flat at zero."""
+    if x > 0.0:
+        return 1.0
+    if x < 0.0:
+        return -1.0
+    return 0.0
+
+
+def slope_of_angle(y: float, y_dot: float, x: float, x_dot: float) -> float:
+    """Derivative of atan2(y, x); flat at the origin."""
+    square = x * x + y * y
+    if square > 0.0:
+        return (x * y_dot - y * x_dot) / square
+    return 0.0
+'''
+
+
+def tangent_name(kernel: str) -> str:
+    """What the tangent of a kernel is called."""
+    return f"tangent_{kernel}"
+
+
+def tangents(parts: Sequence[Part], wanted: Sequence[str]) -> list[Part]:
+    """The tangents of kernels and of what they call, each before its use.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        a flat source
+    wanted : sequence of str
+        names of kernels in it
+
+    Raises
+    ------
+    RestrictionError
+        a call that stands where it may be passed over, or what is not in restricted Python
+    """
+    kernels = {n.name: n for part in parts for n in ast.parse(part.text).body if isinstance(n, ast.FunctionDef)}
+    origins = {n.name: part for part in parts for n in ast.parse(part.text).body if isinstance(n, ast.FunctionDef)}
+    made: dict[str, str] = {}
+    open_ = list(wanted)
+    while open_:
+        name = open_.pop()
+        if name not in made:
+            tangent = _Tangent(kernels, name, origins[name])
+            made[name] = tangent.text()
+            open_ += tangent.called
+    return [Part(RULES, "tangent.py", 1), *(replace(origins[k], text=made[k]) for k in kernels if k in made)]
+
+
+def _kinds(node: ast.FunctionDef) -> list[str]:
+    return [ast.unparse(a.annotation) if a.annotation else "" for a in node.args.args]
+
+
+Pair = tuple[ast.expr, ast.expr | None]
+"""A value and its derivative, None where that is zero whatever happens."""
+
+ZERO = ast.Constant(0.0)
+
+
+def _name(text: str) -> ast.Name:
+    return ast.Name(text, ast.Load())
+
+
+def _sum(a: ast.expr | None, b: ast.expr | None) -> ast.expr | None:
+    return ast.BinOp(a, ast.Add(), b) if a is not None and b is not None else a if b is None else b
+
+
+def _times(a: ast.expr, b: ast.expr | None) -> ast.expr | None:
+    return None if b is None else ast.BinOp(a, ast.Mult(), b)
+
+
+def _called(name: str, *arguments: ast.expr) -> ast.Call:
+    return ast.Call(_name(name), list(arguments), [])
+
+
+def _of_math(name: str, *arguments: ast.expr) -> ast.Call:
+    return ast.Call(ast.Attribute(_name("math"), name, ast.Load()), list(arguments), [])
+
+
+@dataclass
+class _Tangent:
+    """A kernel on its way to its tangent."""
+
+    kernels: dict[str, ast.FunctionDef]
+    name: str
+    part: Part
+    # Local variables that have a derivative, found by going through the kernel until there are no more.
+    moving: set[str] = field(default_factory=set)
+    called: set[str] = field(default_factory=set)
+    count: int = 0
+    out: list[ast.stmt] = field(default_factory=list)
+
+    def refuse(self, node: ast.AST, reason: str) -> RestrictionError:
+        line = self.part.first_line + getattr(node, "lineno", 1) - 1
+        return RestrictionError(f"{self.part.origin}, line {line}: '{ast.unparse(node)}': {reason}")
+
+    def text(self) -> str:
+        """Source of the tangent."""
+        node = self.kernels[self.name]
+        names, kinds = [a.arg for a in node.args.args], _kinds(node)
+        self.moving = {name for name, kind in zip(names, kinds, strict=True) if kind != INT}
+        self.returns = ast.unparse(node.returns) if node.returns else ""
+        known = -1
+        while known < len(self.moving):
+            known, self.count = len(self.moving), 0
+            body = self.body(node.body)
+        arguments: list[str] = []
+        for name, kind in zip(names, kinds, strict=True):
+            arguments += [f"{name}: {kind}"] if kind == INT else [f"{name}: {kind}", f"{name}_dot: {kind}"]
+        said = f'    """Tangent of {self.name}."""'
+        head = f"def {tangent_name(self.name)}({', '.join([*arguments, f'{SLOPE}: Vector'])}) -> {self.returns}:"
+        module = ast.fix_missing_locations(ast.Module(body or [ast.Pass()], []))
+        lines = ast.unparse(module).splitlines()
+        return "\n".join([head, said, *(f"    {line}" for line in lines)]) + "\n"
+
+    def body(self, statements: Sequence[ast.stmt]) -> list[ast.stmt]:
+        """Statements with those that carry the derivatives along."""
+        outer, self.out = self.out, []
+        for statement in statements:
+            self.statement(statement)
+        made, self.out = self.out, outer
+        return made
+
+    def statement(self, node: ast.stmt) -> None:
+        match node:
+            case ast.Expr(value=ast.Call() as call):
+                self.out.append(ast.Expr(self.tangent_call(call)))
+            case ast.Expr() | ast.Pass():
+                pass
+            case ast.Assign(targets=[target], value=value):
+                self.assign(target, value)
+            case ast.If(test=test, body=body, orelse=orelse):
+                self.plain(test)
+                self.out.append(ast.If(test, self.body(body) or [ast.Pass()], self.body(orelse)))
+            case ast.While(test=test, body=body):
+                self.plain(test)
+                self.out.append(ast.While(test, self.body(body), []))
+            case ast.For(target=target, iter=each, body=body):
+                self.out.append(ast.For(target, each, self.body(body) or [ast.Pass()], []))
+            case ast.Return(value=None):
+                self.out.append(node)
+            case ast.Return(value=ast.expr() as value):
+                made, dot = self.pair(value)
+                if self.returns == FLOAT:
+                    self.out.append(ast.Assign([ast.Subscript(_name(SLOPE), ast.Constant(0))], dot or ZERO))
+                self.out.append(ast.Return(made))
+            case _:
+                raise self.refuse(node, "has no tangent")
+
+    def assign(self, target: ast.expr, value: ast.expr) -> None:
+        made, dot = self.pair(value)
+        if isinstance(target, ast.Name):
+            if dot is not None:
+                self.moving.add(target.id)
+            if target.id in self.moving:
+                self.out.append(ast.Assign([_name(f"{target.id}_dot")], dot or ZERO))
+        else:
+            assert isinstance(target, ast.Subscript)
+            assert isinstance(target.value, ast.Name)
+            place = ast.Subscript(_name(f"{target.value.id}_dot"), target.slice)
+            self.out.append(ast.Assign([place], dot or ZERO))
+        self.out.append(ast.Assign([target], made))
+
+    def plain(self, node: ast.expr) -> None:
+        """Refuse what a condition does beside deciding: then its calls have to be done with their derivatives."""
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.Call) and isinstance(inner.func, ast.Name) and self.changes(inner.func.id):
+                raise self.refuse(inner, "changes a vector in a condition: give its value a name before")
+
+    def changes(self, kernel: str) -> bool:
+        """Whether a kernel writes into a vector."""
+        if kernel not in self.kernels:
+            return False
+        nodes = list(ast.walk(self.kernels[kernel]))
+        stores = any(isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store) for n in nodes)
+        return stores or any(
+            self.changes(n.func.id) for n in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)
+        )
+
+    def tangent_call(self, node: ast.Call) -> ast.Call:
+        """A call of a kernel as one of its tangent."""
+        if not isinstance(node.func, ast.Name) or node.func.id not in self.kernels:
+            raise self.refuse(node, "has no tangent")
+        self.called.add(node.func.id)
+        arguments: list[ast.expr] = []
+        for argument, kind in zip(node.args, _kinds(self.kernels[node.func.id]), strict=True):
+            made, dot = self.pair(argument)
+            arguments += [made] if kind == INT else [made, dot or ZERO]
+        return _called(tangent_name(node.func.id), *arguments, _name(SLOPE))
+
+    def pair(self, node: ast.expr) -> Pair:
+        """An expression and its derivative; calls of kernels are done before, and named."""
+        match node:
+            case ast.Name(id=name):
+                return node, _name(f"{name}_dot") if name in self.moving else None
+            case ast.Subscript(value=ast.Name(id=name), slice=at):
+                return node, ast.Subscript(_name(f"{name}_dot"), at)
+            case ast.UnaryOp(op=op, operand=operand):
+                made, dot = self.pair(operand)
+                return ast.UnaryOp(op, made), None if dot is None else ast.UnaryOp(op, dot)
+            case ast.BinOp(left=left, op=op, right=right):
+                return self.operation(self.pair(left), op, self.pair(right))
+            case ast.Call(func=ast.Attribute(attr=name), args=arguments):
+                return self.function(name, [self.pair(argument) for argument in arguments])
+            case ast.Call(func=ast.Name(id="float"), args=[argument]):
+                made, dot = self.pair(argument)
+                return _called("float", made), dot
+            case ast.Call(func=ast.Name(id="int"), args=[argument]):
+                return _called("int", self.pair(argument)[0]), None
+            case ast.Call(func=ast.Name(id=kernel)):
+                call = self.tangent_call(node)
+                self.count += 1
+                value = f"value_{self.count}"
+                self.out.append(ast.Assign([_name(value)], call))
+                if ast.unparse(self.kernels[kernel].returns or ast.Constant(None)) != FLOAT:
+                    return _name(value), None
+                self.out.append(ast.Assign([_name(f"{value}_dot")], ast.Subscript(_name(SLOPE), ast.Constant(0))))
+                return _name(value), _name(f"{value}_dot")
+        return node, None
+
+    def operation(self, left: Pair, op: ast.operator, right: Pair) -> Pair:
+        (a, da), (b, db) = left, right
+        made = ast.BinOp(a, op, b)
+        match op:
+            case ast.Add():
+                return made, _sum(da, db)
+            case ast.Sub():
+                return made, da if db is None else ast.BinOp(da or ZERO, op, db)
+            case ast.Mult():
+                return made, _sum(_times(b, da), _times(a, db))
+        rest = _times(made, db)
+        over = da if rest is None else ast.BinOp(da or ZERO, ast.Sub(), rest)
+        return made, None if over is None else ast.BinOp(over, ast.Div(), b)
+
+    def function(self, name: str, arguments: list[Pair]) -> Pair:
+        made = _of_math(name, *(a for a, _ in arguments))
+        if name == "floor" or all(dot is None for _, dot in arguments):
+            return made, None
+        x, dot = arguments[0]
+        if name == "atan2":
+            pairs = [part for a, da in arguments for part in (a, da or ZERO)]
+            return made, _called("slope_of_angle", *pairs)
+        slopes = {
+            "sqrt": _called("slope_of_root", x),
+            "fabs": _called("slope_of_size", x),
+            "exp": made,
+            "sin": _of_math("cos", x),
+            "cos": ast.UnaryOp(ast.USub(), _of_math("sin", x)),
+        }
+        return made, _times(slopes[name], dot)
