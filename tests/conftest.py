@@ -2,6 +2,7 @@
 
 import gc
 import os
+import shlex
 import shutil
 import signal
 import tempfile
@@ -11,6 +12,13 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+COMPILED_AS_SHIPPED = {
+    *("acceptance", "benchmarks"),
+    *("test_bits", "test_native_conformance", "test_native_platforms", "test_native_translation", "test_prebuilt"),
+    *("test_installation", "test_loops"),
+}
+"""Folders and modules of tests to which it matters how the C compiler optimises."""
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("no deadlines", deadline=None)
@@ -37,6 +45,35 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
     os.environ.setdefault("TRIHEDRON_CACHE", str(shared / "cache"))
+
+
+@pytest.fixture(scope="session")
+def _hasty_compiler(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
+    """The host's C compiler without its optimisation, which takes most of its time; None where it cannot be had."""
+    real = shutil.which(os.environ.get("CC") or "cc")
+    if real is None or os.name != "posix":
+        return None
+    path = tmp_path_factory.mktemp("compiler") / "cc"
+    # It has a version of its own, so that the cache keeps apart what the two have made.
+    path.write_text(
+        f'#!/bin/sh\nif [ "$1" = --version ]; then echo hasty; fi\nexec {shlex.quote(real)} "$@" -O0\n',
+        encoding="utf-8",
+    )
+    path.chmod(0o755)
+    return path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiler(request: pytest.FixtureRequest, _hasty_compiler: Path | None) -> Iterator[None]:
+    """Native FMUs are compiled in haste where their machine code is not what is tested."""
+    from trihedron.fmus.native.compile import host_compiler
+
+    with pytest.MonkeyPatch.context() as patch:
+        if _hasty_compiler and not COMPILED_AS_SHIPPED & {request.path.parent.name, request.path.stem}:
+            patch.setenv("CC", str(_hasty_compiler))
+        host_compiler.cache_clear()
+        yield
+    host_compiler.cache_clear()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -76,7 +76,7 @@ def test_an_effect_that_sets_in_at_the_beginning_is_the_one_that_always_acts(fil
     assert np.abs(last.columns_of([step])).max() < 1e-2 * np.abs(first.columns_of([step])).max()
 
 
-@pytest.mark.parametrize("at", [0.23, 0.5, 0.71])
+@pytest.mark.parametrize("at", [0.23, *(pytest.param(at, marks=pytest.mark.acceptance) for at in (0.5, 0.71))])
 def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
     evidence = made(filmed=True, step=2e-3, at=at)
     (fit,) = evidence.mended([STEP], Work())
@@ -91,7 +91,15 @@ def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
     assert not evidence.mended([EffectPlace("latency-step", "gyro-block")], Work())
 
 
-@pytest.mark.parametrize(("filmed", "part", "size"), [(0, 0.1, 0.1), (0, 0.35, 3e-2), (1, 0.1, 6e-3), (1, 0.35, 6e-3)])
+@pytest.mark.parametrize(
+    ("filmed", "part", "size"),
+    [
+        (0, 0.1, 0.1),
+        pytest.param(0, 0.35, 3e-2, marks=pytest.mark.acceptance),
+        pytest.param(1, 0.1, 6e-3, marks=pytest.mark.acceptance),
+        (1, 0.35, 6e-3),
+    ],
+)
 def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(filmed, part, size):
     evidence = made(filmed=bool(filmed), settling=(size, part))
     assert evidence.baseline_radius > evidence.limit

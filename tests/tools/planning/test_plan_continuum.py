@@ -66,7 +66,7 @@ SOME = ("X2", "X3", "X9", "X17")
     [
         ((3e-3, 1e-2), "tables", ()),
         ((3e-3, 1e-2), "paper", ("X1", "X4", "X16", "X3")),
-        ((3e-3, 5e-2), "tables", SOME),
+        pytest.param((3e-3, 5e-2), "tables", SOME, marks=pytest.mark.acceptance),
         pytest.param((0.0, 1e-4), "tables", SOME, marks=pytest.mark.acceptance),
     ],
 )

@@ -119,8 +119,12 @@ def svg_text(figure: "Figure", label: str) -> str:
     It is well-formed XML without prologue, transparent, with its own rule for dark pages; its ids are its own, so that
     several pictures can stand in one page.
     """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    # `savefig` goes through the whole figure once more before it draws; its layout is found in the one drawing too.
+    metadata = {"Date": None, "Creator": None, "Format": None, "Type": None}
+    FigureCanvasSVG(figure).print_svg(stream, metadata=metadata)
     text = stream.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
