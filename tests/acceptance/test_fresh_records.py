@@ -75,10 +75,9 @@ def judged(fresh: Fresh, seed: int) -> Said:
             found.untrue += untrue_sizes(fresh, sets[0])
     elif told["verdict"] == "ambiguous":
         found.named = "among" if any(right) else "not among"
-    excused = "may be zero, but not all together" in str(result)
-    for cause, alone in ((cause, excused and len(causes) == 1) for causes in sets for cause in causes):
+    for cause in (cause for causes in sets for cause in causes):
         title = f"{cause['effect']} {cause['where']}"
-        if may_be_zero(cause["parameters"], alone):
+        if may_be_zero(cause["parameters"]):
             found.zero.append(title)
         found.outside += [f"{title} {name}" for name in outside(cause["parameters"])]
     found.outside += outside(told["baseline"].get("parameters") or [])
@@ -100,16 +99,12 @@ def judged(fresh: Fresh, seed: int) -> Said:
     return found
 
 
-def may_be_zero(parameters: list[dict[str, Any]], alone: bool) -> bool:
-    """Whether every size of a cause may be nothing at all; a phase, a time and a time constant are no sizes.
-
-    Of several sizes of a cause that stands alone each may be, where it is said that not all are: without them the
-    record is falsified.
-    """
+def may_be_zero(parameters: list[dict[str, Any]]) -> bool:
+    """Whether every size of a cause may be nothing at all; a phase, a time and a time constant are no sizes."""
     sizes = [p for p in parameters if not p["name"].endswith(("phase", "start", "time_constant"))]
     low = [-float("inf") if p["low"] is None else p["low"] for p in sizes]
     high = [float("inf") if p["high"] is None else p["high"] for p in sizes]
-    return (len(sizes) == 1 or not alone) and all(a <= 0.0 <= b for a, b in zip(low, high, strict=True))
+    return all(a <= 0.0 <= b for a, b in zip(low, high, strict=True))
 
 
 def outside(parameters: list[dict[str, Any]]) -> list[str]:

@@ -112,33 +112,17 @@ class Cause(NamedEffect):
 
     @property
     def acts(self) -> bool:
-        """Whether the effect cannot be nothing: a size that is its only one is not zero, and cannot be.
-
-        Of several components none need be so: the smallest set shows that not all of them are zero.
-        """
-        return len(self._may_be_zero) > 1 or self.acts_by_itself
-
-    @property
-    def acts_by_itself(self) -> bool:
-        """Whether one size at least cannot be zero."""
-        return not all(self._may_be_zero)
-
-    @property
-    def _may_be_zero(self) -> list[bool]:
-        """Of each size, or where there is none of each parameter, whether its interval holds zero."""
+        """Whether the effect cannot be nothing: one size at least cannot be zero; a phase or a time is no size."""
         pairs = list(zip(self.parameters, self.intervals, strict=True))
         sizes = [pair for pair in pairs if not pair[0].name.endswith(NO_SIZES)]
-        return [low <= 0.0 <= high for _, (low, high) in sizes or pairs]
+        return any(low > 0.0 or high < 0.0 for _, (low, high) in sizes or pairs)
 
     @property
     def sentence(self) -> str:
         """What an engineer is told."""
         effect = self.place.definition
         stated = zip(self.parameters, self.intervals, strict=True)
-        said = effect.sentence(self.place, {p.name: Stated(p.estimate, *ends) for p, ends in stated})
-        if len(self._may_be_zero) == 1 or not all(self._may_be_zero):
-            return said
-        return f"{said}; each of these may be zero, but not all together"
+        return effect.sentence(self.place, {p.name: Stated(p.estimate, *ends) for p, ends in stated})
 
 
 @dataclass(frozen=True)
@@ -165,12 +149,14 @@ class Finding:
 
     @property
     def acts(self) -> bool:
-        """Whether none of the effects may be nothing.
+        """Whether none of the effects may be nothing."""
+        return all(cause.acts for cause in self.causes)
 
-        Of several effects each has a size of its own that is not zero: what the smallest set shows of components that
-        each may be zero hangs on the others.
-        """
-        return all(cause.acts if len(self.causes) == 1 else cause.acts_by_itself for cause in self.causes)
+    @property
+    def not_shown(self) -> str:
+        """What is said of a set that stands though an effect of it may be nothing."""
+        idle = " and ".join(cause.place.title for cause in self.causes if not cause.acts)
+        return f"{self.title} would do, but no size of {idle} is shown: each by itself may be zero"
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:

@@ -133,7 +133,7 @@ def diagnosed(
     told |= {"caution": (*told.get("caution", ()), *unlisted.caution)}
     tried = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
     findings = [finding for finding in tried if finding.acts]
-    idle = tuple(f"{finding.title} would do, but may be zero" for finding in tried if not finding.acts)
+    idle = tuple(dict.fromkeys(finding.not_shown for finding in tried if not finding.acts))
     if not findings:
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, idle)

@@ -462,6 +462,8 @@ def undecided(readings: Readings, fit: Fit) -> NDArray:
 def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -> NDArray:
     """Readings (n, 3) over g that the FMUs, extended as `fit` says, give at some rows of the record."""
     simulated = np.zeros((len(readings), 3))
+    # What least squares make of coefficients that are one way's is no effect that can be run: one possible point is.
+    fit = fit if fit.linear else fit.centred()
     bench, coefficients = np.split(fit.estimate, [len(fit.point)])
     at = readings.true_angles(bench, [(place, coefficients[block]) for place, block, _ in fit.ways])
     commands, p = np.stack((at.alpha, at.beta), axis=1), readings.parametrisation
@@ -483,11 +485,8 @@ def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -
 
 
 def effect_entries(fit: Fit) -> list[dict[str, object]]:
-    """Effects of a fit, with the sizes of least squares, as a scenario writes them."""
-    entries = []
-    for (place, _, variant), linear, stated in zip(
-        fit.ways, fit.values(fit.estimate[len(fit.point) :]), fit.values(), strict=True
-    ):
-        names = [parameter.name for parameter in place.definition.parameters]
-        entries.append(place.entry | dict(zip(names, linear if variant is None else stated, strict=True)))
-    return entries
+    """Effects of a fit at its estimate, as a scenario writes them."""
+    return [
+        place.entry | dict(zip((parameter.name for parameter in place.definition.parameters), values, strict=True))
+        for place, values in zip(fit.places, fit.values(fit.estimate[len(fit.point) :]), strict=True)
+    ]

@@ -1,6 +1,7 @@
 """The evidence of a bench: what was left out, what another mounting tells."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -8,10 +9,13 @@ import numpy as np
 import pytest
 
 from bench_cases import bench_case
+from independent_bench import SIGMA
+from independent_bench import position_record as fresh_record
 from other_solver import farthest
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded.sets import Work
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import excluded_sizes, judgement_of
@@ -19,7 +23,8 @@ from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence import bench_left_out, bench_predictions
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import Cast, predicted_errors
-from trihedron.tools.evidence.bench_predictions import second_mounting
+from trihedron.tools.evidence.bench_predictions import second_mounting, simulate_rows
+from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
 
@@ -101,6 +106,20 @@ def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_w
     off[7, 2] += 6.0 * 9.80665 * NOISE_BOUND
     found = largest(off)
     assert (found.objects, found.position, found.accelerometer) == (True, 8, 3)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("thermal-lag", 8), ("bias-step", 1)])
+def test_the_extended_model_runs_at_one_possible_point(tmp_path: Path, kind: str, seed: int):
+    """Two lags nearly cancel in least squares, with biases of hundreds of bounds: that is no point to simulate at."""
+    fresh = fresh_record(tmp_path / "record.csv", kind, seed)
+    record = read_record(fresh.path)
+    assert isinstance(record, PositionRecord)
+    evidence = bench_evidence(record, noise_bound=SIGMA)
+    ((name, where),) = fresh.hidden
+    fit = evidence.mended([EffectPlace(name, where)], Work())[0]
+    rows = np.arange(1, len(record))
+    left = evidence.readings.reading[rows] - simulate_rows(evidence.readings, fit, rows, evidence.calibration.gravity)
+    assert np.abs(left / fit.allowed.reshape(-1, 3)[rows]).max() < 1.01
 
 
 def test_too_few_positions_cannot_be_judged_and_that_is_said():
