@@ -10,6 +10,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 import traceback
 from collections import Counter
@@ -25,6 +26,8 @@ from typing import Any, TextIO
 class Strike:
     """What happens at the n-th call, of Python's functions and of C's, that is made within one of some functions.
 
+    Or, where `stored` is said, some seconds after the first file of that name is there.
+
     Attributes
     ----------
     within : str
@@ -37,6 +40,10 @@ class Strike:
         a name of `BLOWS`
     victim : int
         process that is killed by "kill another"
+    stored : str
+        pattern of a file's name below the command's folder, as "out/runs/part-*"
+    delay : float
+        seconds [s] from when there is one
     """
 
     within: str
@@ -44,6 +51,8 @@ class Strike:
     number: int = 0
     blow: str = "kill"
     victim: int = 0
+    stored: str = ""
+    delay: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -206,6 +215,20 @@ class _Struck:
         self._calls: Counter[str] = Counter()
         self._struck = False
         self._inside = [""]
+        if strike.stored:
+            threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        """Wait for the first file, and for the time after it, and strike."""
+        while not any(Path().glob(self._strike.stored)):
+            time.sleep(0.002)
+        time.sleep(self._strike.delay)
+        self._strike_now()
+
+    def _strike_now(self) -> None:
+        self._struck = True
+        self.tell()
+        BLOWS[self._strike.blow](self._strike)
 
     def __call__(self, frame: FrameType, event: str, _: object) -> None:
         # A generator is called each time that it goes on, and returns each time that it yields.
@@ -219,9 +242,7 @@ class _Struck:
         where = self._inside[-1]
         self._calls[where] += 1
         if where == self._strike.within and self._calls[where] == self._strike.number and not self._struck:
-            self._struck = True
-            self.tell()
-            BLOWS[self._strike.blow](self._strike)
+            self._strike_now()
 
     def tell(self) -> None:
         self._told.write_text(json.dumps({"struck": self._struck, "calls": self._calls}), encoding="utf-8")

@@ -1,5 +1,6 @@
 """Inputs that are almost right: a file of a command, or its options, changed at random; a seed decides everything."""
 
+import gzip
 import io
 import json
 import random
@@ -95,6 +96,29 @@ def other_number(text: str, rng: random.Random) -> str:
     return text
 
 
+NEAR = (1.0 + 1e-9, 1.0 - 1e-6, 1.0001, 1.0001, 1.01, 2.0, -1.0, 0.0)
+
+
+def near_number(text: str, rng: random.Random) -> str:
+    """Numbers are a little different: what is read goes through, and is computed with."""
+    found = list(re.finditer(r"-?\d+\.\d+(?:[eE][-+]?\d+)?", text))
+    for match in sorted(rng.sample(found, min(len(found), rng.choice([1, 3, 20]))), key=lambda m: -m.start()):
+        text = text[: match.start()] + repr(float(match[0]) * rng.choice(NEAR)) + text[match.end() :]
+    return text
+
+
+def near_cells(text: str, rng: random.Random) -> str:
+    """Values of a table, but for positions and times, are a little different."""
+    lines = text.split("\n")
+    for k in rng.sample(range(1, len(lines)), min(len(lines) - 1, rng.choice([1, 3, 20]))):
+        cells = lines[k].split(",")
+        for place in rng.sample(range(len(cells)), min(len(cells), 2)):
+            if place > 1 and re.fullmatch(r"-?\d+\.\d+(?:[eE][-+]?\d+)?", cells[place]):
+                cells[place] = repr(float(cells[place]) * rng.choice(NEAR[:6]))
+        lines[k] = ",".join(cells)
+    return "\n".join(lines)
+
+
 def scaled_numbers(text: str, rng: random.Random) -> str:
     """All numbers of a place in the line are so many times as large, or all the same."""
     place, factor = rng.randrange(8), rng.choice([0.0, -1.0, 1e-320, 1e-12, 1e6, 1e300, 57.29577951308232])
@@ -168,8 +192,14 @@ def nested(text: str, rng: random.Random) -> str:
     return text[:at] + (left + key) * depth + "1" + right * depth + text[at:]
 
 
-LINES: tuple[Text, ...] = (other_number, other_number, scaled_numbers, other_lines, other_words, other_separator)
-WORDS: tuple[Text, ...] = (other_number, other_number, other_lines, other_words, other_words, nested)
+LINES: tuple[Text, ...] = (
+    *(other_number, other_number, near_cells, scaled_numbers),
+    *(other_lines, other_words, other_separator),
+)
+WORDS: tuple[Text, ...] = (
+    *(other_number, other_number, near_number, near_number),
+    *(other_lines, other_words, other_words, nested),
+)
 
 
 def other_value(value: Any, rng: random.Random) -> Any:
@@ -260,7 +290,7 @@ def other_member(data: bytes, rng: random.Random) -> bytes:
             members = {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
     except (zipfile.BadZipFile, OSError, NotImplementedError, RuntimeError):
         return flipped(data, rng)
-    readable = [name for name in members if re.search(r"\.(xml|ssd|ssv|json|toml|rels|py)$", name)] or [*members]
+    readable = [name for name in members if re.search(r"\.(xml|bin|ssd|ssv|json|toml|rels|py)$", name)] or [*members]
     name = rng.choice(readable)
     if name.endswith(".py"):
         # Code would be run: it is not what is tried here.
@@ -281,13 +311,17 @@ def changed(name: str, data: bytes, rng: random.Random) -> bytes:
     ending = name.rpartition(".")[2]
     if rng.random() < 0.25 or not data:
         return rng.choice(ANY)(data or b"x", rng)
-    if ending in ("fmu", "ssp", "xlsx"):
+    if ending in ("fmu", "ssp", "xlsx", "xlsb", "ods"):
         return other_member(data, rng)
+    if ending == "gz":
+        return gzip.compress(changed(name.removesuffix(".gz"), gzip.decompress(data), rng), mtime=0)
     if ending in ("xls", "parquet"):
         return rng.choice(ANY)(data, rng)
     if ending == "csv" and rng.random() < 0.15:
         return as_parquet(data, rng)
     text = data.decode("utf-8", "replace")
+    if ending == "csv" and rng.random() < 0.25:
+        return near_cells(text, rng).encode()
     for _ in range(rng.choice([1, 1, 2, 4])):
         if ending == "json" and rng.random() < 0.7:
             try:
@@ -332,6 +366,6 @@ def option(name: str, value: str, rng: random.Random) -> str:
     """What is typed after an option in place of a value."""
     if name == "--hypothesis":
         return rng.choice(["f1 += ", "f2 += ", "w1 += ", "q += ", "f1 = ", ""]) + rng.choice(FORMULAS)
-    if name in ("--json", "--out", "--report", "--allan", "--ssv", "--export", "--picture"):
+    if name in ("--json", "--out", "--report", "--allan", "--ssv", "--export", "--picture", "--answer"):
         return rng.choice([value, ".", "", "/dev/full", "out/" * 30 + "x", "out\n.json", "x" * 300, f"é{value}", "-"])
     return rng.choice([rng.choice(NUMBERS), rng.choice(NUMBERS), value, value * 2, "x" * 10_000, "🦆", "a=b", "-5 5"])

@@ -14,6 +14,12 @@ from .errors import InputError, nearest_file, reason
 
 LARGEST, LARGEST_RESULT, LARGEST_TEXT = 2 << 30, 256 << 20, 16 << 20
 """Bytes of the largest file that is read: of any, of a result (JSON), and of what a person writes (TOML, Python)."""
+ZIP = b"PK"
+"""A ZIP archive begins so."""
+OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+"""What an Excel workbook of the old kind (.xls) begins with."""
+OPEN_DOCUMENT = b"META-INF/manifest.xml"
+"""A part that documents of LibreOffice have (.ods is the one with tables)."""
 
 
 _PENDING: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_PENDING", default=None)
@@ -171,7 +177,12 @@ def made_folder(folder: Path, out: Path) -> None:
 
 
 def bytes_of(
-    path: Path, wanted: str = "give the name of a file", *, label: str | None = None, most: int = LARGEST
+    path: Path,
+    wanted: str = "give the name of a file",
+    *,
+    label: str | None = None,
+    most: int = LARGEST,
+    archive: bool = False,
 ) -> bytes:
     """The bytes of a regular file: everything that is named by a user, or in a file of a user's, is read here.
 
@@ -185,11 +196,13 @@ def bytes_of(
         what a refusal calls the file where that is not its path: the name that stands in a scenario, say
     most : int
         bytes that it may have
+    archive : bool
+        whether only a ZIP archive is of use: another file is not read
 
     Raises
     ------
     InputError
-        a directory, a device, a pipe, no file, one that may not be read, or one that is larger
+        a directory, a device, a pipe, no file, one that may not be read, one that is larger, or no archive
     """
     name, looked = (str(path), "") if label is None else (label, f" (looked for {path})")
     try:
@@ -203,9 +216,18 @@ def bytes_of(
             size = os.fstat(file.fileno()).st_size
             if size > most:
                 raise InputError(f"{name}: is larger than {_size(most)}; not read")
+            if archive and file.read(len(ZIP)) != ZIP:
+                raise InputError(f"{name}: is not a ZIP archive, which an {path.suffix} is")
+            file.seek(0)
             return file.read(size)
     except OSError as error:
         raise InputError(f"{name}: cannot be read ({error.strerror})") from error
+
+
+def is_workbook(data: bytes) -> bool:
+    """Whether bytes are those of a workbook: of a new kind (.xlsx, .xlsb, .ods: ZIP archives) or the old (.xls)."""
+    archive = data.startswith(ZIP) and (b"xl/workbook" in data or OPEN_DOCUMENT in data)
+    return archive or data.startswith(OLD_WORKBOOK)
 
 
 def _size(count: int) -> str:

@@ -4,21 +4,24 @@ TRIHEDRON_FUZZ says how many, TRIHEDRON_FUZZ_FROM from which seed; a seed decide
 names its seed: `TRIHEDRON_FUZZ_FROM=seed TRIHEDRON_FUZZ=1` is that input alone. FOUND keeps those that found something.
 """
 
+import gzip
 import os
 import random
 import shutil
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import polars as pl
 import pytest
 
-from command_table import make_inputs
+from bench_cases import write_hidden_record
+from command_table import files, make_inputs
 from forked_commands import Done, ForkedCommands
 from fuzzed_inputs import changed, option
-from laboratory_workbooks import xls, xlsx
+from laboratory_workbooks import ods, xls, xlsb, xlsx
 from trihedron.tools import cli
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="processes are forked")]
@@ -31,41 +34,90 @@ MOST_SECONDS, MOST_BYTES = 60.0, 3 << 30
 BUSY = 5.0
 BATCH = 500
 RECORD = "clean.csv measured.csv"
-FINISHED = [f"finished/{name}" for name in ("campaign.json", "SHA256SUMS", "runs/part-00000.parquet")]
+FINISHED = "finished/campaign.json finished/SHA256SUMS finished/runs/part-00000.parquet"
+RAW = "raw.csv"
+OPTIONS = "--gravity 9.80665 --baseline symmetric --bounds 3e-3 1e-2 --channels 1,2,3"
 TRIED = {
-    "simulate {} --out out": (4, "run.toml bench.toml bench-positions.csv system.ssp"),
-    "calibrate {} --noise-bound 1e-5 --json out.json": (12, RECORD),
-    "calibrate {} --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv": (2, RECORD),
-    "diagnose {} --noise-bound 1e-5 --json out.json": (6, RECORD),
-    "diagnose {} --noise-bound 1e-5 --hypothesis f1+=c*f2 --report out.html": (1, RECORD),
-    "diagnose {} --json out.json": (2, "strapdown.csv"),
-    "apply calibration.json {} --out out.csv": (6, RECORD),
-    "apply {} clean.csv --json out.json": (8, "calibration.json"),
-    "inspect {} --json out.json --allan out.svg": (7, "strapdown.csv"),
-    "attitude {} --out out": (5, "strapdown.csv"),
-    "fmpy-input {} --out out.csv": (7, "strapdown.csv raw.csv"),
-    "hidden out.csv --seed 3": (2, ""),
-    "export AccelerometerBlock --out out --effect quadratic": (1, ""),
-    "export-ssp {} --out out.ssp --flavour python": (3, "run.toml bench.toml"),
-    "plan --target X4 --grid 15 --bounds 3e-3 1e-2 --json out.json": (2, ""),
-    "plan --positions 6 --starts 1 --cuts 0 --out out": (1, ""),
-    "plan --check {} --noise-bound 1e-5 --json out.json": (3, "angles.csv"),
-    "plan --target X4 --grid 30 --mounting {}": (3, "mounting.toml"),
-    "import {} --out out.csv --set decimal=,": (9, "foreign.csv"),
-    "import {} --out out.csv --mapping {}": (3, "clean.csv mapping.toml"),
-    "import {} --out out.csv": (5, "book.xlsx book.xls clean.csv strapdown.csv"),
+    "simulate {} --out out": (60, "run.toml bench.toml bench-positions.csv"),
+    "simulate {} --step 0.1 --coupling jacobi --out out": (20, "system.ssp"),
+    "simulate named.toml --out out": (15, "block.fmu named.toml"),
+    "calibrate {} --noise-bound 1e-5 --json out.json": (120, RECORD),
+    "calibrate {} --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv": (10, RECORD),
+    f"calibrate {{}} --noise-bound 1e-5 {OPTIONS} --target X4-X5 --prior X16=1e-3 --json -": (30, "clean.csv"),
+    "calibrate {} --json out.json": (20, RAW),
+    "diagnose {} --noise-bound 1e-5 --json out.json": (40, RECORD),
+    "diagnose {} --noise-bound 1e-5 --hypothesis f1+=c*f2 --report out.html": (8, RECORD),
+    f"diagnose {{}} --noise-bound 1e-5 {OPTIONS} --json out.json --export out": (5, "measured.csv"),
+    "diagnose {} --json out.json": (20, "strapdown.csv raw.csv"),
+    "diagnose {} second.csv --noise-bound 1e-5 --json out.json": (14, RECORD),
+    "diagnose clean.csv {} --noise-bound 1e-5 --shared bias-1 --own X16 --report out.html": (6, "second.csv"),
+    "apply calibration.json {} --out out.csv": (50, f"{RECORD} strapdown.csv raw.csv"),
+    "apply {} clean.csv --noise-bound 1e-5 --latitude-deg 55.75 --json out.json": (80, "calibration.json"),
+    "inspect {} --json out.json --allan out.svg": (60, "strapdown.csv"),
+    "inspect {} --gravity 9.8 --channels 1,2,3 --channels w=deg": (10, "strapdown.csv"),
+    "attitude {} --out out": (40, "strapdown.csv"),
+    "attitude {} --bridge-gaps 3 --rate-divisor 2 --rates averaged --json -": (20, "strapdown.csv"),
+    "attitude {} --compare --algorithm adaptive-degree --json out.json": (5, "strapdown.csv"),
+    "fmpy-input {} --out out.csv": (50, "strapdown.csv raw.csv"),
+    "fmpy-input {} --bridge-gaps 2 --rates averaged --out out.csv": (10, "strapdown.csv"),
+    "hidden out.csv --seed 3": (20, ""),
+    "hidden out.csv --seed 3 --effect quadratic --baseline symmetric --answer out.json": (10, ""),
+    "hidden out.csv --strapdown --seed 7": (2, ""),
+    "hidden --cases 1 --mode clean --positions 12 14 --size 1 2 --noise edge --out out": (3, ""),
+    "export AccelerometerBlock --out out --effect quadratic --fmi 2 --flavour python": (20, ""),
+    "export-ssp {} --out out.ssp --flavour python --ssp 1.0 --fmi 2": (30, "run.toml bench.toml"),
+    "plan --target X4 --grid 30 --bounds 3e-3 1e-2 --resolution 0.5 --keep-out alpha:10:20 --json out.json": (15, ""),
+    "plan --target X4 --grid 30 --convention A2 --admissible tables --picture out.svg": (10, ""),
+    "plan --positions 6 --starts 1 --cuts 0 --dwell 20 --order random --repeat 1 --out out": (5, ""),
+    "plan --curve 5 6 --starts 1 --cuts 0 --criterion mean --seed 1 --reserve 0.1": (3, ""),
+    "plan --check {} --noise-bound 1e-5 --json out.json": (12, "angles.csv"),
+    "plan --target X4 --grid 30 --mounting {}": (20, "mounting.toml"),
+    "import {} --out out.csv --set decimal=,": (80, "foreign.csv"),
+    "import {} --out out.csv --set decimal=. --set units.force=mg": (20, "clean.csv"),
+    "import {} --out out.csv --mapping {}": (30, "clean.csv mapping.toml"),
+    "import {} --out out.csv": (70, "book.xlsx book.xlsb book.xls book.ods foreign.csv.gz clean.csv strapdown.csv"),
     "check {} --json out.json": (
-        14,
-        "run.toml campaign.toml clean.csv strapdown.csv calibration.json diagnosis.json block.fmu system.ssp",
+        140,
+        "run.toml campaign.toml clean.csv strapdown.csv calibration.json diagnosis.json block.fmu system.ssp "
+        "mounting.toml raw.csv programme.csv plan.json",
     ),
-    "new record out.csv --positions 12": (1, ""),
-    "campaign {} --jobs 1 --out out": (1, "campaign.toml"),
-    "campaign-report finished --report out.html": (
-        3,
-        f"{' '.join(FINISHED)}",
-    ),
+    "new record out.csv --positions 12": (10, ""),
+    "new scenario out.toml --positions 12": (5, ""),
+    "campaign {} --jobs 1 --out out": (8, "campaign.toml"),
+    "campaign {} --jobs 1 --engine local --resume --out finished": (8, f"campaign.toml {FINISHED}"),
+    "campaign-report finished --report out.html": (20, FINISHED),
+    "campaign-report finished --against other --gate --json out.json": (10, FINISHED),
+    "completion bash --json out.json": (4, ""),
+    "reproduce calibration --json out.json": (2, ""),
+    "demo --no-show --seed 2026 --out out": (1, ""),
+    "doctor --json out.json": (2, ""),
 }
 """Commands, how often each is tried, and the files of it that are changed."""
+WORDS = {
+    "record": ("scenario", "raw-record", "strapdown-record", "mounting", "recrd"),
+    "scenario": ("record", "raw-record", "strapdown-record", "mounting", "scenari"),
+    "bash": ("zsh", "fish", "sh"),
+    "calibration": ("calibratio", "calibration calibration", "--help"),
+    "AccelerometerBlock": ("AttitudeComputer", "GyroBlock", "Accelerometerblock", "*", "A" * 5000, "TurntableMotion"),
+    "quadratic": ("quadratic accelerometer-3", "bias", "scale-drift", "quadratic accelerometer-4", "quadratic " * 50),
+    "1,2,3": ("2,1,-3", "w=2,1,3", "alpha=-1", "angles=rad", "1,1,3", "1,2", "0,0,0", "f=mg", "3,2,1,0", "w="),
+    "X4-X5": ("X4+X5", "X99", "X4-", "2*X4", "X4-X4", "-X4", "X4-X5-X6-X7", "X"),
+    "X16=1e-3": ("bounds", "X16=0", "X16=-1", "X16=nan", "X99=1", "X16=1e400", "X1=1e-9", "X16"),
+}
+"""Other words that may stand in place of a word that is no option's number."""
+
+
+NAMED = """schema = "trihedron.scenario/1"
+[run]
+stop_s = 1.0
+step_s = 0.1
+[fmus.block]
+fmu = "block.fmu"
+[[stimuli]]
+to = "block.specific_force"
+constant = [0.0, 0.0, 9.8]
+"""
+"""A scenario that runs an FMU from a file."""
 
 
 @dataclass(frozen=True)
@@ -81,20 +133,29 @@ def drawn(seed: int, inputs: Path) -> Input:
     """The input of a seed."""
     rng = random.Random(seed)
     line = rng.choices([*TRIED], [weight for weight, _ in TRIED.values()])[0]
-    files = TRIED[line][1].split()
+    names = TRIED[line][1].split()
     words = line.split()
     name, content = "", b""
-    if files and rng.random() < 0.85:
-        name = rng.choice(files)
+    if names and rng.random() < 0.85:
+        name = rng.choice(names)
         content = changed(name, (inputs / name).read_bytes(), rng)
-    else:
-        places = [k for k, word in enumerate(words) if word.startswith("--") and words[k + 1] != "{}"]
+    if not name or rng.random() < 0.1:
+        places = [k for k, word in enumerate(words) if word in WORDS or _is_value(words, k)]
         for k in rng.sample(places, min(len(places), rng.choice([1, 1, 2]))):
-            words[k + 1] = option(words[k], words[k + 1], rng)
-    # The scenario that reads the positions is named, the file that is changed is beside it.
-    named = {"bench-positions.csv": "bench.toml"}.get(name, name or "".join(files[:1]))
-    given = iter(files if words.count("{}") > 1 else [named])
+            if words[k] in WORDS and rng.random() < 0.7:
+                words[k] = rng.choice(WORDS[words[k]])
+            else:
+                words[k] = option(words[k - 1], words[k], rng)
+    # A file that another one names is changed beside that one.
+    beside = {"bench-positions.csv": "bench.toml", **dict.fromkeys(FINISHED.split(), "campaign.toml")}
+    named = beside.get(name, name or "".join(names[:1]))
+    given = iter(names if words.count("{}") > 1 else [named])
     return Input([next(given) if word == "{}" else word for word in words], name, content)
+
+
+def _is_value(words: list[str], k: int) -> bool:
+    """Whether a word is the value of an option, or one of its values."""
+    return not words[k].startswith("--") and words[k] != "{}" and any(w.startswith("--") for w in words[1:k])
 
 
 @pytest.fixture(scope="session")
@@ -111,19 +172,29 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "export-ssp run.toml --out system.ssp --flavour python",
             "simulate bench.toml --out raw",
             "import foreign.csv --out imported.csv --set decimal=,",
+            "plan --target X4 --grid 30 --json plan.json",
+            "plan --positions 6 --starts 1 --cuts 0 --out planned",
         ):
             assert cli.main([*line.split(), "--quiet"]) == 0, line
     finally:
         os.chdir(here)
     shutil.copy(folder / "made" / "AccelerometerBlock.fmu", folder / "block.fmu")
     shutil.copy(folder / "imported.import.toml", folder / "mapping.toml")
+    shutil.copy(folder / "planned" / "programme.csv", folder / "programme.csv")
+    shutil.copytree(folder / "finished", folder / "other")
     pl.read_parquet(folder / "raw" / "run.parquet").head(3000).write_csv(folder / "raw.csv")
-    rows = [line.split(",") for line in (folder / "clean.csv").read_text().splitlines() if not line.startswith("#")]
+    for made in ("made", "planned", "raw"):
+        shutil.rmtree(folder / made)
+    write_hidden_record(folder / "second.csv", 5, None, effects=["cross-product"])
+    clean = (folder / "clean.csv").read_text(encoding="utf-8")
+    rows = [line.split(",") for line in clean.splitlines() if not line.startswith("#")]
     cells = [rows[0], *([float(cell) for cell in row] for row in rows[1:])]
-    (folder / "book.xlsx").write_bytes(xlsx({"Sheet1": cells}))
-    (folder / "book.xls").write_bytes(xls({"Sheet1": cells}))
+    for name, make in {"xlsx": xlsx, "xlsb": xlsb, "xls": xls, "ods": ods}.items():
+        (folder / f"book.{name}").write_bytes(make({"Sheet1": cells}))
+    (folder / "foreign.csv.gz").write_bytes(gzip.compress((folder / "foreign.csv").read_bytes(), mtime=0))
     matrix = "[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
     (folder / "mounting.toml").write_text(f"[turned]\nmatrix = {matrix}\n", encoding="utf-8")
+    (folder / "named.toml").write_text(NAMED, encoding="utf-8")
     return folder
 
 
@@ -142,6 +213,9 @@ def done_with(given: Input, inputs: Path, folder: Path, commands: ForkedCommands
         place = folder / path.relative_to(inputs)
         if path.is_dir():
             place.mkdir()
+        elif path.is_relative_to(inputs / "finished"):
+            # This folder is gone on with: what is written there goes into it.
+            shutil.copy(path, place)
         elif place.relative_to(folder).as_posix() != given.name:
             place.symlink_to(path)
     if given.name:
@@ -152,7 +226,7 @@ def done_with(given: Input, inputs: Path, folder: Path, commands: ForkedCommands
         shutil.rmtree(folder)
 
 
-def fault(done: Done) -> str:
+def fault(done: Done, gated: bool = False) -> str:
     """What is wrong with how a command has ended; nothing where it is refused in one line, or done."""
     if done.cpu_seconds > MOST_SECONDS or done.seconds > BUSY * MOST_SECONDS:
         return f"took more than {MOST_SECONDS:g} s"
@@ -160,7 +234,7 @@ def fault(done: Done) -> str:
         return f"took {done.peak_bytes / 2**30:.1f} GiB"
     if "Traceback" in done.err or "panicked" in done.err:
         return f"traceback: {done.err[-600:]}"
-    if done.status not in (0, 2):
+    if done.status not in (0, 2, *((3,) if gated else ())):
         return f"exit status {done.status}: {done.err[-300:]}"
     if done.status == 2 and sum(line.startswith("trihedron: ") for line in done.err.splitlines()) != 1:
         return f"refused without a line of its own: {done.err[-300:]}"
@@ -173,24 +247,44 @@ SEEDS = [*FOUND, *range(FROM, FROM + INPUTS)]
 BATCHES = [SEEDS[k : k + BATCH] for k in range(0, len(SEEDS), BATCH)]
 
 
+class Counts:
+    """What came of the inputs, by command."""
+
+    def __init__(self) -> None:
+        self._done: dict[str, list[Done]] = {}
+
+    def add(self, title: str, done: Done) -> None:
+        self._done.setdefault(title, []).append(replace(done, out="", err=""))
+
+    def show(self) -> None:
+        print(f"\n{'command':18}refused   done  mean [s]  most [s]  most [MiB]", file=sys.stderr)
+        for title, all_done in [*sorted(self._done.items()), ("all", [*chain(*self._done.values())])]:
+            refused = sum(done.status == 2 for done in all_done)
+            seconds = [done.cpu_seconds for done in all_done]
+            numbers = f"{sum(seconds) / len(seconds):10.2f}{max(seconds):10.2f}"
+            peak = max(done.peak_bytes for done in all_done) / 2**20
+            print(f"{title:18}{refused:7}{len(all_done) - refused:7}{numbers}{peak:12.0f}", file=sys.stderr)
+
+
+@pytest.fixture(scope="session")
+def counts() -> Iterator[Counts]:
+    kept = Counts()
+    yield kept
+    kept.show()
+
+
 @pytest.mark.parametrize("seeds", BATCHES, ids=lambda seeds: f"{seeds[0]}-{seeds[-1]}")
-def test_inputs_that_are_almost_right(seeds: list[int], inputs: Path, tmp_path: Path, commands: ForkedCommands) -> None:
+def test_inputs_that_are_almost_right(
+    seeds: list[int], inputs: Path, tmp_path: Path, commands: ForkedCommands, counts: Counts
+) -> None:
     faults = []
-    counts: dict[str, list[float]] = {}
+    before = files(inputs)
     for seed in seeds:
         given = drawn(seed, inputs)
         done = done_with(given, inputs, tmp_path / "here", commands)
-        title = given.arguments[0]
-        kept = counts.setdefault(title, [0, 0, 0.0, 0.0, 0.0])
-        kept[0 if done.status == 2 else 1] += 1
-        kept[2] += done.cpu_seconds
-        kept[3] = max(kept[3], done.cpu_seconds)
-        kept[4] = max(kept[4], done.peak_bytes / 2**20)
-        if wrong := fault(done):
+        counts.add(given.arguments[0], done)
+        if wrong := fault(done, "--gate" in given.arguments):
             faults.append(f"seed {seed}, {given.name or 'options'}, {' '.join(given.arguments)[:200]}: {wrong}")
-            print(faults[-1], file=sys.stderr)
-    print(f"\n{'command':18}refused   done  mean [s]  most [s]  most [MiB]", file=sys.stderr)
-    for title, (refused, right, seconds, most, peak) in sorted(counts.items()):
-        mean = seconds / (refused + right)
-        print(f"{title:18}{refused:7g}{right:7g}{mean:10.2f}{most:10.2f}{peak:12.0f}", file=sys.stderr)
+            print(faults[-1], file=sys.stderr, flush=True)
+    assert files(inputs) == before
     assert not faults, "\n".join(faults)

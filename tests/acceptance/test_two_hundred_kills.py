@@ -36,7 +36,7 @@ SHARES = {
 WEIGHTS = {"write": 4, "completed": 2, "write_page": 2, "write_summary": 2}
 SCENARIO = """schema = "trihedron.scenario/1"
 [run]
-stop_s = 4000.0
+stop_s = 24000.0
 step_s = 0.01
 [fmus.block]
 component = "AccelerometerBlock"
@@ -137,7 +137,7 @@ def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedComm
             if done.struck:
                 expected(done, blow)
                 hit += 1
-                fell[f"{engine:8}{blow:14}{within or 'elsewhere':14}{before} -> {campaign.stored()} of 7 stored"] += 1
+                fell[f"{engine:9}{blow:14}{within or 'elsewhere':14}{before} -> {campaign.stored()} of 7 stored"] += 1
             if done.status == 0:
                 campaign.anew()
             else:
@@ -148,36 +148,41 @@ def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedComm
 
 
 def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands) -> None:
-    """Rows that were saved until then are those of the whole run."""
+    """Rows that were saved until then are those of the whole run; most strikes fall after the first were."""
     path = tmp_path / "s.toml"
     path.write_text(SCENARIO, encoding="utf-8")
     first = commands.run(["simulate", str(path), "--out", "whole"], tmp_path, strike=Strike("", JOURNAL))
     assert first.status == 0, first.err
     whole = content(tmp_path / "whole")
     rows = pl.read_parquet(tmp_path / "whole" / "run.parquet")
-    rng, fell = random.Random(21), Counter[str]()
+    rng, fell, begun = random.Random(21), Counter[str](), 0
     for kind, blow in SHARES:
         hit = 0
         while kind == "simulate" and hit < number_of((kind, blow)):
-            within = rng.choice([name for name in JOURNAL if first.calls.get(name)])
-            number = rng.randint(1, first.calls[within])
-            done = commands.run(
-                ["simulate", str(path), "--out", "out"], tmp_path, strike=Strike(within, JOURNAL, number, blow)
-            )
-            hit += done.struck
-            if done.struck:
+            if rng.random() < 0.75:
+                strike = Strike("", (), 0, blow, stored="out/*/*.parquet", delay=rng.uniform(0.0, first.seconds))
+            else:
+                within = rng.choice([name for name in JOURNAL if first.calls.get(name)])
+                strike = Strike(within, JOURNAL, rng.randint(1, first.calls[within]), blow)
+            done = commands.run(["simulate", str(path), "--out", "out"], tmp_path, strike=strike)
+            saved = sorted((tmp_path / "out").rglob("*.parquet"))
+            saved = [part for part in saved if not part.name.startswith(".")]
+            table = pl.concat(map(pl.read_parquet, saved)) if saved else rows.clear()
+            assert table.equals(rows.head(table.height)), strike
+            if done.struck and (done.status or blow == "ctrl-c"):
                 expected(done, blow)
-            parts = sorted((tmp_path / "out").rglob("*.parquet"))
-            saved = [pl.read_parquet(part) for part in parts if not part.name.startswith(".")]
-            table = pl.concat(saved) if saved else rows.clear()
-            assert table.equals(rows.head(table.height)), (within, number)
-            share = f"{100 * table.height // rows.height} % saved"
-            fell[f"{'simulate':8}{blow:14}{within:14}{share}"] += done.struck
+                hit += 1
+                begun += 0 < table.height < rows.height
+                share = "all" if table.height == rows.height else f"{100 * table.height // rows.height:2} %"
+                fell[
+                    f"{'simulate':8}{blow:14}{strike.within or 'after a part':14}{share} saved, {len(saved)} files"
+                ] += 1
             subprocess.run(["rm", "-rf", str(tmp_path / "out")], check=True)
     again = commands.run(["simulate", str(path), "--out", "out"], tmp_path)
     assert again.status == 0
     assert content(tmp_path / "out") == whole
     show(fell)
+    assert begun > fell.total() // 4
 
 
 def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:

@@ -1,15 +1,13 @@
-"""Everything that is wrong with a file that Trihedron reads: what it is, by its content, then fault by fault."""
+"""Everything that is wrong with a text or a table: what it is, by its content, then fault by fault."""
 
 import csv
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy.validation import validate_fmu
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
@@ -26,12 +24,8 @@ from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..diagnosis.several import SEVERAL
 from ..errors import InputError, nearest
 from ..evidence.carried_checks import downward_warning, wrong_channels
-from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, bytes_of
-from ..locks import own_folder
 from ..motion import inspect_record
 from ..motion.rests import FEWEST_ROWS
-from ..orchestrator.fmu import unpack
-from ..orchestrator.interface import interface_of
 from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import Scenario
 from ..orchestrator.stimuli import read_table
@@ -42,12 +36,11 @@ from ..planning.plan import Plan, Plans
 from ..records.columns import ANGLES, FORCE, Columns, extra_warning, warnings
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of
-from ..records.read import all_faults, is_workbook, read_record
+from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
 from ..result import field_problems, not_for_files
 from ..rounding import exactly, upwards
-from ..ssp.read import scenario_of_ssp
-from .findings import Check, Findings, json_lines, toml_lines
+from .findings import Findings, json_lines, toml_lines
 from .scenario import check_scenario
 
 SCHEMAS = {
@@ -65,34 +58,23 @@ MOST = 200
 """So many problems of a record are listed."""
 
 
-def check(path: Path | str, channels: Sequence[str] = ()) -> Check:
-    """Say everything that is wrong with a file that Trihedron reads, with lines; what it is is told by its content.
+def check_content(found: Findings, data: bytes, channels: Sequence[str]) -> int | None:
+    """Note what is wrong with a file that is no archive; so many problems of it are listed, all without a number.
 
-    A scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV, Parquet); a
-    calibration, diagnosis or plan (JSON); an .fmu or .ssp. Channels of a record are as of `read_record`. An InputError
-    where no file can be read.
+    A scenario, campaign or file of mountings (TOML); a calibration, diagnosis or plan (JSON); anything else is a table.
     """
-    path = Path(path)
-    ending = path.suffix.lower()
-    data = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
-    found = Findings(path)
-    if data.startswith(b"PK") and not is_workbook(data):
-        (_check_ssp if ending == ".ssp" else _check_fmu)(found)
-    elif ending in (".fmu", ".ssp"):
-        found.kind = "FMU" if ending == ".fmu" else "SSP archive"
-        found.add(f"is not a ZIP archive, which an {ending} is")
-    elif ending not in (".toml", ".json"):
+    ending = found.path.suffix.lower()
+    if ending not in (".toml", ".json"):
         _check_table(found, data, channels)
-        return found.check(MOST)
+        return MOST
+    try:
+        text = data.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        found.add(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", line=line)
     else:
-        try:
-            text = data.decode("utf-8-sig").replace("\r\n", "\n")
-        except UnicodeDecodeError as error:
-            line = data[: error.start].count(b"\n") + 1
-            found.add(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", line=line)
-        else:
-            (_check_json if ending == ".json" else _check_toml)(found, text)
-    return found.check()
+        (_check_json if ending == ".json" else _check_toml)(found, text)
+    return None
 
 
 def _check_toml(found: Findings, text: str) -> None:
@@ -136,35 +118,6 @@ def _check_toml(found: Findings, text: str) -> None:
         found.add(f'schema is missing; as "{SCENARIO}"')
     else:
         found.add(f"schema: {schema!r} is not known; {nearest(str(schema), [SCENARIO, CAMPAIGN])}", ("schema",))
-
-
-def _check_fmu(found: Findings) -> None:
-    """What FMPy's validation and the orchestrator's own say of an FMU; nothing of it is run."""
-    found.kind = "FMU"
-    with own_folder() as folder, found.of():
-        # Before anything else opens the archive: this refuses what is not safe to unpack.
-        described = unpack(found.path, str(found.path), lambda _: folder / "fmu").description
-        interface = interface_of("fmu", str(found.path), described)
-        for text in validate_fmu(str(found.path)):
-            found.add(" ".join(text.split()))
-        counts = {c: sum(v.causality == c for v in interface.variables.values()) for c in ("input", "output")}
-        if not found.problems:
-            tool = described.generationTool or "an unnamed tool"
-            found.summary = (
-                f"{described.modelName}, FMI {described.fmiVersion}, by {tool}",
-                f"{len(interface.variables)} variables, {counts['input']} inputs, {counts['output']} outputs",
-            )
-
-
-def _check_ssp(found: Findings) -> None:
-    """Whether an .ssp can be read as a scenario; nothing of it is run."""
-    found.kind = "SSP archive"
-    with found.of(), scenario_of_ssp(found.path) as (scenario, ignored):
-        found.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
-        found.summary = (
-            f"FMUs: {', '.join(scenario.fmus)}",
-            f"{len(scenario.connections)} connections, step {exactly(scenario.run.step_s)} s",
-        )
 
 
 def _check_table(found: Findings, data: bytes, channels: Sequence[str]) -> None:

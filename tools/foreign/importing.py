@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from ..errors import InputError
-from ..files import at_once, bytes_of, ordinary_file, together, write_text
+from ..files import at_once, bytes_of, is_workbook, ordinary_file, together, write_text
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
 from ..records.comments import RESOLUTION, SCATTER
-from ..records.read import is_workbook, record_of
+from ..records.read import record_of
 from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns

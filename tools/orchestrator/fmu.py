@@ -36,7 +36,7 @@ from .interface import Interface, Value, Variable
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
-MOST_DESCRIPTION_BYTES = 32 << 20
+MOST_DESCRIPTION_BYTES, MOST_ELEMENTS = 32 << 20, 300_000
 """Of a file that describes a model or a system: some hundred thousand variables."""
 DESCRIBING = (".ssd", ".ssv", ".ssm", ".ssb")
 MOST_TIMES, SMALL = 200, 64 << 20
@@ -138,19 +138,23 @@ def refuse_damaged(content: bytes, label: str) -> None:
 def xml_root(xml: bytes, name: str, whole: str, deepest: int | None = None) -> tuple[str, dict[str, str]]:
     """The tag of the root of an XML document, and its attributes.
 
-    An InputError for a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, or too deep.
+    An InputError for a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, too deep, or of
+    too many elements.
     """
     roots: list[tuple[str, dict[str, str]]] = []
-    depth = 0
+    depth = count = 0
 
     def doctype(*_: object) -> None:
         raise InputError(f"{name} declares a DOCTYPE; {whole} must not")
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
+        nonlocal depth, count
         depth += 1
+        count += 1
         if depth == 1:
             roots.append((tag, attributes))
+        if count > MOST_ELEMENTS:
+            raise InputError(f"{name} has more than {MOST_ELEMENTS:,} elements; not read")
         if deepest is not None and depth > deepest:
             raise InputError(f"{name} is nested more than {deepest} elements deep; not read")
 
@@ -215,7 +219,7 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
 
     An InputError where it is missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or not for this platform.
     """
-    content = bytes_of(path, "give an .fmu file", label=label)
+    content = bytes_of(path, "give an .fmu file", label=label, archive=True)
     sha256 = hashlib.sha256(content).hexdigest()
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

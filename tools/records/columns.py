@@ -32,6 +32,8 @@ LIMITS = {
 }
 """Beyond these no instrument's number lies, and arithmetic with doubles would lose what is asked of it."""
 
+SHORTEST = 1e-9
+"""Time from row to row [s]: a shorter one is none of an instrument, and its square may be zero."""
 QUATERNION_NORM = 1e-3
 """How far the norm of a true attitude may be from 1."""
 LARGEST_FORCE = 10.0 * STANDARD_GRAVITY
@@ -231,7 +233,7 @@ def faults(columns: Columns) -> Iterator[RecordError]:
             yield columns.fault(k, "position", what)
         if not wrong.size:
             yield from _increasing(columns, "position")
-    yield from _increasing(columns, "time_s")
+    yield from _increasing(columns, "time_s", SHORTEST)
     for name in APPROACH:
         values = columns.numbers.get(name, np.zeros(0))
         for k in np.flatnonzero(np.abs(values) != 1.0):
@@ -241,11 +243,12 @@ def faults(columns: Columns) -> Iterator[RecordError]:
         yield from _quaternions(columns)
 
 
-def _increasing(columns: Columns, name: str) -> Iterator[RecordError]:
+def _increasing(columns: Columns, name: str, least: float = 0.0) -> Iterator[RecordError]:
+    """Where a column does not grow, or by less than `least`."""
     values = columns.numbers[name]
-    for k in np.flatnonzero(values[1:] <= values[:-1]):
+    for k in np.flatnonzero((values[1:] <= values[:-1]) | (values[1:] - values[:-1] < least)):
         before, value = float(values[k]), float(values[k + 1])
-        verb = "repeats" if value == before else "runs back"
+        verb = "repeats" if value == before else "runs back" if value < before else f"is less than {least:g} s later"
         hint = " (a time series has no such column)" if name == "position" else ""
         what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
         yield columns.fault(k + 1, name, what)

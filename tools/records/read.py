@@ -20,7 +20,7 @@ import numpy as np
 import polars as pl
 
 from ..errors import InputError
-from ..files import bytes_of
+from ..files import bytes_of, is_workbook
 from ..parquet import MAGIC, fault_of_parquet
 from ..progress import tracked
 from .channels import Channels
@@ -55,10 +55,6 @@ PART = 16384
 """Rows that are taken from text to numbers at once: bounds the memory that their texts need."""
 ROUNDED_ANGLE = 1e-5
 """Half a last digit [deg] of angles up to which their digits are roundings."""
-OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
-"""What an Excel workbook of the old kind (.xls) begins with."""
-OPEN_DOCUMENT = b"META-INF/manifest.xml"
-"""A part that documents of LibreOffice have (.ods is the one with tables)."""
 PACKED = b"\x1f\x8b"
 """What a file that gzip has packed begins with."""
 
@@ -180,12 +176,6 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
     if columns is not None:
         yield from faults(columns)
     return columns
-
-
-def is_workbook(data: bytes) -> bool:
-    """Whether bytes are those of a workbook: of a new kind (.xlsx, .xlsb, .ods: ZIP archives) or the old (.xls)."""
-    archive = data.startswith(b"PK") and (b"xl/workbook" in data or OPEN_DOCUMENT in data)
-    return archive or data.startswith(OLD_WORKBOOK)
 
 
 def _with_import(error: RecordError, path: Path, data: bytes) -> RecordError:

@@ -110,7 +110,7 @@ def scenario_of_ssp(
 def _unpack(path: Path, folder: Path) -> None:
     """Check an .ssp and unpack it; nothing is written when it does not pass the checks."""
     label = str(path)
-    content = bytes_of(path, "give an .ssp file")
+    content = bytes_of(path, "give an .ssp file", archive=True)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             check_members(archive.infolist(), label, STRUCTURE)

@@ -47,6 +47,14 @@ def test_the_list_of_heavy_modules_is_one_of_modules_that_are_used():
     assert {"numpy", "polars", "fmpy", "pydantic", "trihedron.models", "trihedron.fmus"} <= there
 
 
+@pytest.mark.parametrize("name", ["x.fmu", "x.ssp"])
+def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, tmp_path: Path):
+    (tmp_path / name).write_bytes(b"PK")
+    there = imported_by("check", str(tmp_path / name))
+    assert "fmpy" in there
+    assert there & {"scipy", "numba", "highspy", "matplotlib", "trihedron.tools.records.read"} == set()
+
+
 def test_a_diagnosis_needs_no_library_of_distributions():
     """It takes as long to import as a small record to diagnose; the few functions that are needed are special ones."""
     code = "import sys, trihedron.tools.diagnosis.procedure; print('scipy.stats' in sys.modules)"

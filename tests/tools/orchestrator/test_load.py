@@ -119,13 +119,36 @@ def test_a_file_that_is_no_archive(foreign: Path, tmp_path: Path, monkeypatch: p
     assert "Missing.fmu: no such file" in refusal(tmp_path, {"x": {"fmu": "Missing.fmu"}})
     assert "is a directory" in refusal(tmp_path, {"x": {"fmu": "folder"}})
     whole = (foreign / "Clock.fmu").read_bytes()
-    for content in (b"", b"PK", whole[: len(whole) // 2], whole[:5000] + bytes(500) + whole[5500:]):
+    (tmp_path / "Half.fmu").write_bytes(b"")
+    assert "is not a ZIP archive, which an .fmu is" in refusal(tmp_path, {"x": {"fmu": "Half.fmu"}})
+    for content in (b"PK", whole[: len(whole) // 2], whole[:5000] + bytes(500) + whole[5500:]):
         (tmp_path / "Half.fmu").write_bytes(content)
         assert "is not a readable FMU archive" in refusal(tmp_path, {"x": {"fmu": "Half.fmu"}})
     monkeypatch.setattr(fmu, "MOST_BYTES", 1 << 20)
     with zipfile.ZipFile(tmp_path / "Bomb.fmu", "w", zipfile.ZIP_DEFLATED) as bomb:
         bomb.writestr("resources/zeros", bytes(2 << 20))
     assert "unpacks to more than 0 GiB" in refusal(tmp_path, {"x": {"fmu": "Bomb.fmu"}})
+
+
+def test_a_large_file_that_is_no_archive_is_not_read(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    with (tmp_path / "Large.fmu").open("wb") as file:
+        file.truncate(1 << 30)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert "Large.fmu: is not a ZIP archive" in refusal(tmp_path, {"x": {"fmu": "Large.fmu"}})
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 << 10
+
+
+def test_a_description_of_too_many_variables_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are counted before they are read: FMPy takes seconds for as many."""
+    monkeypatch.setattr(fmu.fmpy, "read_model_description", None)
+    variable = b'<ScalarVariable name="v%d" valueReference="%d"><Real/></ScalarVariable>'
+    with zipfile.ZipFile(tmp_path / "Many.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
+        variables = b"".join(variable % (k, k) for k in range(fmu.MOST_ELEMENTS // 2))
+        described = b'<fmiModelDescription fmiVersion="2.0"><ModelVariables>%s</ModelVariables></fmiModelDescription>'
+        archive.writestr("modelDescription.xml", described % variables)
+    assert len(variables) < fmu.MOST_DESCRIPTION_BYTES
+    assert "has more than 300,000 elements; not read" in refusal(tmp_path, {"x": {"fmu": "Many.fmu"}})
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,7 @@ REFUSED: list[tuple[str | bytes, tuple[str, ...]]] = [
             ("position", "1", 2),
             ("time_s", "20.0", 2),
             ("time_s", "-5", 2),
+            ("time_s", "20.0000000001", 2),
             ("position", "1", 1),
         )
     ),

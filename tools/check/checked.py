@@ -1,0 +1,67 @@
+"""A file that is checked: what it is, and what is wrong with it where it is an archive; others are in `files`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from fmpy.validation import validate_fmu
+
+from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, ZIP, bytes_of, is_workbook
+from ..locks import own_folder
+from ..orchestrator.fmu import unpack
+from ..orchestrator.interface import interface_of
+from ..rounding import exactly
+from ..ssp.read import scenario_of_ssp
+from .findings import Check, Findings
+
+
+def check(path: Path | str, channels: Sequence[str] = ()) -> Check:
+    """Say everything that is wrong with a file that Trihedron reads, with lines; what it is is told by its content.
+
+    A scenario, campaign or file of mountings (TOML); a record, position programme or angles of a plan (CSV, Parquet); a
+    calibration, diagnosis or plan (JSON); an .fmu or .ssp. Channels of a record are as of `read_record`. An InputError
+    where no file can be read.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    data = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
+    found = Findings(path)
+    if data.startswith(ZIP) and not is_workbook(data):
+        (_check_ssp if ending == ".ssp" else _check_fmu)(found)
+    elif ending in (".fmu", ".ssp"):
+        found.kind = "FMU" if ending == ".fmu" else "SSP archive"
+        found.add(f"is not a ZIP archive, which an {ending} is")
+    else:
+        # An archive of somebody else is refused before the half of the program is imported that reads records.
+        from .files import check_content
+
+        return found.check(check_content(found, data, channels))
+    return found.check()
+
+
+def _check_fmu(found: Findings) -> None:
+    """What FMPy's validation and the orchestrator's own say of an FMU; nothing of it is run."""
+    found.kind = "FMU"
+    with own_folder() as folder, found.of():
+        # Before anything else opens the archive: this refuses what is not safe to unpack.
+        described = unpack(found.path, str(found.path), lambda _: folder / "fmu").description
+        interface = interface_of("fmu", str(found.path), described)
+        for text in validate_fmu(str(found.path)):
+            found.add(" ".join(text.split()))
+        counts = {c: sum(v.causality == c for v in interface.variables.values()) for c in ("input", "output")}
+        if not found.problems:
+            tool = described.generationTool or "an unnamed tool"
+            found.summary = (
+                f"{described.modelName}, FMI {described.fmiVersion}, by {tool}",
+                f"{len(interface.variables)} variables, {counts['input']} inputs, {counts['output']} outputs",
+            )
+
+
+def _check_ssp(found: Findings) -> None:
+    """Whether an .ssp can be read as a scenario; nothing of it is run."""
+    found.kind = "SSP archive"
+    with found.of(), scenario_of_ssp(found.path) as (scenario, ignored):
+        found.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
+        found.summary = (
+            f"FMUs: {', '.join(scenario.fmus)}",
+            f"{len(scenario.connections)} connections, step {exactly(scenario.run.step_s)} s",
+        )
