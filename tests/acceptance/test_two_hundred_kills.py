@@ -11,6 +11,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -33,6 +34,8 @@ SHARES = {
     ("simulate", "ctrl-c"): 0.05,
 }
 """How many of the strikes are of which kind: "kill another" is the scheduler, of a cluster of its own."""
+FILES = 7
+"""Of that campaign, which are stored one after the other."""
 WEIGHTS = {"write": 4, "completed": 2, "write_page": 2, "write_summary": 2}
 SCENARIO = """schema = "trihedron.scenario/1"
 [run]
@@ -71,7 +74,7 @@ class Campaign:
         self.path, self._begun = written(folder, CALIBRATION), 0
         done = self.run(None)
         assert done.status == 0, done.err
-        self.whole = content(self.out)
+        self.whole, self.seconds = content(self.out), done.seconds
         # How many calls there are within each function, from the beginning and when all is there.
         self.calls = self.run(Strike("", PARTS)).calls
         self.anew()
@@ -124,20 +127,26 @@ def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedComm
         while kind == engine and hit < number_of((kind, blow)):
             tries += 1
             assert tries < 20 * KILLS
+            before = campaign.stored()
             places = list(PARTS) if blow in ("kill", "kill all", "ctrl-c") else ["completed"]
             within = rng.choices(places, [WEIGHTS.get(place, 1) for place in places])[0]
             number = rng.randint(1, max(1, campaign.calls.get(within, 1)))
-            before = campaign.stored()
+            strike = Strike(within, PARTS, number, blow)
+            if rng.random() < 0.4 and len(places) > 1 and before < FILES:
+                part = f"{campaign.out.name}/runs/part-{before:05}*"
+                strike = Strike("", (), 0, blow, stored=part, delay=rng.uniform(0.0, campaign.seconds))
             if blow == "kill another":
                 with cluster(tmp_path / f"cluster{tries}", 1) as (scheduler, address):
-                    strike = Strike(within, PARTS, number, blow, scheduler.pid)
-                    done = campaign.run(strike, "--engine", "dask", "--scheduler", address)
+                    done = campaign.run(
+                        replace(strike, victim=scheduler.pid), "--engine", "dask", "--scheduler", address
+                    )
             else:
-                done = campaign.run(Strike(within, PARTS, number, blow))
-            if done.struck:
+                done = campaign.run(strike)
+            if done.struck and (done.status or not strike.stored):
                 expected(done, blow)
                 hit += 1
-                fell[f"{engine:9}{blow:14}{within or 'elsewhere':14}{before} -> {campaign.stored()} of 7 stored"] += 1
+                where = "after a part" if strike.stored else strike.within or "elsewhere"
+                fell[f"{engine:9}{blow:14}{where:14}{before} -> {campaign.stored()} of {FILES} stored"] += 1
             if done.status == 0:
                 campaign.anew()
             else:
