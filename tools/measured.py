@@ -228,22 +228,25 @@ def calibrate(
 
 
 def apply(
-    calibration: "str | Path | calibrations.Calibration",
+    found: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
     record: str | Path,
     *,
     noise_bound: float = 0.0,
     channels: Sequence[str] = (),
-) -> "calibrations.Application":
-    """Correct the readings of a record by a calibration; print the equation and what it is worth for levelling.
+) -> "calibrations.Application | diagnosis.Applied":
+    """Correct the readings of a record by a calibration, or by what a diagnosis of another record names.
+
+    By a calibration: the equation, and what it is worth for levelling. By a diagnosis: what its effects add is taken
+    out of the readings where that is possible, and the record simulated by the extended FMUs, without and with them.
 
     Parameters
     ----------
-    calibration : path or Calibration
-        The result of `trihedron calibrate --json`.
+    found : path, Calibration or Diagnosis
+        The result of `trihedron calibrate --json` or `trihedron diagnose --json`.
     record : path
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
-        Bound of the readings' own errors, a fraction of g, for the bound.
+        Bound of the readings' own errors, a fraction of g, for the bound; of a diagnosis by default its own.
     channels : sequence of str
         How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
         w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
@@ -251,11 +254,17 @@ def apply(
     Raises
     ------
     InputError
-        for a calibration that is not consistent, or a record that cannot be used
+        for a calibration that is not consistent, a diagnosis that names nothing, or a record that cannot be used
     """
-    applied = calibrations.apply_calibration(calibration, Path(record), noise_bound=noise_bound, channels=channels)
-    said = checks.channels_warning(applied.record, applied.correction.mounting)
-    return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
+    named = diagnosis.read_diagnosis(Path(found)) if isinstance(found, str | Path) else found
+    if not isinstance(named, diagnosis.Diagnosis):
+        of = found if named is None else named
+        applied = calibrations.apply_calibration(of, Path(record), noise_bound=noise_bound, channels=channels)
+        said = checks.channels_warning(applied.record, applied.correction.mounting)
+        return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
+    run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
+    bound = {} if isinstance(run, records.StrapdownRecord) else {"noise_bound": noise_bound or named.noise_bound}
+    return diagnosis.applied_to(named, run, diagnosis.evidence_of(run, **_asked(run, **bound)))
 
 
 def diagnose(

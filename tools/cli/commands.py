@@ -131,7 +131,7 @@ def calibrate(
 
 @takes(measured.apply)
 def apply(
-    calibration: Path,
+    found: Path,
     record: Path,
     /,
     *,
@@ -143,16 +143,21 @@ def apply(
 ) -> Answer:
     """Example: trihedron apply calibration.json positions.csv --out corrected.csv
 
+    Example: trihedron apply diagnosis.json tuesday.csv --out corrected.csv
+
     Parameters
     ----------
     out
         Write the corrected record (CSV).
     latitude_deg
-        For the error of the azimuth.
+        For the error of the azimuth, by a calibration.
     """
-    distinct_files({"the calibration": calibration, "the record": record, "--out": out, "--json": json})
-    result = measured.apply(calibration, record, noise_bound=noise_bound, **options)
-    text = "\n".join(reports.application_lines(result, latitude_deg))
+    distinct_files({"the calibration": found, "the record": record, "--out": out, "--json": json})
+    result = measured.apply(found, record, noise_bound=noise_bound, **options)
+    by_diagnosis = isinstance(result, diagnosis.Applied)
+    text = str(result) if by_diagnosis else "\n".join(reports.application_lines(result, latitude_deg))
+    if out is not None and result.record is None:
+        raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
     with together():
         if out is not None:
             records.write_record(result.record, out)

@@ -1,4 +1,7 @@
 from .cause import Cause as Cause
+from .cross_gain import Applied as Applied
+from .cross_gain import applied_to as applied_to
+from .cross_gain import read_diagnosis as read_diagnosis
 from .extension import export_extended as export_extended
 from .procedure import diagnose as diagnose
 from .procedure import evidence_of as evidence_of

@@ -1,17 +1,25 @@
-"""What was found in one record, applied to the others by the extended FMUs: how much it helps there."""
+"""What was found in one record, applied to others: how much it helps there by the extended FMUs, or taken out."""
 
+import json
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, ValidationError
 
 from ...models.effects import EffectPlace
+from ..errors import InputError
 from ..evidence.evidence import Evidence, largest_size, rms_size
 from ..evidence.fit import blocks_of
-from ..result import Result
-from .cause import Number
+from ..files import LARGEST_RESULT, bytes_of
+from ..records import PositionRecord, StrapdownRecord
+from ..result import Result, Told, field_problems
+from .cause import Cause, Number
 from .order import HELPS, what_helps
-from .result import Diagnosis
+from .result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
 
 Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 """Effects with their linear coefficients."""
@@ -107,3 +115,90 @@ def _helps(evidence: Evidence, sizes: Sizes, place: EffectPlace) -> bool:
     others = {other: size for other, size in sizes.items() if other != place}
     pairs = (({place: sizes[place]}, {}), (sizes, others))
     return any(evidence.rms_with(after) < (1.0 - HELPS) * evidence.rms_with(before) for after, before in pairs)
+
+
+class AppliedEffect(Result):
+    """An effect that was found, and what became of it in another record.
+
+    "corrected": what it adds was taken out of the readings; "simulated": the extended FMUs have it, but no inverse;
+    "left": it does not show in a record of this kind, or is not linear in its sizes.
+    """
+
+    effect: str
+    how: Literal["corrected", "simulated", "left"]
+
+
+class Applied(Told):
+    """Another record with what was found in one.
+
+    Errors are of the simulation of the record by FMUs, without and with the effects, over what `over` says, in `unit`;
+    None where nothing can be run. What is the record's own, its biases, is fitted to it in both. `record` is the record
+    with what could be taken out.
+    """
+
+    schema_: Literal["trihedron.applied/1"] = Field(default="trihedron.applied/1", alias="schema")
+    rows: int
+    effects: tuple[AppliedEffect, ...]
+    over: str | None = None
+    unit: str | None = None
+    rms_without: Number | None = None
+    rms_with: Number | None = None
+    max_without: Number | None = None
+    max_with: Number | None = None
+    warnings: tuple[str, ...] = ()
+
+    record: Any = Field(default=None, exclude=True)
+
+
+def read_diagnosis(path: Path) -> Diagnosis | None:
+    """The diagnosis that a file holds; None where it is something else. An InputError where it is not as its schema."""
+    try:
+        content = json.loads(bytes_of(path, most=LARGEST_RESULT).decode("utf-8"))
+        if not isinstance(content, dict) or content.get("schema") not in (DIAGNOSIS, FIRST_DIAGNOSIS):
+            return None
+        return Diagnosis.model_validate_json(json.dumps(content))
+    except ValidationError as error:
+        raise InputError(f"{path}: {field_problems(error, Diagnosis)[0][1]}") from error
+    except (ValueError, RecursionError):
+        return None
+
+
+def coefficients_of(cause: Cause) -> NDArray[np.float64]:
+    """Linear coefficients (K,) of a cause: of an amplitude and its phase those of cosine and sine."""
+    values, found = list(cause.values), []
+    for parameter, value, after in zip(cause.parameters, values, [*values[1:], 0.0], strict=True):
+        if parameter.name.endswith("amplitude"):
+            found += [value * np.cos(after), value * np.sin(after)]
+        elif not parameter.name.endswith("phase"):
+            found.append(value)
+    return np.array(found)
+
+
+def applied_to(found: Diagnosis, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
+    """What a diagnosis names, applied to another record, whose evidence is given.
+
+    An InputError for a diagnosis that names nothing, or a record that cannot be run.
+    """
+    if found.verdict != "explained":
+        raise InputError(f"the diagnosis is {found.verdict}: it names nothing that could be applied")
+    if missing := evidence.missing():
+        raise InputError(f"{record.path}: cannot be run: {'; '.join(map(str, missing.get('missing', ())))}")
+    places = {c.place: c for c in found.causes if c.place in evidence.linear_places}
+    sizes = {place: coefficients_of(cause) for place, cause in places.items()}
+    corrected, readings = evidence.without_added(sizes)
+    how = {
+        cause.place: "corrected" if cause.place in corrected else "simulated" if cause.place in sizes else "left"
+        for cause in found.causes
+    }
+    told: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
+    before, after = (evidence.applied(those) for those in ({}, sizes)) if sizes else (None, None)
+    if before is not None and after is not None:
+        over, unit, scale = evidence.quoted_errors
+        told |= {"over": over, "unit": unit}
+        for name, error in (("without", before), ("with", after)):
+            told |= {f"{key}_{name}": value for key, value in _figures(error, scale).items()}
+    return Applied(
+        effects=tuple(AppliedEffect(effect=place.title, how=said) for place, said in how.items()),
+        record=replace(record, **readings) if corrected else None,
+        **told,
+    )

@@ -251,6 +251,14 @@ class Bench(Evidence):
         rows = np.arange(1, len(self.readings))
         return self.readings.reading[rows] - simulate_rows(self.readings, fit, rows, self.calibration.gravity)
 
+    def without_added(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+        """Readings less what effects of the accelerometers add to them, at the record's own fit beside all effects."""
+        *_, point = self.own_with(effects)
+        places = [p for p in effects if p in self.linear_places and p.definition.stage == "reading_effects"]
+        known = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
+        added = (self.about(places, point, known).jacobian[:, len(point) :] @ known).reshape(-1, 3)
+        return places, {"specific_force": self.calibration.gravity * (self.readings.reading - added)}
+
     @property
     def quoted_errors(self) -> tuple[str, str, float]:
         """Readings, in g."""

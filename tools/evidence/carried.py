@@ -16,7 +16,7 @@ from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
 from ..locks import own_folder
-from ..motion.carry import GyroModel, carried_attitude, carried_scenario, reads
+from ..motion.carry import GyroModel, carried_attitude, carried_scenario, compensated_increments, reads
 from ..motion.increments import starting_attitude
 from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour
@@ -385,6 +385,14 @@ class Carried(CarriedRun):
             fmus = extended_fmus(places, scratch, ("GyroCompensation", "AttitudeComputer"), usual_flavour())
             found = self.simulated(fmus, places, np.concatenate([point - self.point, sizes]), held)
         return found[self.scored.index(self.quoted)]
+
+    def without_added(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+        """Increments less what effects of the gyros add to them, by the inverse of a block with them."""
+        undone = {p: (p.definition.component, p.definition.stage) == ("GyroBlock", "reading_effects") for p in effects}
+        places = [p for p in effects if p in self.places and undone[p]]
+        known = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
+        sizes = self.values_of(places, np.concatenate([np.zeros(len(self.names)), known]))
+        return places, {"rate": None, "increment": compensated_increments(self.motion, sizes, self.found.gravity)}
 
     @property
     def quoted_errors(self) -> tuple[str, str, float]:

@@ -334,6 +334,10 @@ class Evidence:
         """The quoted errors (S, d) by FMUs that are extended by effects of given coefficients; None: cannot be run."""
         raise NotImplementedError
 
+    def without_added(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+        """Those of some effects, of given coefficients, that can be taken out, and the record's fields without."""
+        raise NotImplementedError
+
     @property
     def quoted_errors(self) -> tuple[str, str, float]:
         """Of what the quoted errors are, in words, the unit in which they are quoted, and what it is in theirs."""

@@ -187,6 +187,19 @@ def carried_attitude(
     return simulate(carried_scenario(motion, model.effects, settings)).table.select(QUATERNION).to_numpy()
 
 
+def compensated_increments(
+    motion: Motion, effects: Mapping[EffectPlace, tuple[float, ...]], gravity: float
+) -> NDArray[np.float64]:
+    """A record's increments (N, 3) [rad] less what effects of the gyros add; at the first row, which has none, zero."""
+    settings = {
+        "compensation": _setting("GyroCompensation", {}, {"gravity": gravity}, effect_entries(effects, "GyroBlock")),
+        "computer": _setting("AttitudeComputer", {}, {}, []),
+    }
+    columns = {name: f"compensation.increment[{i}]" for i, name in enumerate(INCREMENT, start=1)}
+    run = carried_scenario(motion, effects, settings).model_copy(update={"record": RecordSetting(columns=columns)})
+    return simulate(run).table.select(INCREMENT).to_numpy()
+
+
 def carried_scenario(motion: Motion, effects: Iterable[EffectPlace], fmus: Mapping[str, FmuSetting]) -> Scenario:
     """The run of a record's increments through FMUs, of a gyros' compensation and an attitude computer.
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Application": ("calibration", "application_lines", None),
+    "Applied": ("several", "applied_lines", None),
     "AttitudeComparison": ("inspection", "comparison_lines", None),
     "AttitudeRun": ("inspection", "attitude_lines", None),
     "Calibration": ("calibration", "lines", "page"),

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from ..calibration.targets import NAMES
+from ..diagnosis.cross_gain import Applied
 from ..diagnosis.several import JointCause, Repeated, Several
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
@@ -50,6 +51,23 @@ def lines(result: Several) -> list[str]:
     if result.not_searched and result.radius is not None:
         said.append(f"not sought in several records together: {', '.join(result.not_searched)}")
     return said
+
+
+HOW = {
+    "corrected": "taken out of the readings",
+    "simulated": "simulated: it has no inverse that could be taken out of readings",
+    "left": "left: a record of this kind does not show it, or its size alone does not say what it does",
+}
+
+
+def applied_lines(result: Applied) -> list[str]:
+    """What became of each effect, and the errors of the simulation without and with them."""
+    said = [f"{one.effect}: {HOW[one.how]}" for one in result.effects]
+    if result.rms_without is not None:
+        ends = zip((result.rms_without, result.max_without), (result.rms_with, result.max_with), strict=True)
+        rms, most = (" -> ".join(digits(value or 0.0) for value in pair) for pair in ends)
+        said.append(f"{result.over}, simulated without and with them: {rms} {result.unit} rms, at most {most}")
+    return said + [f"warning: {text}" for text in result.warnings]
 
 
 def helps_lines(result: Several) -> list[str]:

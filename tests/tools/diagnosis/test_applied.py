@@ -1,0 +1,100 @@
+"""What was found in one record, applied to another: taken out of its readings, or simulated."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from instrument_records import of_one_instrument
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import Diagnosis, applied_to, diagnose, evidence_of
+from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.records import PositionRecord, read_record, write_record
+from trihedron.tools.trials.draw import draw_clean_block
+from trihedron.tools.trials.sizes import Hidden
+
+SIGMA = 1e-5
+QUADRATIC, ENCODER = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("encoder-harmonic", "outer-axis", 2)
+G_SENSITIVITY = EffectPlace("gyro-g-sensitivity", "gyro-block")
+TRUE_G = (2e-3, 0.0, 0.0, 0.0, -1e-3, 0.0, 0.0, 0.0, 1.5e-3)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Two records of an instrument with a quadratic term, and two of one with an encoder's harmonic; diagnoses."""
+    folder = tmp_path_factory.mktemp("applied")
+    for name, effect in (("block", (QUADRATIC, (4e-4,))), ("table", (ENCODER, (3e-4, 0.4)))):
+        records = of_one_instrument(5, 2, shared=[effect])
+        for day, record in zip(("monday", "tuesday"), records, strict=True):
+            write_record(record, folder / f"{name}-{day}.csv")
+        found = diagnose(records[0], noise_bound=SIGMA, rerun=False)
+        assert found.verdict == "explained"
+        (folder / f"{name}.json").write_text(found.json_text(), encoding="utf-8")
+    return folder
+
+
+def test_what_a_block_adds_is_taken_out_of_another_days_readings(folder, capsys):
+    """What is left of it is what the first record leaves open of its size."""
+    out, told = folder / "corrected.csv", folder / "applied.json"
+    given = ["apply", str(folder / "block.json"), str(folder / "block-tuesday.csv"), "--out", str(out)]
+    assert main([*given, "--json", str(told)]) == 0
+    assert "quadratic accelerometer-2: taken out of the readings" in capsys.readouterr().out
+    radii = []
+    for path in (folder / "block-tuesday.csv", out):
+        record = read_record(path)
+        assert isinstance(record, PositionRecord)
+        radii.append(calibrate(record, noise_bound=SIGMA).radius)
+    assert radii[0] > 3.0
+    assert radii[1] < 0.3 * radii[0]
+    content = json.loads(told.read_text(encoding="utf-8"))
+    assert content["effects"] == [{"effect": "quadratic accelerometer-2", "how": "corrected"}]
+    assert content["unit"] == "g"
+    assert content["rms_with"] < SIGMA < content["rms_without"]
+
+
+def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(folder, capsys):
+    applied = th.apply(folder / "table.json", folder / "table-tuesday.csv")
+    assert [(one.effect, one.how) for one in applied.effects] == [(ENCODER.title, "simulated")]
+    assert applied.record is None
+    assert applied.rms_with < SIGMA < applied.rms_without
+    asked = ["apply", str(folder / "table.json"), str(folder / "table-tuesday.csv"), "--out", str(folder / "no.csv")]
+    assert main(asked) == 2
+    assert "nothing that was found can be taken out of readings" in capsys.readouterr().err
+    assert not (folder / "no.csv").exists()
+
+
+def test_what_names_nothing_or_is_not_as_its_schema_says_is_refused(folder, capsys):
+    good = json.loads((folder / "block.json").read_text(encoding="utf-8"))
+    for name, change, why in (
+        ("unnamed", {"verdict": "unexplained", "causes": []}, "the diagnosis is unexplained: it names nothing"),
+        ("broken", {"baseline": 3}, "baseline: "),
+    ):
+        (folder / f"{name}.json").write_text(json.dumps(good | change), encoding="utf-8")
+        assert main(["apply", str(folder / f"{name}.json"), str(folder / "block-tuesday.csv")]) == 2
+        said = capsys.readouterr().err
+        assert why in said
+        assert said.count("\n") == 1
+
+
+def test_what_gyros_add_is_taken_out_of_the_increments_of_another_day():
+    """The increments come near to those of the same block without the effect, moved and disturbed in the same way."""
+    block = replace(draw_clean_block(77, 1, "truth").instrument, temperature=None)
+    second, clean = (block.measured(7, 1, hidden) for hidden in ([Hidden(G_SENSITIVITY, TRUE_G)], []))
+    cause = Cause.found(G_SENSITIVITY, (), TRUE_G, [(size - 1e-5, size + 1e-5) for size in TRUE_G])
+    baseline = {"radius": 2.0, "falsified": True}
+    found = Diagnosis(verdict="explained", baseline_model="nominal", baseline=baseline, causes=(cause,))  # type: ignore[arg-type]
+    applied = applied_to(found, second, evidence_of(second))
+    assert [one.how for one in applied.effects] == ["corrected"]
+
+    def increments(record) -> np.ndarray:
+        rates = 0.5 * (record.rate[1:] + record.rate[:-1]) if record.rate is not None else None
+        return record.increment[1:] if rates is None else rates * np.diff(record.time_s)[:, None]
+
+    wrong, left = (np.abs(increments(one) - increments(clean)).mean() for one in (second, applied.record))
+    assert left < 0.05 * wrong
+    assert applied.rms_with < 0.25 * applied.rms_without
