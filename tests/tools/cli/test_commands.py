@@ -31,6 +31,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     return status, said.out, said.err
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     status, out, err = run(

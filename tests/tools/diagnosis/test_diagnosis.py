@@ -81,7 +81,9 @@ def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
 @pytest.mark.parametrize(
     ("place", "values", "symmetric"),
     [
-        (EffectPlace("encoder-harmonic", "outer-axis", 2), (2.5e-4, 0.7), False),
+        pytest.param(
+            EffectPlace("encoder-harmonic", "outer-axis", 2), (2.5e-4, 0.7), False, marks=pytest.mark.acceptance
+        ),
         (EffectPlace("quadratic", "accelerometer-2"), (-1.2e-3,), False),
         pytest.param(EffectPlace("scale-asymmetry", "accelerometer-1"), (1.5e-3,), True, marks=pytest.mark.acceptance),
     ],

@@ -61,8 +61,8 @@ def beyond_noise(record, again) -> np.ndarray:
     return np.abs(again.specific_force - record.specific_force) / G / NOISE_BOUND
 
 
-LONG = ("thermal-lag", "mounting-slip", "warm-up")
-"""Effects whose FMUs take long to be found or made; `make acceptance` has them too."""
+LONG = ("thermal-lag", "mounting-slip", "warm-up", "bias-drift")
+"""Effects that take long to be found, or that another test here has too; `make acceptance` exports them as well."""
 
 
 @pytest.mark.parametrize(

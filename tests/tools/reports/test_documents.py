@@ -262,6 +262,7 @@ def test_pages_of_other_options(options):
     assert all(expression.replace("-", "−") in page for expression in options.get("targets", ()))
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_pages_of_several_mountings_whatever_they_are_called():
     half = len(clean()) // 2
     record = replace(clean(), mounting=("upright-1e5",) * half + ("elsewhere",) * (len(clean()) - half))

@@ -37,7 +37,7 @@ def test_nothing_is_named_on_clean_records_of_every_noise():
 
 
 def test_single_effects_of_the_second_size_are_named_and_their_sizes_are_inside():
-    suite = part_of("quick-single", 2)
+    suite = part_of("quick-single", 1)
     assert suite.outcomes == {"right": suite.cases}
     assert all(outcome.inside is not False for outcome in suite.results)
 
