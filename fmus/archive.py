@@ -170,11 +170,18 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
     for name, can in component.capabilities(native=bool(sources)).items():
         spelt[FMI2_CAPABILITIES.get(name, name) if fmi == 2 else name] = str(can).lower()
     about = {"modelIdentifier": component.name, "needsExecutionTool": "false"}
-    interface = SubElement(root, "CoSimulation", about | spelt)
-    if sources and fmi == 2:
-        files = SubElement(interface, "SourceFiles")
-        for name in sources:
-            SubElement(files, "File", name=name)
+    for kind in ["ModelExchange", "CoSimulation"] if component.exchange and sources else ["CoSimulation"]:
+        # What is said of steps is said of co-simulation alone.
+        own = {
+            k: v for k, v in spelt.items() if kind == "CoSimulation" or k != "canHandleVariableCommunicationStepSize"
+        }
+        interface = SubElement(root, kind, about | own)
+        if kind == "ModelExchange" and fmi == 3:
+            interface.set("needsCompletedIntegratorStep", "true")
+        if sources and fmi == 2:
+            files = SubElement(interface, "SourceFiles")
+            for name in sources:
+                SubElement(files, "File", name=name)
     add_units(root, component)
     add_types(root, component, fmi)
     categories = SubElement(root, "LogCategories")

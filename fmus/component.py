@@ -125,6 +125,11 @@ class Component:
         name of the component whose inverse it is: effects that add to that one's readings extend it too
     any_step : bool
         whether steps of any lengths may follow one another
+    exchange : bool
+        whether its native FMUs are for model exchange too: of what follows time without continuous states, and without
+        following inputs at once
+    next_event : callable or None
+        kernel of one for model exchange: the time of the next event, 1e300 where there is none
     smooth : bool
         whether its outputs change smoothly with inputs and parameters, so that derivatives tell something
     """
@@ -142,6 +147,8 @@ class Component:
     undoes: str = ""
     any_step: bool = True
     smooth: bool = True
+    exchange: bool = False
+    next_event: Callable[..., float] | None = None
 
     @property
     def derivatives(self) -> bool:
@@ -158,9 +165,12 @@ class Component:
         }
 
     @property
-    def kernels(self) -> dict[str, Callable[..., int | None]]:
-        """The kernels by their names: initialise, step and, where there is one, respond."""
-        return dict(zip(("initialise", "step", "respond"), self.model, strict=False))
+    def kernels(self) -> dict[str, Callable[..., float | None]]:
+        """The kernels by their names: initialise, step and, where there are such, respond and next_event."""
+        found: dict[str, Callable[..., float | None]] = dict(
+            zip(("initialise", "step", "respond"), self.model, strict=False)
+        )
+        return found if self.next_event is None else found | {"next_event": self.next_event}
 
     @property
     def interface(self) -> tuple[Variable, ...]:

@@ -123,6 +123,8 @@ TURNTABLE_MOTION = Component(
         work("turn_rates", "rates of those of the table", 4),
     ),
     model=(turntable.initialise, turntable.step),
+    next_event=turntable.next_event,
+    exchange=True,
     messages=(
         "mounting is not a proper orthogonal matrix (rows orthonormal to 1e-6, determinant +1)",
         "max_rate and max_acceleration must be positive",
@@ -282,6 +284,7 @@ HARMONIC_MOTION = Component(
         work("work", "a quaternion", 4),
     ),
     model=(harmonic_motion.initialise, harmonic_motion.step),
+    exchange=True,
     messages=(
         "trapezoid_nodes - 1 is not a multiple of step_samples: the intervals of one increment must be a whole number",
         "the step holds more than 1e6 rad of the motion's phase, or the motion is not finite",

@@ -211,3 +211,23 @@ def step(
     at_rest[0] = resting
     read_encoders(stand, effect, angle, fluctuation, motion, context, added, angle_reading)
     return 0
+
+
+NEVER = 1e300
+"""The time of an event that does not come [s]."""
+JUST_AFTER = 1e-15
+"""By so much of itself a time is later than one at which a phase of a move is over, whatever its rounding."""
+
+
+def next_event(time: float, plan: Vector) -> float:
+    """Time after `time` at which the next phase of a move is over: an acceleration changes, or a rest begins."""
+    first = NEVER
+    for axis in range(2):
+        at = AXIS_PLAN_SIZE * axis
+        moment = plan[at]
+        for phase in range(3):
+            moment = moment + plan[at + 4 + phase]
+            over = moment + JUST_AFTER * math.fabs(moment)
+            if plan[at + 4 + phase] > 0.0 and over > time and over < first:
+                first = over
+    return first

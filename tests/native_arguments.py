@@ -190,7 +190,4 @@ def check_what_is_lacking(subject: Subject) -> None:
             subject.refused(
                 lambda k=kind: library.call(f"Get{k}", instance, one, ct.c_size_t(1), None, None, ct.c_size_t(1))
             )
-        model_exchange = library.function("InstantiateModelExchange", ct.c_void_p)
-        no, yes = ct.c_bool(False), ct.c_bool(True)
-        assert model_exchange(b"name", library.token, b"", no, yes, None, library.logger) is None
     library.free(instance)

@@ -20,8 +20,11 @@ from .tangent import tangent_name, tangents
 from .translate import Signature, kernel_name, translate
 
 COMPILED = {
-    2: ("model.c", "component.c", "values.c", "state.c", "fmi2.c"),
-    3: ("model.c", "component.c", "values.c", "state.c", "fmi3.c", "fmi3_refused.c"),
+    2: ("model.c", "component.c", "values.c", "state.c", "exchange.c", "fmi2.c", "fmi2_exchange.c"),
+    3: (
+        *("model.c", "component.c", "values.c", "state.c"),
+        *("exchange.c", "fmi3.c", "fmi3_exchange.c", "fmi3_refused.c"),
+    ),
 }
 """Source files of each version of FMI that are compiled."""
 
@@ -59,6 +62,7 @@ MODEL_H = """/* {description}. Made by Trihedron. */
 #define VARIABLE_COUNT {variables}u
 #define MEMORY_SIZE {memory}
 #define DERIVATIVES {derivatives}
+#define EXCHANGE {exchange}
 
 #endif
 """
@@ -157,6 +161,14 @@ def _calls(component: Component, kernels: dict[str, Signature]) -> str:
         texts.append(
             f"\n{kind} model_{kernel}(double *memory, double time, double step)\n{{\n" + "\n".join(body) + "\n}\n"
         )
+    if component.exchange:
+        event = "INFINITY"
+        if "next_event" in kernels:
+            event = (
+                f"{kernel_name('next_event')}({', '.join(_arguments(component, 'next_event', kernels['next_event']))})"
+            )
+        head = "\ndouble model_next_event(double *memory, double time)\n{\n    (void)memory;\n    (void)time;\n"
+        texts.append(f"{head}    return {event};\n}}\n")
     return "".join(texts) + (_derivatives(component, kernels) if component.derivatives else "")
 
 
@@ -214,6 +226,7 @@ def model_h(component: Component, fmi: int, token: str, source: str) -> str:
         variables=len(rows(component, fmi)),
         memory=len(_starts(component)),
         derivatives=int(component.derivatives),
+        exchange=int(component.exchange),
     )
 
 

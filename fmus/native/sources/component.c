@@ -9,7 +9,7 @@
 
 static const char *const PHASE_NAMES[PHASES] = {
     "before the initialisation", "during the initialisation", "between steps", "after a failed call",
-    "after the termination"};
+    "after the termination", "in event mode", "in continuous time"};
 
 /* Those of the model description. */
 enum { WARNINGS, ERRORS, ALL, CATEGORY_COUNT };
@@ -65,7 +65,7 @@ void reset(Component *c)
     memcpy(c->state.memory, start_values, sizeof c->state.memory);
 }
 
-Component *create(const char *token, const Listener *listener)
+Component *create(const char *token, const Listener *listener, int exchange)
 {
     const char *name = listener->name;
     if (!name || name[strspn(name, " \t\n\r")] == '\0') {
@@ -74,6 +74,10 @@ Component *create(const char *token, const Listener *listener)
     }
     if (!token || strcmp(token, MODEL_TOKEN) != 0) {
         say(listener, "instantiation: the identity is %s, this FMU's is " MODEL_TOKEN, token ? token : "missing");
+        return NULL;
+    }
+    if (exchange && !EXCHANGE) {
+        say(listener, "instantiation: this FMU is for co-simulation only");
         return NULL;
     }
     Component *c = calloc(1, sizeof *c);
@@ -86,6 +90,7 @@ Component *create(const char *token, const Listener *listener)
     }
     c->mark = INSTANCE_MARK;
     c->name = strcpy(copy, name);
+    c->exchange = exchange;
     c->listener = *listener;
     c->listener.name = c->name;
     reset(c);
@@ -115,10 +120,15 @@ int begin(Component *c, const char *call, double start, int has_stop, double sto
     return OK;
 }
 
-void respond(Component *c)
+/* Bring the outputs that follow inputs, or time, up to date. */
+int respond(Component *c, const char *call)
 {
     c->state.stale = 0;
+    if (EXCHANGE && c->exchange) {
+        return catch_up(c, call);
+    }
     model_respond(c->state.memory, c->state.time, 0.0);
+    return OK;
 }
 
 int finish_initialisation(Component *c, const char *call)
@@ -128,9 +138,8 @@ int finish_initialisation(Component *c, const char *call)
         c->state.phase = FAILED;
         return refuse(c, "%s: %s", call, messages[message - 1]);
     }
-    c->state.phase = STEPPING;
-    respond(c);
-    return OK;
+    c->state.phase = EXCHANGE && c->exchange ? EVENTS : STEPPING;
+    return c->state.phase == EVENTS ? accept_time(c, call) : respond(c, call);
 }
 
 int do_step(Component *c, const char *call, double time, double step)
@@ -155,8 +164,7 @@ int do_step(Component *c, const char *call, double time, double step)
         return refuse(c, "%s at %.17g s: %s", call, time, messages[message - 1]);
     }
     state->time = time + step;
-    respond(c);
-    return OK;
+    return respond(c, call);
 }
 
 int set_logging(Component *c, const char *call, int logging, size_t count, const char *const *categories)

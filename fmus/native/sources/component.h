@@ -43,21 +43,30 @@ extern const char *const messages[];
 int64_t model_initialise(double *memory, double time, double step);
 int64_t model_step(double *memory, double time, double step);
 void model_respond(double *memory, double time, double step);
+double model_next_event(double *memory, double time);
 /* Carries a derivative of the memory through the initialisation, where it is not over, and the response. */
 int64_t model_differentiate(double *memory, double *dot, double time, int initialising);
 
-enum { INSTANTIATED, INITIALISING, STEPPING, FAILED, TERMINATED, PHASES };
+/* EVENTS and FLOWING, event mode and continuous time, are phases of model exchange, STEPPING of co-simulation. */
+enum { INSTANTIATED, INITIALISING, STEPPING, FAILED, TERMINATED, EVENTS, FLOWING, PHASES };
 #define IN(phase) (1u << (phase))
 #define ANY_PHASE (IN(PHASES) - 1u)
-#define INITIALISED (IN(INITIALISING) | IN(STEPPING) | IN(FAILED) | IN(TERMINATED))
+#define RUNNING (IN(STEPPING) | IN(EVENTS) | IN(FLOWING))
+#define INITIALISED (IN(INITIALISING) | RUNNING | IN(FAILED) | IN(TERMINATED))
+#define SETTABLE (IN(INSTANTIATED) | IN(INITIALISING) | RUNNING)
 
 /* Everything that decides what comes next: one block of eight-byte words without gaps. */
 typedef struct {
     double time;
     double stop;
     int64_t phase;
-    int64_t stale; /* outputs that follow the inputs at once wait for their kernel */
+    int64_t stale; /* outputs that follow the inputs, or time, at once wait for their kernel */
     double memory[MEMORY_SIZE];
+#if EXCHANGE
+    double reached;           /* time that was accepted last */
+    double announced;         /* time of the next event */
+    double base[MEMORY_SIZE]; /* the memory at the time that was accepted last */
+#endif
 } State;
 
 /* A state outside its instance, as it is handed out and as it is serialised. */
@@ -82,6 +91,7 @@ typedef struct {
     Listener listener;
     uint64_t mark; /* of a live instance */
     char *name;
+    int exchange; /* whether it was made for model exchange */
     State state;
     double preview[MEMORY_SIZE];
 #if DERIVATIVES
@@ -120,10 +130,10 @@ static inline int may(Component *c, const char *call, unsigned phases)
     return 1;
 }
 
-Component *create(const char *token, const Listener *listener);
+Component *create(const char *token, const Listener *listener, int exchange);
 void destroy(Component *c);
 void reset(Component *c);
-void respond(Component *c);
+int respond(Component *c, const char *call);
 int begin(Component *c, const char *call, double start, int has_stop, double stop);
 int finish_initialisation(Component *c, const char *call);
 int do_step(Component *c, const char *call, double time, double step);
@@ -152,7 +162,7 @@ static inline int set_reals(Component *c, const char *call, const uint32_t *refe
             place[k] = *values++;
         }
     }
-    c->state.stale = c->state.phase == STEPPING;
+    c->state.stale |= c->state.phase == STEPPING;
     return OK;
 }
 
@@ -179,6 +189,13 @@ static inline int get_reals(Component *c, const char *call, const uint32_t *refe
 int differentiate(Component *c, const char *call, const uint32_t *unknowns, size_t unknown_count,
                   const uint32_t *knowns, size_t known_count, const double *seed, size_t seed_count,
                   double *sensitivity, size_t sensitivity_count);
+int catch_up(Component *c, const char *call);
+int accept_time(Component *c, const char *call);
+int set_time(Component *c, const char *call, double time);
+int update_events(Component *c, const char *call, int *defined, double *time);
+int complete_step(Component *c, const char *call, int *enter_events);
+int change_phase(Component *c, const char *call, int64_t phase);
+int no_states(Component *c, const char *call, size_t count);
 int set_logging(Component *c, const char *call, int logging, size_t count, const char *const *categories);
 int save(Component *c, const char *call, void **record);
 int restore(Component *c, const char *call, const void *record);

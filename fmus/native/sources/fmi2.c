@@ -1,4 +1,4 @@
-/* FMI 2.0 co-simulation. */
+/* FMI 2.0: co-simulation, and what it shares with model exchange. */
 #include "fmi2Functions.h"
 
 #include "component.h"
@@ -8,8 +8,6 @@
     if (!may(c, __func__, phases)) {                                                                                   \
         return fmi2Error;                                                                                              \
     }
-
-#define SETTABLE (IN(INSTANTIATED) | IN(INITIALISING) | IN(STEPPING))
 
 /* Refusals are told whether or not debugging is on. */
 void emit(const Listener *to, int status, const char *category, const char *text)
@@ -46,13 +44,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
         return NULL;
     }
     Listener listener = {instanceName, functions->componentEnvironment, (void (*)(void))functions->logger, loggingOn, 0};
-    Component *c = create(fmuGUID, &listener);
-    if (c && fmuType != fmi2CoSimulation) {
-        refuse(c, "%s: this FMU is for co-simulation only", __func__);
-        destroy(c);
-        return NULL;
-    }
-    return c;
+    return create(fmuGUID, &listener, fmuType != fmi2CoSimulation);
 }
 
 void fmi2FreeInstance(fmi2Component instance)
@@ -87,7 +79,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component instance)
 
 fmi2Status fmi2Terminate(fmi2Component instance)
 {
-    CALL(IN(STEPPING) | IN(FAILED))
+    CALL(RUNNING | IN(FAILED))
     c->state.phase = TERMINATED;
     return fmi2OK;
 }

@@ -1,4 +1,4 @@
-/* FMI 3.0 co-simulation. */
+/* FMI 3.0: co-simulation, and what it shares with model exchange. */
 #include "fmi3Functions.h"
 
 #include "component.h"
@@ -8,8 +8,6 @@
     if (!may(c, __func__, phases)) {                                                                                   \
         return fmi3Error;                                                                                              \
     }
-
-#define SETTABLE (IN(INSTANTIATED) | IN(INITIALISING) | IN(STEPPING))
 
 /* FMI 3.0 wants silence where logging is off. */
 void emit(const Listener *to, int status, const char *category, const char *text)
@@ -36,11 +34,9 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
     fmi3LogMessageCallback logMessage)
 {
     Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn, 0};
-    (void)instantiationToken;
     (void)resourcePath;
     (void)visible;
-    say(&listener, "%s: this FMU is for co-simulation only", __func__);
-    return NULL;
+    return create(instantiationToken, &listener, 1);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken, fmi3String
@@ -56,7 +52,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
     (void)nRequiredIntermediateVariables;
     (void)intermediateUpdate;
     Listener listener = {instanceName, instanceEnvironment, (void (*)(void))logMessage, loggingOn, 0};
-    Component *c = create(instantiationToken, &listener);
+    Component *c = create(instantiationToken, &listener, 0);
     if (c && eventModeUsed) {
         refuse(c, "%s: the FMU has no event mode", __func__);
         destroy(c);
@@ -77,7 +73,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     (void)clockUpdate;
     (void)lockPreemption;
     (void)unlockPreemption;
-    say(&listener, "%s: this FMU is for co-simulation only", __func__);
+    say(&listener, "%s: this FMU has no scheduled execution", __func__);
     return NULL;
 }
 
@@ -107,7 +103,7 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 
 fmi3Status fmi3Terminate(fmi3Instance instance)
 {
-    CALL(IN(STEPPING) | IN(FAILED))
+    CALL(RUNNING | IN(FAILED))
     c->state.phase = TERMINATED;
     return fmi3OK;
 }

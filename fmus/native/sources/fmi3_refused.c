@@ -8,11 +8,6 @@ static fmi3Status lacking(fmi3Instance instance, const char *call, const char *w
     return may(instance, call, ANY_PHASE) ? refuse(instance, "%s: the FMU has no %s", call, what) : fmi3Error;
 }
 
-fmi3Status fmi3EnterEventMode(fmi3Instance instance)
-{
-    return lacking(instance, __func__, "event mode");
-}
-
 fmi3Status fmi3GetFloat32(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
     fmi3Float32 values[], size_t nValues)
 {
@@ -315,93 +310,6 @@ fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference 
     (void)counters;
     (void)resolutions;
     return lacking(instance, __func__, "clocks");
-}
-
-fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
-{
-    return lacking(instance, __func__, "event mode");
-}
-
-fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate, fmi3Boolean
-    *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged, fmi3Boolean
-    *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined, fmi3Float64 *nextEventTime)
-{
-    (void)discreteStatesNeedUpdate;
-    (void)terminateSimulation;
-    (void)nominalsOfContinuousStatesChanged;
-    (void)valuesOfContinuousStatesChanged;
-    (void)nextEventTimeDefined;
-    (void)nextEventTime;
-    return lacking(instance, __func__, "event mode");
-}
-
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
-{
-    return lacking(instance, __func__, "model exchange");
-}
-
-fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
-    fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
-{
-    (void)noSetFMUStatePriorToCurrentPoint;
-    (void)enterEventMode;
-    (void)terminateSimulation;
-    return lacking(instance, __func__, "model exchange");
-}
-
-fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
-{
-    (void)time;
-    return lacking(instance, __func__, "model exchange");
-}
-
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[], size_t
-    nContinuousStates)
-{
-    (void)continuousStates;
-    (void)nContinuousStates;
-    return lacking(instance, __func__, "model exchange");
-}
-
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t
-    nContinuousStates)
-{
-    (void)derivatives;
-    (void)nContinuousStates;
-    return lacking(instance, __func__, "model exchange");
-}
-
-fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators)
-{
-    (void)eventIndicators;
-    (void)nEventIndicators;
-    return lacking(instance, __func__, "event mode");
-}
-
-fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates)
-{
-    (void)continuousStates;
-    (void)nContinuousStates;
-    return lacking(instance, __func__, "model exchange");
-}
-
-fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates)
-{
-    (void)nominals;
-    (void)nContinuousStates;
-    return lacking(instance, __func__, "model exchange");
-}
-
-fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators)
-{
-    (void)nEventIndicators;
-    return lacking(instance, __func__, "event mode");
-}
-
-fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates)
-{
-    (void)nContinuousStates;
-    return lacking(instance, __func__, "model exchange");
 }
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance)

@@ -71,7 +71,11 @@ int restore(Component *c, const char *call, const void *record)
     if (check_record(c, call, record) != OK) {
         return ERROR;
     }
-    c->state = ((const Record *)record)->state;
+    const State *state = &((const Record *)record)->state;
+    if (IN(state->phase) & RUNNING && (state->phase == STEPPING) == (c->exchange != 0)) {
+        return refuse(c, "%s: the state is one of the other kind: co-simulation or model exchange", call);
+    }
+    c->state = *state;
     return OK;
 }
 

@@ -72,8 +72,11 @@ static int check_set(Component *c, const char *call, const Variable *v, Layout l
     if (v->causality == INPUT) {
         return OK;
     }
-    if (v->fixed && c->state.phase == STEPPING) {
+    if (v->fixed && IN(c->state.phase) & RUNNING) {
         return refuse(c, "%s: %s is fixed: it cannot be set after initialisation", call, v->name);
+    }
+    if (c->state.phase == FLOWING) {
+        return refuse(c, "%s: %s cannot be set in continuous time", call, v->name);
     }
     for (size_t i = 0; i < v->size; i++) {
         double value = value_at(layout, values, at + i);
@@ -110,7 +113,7 @@ int set_values(Component *c, const char *call, Type type, Layout layout, const u
             c->state.memory[v->place + k] = v->type == BOOLEAN ? (value != 0.0) : value;
         }
     }
-    c->state.stale = c->state.phase == STEPPING;
+    c->state.stale |= c->state.phase == STEPPING;
     return OK;
 }
 
@@ -121,8 +124,8 @@ int get_values(Component *c, const char *call, Type type, Layout layout, const u
         return ERROR;
     }
     const double *memory = c->state.memory;
-    if (c->state.stale) {
-        respond(c);
+    if (c->state.stale && respond(c, call) != OK) {
+        return ERROR;
     }
     if (c->state.phase == INITIALISING) {
         /* What the outputs would be if the initialisation ended now, tried on a copy. */
