@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("TRIHEDRON_DATA", ROOT / ".." / "shared" / "data"))
 
 
-@pytest.mark.parametrize("name", MPU)
+@pytest.mark.parametrize("name", [pytest.param(MPU[0], marks=pytest.mark.acceptance), *MPU[1:]])
 def test_no_effect_is_named_in_the_logs_of_the_mpu9150(name):
     found = diagnose(measured(name), rerun=False)
     assert found.verdict == "consistent"

@@ -38,7 +38,7 @@ def exact_misfit(result: Any) -> float:
 
 @pytest.mark.parametrize(
     ("place", "values", "at_bound"),
-    [(HARMONIC, (2.5e-4, 3.1), False), (PRODUCT, (2e-3,), True)],
+    [pytest.param(HARMONIC, (2.5e-4, 3.1), False, marks=pytest.mark.acceptance), (PRODUCT, (2e-3,), True)],
     ids=["errors uniform", "errors at their bound: no interior"],
 )
 def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):

@@ -89,7 +89,7 @@ def test_what_a_single_row_at_an_end_shows_is_no_step(row):
     assert all(cause.place.effect != "bias-step" for causes in sets for cause in causes)
 
 
-@pytest.mark.parametrize(("seed", "sigmas"), [(500, 15.0), (501, 300.0)])
+@pytest.mark.parametrize(("seed", "sigmas"), [pytest.param(500, 15.0, marks=pytest.mark.acceptance), (501, 300.0)])
 def test_a_slip_of_the_mounting_is_named_with_its_angles_and_its_time(seed, sigmas):
     """The mounting error jumps in the exact formulas; of 300 σ its second order is as large as σ."""
     rng = np.random.default_rng([seed, 17])

@@ -134,7 +134,7 @@ def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
     assert (WARM_UP,) in (result.containing_sets or ())
 
 
-@pytest.mark.parametrize("at", [0.0, 0.5])
+@pytest.mark.parametrize("at", [0.0, pytest.param(0.5, marks=pytest.mark.acceptance)])
 def test_what_can_act_from_the_beginning_on_is_not_said_to_set_in(at):
     """The first moves hardly show a scale factor: one that always acts looks like one that sets in after them."""
     evidence, places = made(filmed=True, scale=0.01, at=at), [SCALE, SCALE_STEP]

@@ -108,7 +108,8 @@ def test_a_record_that_is_consistent_by_what_is_stated_says_so():
     assert "as stated" in lines(found)[0]
 
 
-@pytest.mark.parametrize("part", [pytest.param(1.0, marks=pytest.mark.acceptance), 0.9])
+@pytest.mark.acceptance
+@pytest.mark.parametrize("part", [1.0, 0.9])
 def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
     (said,) = too_large(without)
     stated = round(part * needed(said), 6)
