@@ -14,9 +14,8 @@ import pytest
 from hypothesis import settings
 
 COMPILED_AS_SHIPPED = {
-    *("acceptance", "benchmarks"),
-    *("test_bits", "test_native_conformance", "test_native_platforms", "test_native_translation", "test_prebuilt"),
-    *("test_installation", "test_loops"),
+    *("acceptance", "benchmarks", "test_bits", "test_capabilities", "test_installation", "test_loops"),
+    *("test_native_conformance", "test_native_platforms", "test_native_translation", "test_prebuilt"),
 }
 """Folders and modules of tests to which it matters how the C compiler optimises."""
 

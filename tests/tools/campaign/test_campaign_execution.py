@@ -22,7 +22,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from campaign_runs import CALIBRATION, assert_begun, content, dies_of_three, workers_of, written
+from campaign_runs import CALIBRATION, MOST_SECONDS, assert_begun, content, dies_of_three, workers_of, written
 from trihedron.tools import cli
 from trihedron.tools.campaign import runs
 from trihedron.tools.campaign.kinds import CalibrationRuns, Given
@@ -382,7 +382,7 @@ def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path,
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(path), "--out", str(out), "--jobs", "2"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as main:
-        deadline = time.monotonic() + 120.0
+        deadline = time.monotonic() + MOST_SECONDS
         while not list(out.glob("runs/part-*.parquet")):
             assert main.poll() is None
             assert time.monotonic() < deadline

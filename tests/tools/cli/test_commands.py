@@ -99,6 +99,6 @@ def test_the_program_is_found_under_its_name():
     """As installed, from another folder, with nothing of the checkout on the path."""
     program = Path(sys.executable).with_name("trihedron")
     said = subprocess.run(
-        [program, "--version"], capture_output=True, text=True, check=True, cwd=os.sep, timeout=60
+        [program, "--version"], capture_output=True, text=True, check=True, cwd=os.sep, timeout=300
     ).stdout
     assert said.strip() == trihedron.__version__

@@ -18,7 +18,7 @@ def can_mount() -> bool:
         return False
     with tempfile.TemporaryDirectory() as folder:
         tried = ["unshare", "-rm", "mount", "-t", "tmpfs", "-o", "size=4k", "tmpfs", folder]
-        return subprocess.run(tried, capture_output=True, check=False, timeout=60).returncode == 0
+        return subprocess.run(tried, capture_output=True, check=False, timeout=300).returncode == 0
 
 
 SHORT = ("simulate run.toml", "export AccelerometerBlock", "export-ssp run.toml", "new scenario")

@@ -57,7 +57,7 @@ def test_a_target_may_begin_with_a_minus(record, capsys):
 @pytest.mark.parametrize("arguments", [["calibrate", "record.csv", "--noise-bound", "1e-5"], ["--help"]], ids=" ".join)
 def test_a_full_disk_behind_standard_output_is_one_line(arguments, record):
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run([*PROGRAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        done = subprocess.run([*PROGRAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=300)
     assert done.returncode == 2
     assert done.stderr == "trihedron: standard output: cannot be written (No space left on device)\n"
 
@@ -66,7 +66,7 @@ def test_an_output_without_greek_letters_gets_the_result_all_the_same(record):
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(
         [*PROGRAM, "calibrate", "record.csv", "--noise-bound", "1e-5"],
-        env=environment, capture_output=True, text=True, timeout=60,
+        env=environment, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
     assert "\\u03c3 = 1e-5 g" in done.stdout

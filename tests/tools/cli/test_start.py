@@ -20,7 +20,7 @@ def imported_by(*arguments: str) -> set[str]:
     """Modules that a command has imported when it ends."""
     code = "import sys; from trihedron.tools import cli; cli.main(sys.argv[1:]); print('\\n', *sorted(sys.modules))"
     said = subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True, timeout=120
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True, timeout=300
     )
     return set(said.stdout.splitlines()[-1].split())
 
@@ -58,7 +58,7 @@ def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, 
 def test_a_diagnosis_needs_no_library_of_distributions():
     """It takes as long to import as a small record to diagnose; the few functions that are needed are special ones."""
     code = "import sys, trihedron.tools.diagnosis.procedure; print('scipy.stats' in sys.modules)"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
     assert said.stdout.strip() == "False"
 
 
@@ -70,7 +70,7 @@ def test_plain_text_where_there_is_no_terminal():
         for arguments in commands:
             done = subprocess.run(
                 [sys.executable, "-m", "trihedron.tools.cli", *arguments], capture_output=True, text=True, check=False,
-                env=environment, timeout=120,
+                env=environment, timeout=300,
             )  # fmt: skip
             assert "\x1b" not in done.stdout + done.stderr
 
@@ -95,5 +95,5 @@ def test_bash_reads_its_completion(capsys, tmp_path: Path):
         f"source {script}; COMP_WORDS=(trihedron cal); COMP_CWORD=1; COMP_LINE='trihedron cal'; COMP_POINT=13; "
         "_trihedron; echo ${COMPREPLY[@]}"
     )
-    done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=False, timeout=300)
     assert done.stdout.split() == ["calibrate"]
