@@ -256,15 +256,14 @@ def apply(
     InputError
         for a calibration that is not consistent, a diagnosis that names nothing, or a record that cannot be used
     """
-    named = diagnosis.read_diagnosis(Path(found)) if isinstance(found, str | Path) else found
+    named = (diagnosis.read_diagnosis(Path(found)) or found) if isinstance(found, str | Path) else found
     if not isinstance(named, diagnosis.Diagnosis):
-        of = found if named is None else named
-        applied = calibrations.apply_calibration(of, Path(record), noise_bound=noise_bound, channels=channels)
+        applied = calibrations.apply_calibration(named, Path(record), noise_bound=noise_bound, channels=channels)
         said = checks.channels_warning(applied.record, applied.correction.mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
-    bound = {} if isinstance(run, records.StrapdownRecord) else {"noise_bound": noise_bound or named.noise_bound}
-    return diagnosis.applied_to(named, run, diagnosis.evidence_of(run, **_asked(run, **bound)))
+    bound = None if isinstance(run, records.StrapdownRecord) else noise_bound or named.noise_bound
+    return diagnosis.applied_to(named, run, diagnosis.evidence_of(run, **_asked(run, noise_bound=bound)))
 
 
 def diagnose(

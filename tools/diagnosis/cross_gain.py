@@ -186,10 +186,13 @@ def applied_to(found: Diagnosis, record: PositionRecord | StrapdownRecord, evide
     places = {c.place: c for c in found.causes if c.place in evidence.linear_places}
     sizes = {place: coefficients_of(cause) for place, cause in places.items()}
     corrected, readings = evidence.without_added(sizes)
-    how = {
-        cause.place: "corrected" if cause.place in corrected else "simulated" if cause.place in sizes else "left"
+    effects = tuple(
+        AppliedEffect(
+            effect=cause.place.title,
+            how="corrected" if cause.place in corrected else "simulated" if cause.place in sizes else "left",
+        )
         for cause in found.causes
-    }
+    )
     told: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
     before, after = (evidence.applied(those) for those in ({}, sizes)) if sizes else (None, None)
     if before is not None and after is not None:
@@ -197,8 +200,4 @@ def applied_to(found: Diagnosis, record: PositionRecord | StrapdownRecord, evide
         told |= {"over": over, "unit": unit}
         for name, error in (("without", before), ("with", after)):
             told |= {f"{key}_{name}": value for key, value in _figures(error, scale).items()}
-    return Applied(
-        effects=tuple(AppliedEffect(effect=place.title, how=said) for place, said in how.items()),
-        record=replace(record, **readings) if corrected else None,
-        **told,
-    )
+    return Applied(effects=effects, record=replace(record, **readings) if corrected else None, **told)

@@ -255,7 +255,8 @@ def _judged(
         return Several(verdict="insufficient", **told)
     told |= {"repeatability": repeated(alone, joint, named[0].fit.places if named else (), *asked)}
     if found.verdict == "unexplained":
-        return Several(verdict="unexplained", **(told | {"not_named": found.not_named or (_nothing(found),)}))
+        told["not_named"] = found.not_named or (_nothing(found),)
+        return Several(verdict="unexplained", **told)
     told |= {"parameters": _shared_parameters(joint, named[0].fit if named else centred(joint, joint.baseline))}
     if not named:
         return Several(verdict="consistent", **told)
@@ -270,7 +271,7 @@ def _judged(
         causes=sets[0],
         alternatives=tuple(sets[1:]),
         complete=found.cut_off_at is None,
-        witnesses=found.judgement,
+        witnesses=found.judgement if isinstance(found.judgement, tuple) else (),
         caution=caution,
         **told,
         **_owners(joint, sets),
@@ -363,12 +364,20 @@ def _cause(place: EffectPlace, parameters: Sequence[SizedParameter], same: Seque
 
 
 def _cautions(alone: Mapping[str, Diagnosis], joint: Joint, best: Finding) -> tuple[str, ...]:
-    """What a record by itself says against the only set of the catalogue: a function in no catalogue is as simple."""
+    """What a record by itself says against the only set of the catalogue: a function in no catalogue is as simple.
+
+    It is no rival of what is the instrument's where another record, which that refutes, names this by itself.
+    """
+    sure = {
+        cause.place for label in joint.labels if alone[label].verdict == "explained" for cause in alone[label].causes
+    }
     said = []
     for label in joint.labels:
         result = alone[label]
-        acts = any(not isinstance(p, InRecord) or p.record == label for p in best.fit.places)
-        if acts and result.verdict == "ambiguous" and not result.alternatives and result.complete is not False:
+        acting = [p for p in best.fit.places if not isinstance(p, InRecord) or p.record == label]
+        alike = [{place, *joint.classes.equivalents(place)} for place in acting]
+        unsure = [places for places in alike if not places & sure]
+        if unsure and result.verdict == "ambiguous" and not result.alternatives and result.complete is not False:
             said += [f"{label}: {text}" for text in result.caution]
     return tuple(said)
 
