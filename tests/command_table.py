@@ -82,6 +82,10 @@ COMMANDS = (
     command("campaign campaign.toml --jobs 1 --out out --json out.json", "campaign.toml"),
     command("campaign-report finished --report out.html --json out.json"),
     command("doctor --json out.json"),
+    command("instrument add out calibration.json --date 2026-11-23 --json out.json", "calibration.json"),
+    command("instrument list unit --json out.json"),
+    command("instrument show unit --out out.json"),
+    command("instrument trend unit --json out.json --report out.html"),
     command("reproduce calibration --json out.json", slow=True),
     command("reproduce attitude --json out.json --out out", slow=True),
     command("reproduce word-length --json out.json", slow=True),
@@ -105,6 +109,13 @@ def make_inputs(folder: Path) -> None:
     (folder / "foreign.csv").write_text(clean.replace(",", ";").replace(".", ","), encoding="cp1252")
     calibration = calibrate(read_record(folder / "clean.csv", PositionRecord), noise_bound=1e-5)
     (folder / "calibration.json").write_text(calibration.json_text(), encoding="utf-8")
+    unnamed = calibration.model_copy(update={"provenance": None}).json_text()
+    for k, date in enumerate(("2026-11-02", "2026-11-16")):
+        (folder / "again.json").write_text(unnamed + k * "\n", encoding="utf-8")
+        assert (
+            cli.main(["instrument", "add", *(str(folder / n) for n in ("unit", "again.json")), "--date", date, "-q"])
+            == 0
+        )
     finished = ["--jobs", "1", "--out", str(folder / "finished"), "--quiet"]
     assert cli.main(["campaign", str(folder / "campaign.toml"), *finished]) == 0
     record = strapdown_record(true_motion(POSES[:6]))

@@ -27,6 +27,7 @@ from .commands import (
     reproduce,
     simulate,
 )
+from .folder import instrument
 from .studies import campaign, campaign_report, hidden, plan
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -61,7 +62,7 @@ app = App(
 
 for command in (
     *(apply, attitude, calibrate, campaign, campaign_report, check, demo, diagnose, doctor, export, export_ssp),
-    *(fmpy_input, hidden, inspect, new, plan, reproduce, simulate),
+    *(fmpy_input, hidden, inspect, instrument, new, plan, reproduce, simulate),
 ):
     app.command(command)
 app.command(import_, name="import")

@@ -425,19 +425,20 @@ def repeated(
                 key = (f"{place.title}: {parameter.name}", parameter.unit)
                 values.setdefault(key, {})[label] = (size, low, high)
     return tuple(
-        _repeated(
+        repeated_of(
             key, found, tuple(alone), "instrument" if ": " in key[0] or is_of_instrument(key[0], shared, own) else "run"
         )
         for key, found in values.items()
     )
 
 
-def _repeated(
+def repeated_of(
     key: tuple[str, str],
     found: Mapping[str, tuple[float, float, float]],
     labels: Sequence[str],
     of: Literal["instrument", "run"],
 ) -> Repeated:
+    """A parameter, by name and unit, of which some records of these labels leave an estimate and two ends."""
     nothing = (math.nan, -math.inf, math.inf)
     rows = {label: found.get(label, nothing) for label in labels}
     lows, highs = ([row[k] for row in rows.values()] for k in (1, 2))

@@ -31,6 +31,8 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Comparison": ("campaign", "change_lines", None),
     "Curve": ("plan", "curve_lines", None),
     "Diagnosis": ("diagnosis", "lines", "page"),
+    "Entries": ("several", "entries_lines", None),
+    "Entry": ("several", "entry_lines", None),
     "Exported": ("makers", "exported_lines", None),
     "Imported": ("makers", "import_lines", None),
     "Inspection": ("inspection", "inspection_lines", None),
@@ -43,6 +45,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "SettingCheck": ("plan", "setting_lines", None),
     "Simulation": ("makers", "simulation_lines", None),
     "Suite": ("campaign", "suite_lines", "suite_page"),
+    "Trend": ("several", "trend_lines", "trend_page"),
     "WordLength": ("papers", "word_length_lines", None),
 }
 """Kind of result -> module here, what makes its lines for a terminal, what makes its page."""

@@ -7,6 +7,7 @@ from ..diagnosis.cross_gain import Applied
 from ..diagnosis.several import JointCause, Repeated, Several
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
+from ..instrument import Entries, Entry, Trend
 from ..rounding import digits, downwards, interval, residual, upwards
 from .makers import cited, versions
 from .pictures.several import drawable, repeatability_picture
@@ -187,10 +188,44 @@ def _repeatability(found: Sequence[Repeated]) -> list[Section]:
         rows.append([words(one.name), one.of, *cells, downwards(one.at_least), most, unit_text(one.unit)])
     header = ["parameter", "of", *labels, "changes at least", "at most", "unit"]
     said = (
-        "Each record by itself, with the effects of the set that is named. Every value inside an interval is possible, "
+        "Each record by itself, with the effects that are named. Every value inside an interval is possible, "
         "none outside: where two intervals do not meet, the parameter is no constant."
     )
     drawn = drawable(found)
     caption = "A bar for each record, in their order from above; each row has a scale of its own."
     picture = repeatability_picture(found) if drawn else None
     return [Section("Repeatability", [said], picture, caption if drawn else "", Table(header, rows))]
+
+
+def entry_lines(result: Entry) -> list[str]:
+    """What an entry is, and when and how warm it was measured."""
+    warm = "" if result.temperature is None else f", {digits(result.temperature)} °C"
+    of = "" if result.serial is None else f", of {result.serial}"
+    return [f"{result.date.removesuffix('T00:00')}{warm}: {result.kind}, {result.verdict}{of}: {result.file}"]
+
+
+def entries_lines(result: Entries) -> list[str]:
+    """The entries, in order of their dates."""
+    return [line for entry in result.entries for line in entry_lines(entry)] or ["nothing is in the folder"]
+
+
+def trend_lines(result: Trend) -> list[str]:
+    """Parameters that are no constants, with the date since when; then how many may be."""
+    said = []
+    for one in result.parameters:
+        if one.falsified is not None:
+            change = f"changes by {downwards(one.at_least)} {unit_text(one.unit)} at least"
+            said.append(f"{words(one.name)}: no constant since {one.falsified} (beside {one.against}): {change}")
+    kept = sum(one.falsified is None and sum(r.low is not None for r in one.records) > 1 for one in result.parameters)
+    return [*said, f"{kept} of {len(result.parameters)} parameters may be constants over {len(result.dates)} dates"]
+
+
+def trend_page(result: Trend) -> Page:
+    """The page: what is no constant, and all parameters with their intervals."""
+    lines = trend_lines(result)
+    changed = sum(one.falsified is not None for one in result.parameters)
+    verdict = f"{changed} parameters are no constants" if changed else "Every parameter may be a constant"
+    sections = [Section("Since when", [sentence(line) for line in lines]), *_repeatability(result.parameters)]
+    title = "An instrument over time" if result.serial is None else f"{result.serial} over time"
+    tone: Tone = "attention" if changed else "good"
+    return Page(title, f"{verdict}.", sections, tone, {"dates": len(result.dates)}, versions(), cited("guaranteed"))

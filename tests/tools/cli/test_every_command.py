@@ -42,7 +42,7 @@ def check_refused(status: int, capsys: pytest.CaptureFixture[str], *names: str) 
 def of_app(command: Command) -> tuple[Any, int]:
     """The command's application and how many words its name has."""
     app, words = cli.app[command.arguments[0]], 1
-    if len(command.arguments) > 1 and command.arguments[0] == "reproduce":
+    if len(command.arguments) > 1 and command.arguments[0] in ("instrument", "reproduce"):
         app, words = app[command.arguments[1]], 2
     return app, words
 

@@ -1,0 +1,145 @@
+"""An instrument's folder: what is put in comes back, the nearest is found, and what is no constant is proven so."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simulated_bench import random_bench, simulated
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.cli import main
+from trihedron.tools.errors import InputError
+from trihedron.tools.instrument import (
+    Trend,
+    add_to_instrument,
+    entries_of,
+    first_falsified,
+    nearest_of_instrument,
+    trend_of_instrument,
+)
+from trihedron.tools.records import PositionRecord, read_record, write_record
+
+SIGMA = 1e-5
+DATES, DEGREES = ("2026-03-02", "2026-06-01T14:00", "2026-09-07"), (15.0, 31.0, 22.0)
+SCALE_FACTORS_OF_1 = [9, 12]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """Three calibrations of one bench; the scale factors of the first accelerometer change before the third."""
+    made, rng = tmp_path_factory.mktemp("instrument"), np.random.default_rng(4)
+    bench = random_bench(rng)
+    for k in range(3):
+        other = bench + 0.0
+        other[SCALE_FACTORS_OF_1] += 3e-4 * (k == 2)
+        record = simulated(other, noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
+        write_record(record, made / f"{k}.csv")
+        said = f"# date: {DATES[k]}\n# serial number: U-17\n# temperature: {DEGREES[k]}\n"
+        (made / f"{k}.csv").write_text(said + (made / f"{k}.csv").read_text(encoding="utf-8"), encoding="utf-8")
+        read = read_record(made / f"{k}.csv", PositionRecord)
+        (made / f"{k}.json").write_text(calibrate(read, noise_bound=SIGMA).json_text(), encoding="utf-8")
+    for k in (2, 0, 1):
+        add_to_instrument(made / "unit", made / f"{k}.json", record=made / f"{k}.csv")
+    return made
+
+
+def test_what_the_records_comment_lines_say_stands_in_the_folder_in_order_of_the_dates(made):
+    held = entries_of(made / "unit")
+    assert held.serial == "U-17"
+    assert [entry.temperature for entry in held.entries] == list(DEGREES)
+    for k, entry in enumerate(held.entries):
+        assert entry.date.startswith(DATES[k])
+        assert entry.result == json.loads((made / f"{k}.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("asked", "which"),
+    [
+        ({}, 2),
+        ({"date": "2026-04-16"}, 0),
+        ({"date": "2026-04-18"}, 1),
+        ({"date": "2030-01-01"}, 2),
+        ({"temperature": 18.4}, 0),
+        ({"temperature": 40.0}, 1),
+        ({"temperature": 24.0, "kind": "calibration"}, 2),
+    ],
+)
+def test_the_nearest_in_date_or_temperature(made, asked, which):
+    assert nearest_of_instrument(made / "unit", **asked).date.startswith(DATES[which])
+
+
+def test_a_scale_factor_that_changed_is_no_constant_since_that_date_and_nothing_else_is_said_to_change(made):
+    found = {one.name: one for one in trend_of_instrument(made / "unit").parameters}
+    for symbol in ("X4", "X5"):
+        assert (found[symbol].falsified, found[symbol].against) == ("2026-09-07", "2026-03-02")
+        assert 1e-4 < found[symbol].at_least < 3e-4
+    assert {one.falsified for name, one in found.items() if name not in ("X4", "X5")} == {None}
+
+
+Ends = st.tuples(st.integers(-9, 9), st.integers(0, 6)).map(lambda pair: (pair[0], pair[0] + pair[1]))
+
+
+@given(st.lists(Ends, min_size=1, max_size=8))
+def test_the_first_date_is_that_at_which_no_number_lies_in_all_intervals_so_far(ends):
+    """Held against every number that could: ends of intervals are whole numbers here."""
+    common = [
+        any(all(low <= number <= high for low, high in ends[: k + 1]) for number in range(-9, 16))
+        for k in range(len(ends))
+    ]
+    falsified, against = first_falsified([(str(k), float(low), float(high)) for k, (low, high) in enumerate(ends)])
+    assert falsified == (str(common.index(False)) if False in common else None)
+    if falsified is not None and against is not None:
+        (low, high), (least, most) = ends[int(falsified)], ends[int(against)]
+        assert high < least or most < low
+
+
+def test_the_commands_list_show_and_page_it(made, capsys):
+    unit, page, nearest = str(made / "unit"), made / "trend.html", made / "nearest.json"
+    assert main(["instrument", "list", unit]) == 0
+    assert capsys.readouterr().out.count("calibration, consistent, of U-17") == 3
+    assert main(["instrument", "show", unit, "--temperature", "30", "--out", str(nearest)]) == 0
+    assert json.loads(nearest.read_text(encoding="utf-8")) == json.loads((made / "1.json").read_text(encoding="utf-8"))
+    out = made / "trend.json"
+    assert main(["instrument", "trend", unit, "--report", str(page), "--json", str(out)]) == 0
+    assert "no constant since 2026-09-07 (beside 2026-03-02)" in capsys.readouterr().out
+    assert "<svg " in page.read_text(encoding="utf-8")
+    again = Trend.model_validate_json(out.read_text(encoding="utf-8"))
+    assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
+
+
+def test_what_is_there_or_of_another_instrument_or_no_result_is_refused_in_one_line(made, tmp_path):
+    unit, first = made / "unit", made / "0.json"
+    before = sorted(path.name for path in unit.iterdir())
+    (tmp_path / "again.json").write_text(first.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    wrong: tuple[tuple[Path, dict[str, Any], str], ...] = (
+        (first, {"date": "2026-10-01"}, "0.json: is there already"),
+        (tmp_path / "again.json", {"date": "2026-10-01"}, "a calibration of this record is there already"),
+        (first, {}, "no date: give --date"),
+        (first, {"date": "1.2.2026"}, "--date 1.2.2026: write a date as"),
+        (first, {"date": "2026-10-01", "temperature": 4e3}, "--temperature 4000"),
+        (first, {"record": made / "1.csv"}, "is not the record of"),
+        (made / "0.csv", {"date": "2026-10-01"}, "0.csv: is not JSON text"),
+        (unit / before[0], {"date": "2026-10-01"}, "a calibration or a diagnosis is needed"),
+    )
+    for result, options, why in wrong:
+        with pytest.raises(InputError, match=why) as refused:
+            add_to_instrument(unit, result, **options)
+        assert "\n" not in str(refused.value)
+    other = json.loads(first.read_text(encoding="utf-8")) | {"provenance": None}
+    (tmp_path / "other.json").write_text(json.dumps(other), encoding="utf-8")
+    with pytest.raises(InputError, match="is of the instrument U-17, not of U-18"):
+        add_to_instrument(unit, tmp_path / "other.json", date="2026-10-01", serial="U-18")
+    assert sorted(path.name for path in unit.iterdir()) == before
+    (tmp_path / "unit").mkdir()
+    (tmp_path / "unit" / "x.json").write_text((unit / before[0]).read_text().replace('"verdict"', '"verdikt"', 1))
+    for content in (None, "{", "[]", '{"schema": "trihedron.instrument/2"}'):
+        if content is not None:
+            (tmp_path / "unit" / "x.json").write_text(content, encoding="utf-8")
+        with pytest.raises(InputError, match=r"x\.json: "):
+            entries_of(tmp_path / "unit")
+    with pytest.raises(InputError, match="is no folder"):
+        entries_of(tmp_path / "none")

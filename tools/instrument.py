@@ -1,0 +1,339 @@
+"""An instrument's folder: calibrations and diagnoses as plain JSON, by date and temperature; what is no constant."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from itertools import combinations
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from ..fmus.parameters import CALIBRATION
+from .calibration import Calibration
+from .calibration.targets import NAMES
+from .diagnosis.cause import Number
+from .diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
+from .diagnosis.several import Repeated, repeated_of
+from .errors import InputError
+from .evidence.of_record import is_of_instrument
+from .files import LARGEST_RESULT, bytes_of, write_text
+from .records import read_record
+from .result import Result, Told, field_problems
+
+INSTRUMENT = "trihedron.instrument/1"
+KINDS: Mapping[str, type[Result]] = {CALIBRATION: Calibration, DIAGNOSIS: Diagnosis, FIRST_DIAGNOSIS: Diagnosis}
+"""Schemas of results that a folder holds."""
+SAID = {
+    "date": ("date", "measured", "measured at"),
+    "temperature": ("temperature", "temperature_degC"),
+    "serial": ("serial", "serial number", "serial_number", "instrument"),
+}
+"""Keys of a record's comment lines that say what is known of a result."""
+COLDEST, HOTTEST = -100.0, 200.0
+"""[°C]"""
+
+
+class Entry(Told):
+    """A calibration or diagnosis of an instrument, with when and how warm it was measured.
+
+    `date` is ISO 8601; `sha256` is that of the result's file, `record_sha256` of the record's; `result` is the result
+    as it was published; `file` is the name of the entry's own file.
+    """
+
+    schema_: Literal["trihedron.instrument/1"] = Field(default=INSTRUMENT, alias="schema")
+    kind: Literal["calibration", "diagnosis"]
+    date: str
+    temperature: Number | None = Field(default=None, alias="temperature_degC")
+    serial: str | None = None
+    verdict: str
+    sha256: str
+    record_sha256: str = ""
+    result: dict[str, Any]
+
+    file: str = Field(default="", exclude=True)
+
+
+class Entries(Told):
+    """What an instrument's folder holds, in order of the dates."""
+
+    schema_: Literal["trihedron.instrument-list/1"] = Field(default="trihedron.instrument-list/1", alias="schema")
+    serial: str | None
+    entries: tuple[Entry, ...]
+
+
+class Trended(Repeated):
+    """A parameter from date to date; no constant explains it from `falsified` on, beside `against`; None: one does."""
+
+    falsified: str | None
+    against: str | None
+
+
+class Trend(Told):
+    """Parameters of an instrument over the dates, and which of them are no constants, since when."""
+
+    schema_: Literal["trihedron.trend/1"] = Field(default="trihedron.trend/1", alias="schema")
+    serial: str | None
+    dates: tuple[str, ...]
+    parameters: tuple[Trended, ...]
+
+
+def add_to_instrument(
+    folder: Path,
+    result: Path,
+    *,
+    record: Path | None = None,
+    date: str | None = None,
+    temperature: float | None = None,
+    serial: str | None = None,
+) -> Entry:
+    """Put a calibration or diagnosis into an instrument's folder, which is made where there is none.
+
+    Parameters
+    ----------
+    folder : path
+        The instrument's folder.
+    result : path
+        The result of `trihedron calibrate --json` or `trihedron diagnose --json`.
+    record : path, optional
+        The record that it was made from: its comment lines (# date: ..., # temperature: ..., # serial: ...) and its
+        temperatures say what the options do not.
+    date : str, optional
+        When it was measured, as 2026-11-23 or 2026-11-23T14:00.
+    temperature : float, optional
+        How warm the instrument was [degC].
+    serial : str, optional
+        Its serial number.
+
+    Raises
+    ------
+    InputError
+        a file that is no such result, no date, another instrument's serial number, a result or record that is there
+    """
+    data = bytes_of(result, most=LARGEST_RESULT)
+    content = _object(data, result)
+    model = KINDS.get(str(content.get("schema")))
+    if model is None:
+        raise InputError(f"{result}: schema {content.get('schema')!r}: a calibration or a diagnosis is needed")
+    try:
+        read = model.model_validate_json(data)
+    except ValidationError as error:
+        raise InputError(f"{result}: {field_problems(error, model)[0][1]}") from error
+    known = {"date": date, "serial": serial, "temperature": None if temperature is None else str(temperature)}
+    digest = _digest_in(content)
+    if record is not None:
+        measured = read_record(record)
+        if digest and measured.sha256 != digest:
+            raise InputError(f"{record}: is not the record of {result}: its SHA-256 is another")
+        digest = measured.sha256
+        for name, keys in SAID.items():
+            known[name] = known[name] or next((measured.about[key] for key in keys if key in measured.about), None)
+        if known["temperature"] is None and measured.temperature is not None:
+            known["temperature"] = str(float(measured.temperature.mean()))
+    before = entries_of(folder).entries if folder.exists() else ()
+    kind: Literal["calibration", "diagnosis"] = "calibration" if model is Calibration else "diagnosis"
+    if known["date"] is None:
+        raise InputError(f"{result}: no date: give --date, or --record with a comment line '# date: 2026-11-23'")
+    made = Entry(
+        kind=kind,
+        date=moment(known["date"], "--date").isoformat(timespec="minutes"),
+        temperature_degC=_degrees(known["temperature"]),
+        serial=known["serial"],
+        verdict=str(content["verdict"]),
+        sha256=hashlib.sha256(data).hexdigest(),
+        record_sha256=digest,
+        result=content if isinstance(read, Calibration) else read.to_json(),
+    )
+    for other in before:
+        if other.sha256 == made.sha256:
+            raise InputError(f"{result}: is there already: {folder / other.file}")
+        if digest and (other.record_sha256, other.kind) == (digest, kind):
+            raise InputError(f"{result}: a {kind} of this record is there already: {folder / other.file}")
+        if made.serial and other.serial and made.serial != other.serial:
+            raise InputError(f"{folder}: is of the instrument {other.serial}, not of {made.serial}")
+    name = f"{made.date.replace(':', '')}-{kind}-{made.sha256[:8]}.json"
+    write_text(folder / name, made.json_text())
+    return made.model_copy(update={"file": name})
+
+
+def entries_of(folder: Path) -> Entries:
+    """What an instrument's folder holds, in order of the dates.
+
+    Parameters
+    ----------
+    folder : path
+        The instrument's folder.
+
+    Raises
+    ------
+    InputError
+        no folder, or a file in it that is no entry
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is no folder")
+    found = []
+    for path in sorted(folder.glob("*.json")):
+        content = _object(bytes_of(path, most=LARGEST_RESULT), path)
+        if content.get("schema") != INSTRUMENT:
+            raise InputError(f"{path}: schema {content.get('schema')!r}: is no entry of an instrument's folder")
+        try:
+            entry = Entry.model_validate_json(json.dumps(content))
+            KINDS[str(entry.result.get("schema"))].model_validate_json(json.dumps(entry.result))
+        except ValidationError as error:
+            raise InputError(f"{path}: {field_problems(error, Entry)[0][1]}") from error
+        except KeyError as error:
+            raise InputError(f"{path}: result: schema {error.args[0]!r} is no calibration or diagnosis") from error
+        moment(entry.date, f"{path}: date")
+        found.append(entry.model_copy(update={"file": path.name}))
+    found.sort(key=lambda entry: (moment(entry.date, ""), entry.file))
+    return Entries(serial=next((entry.serial for entry in found if entry.serial), None), entries=tuple(found))
+
+
+def nearest_of_instrument(
+    folder: Path,
+    *,
+    date: str | None = None,
+    temperature: float | None = None,
+    kind: Literal["calibration", "diagnosis"] | None = None,
+) -> Entry:
+    """The entry of an instrument's folder that is nearest in date or temperature; the last one by default.
+
+    Parameters
+    ----------
+    folder : path
+        The instrument's folder.
+    date : str, optional
+        Nearest to this date, as 2026-11-23 or 2026-11-23T14:00.
+    temperature : float, optional
+        Nearest to this temperature [degC].
+    kind : str, optional
+        Of calibrations, or of diagnoses, only.
+
+    Raises
+    ------
+    InputError
+        both a date and a temperature, or a folder that holds no such entry
+    """
+    if date is not None and temperature is not None:
+        raise InputError("--date and --temperature: give one of the two")
+    of_kind = [entry for entry in entries_of(folder).entries if kind in (None, entry.kind)]
+    if temperature is not None:
+        of_kind = [entry for entry in of_kind if entry.temperature is not None]
+    if not of_kind:
+        raise InputError(f"{folder}: holds no {kind or 'entry'}{'' if temperature is None else ' with a temperature'}")
+    if temperature is not None:
+        return min(of_kind, key=lambda entry: abs((entry.temperature or 0.0) - temperature))
+    wanted = None if date is None else moment(date, "--date")
+    return of_kind[-1] if wanted is None else min(of_kind, key=lambda entry: abs(moment(entry.date, "") - wanted))
+
+
+def trend_of_instrument(folder: Path) -> Trend:
+    """Each parameter over the dates, with its intervals, and since when no constant is possible.
+
+    A constant is falsified at the first date whose interval does not meet one before it: of intervals each two of which
+    meet, all have a point in common.
+
+    Parameters
+    ----------
+    folder : path
+        The instrument's folder.
+
+    Raises
+    ------
+    InputError
+        a folder with fewer than two entries that tell parameters
+    """
+    held = entries_of(folder)
+    told = {entry.file: (entry.date, values) for entry in held.entries if (values := parameters_of(entry))}
+    if len(told) < 2:
+        raise InputError(f"{folder}: two entries at least must tell parameters, consistent or explained ones")
+    labels = _labels([date for date, _ in told.values()])
+    by_name: dict[tuple[str, str], dict[str, tuple[float, float, float]]] = {}
+    for label, (_, values) in zip(labels, told.values(), strict=True):
+        for key, value in values.items():
+            by_name.setdefault(key, {})[label] = value
+    parameters = []
+    for key, values in by_name.items():
+        of: Literal["instrument", "run"] = "instrument" if ": " in key[0] or is_of_instrument(key[0]) else "run"
+        falsified, against = first_falsified([(label, *values[label][1:]) for label in labels if label in values])
+        compared = repeated_of(key, values, labels, of)
+        parameters.append(Trended(**dict(compared), falsified=falsified, against=against))
+    return Trend(serial=held.serial, dates=tuple(labels), parameters=tuple(parameters))
+
+
+def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str | None, str | None]:
+    """The first label at which no constant lies in all intervals so far, and one before that excludes it; or None."""
+    apart = (
+        (later, earlier)
+        for (earlier, low, high), (later, least, most) in combinations(intervals, 2)
+        if least > high or most < low
+    )
+    order = [label for label, *_ in intervals]
+    return min(apart, key=lambda pair: (order.index(pair[0]), order.index(pair[1])), default=(None, None))
+
+
+def parameters_of(entry: Entry) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Name and unit of each parameter that an entry bounds -> estimate and ends; none where nothing stands."""
+    found: dict[tuple[str, str], tuple[float | None, ...]] = {}
+    content = entry.result
+    if entry.kind == "calibration" and entry.verdict == "consistent":
+        for p in content["parameters"]:
+            found[p["symbol"], p["unit"]] = (p["estimate"], p["low"], p["high"])
+    if entry.kind == "diagnosis" and entry.verdict in ("consistent", "explained"):
+        for target in content.get("targets") or ():
+            unit = NAMES.get(target["symbol"].partition("@")[0], ("", "1"))[1]
+            found[target["symbol"], unit] = (target["after"], target["low"], target["high"])
+        for p in content["baseline"].get("parameters") or ():
+            found[p["name"], p["unit"]] = (p["estimate"], p["low"], p["high"])
+        for cause in Diagnosis.model_validate_json(json.dumps(content)).causes:
+            for p in cause.parameters:
+                found[f"{cause.place.title}: {p.name}", p.unit] = (p.estimate, p.low, p.high)
+    return {
+        key: (float(value), float(low), float(high))
+        for key, (value, low, high) in found.items()
+        if value is not None and low is not None and high is not None
+    }
+
+
+def moment(text: str, where: str) -> datetime:
+    """A date, with or without a time, without a zone: one that has a zone is taken to UTC."""
+    try:
+        read = datetime.fromisoformat(text.strip())
+    except ValueError as error:
+        raise InputError(f"{where} {text}: write a date as 2026-11-23 or 2026-11-23T14:00") from error
+    return read if read.tzinfo is None else read.astimezone(UTC).replace(tzinfo=None)
+
+
+def _labels(dates: Sequence[str]) -> list[str]:
+    """Dates without the time of day where that is midnight, numbered where two are alike."""
+    short = [date.removesuffix("T00:00") for date in dates]
+    return [f"{text} ({short[: k + 1].count(text)})" if short.count(text) > 1 else text for k, text in enumerate(short)]
+
+
+def _degrees(text: str | None) -> float | None:
+    if text is None:
+        return None
+    try:
+        value = float(text.removesuffix("°C").removesuffix("degC"))
+    except ValueError:
+        value = COLDEST - 1.0
+    if not COLDEST <= value <= HOTTEST:
+        raise InputError(f"--temperature {text}: must be a number of degrees Celsius, {COLDEST:g} to {HOTTEST:g}")
+    return value
+
+
+def _object(data: bytes, path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not JSON text") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: is no object of JSON")
+    return content
+
+
+def _digest_in(content: Mapping[str, Any]) -> str:
+    """The record's SHA-256, where a result has it."""
+    of_calibration, of_diagnosis = content.get("provenance") or {}, content.get("record") or {}
+    return str(of_calibration.get("record_sha256", "") or of_diagnosis.get("sha256", ""))
