@@ -52,7 +52,8 @@ IN_MOTION = {
     "w1": ("rate[0]", "rad/s"),
     "w2": ("rate[1]", "rad/s"),
     "w3": ("rate[2]", "rad/s"),
-    **{name: AT_REST[name] for name in ("n1", "n2", "n3", "hours", "temperature")},
+    **{f"w{i}*w{j}": (f"rate[{i - 1}] * rate[{j - 1}]", "rad2/s2") for i, j in ((1, 2), (1, 3), (2, 3))},
+    **{name: AT_REST[name] for name in AT_REST if name not in ANGLES},
 }
 """The same of a record in motion."""
 OF_TABLE = {

@@ -85,17 +85,19 @@ class Functions:
         self.unknown, count = unknown, len(unknown.knots)
         base, columns = column_space(jacobian / bound[:, None]), unknown.columns / bound[:, None]
         self._data = jacobian, left, bound
-        self.imitated = self._smooth(_null_space(columns - base @ (base.T @ columns)))
+        self.imitated = imitated(base, columns, unknown)
         """Functions (K, d) that parameters imitate."""
+        # Values count in units with which most of them, each by itself, move some error by the least bound.
+        moved = np.abs(columns).max(axis=0)
+        self._size = 1.0 / (float(np.median(moved[moved > 0.0])) * float(bound.min())) if moved.any() else 1.0
         # What parameters imitate may bend as it likes.
-        bent = unknown.bends @ self.imitated
-        bent = bent[:, np.abs(bent).max(axis=0, initial=0.0) > IMITATED]
-        bends = np.hstack((unknown.bends, column_space(bent)))
+        bent, sizes, _ = np.linalg.svd(unknown.bends @ self.imitated, full_matrices=False)
+        bends = np.hstack((unknown.bends, bent[:, sizes > IMITATED * np.linalg.norm(unknown.bends, 2)]))
         rows, self._first, more, out = len(bends), base.shape[1], bends.shape[1] - count, self.imitated.shape[1]
         # The parameters, the function's values, what imitated functions bend, and the size of each bend.
         matrix = np.block(
             [
-                [base * bound[:, None], unknown.columns, np.zeros((len(left), more + rows))],
+                [base * bound[:, None], self._size * unknown.columns, np.zeros((len(left), more + rows))],
                 [np.zeros((out, self._first)), self.imitated.T, np.zeros((out, more + rows))],
                 [np.zeros((rows, self._first)), bends, -np.eye(rows)],
                 [np.zeros((rows, self._first)), -bends, -np.eye(rows)],
@@ -113,15 +115,8 @@ class Functions:
         """The function (K,) that bends least, and how much; a SolverError where none is possible."""
         self._polytope.confine(self._lower, np.append(self._upper, np.inf))
         bending, x, _ = self._polytope.maximise(-self._bent)
-        return x[self._first : self._first + len(self.unknown.knots)], max(0.0, -bending)
-
-    def _smooth(self, functions: NDArray) -> NDArray[np.float64]:
-        """Those combinations (K, d) of functions that bend little: functions of the quantity, not of a few rows."""
-        slopes = replace(self.unknown, steps=False)
-        _, _, directions = np.linalg.svd(slopes.bends @ functions, full_matrices=True)
-        found = functions @ directions.T
-        least = [slopes.bending(one) <= SMOOTH * np.abs(one).max(initial=0.0) for one in found.T]
-        return found[:, np.array(least, dtype=bool)]
+        values = x[self._first : self._first + len(self.unknown.knots)]
+        return self._size * values, self._size * max(0.0, -bending)
 
     def told(self, values: NDArray) -> NDArray[np.float64]:
         """What is told of a function (K,): less what parameters imitate of it."""
@@ -137,14 +132,15 @@ class Functions:
         """Ends of all possible functions at some knots (k,), given by their numbers."""
         least, own = self.least()
         bending = MARGIN * (own + HIDDEN * max(self._just_shows(least, own), *map(self._just_shows, self._plain())))
-        self._polytope.confine(self._lower, np.append(self._upper, bending))
+        self._polytope.confine(self._lower, np.append(self._upper, bending / self._size))
         ends = np.array([self._ends(int(k)) for k in at]).reshape(-1, 2)
         return Band(self.unknown.knots[at], ends[:, 0], ends[:, 1], least, bending)
 
     def _ends(self, knot: int) -> Interval:
         weights = np.zeros(len(self._bent))
         weights[self._first + knot] = 1.0
-        return -self._polytope.maximise(-weights)[0], self._polytope.maximise(weights)[0]
+        low, high = -self._polytope.maximise(-weights)[0], self._polytope.maximise(weights)[0]
+        return self._size * low, self._size * high
 
     def _plain(self) -> list[NDArray[np.float64]]:
         """Functions (K,) as plain as can be: of an angle one wave, else a parabola, or one step in the middle."""
@@ -159,6 +155,19 @@ class Functions:
         radius = chebyshev_radius(jacobian, self.unknown.columns @ values, bound)[0]
         bending = self.unknown.bending(values) if bending is None else bending
         return bending / radius if radius > IMITATED else 0.0
+
+
+def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.float64]:
+    """Functions (K, d) of which columns (M, K), over their bounds, add nothing to a space (M, P), as orthonormal ones.
+
+    Of these they are those that bend little: functions of the quantity, not of a few rows.
+    """
+    functions = _null_space(columns - base @ (base.T @ columns))
+    slopes = replace(unknown, steps=False)
+    _, _, directions = np.linalg.svd(slopes.bends @ functions, full_matrices=True)
+    found = functions @ directions.T
+    least = [slopes.bending(one) <= SMOOTH * np.abs(one).max(initial=0.0) for one in found.T]
+    return found[:, np.array(least, dtype=bool)]
 
 
 def _null_space(matrix: NDArray) -> NDArray[np.float64]:

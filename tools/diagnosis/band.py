@@ -19,7 +19,7 @@ NEAREST = 1.0 / 4000.0
 """Values of a quantity nearer to each other than this part of their range are one knot."""
 MOST_TOLD = 41
 """So many knots are told at most, and the functions' values between them at more."""
-INPUTS = ("n1", "n2", "n3")
+INPUTS, RATES = ("n1", "n2", "n3"), ("w1", "w2", "w3")
 
 
 class Knot(TypedDict):
@@ -86,7 +86,7 @@ class Possible:
     def knots(self) -> NDArray[np.float64]:
         """The values of the quantity that the record has, of too many some; of an input the zero, where it bends."""
         values = np.unique(self.pair.values % TURN if self.pair.circle else self.pair.values)
-        if self.pair.quantity in INPUTS and values[0] < 0.0 < values[-1]:
+        if self.pair.quantity in (*INPUTS, *RATES) and values[0] < 0.0 < values[-1]:
             values = np.unique(np.append(values, 0.0))
         least, kept = NEAREST * float(np.ptp(values)), [values[0]]
         for value in values[1:]:

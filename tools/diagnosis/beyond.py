@@ -16,7 +16,7 @@ from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, Gain
-from ..evidence.pairs import LEAST_AROUND, PIECES, Form, Pair, in_words
+from ..evidence.pairs import GYROS, LEAST_AROUND, PIECES, Form, Pair, in_words
 from ..rounding import digits
 from .band import BandOfFunctions, Possible
 from .cause import Cause, Number, SizedParameter
@@ -140,7 +140,7 @@ class Beyond:
         """The model with a table of few knots that does; None where the place knows no table, or none does."""
         for place in self._tables():
             try:
-                fits = self.evidence.mended([place], Work())
+                fits = self.evidence.including([place]).mended([place], Work())
             except ValueError:
                 return None
             if fits:
@@ -152,7 +152,7 @@ class Beyond:
         pair, form = self.pair, self.form
         if form.kind == "jump":
             law = Table(pair.quantity.replace(" ", "*"), "jumps at", (form.at,), pair.factor).law
-            yield EffectPlace("lookup", pair.where, law=law)
+            yield pair.table(law)
             return
         around = form.kind == "around" or pair.circle
         counts = [form.count] if form.kind in ("pieces", "around") else []
@@ -175,7 +175,7 @@ class Beyond:
             parts = np.arange(count) / count if pair.circle else np.linspace(0.0, 1.0, count + 1)
             place = self._place_of(np.unique(np.quantile(values, parts)), around=pair.circle)
             try:
-                fit = self.evidence.refit([place]) if place else None
+                fit = self.evidence.including([place]).refit([place]) if place else None
             except ValueError:
                 # The place knows no table, or the fit runs away.
                 continue
@@ -189,9 +189,7 @@ class Beyond:
         if len(zero) == len(knots):
             return None
         quantity, kind = pair.quantity.replace(" ", "*"), "around" if around else "at"
-        return EffectPlace(
-            "lookup", pair.where, law=Table(quantity, kind, tuple(knots.tolist()), pair.factor, zero).law
-        )
+        return pair.table(Table(quantity, kind, tuple(knots.tolist()), pair.factor, zero).law)
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -214,8 +212,10 @@ class Beyond:
         """Values (n,) of the quantity, and what readings say of the function there (n,).
 
         That is the function that is drawn first and by how much a reading misses it, over by how much it changes with
-        it; readings that hardly do are left out.
+        it; readings that hardly do are left out. None of a block that is carried: its errors are integrals.
         """
+        if self.pair.anything:
+            return np.zeros(0), np.zeros(0)
         pair, evidence, shown = self.pair, self.evidence, self.lines[0][1]
         spread = self.possible.sign * pair.spread(np.eye(len(pair.values)))
         left = evidence.residual - self.possible.every.unknown.columns @ shown
@@ -238,7 +238,7 @@ class Beyond:
 
     def drawn(self, fit: Fit) -> NDArray[np.float64]:
         """The one effect of a fit as a function (K,) at all knots, but for what the model without effects imitates."""
-        columns = fit.jacobian[:, len(fit.point) :] @ fit.coefficients
+        columns = fit.jacobian[:, len(fit.point) :] @ fit.stated
         return self.possible.values_of(columns)
 
     @property
@@ -247,7 +247,7 @@ class Beyond:
         pair, least = self.pair, self.possible.band.least
         times = in_words(pair.factor)
         of = f"{times} times a function" if times else "a function"
-        unit = "rad" if pair.where.endswith("axis") or pair.where == "base" else "g"
+        unit = "rad/s" if pair.where in GYROS else "rad" if pair.where.endswith("axis") or pair.where == "base" else "g"
         return (
             f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(np.ptp(least))} {unit} in all"
         )
@@ -280,7 +280,7 @@ class Beyond:
 
     def _folds(self, fit: Fit) -> dict[int, float]:
         """Errors of readings that were left out, over their bounds, by their numbers; of those that are predicted."""
-        trial = next(iter(self.evidence.trials(fit)), None)
+        trial = next(iter(self.evidence.including(fit.places).trials(fit)), None)
         if trial is None or trial.folds is None or trial.rows is None:
             return {}
         return dict(zip(trial.rows.tolist(), np.abs(trial.folds[1]) / float(np.median(fit.bound)), strict=True))
@@ -333,7 +333,7 @@ class Beyond:
         first: tuple[Fit, Fit, Gain | None] | None = None
         for fit in fits:
             centred = fit.centred(self.evidence.room(fit), self.evidence.most_rows)
-            gain = self.evidence.gain(centred) if rerun else None
+            gain = self.evidence.including(fit.places).gain(centred) if rerun else None
             first = first or (fit, centred, gain)
             if gain is not None or not rerun:
                 return fit, centred, gain

@@ -25,6 +25,7 @@ def export_extended(result: Diagnosis, folder: Path, flavour: str = "python") ->
     effects = {cause.place: (cause.values, cause.intervals) for cause in finding.causes}
     said = "found of a record: " + " and ".join(place.title for place in effects)
     try:
-        return result.evidence.extension(finding.fit, effects).write(folder, said, flavour)
+        evidence = result.evidence.including(finding.fit.places)
+        return evidence.extension(finding.fit, effects).write(folder, said, flavour)
     except ValueError as error:
         raise InputError(f"--export {folder}: {error}") from error

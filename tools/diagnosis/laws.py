@@ -9,14 +9,14 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ...models.effects.formula import Formula
+from ...models.effects.formula import TARGETS, Formula
 from ...models.effects.lookup import OF_ANGLES, TILTS
 from ..bounded.programmes import (
     Growth,
@@ -30,8 +30,9 @@ from ..bounded.programmes import (
 from ..bounded.sets import CutOff, Work
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
-from ..evidence.pairs import LEAST_AROUND, Form, Pair
-from .band import INPUTS, Possible
+from ..evidence.pairs import GYROS, LEAST_AROUND, Form, Pair
+from .band import INPUTS, RATES, Possible
+from .rivals import Listed
 
 HIGHEST = 7
 """The highest power of an input."""
@@ -56,7 +57,7 @@ MOST_WORK = 3e6
 """The work of all laws of a pair, after which no more are tried."""
 TEMPERATURE = "(temperature-20)"
 TIMES = {
-    **{name: name for name in (*INPUTS, "hours")},
+    **{name: name for name in (*INPUTS, *RATES, "hours")},
     "temperature": TEMPERATURE,
     **{name: f"{wave}({angle})" for name, (wave, angle) in OF_ANGLES.items()},
 }
@@ -64,6 +65,7 @@ TIMES = {
 SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 LEFT = {
     **{(f"accelerometer-{p}", ""): f"f{p}" for p in (1, 2, 3)},
+    **{(gyro, ""): f"w{p}" for p, gyro in enumerate(GYROS, start=1)},
     ("outer-axis", ""): "alpha",
     ("inner-axis", ""): "beta",
     ("outer-axis", "tilt"): "kappa",
@@ -151,6 +153,8 @@ class Laws:
 
     def is_one(self, fit: Fit) -> bool:
         """Whether the effects of a fit are functions of the quantity at the place."""
+        if self.pair.where in GYROS:
+            return Listed(self.evidence).is_of(fit, self.pair)
         if any(place.where != self.pair.where for place in fit.places):
             return False
         base, columns = np.hsplit(fit.jacobian, [len(fit.point)])
@@ -173,13 +177,17 @@ class Laws:
 
     def fitted(self, place: EffectPlace, shape: tuple[float, float] | None = None) -> list[Law]:
         """An effect, where the model stands with it."""
-        return [Law(fit, shape) for fit in self.evidence.mended([place], self.work)[:1]]
+        fits = self.evidence.including([place]).mended([place], self.work)
+        return [Law(fit, shape) for fit in fits[:1]]
 
     def is_known(self, law: Law, others: Sequence[Law]) -> bool:
-        """Whether a law is another one in other words."""
+        """Whether a law is another one, or the part of it at one gyro, in other words."""
         fits = [law.fit, *(fit for one in others for fit in (one.fit, *one.fit.also))]
-        spaces = spaces_beyond(self.evidence.nominal, [fit.jacobian[:, len(fit.point) :] for fit in fits])
-        return any(same_space(spaces[0], other) for other in spaces[1:])
+        columns = [fit.jacobian[:, len(fit.point) :] for fit in fits]
+        if self.pair.where in GYROS:
+            columns = [columns[0], *(own[:, [k]] for own in columns[1:] for k in range(own.shape[1]))]
+        first, *spaces = spaces_beyond(self.evidence.nominal, columns)
+        return any(same_space(first, other) for other in spaces)
 
     def place_of(self, text: str) -> EffectPlace | None:
         """The effect of a formula in x, the quantity (a temperature from 20 degrees), or in y, the quantity as it is.
@@ -191,6 +199,8 @@ class Laws:
         left = LEFT.get((pair.where, tilted))
         factor = "" if tilted else pair.factor
         if left is None or pair.told or (factor and factor not in TIMES):
+            return None
+        if not set(pair.quantity.split()) <= set(TARGETS[left].names):
             return None
         y = pair.quantity.replace(" ", "*")
         names = {"x": y.replace("temperature", TEMPERATURE), "y": y}
@@ -247,6 +257,11 @@ class Laws:
         evidence = self.evidence
         return evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
 
+    @cached_property
+    def sizes(self) -> NDArray[np.float64]:
+        """What a unit at each value of the quantity does to the rows (M, n), as sizes."""
+        return np.abs(self.pair.spread(np.eye(len(self.pair.values))))
+
     def refused(self, family: Family, low: float, high: float) -> bool:
         """Whether no shape between these makes the model stand."""
         evidence, x = self.evidence, self.pair.values
@@ -255,7 +270,7 @@ class Laws:
         ends = () if family.parts else (low, high)
         apart = np.max([0.0 * middle, *(np.abs(family.value(x, end) - middle) for end in ends)], axis=0)
         column = self.pair.spread(middle[:, None])
-        spread = np.abs(self.pair.spread(apart[:, None]))
+        spread = (self.sizes @ apart)[:, None]
         count = evidence.nominal.shape[1]
         jacobian = np.hstack((evidence.nominal, column))
         largest = LARGEST / max(float(np.abs(middle).max() + apart.max()), 1e-9)
@@ -293,7 +308,9 @@ def formulas(pair: Pair, size: int) -> Iterator[str]:
     """Short formulas with so many unknown coefficients; x stands for the quantity of a pair."""
     if pair.circle:
         yield from (f"a*cos({order}*x) + b*sin({order}*x)" for order in (ORDERS if size == 2 else ()))
-    elif pair.quantity in INPUTS:
+    elif pair.quantity in (*INPUTS, *RATES):
+        if size == 1:
+            yield "c*x"
         for power in range(2, HIGHEST + 1) if size == 1 else ():
             yield f"c*x**{power}"
             yield f"c*x*abs(x)**{power - 1}" if power % 2 == 0 else f"c*abs(x)**{power}"
@@ -312,7 +329,7 @@ def families(pair: Pair) -> Iterator[Family]:
     values = np.unique(x)
     # What only one value shows is a reading.
     gaps = tuple((float(a), float(b)) for a, b in pairwise(values[1:-1]))
-    if pair.quantity in INPUTS:
+    if pair.quantity in (*INPUTS, *RATES):
         end = max(-low, high)
         yield Family("c*x/sqrt(1 + (x/{s!r})**2)", SHARPEST * end, end, lambda x, s: x / np.sqrt(1.0 + (x / s) ** 2))
         # A hyperbolic tangent, but for a constant.

@@ -53,7 +53,7 @@ def _instrument(place: EffectPlace) -> str:
 
 def _is_table_of(place: EffectPlace, pair: Pair) -> bool:
     """Whether an effect is by its law a table of the quantity of a pair."""
-    if place.where != pair.where or place.effect not in TABLES:
+    if place.effect not in TABLES or place != replace(pair.table(place.law), effect=place.effect):
         return False
     table = Table.of(place.law)
     return (table.quantity.replace("*", " "), table.factor) == (pair.quantity, pair.factor)
@@ -145,7 +145,8 @@ class Listed:
 class Unlisted:
     """What is in no catalogue beside the first set of the catalogue that stands.
 
-    `rivals` are functions of another place or quantity, as simple as the set; `same` a function of one quantity that
+    `rivals` are functions of another place or quantity, as simple as the set; `held` the simplest function that holds
+    the set; `same` a function of one quantity that
     does what several effects of the set do together; `alike`: pairs of several quantities that hold the set, as far as
     these rows tell; `percent`: by so much a larger noise bound would do without them, where that is little; `compared`:
     whether functions that are in no catalogue could be compared, `roughly`: by a linear model that may be wrong.
@@ -157,6 +158,7 @@ class Unlisted:
     alike: tuple[Pair, ...] = ()
     compared: bool = True
     roughly: bool = False
+    held: Standing | None = None
 
     @staticmethod
     def of(found: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
@@ -175,7 +177,8 @@ class Unlisted:
         percent = 100.0 * (found.radius - 1.0) if found.is_near else None
         alike = {one.pair.depends_on: one.pair for one in reversed(own)}
         pairs = tuple(reversed(alike.values())) if len(alike) > 1 else ()
-        return Unlisted(rivals, own[0] if own and several else None, percent, pairs, compared, not compared)
+        held = own[0] if own else None
+        return Unlisted(rivals, held if several else None, percent, pairs, compared, not compared, held)
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -199,7 +202,8 @@ class Unlisted:
         for rival in self.rivals[:MOST_RIVALS]:
             for law in _tables(rival):
                 try:
-                    fits = evidence.mended([EffectPlace("lookup", rival.pair.where, law=law)], Work())
+                    place = rival.pair.table(law)
+                    fits = evidence.including([place]).mended([place], Work())
                 except ValueError:
                     # No component knows such a table.
                     break

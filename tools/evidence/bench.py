@@ -86,7 +86,7 @@ class Bench(Evidence):
 
     most_sets = None
     most_rows = None
-    fits_any_law = True
+    tries_all_sets = True
 
     @cached_property
     def residual(self) -> NDArray[np.float64]:

@@ -12,25 +12,19 @@ noise. One linear programme for each knot finds it exactly: of any smaller size 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import Rows
-from ...models.effects.definition import AXES
-from ..bounded.possible import DETERMINED, Possible
 from ..bounded.programmes import column_space
 from ..calibration.model import Parametrisation, Positions, parametrise, reading_jacobian
-from ..result import finite_or_none
 from .bench_pairs import pairs_of_bench
 from .bench_visits import Circumstances, Visits
 from .pairs import TURN, Form, Pair
+from .power import INPUTS, PIECES, SECTORS, Power, largest_hidden
 
-PIECES, SECTORS = 6, 8
-"""Pieces of a function over the range of a quantity, and round a circle."""
 LARGEST_INPUT = 1.01
 """Of an accelerometer on a bench with errors [g]: the range of inputs has it at both ends."""
 FINER = 4
@@ -43,30 +37,8 @@ SCATTERED = 300
 """Positions, of each mounting, at which it is judged what the model imitates."""
 LEAST = 1e-9
 """What is smaller, relatively, is rounding."""
-INPUTS = ("n1", "n2", "n3")
 Named = tuple[str, str, str]
 """Place, quantity and factor of a pair."""
-
-
-@dataclass(frozen=True)
-class Power:
-    """The size [unit] from which on every fault of a pair falsifies the model, whatever the noise; infinite: none."""
-
-    pair: Pair
-    size: float
-
-    @property
-    def unit(self) -> str:
-        """Of the function's values; times a time or a temperature that is one at its largest."""
-        own = "rad" if self.pair.where in (*AXES, "base") else "g"
-        return "1" if self.pair.factor in INPUTS else own
-
-    @property
-    def entry(self) -> dict[str, Any]:
-        """As results write it: ``place``, ``quantity``, where there is one ``factor``, ``size``, ``unit``."""
-        factor = {"factor": self.pair.factor} if self.pair.factor else {}
-        own = {"place": self.pair.where, "quantity": self.pair.quantity, **factor}
-        return {**own, "size": finite_or_none(self.size), "unit": self.unit}
 
 
 def judged_pairs(rows: Rows) -> Iterator[Pair]:
@@ -80,20 +52,6 @@ def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> 
     `room` (M,): how far errors and residuals of a model that stands may be from each other [g].
     """
     return tuple(Power(pair, largest_hidden(*class_of(pair, p, jacobian), room)) for pair in judged_pairs(rows))
-
-
-def largest_hidden(columns: NDArray, told: NDArray, room: NDArray) -> float:
-    """The greatest size that some fault of a class can have and be hidden; columns and what counts as of `class_of`."""
-    possible = Possible(columns, np.zeros(len(room)), room)
-    # Weights that give a value bound it; those of least squares are at hand.
-    weights = told / possible.scale @ possible.span @ np.linalg.pinv(possible.matrix / room[:, None])
-    missed = np.abs(weights @ (columns / room[:, None]) - told).max(axis=1)
-    ceilings = np.where(missed > DETERMINED, np.inf, np.abs(weights).sum(axis=1))
-    largest = 0.0
-    for k in np.argsort(-ceilings, kind="stable"):
-        if ceilings[k] > largest:
-            largest = max(largest, possible.reach(told[k]))
-    return largest
 
 
 def class_of(pair: Pair, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray, NDArray]:

@@ -28,6 +28,7 @@ from .carried_run import BIAS, LONG, CarriedRun
 from .evidence import Evidence, ReadOff, Trial, rms_size
 from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of
+from .power import powers_of_record
 from .references import Gravity, Truth, all_rows, rotation_vectors, turned
 from .rows import Channel
 
@@ -55,6 +56,7 @@ SHOWN_BY = {
     "latency": "fast turns to and fro about each axis, compared with the true attitude while they last",
     "undersampling": "the same motion at another sampling rate",
     "jitter": "the same motion with time stamps from another clock",
+    "lookup": "motion in which the quantities that it may depend on vary one without the other",
 }
 """What tells each effect of the gyros from the others."""
 OF_ACCELEROMETERS = "rests with each axis up, down and between, some of them repeated at the end"
@@ -189,7 +191,7 @@ class Carried(CarriedRun):
         return {
             **super().head(),
             "warnings": (*self.warnings, *jumping),
-            "noise_bound_arcmin": float(np.median(self.parts[self.quoted].bound)) / ARCMIN,
+            "noise_bound_arcmin": self.stated_bound,
             "noise_bound_from": self.bounds_from,
             "cannot_be_seen": [place.entry for place in self.not_seen],
             **bias,
@@ -199,6 +201,16 @@ class Carried(CarriedRun):
     def _bias_at_rest(self, left_in: float | None) -> Mapping[str, Any]:
         assert self.bias_at_rest is not None
         return {"radps": self.bias_at_rest.tolist(), "rms_if_left_in_arcmin": left_in}
+
+    def power(self) -> Sequence[Mapping[str, Any]]:
+        """The power of the record against the model without effects, of each place and quantity."""
+        room = self.bound * (1.0 + self.limit)
+        return [one.entry for one in powers_of_record(self.pairs(), self.nominal, room)]
+
+    @property
+    def stated_bound(self) -> float:
+        """The median bound of the quoted errors [arcmin]; all bounds grow as it does."""
+        return float(np.median(self.parts[self.quoted].bound)) / ARCMIN
 
     def of_misfit(self) -> Mapping[str, Any]:
         """The baseline with its estimates, and what the mean at rest would do, were it left in."""
@@ -336,7 +348,8 @@ class Carried(CarriedRun):
         for place in fit.places:
             others = [p for p in fit.places if p != place]
             shuffled = (made._shuffled(place, rng).left_out(fit.places, folds) for _ in range(SHUFFLES))
-            yield Trial((place,), (made.left_out(others, folds), reached), None, shuffled)
+            errors = made.left_out(others, folds), reached
+            yield Trial((place,), errors, None, shuffled, rows=np.arange(len(reached)))
 
     def _shuffled(self, place: EffectPlace, rng: np.random.Generator) -> Evidence:
         """The evidence with the signature of one effect moved to other pieces of the same kind."""

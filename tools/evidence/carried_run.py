@@ -15,12 +15,13 @@ from ...models.effects.last_stage import variant
 from ..bounded.sets import Work
 from ..motion.carry import GyroModel, Motion
 from ..motion.inspect import Inspection
+from ..motion.norm import inputs_of
 from .carried_pairs import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over
 from .fit import Fit, coefficient_count, coefficient_limits
 from .onsets import ROUNDS, STRETCHES, TIMES_AT_ONCE, Acting, Fading, Onsets, refused
 from .pairs import Pair
-from .references import Gravity, Truth, has_truth
+from .references import Gravity, Truth, force_columns, has_truth
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 LONG = 1_000_000
@@ -148,14 +149,37 @@ class CarriedRun(CarriedRecord):
 
     def with_onset(self, place: EffectPlace, row: int) -> Self:
         """The evidence with an effect that sets in after a row, as one more that can be tried."""
-        columns, mean = self.onsets.columns(self.acting[place], row)
+        made = self._beside(place, *self.onsets.columns(self.acting[place], row))
+        return replace(made, set_in={**self.set_in, place: self.onsets.value(self.acting[place], row)})
+
+    def including(self, places: Sequence[EffectPlace]) -> Self:
+        """The evidence with formulas and tables as more that can be tried; a ValueError for one that it cannot have."""
+        made = self
+        for place in places:
+            if place not in (*made.places, *made.starting):
+                made = made._beside(place, *self._columns_at(place))
+        return made
+
+    def _columns_at(self, place: EffectPlace) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+        """Columns (S, d, K) of each part of an effect that always acts, and its part (3, K) of the mean at rest."""
+        if place.definition.component != "AccelerometerBlock":
+            return self.onsets.columns(self.onsets.acting(place), 0)
+        reference, x = self.reference, self.point[: self.of_forces]
+        if not isinstance(reference, Gravity):
+            raise ValueError("beside a true attitude nothing is told of accelerometers")
+        forces = force_columns(place, inputs_of(x, reference.reading), reference.rests)
+        by_reading = reference.of_readings(x, self.attitude)
+        columns = [np.tensordot(by_reading[part.label], forces, axes=2) for part in self.parts]
+        return columns, np.zeros((3, forces.shape[2]))
+
+    def _beside(self, place: EffectPlace, columns: Sequence[NDArray], mean: NDArray) -> Self:
+        """The evidence with one more effect, of such columns (S, d, K) and part (3, K) of the mean at rest."""
         parts = tuple(
             replace(part, columns=np.concatenate([part.columns, mine], axis=2))
             for part, mine in zip(self.parts, columns, strict=True)
         )
         at_rest = None if self.at_rest is None else np.hstack([self.at_rest, mean])
-        set_in = {**self.set_in, place: self.onsets.value(self.acting[place], row)}
-        return replace(self, parts=parts, places=(*self.places, place), at_rest=at_rest, set_in=set_in)
+        return replace(self, parts=parts, places=(*self.places, place), at_rest=at_rest)
 
     def with_onsets(self, fit: Fit) -> Self:
         """The evidence with the effects of a fit that set in, at the times of the fit."""

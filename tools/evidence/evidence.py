@@ -167,6 +167,13 @@ class Evidence:
             self, places=kept, parts=tuple(replace(part, columns=part.columns[..., own]) for part in self.parts)
         )
 
+    def including(self, places: Sequence[EffectPlace]) -> Self:
+        """The evidence with formulas and tables that were not tried from the first on; an exact model has them all.
+
+        A ValueError for one that it cannot have.
+        """
+        return self
+
     def unweighted(self) -> Self:
         """The evidence with bounds of one."""
         return self.with_bounds([np.ones_like(part.bound) for part in self.parts])
@@ -400,11 +407,11 @@ class Evidence:
         """Keys of the result for a model that stands; `missing` where it is too little to falsify anything."""
         return {}
 
+    tries_all_sets: ClassVar[bool] = False
+    """Whether a set that stands alone is known to be the only one of its size; else a level needs a proven quantity."""
+
     second_order: ClassVar[float] = 0.0
     """What the linear model may be wrong by, in units of the bounds."""
-
-    fits_any_law: ClassVar[bool] = False
-    """Whether formulas and tables that were not tried from the first on can be fitted, too."""
 
     def pairs(self) -> Sequence[Pair]:
         """Places, each with a quantity on which its error may depend, whatever the law; none by default."""

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects import EffectPlace
+from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import OF_ANGLES, TILTS
 
 TURN = 2.0 * math.pi
@@ -123,6 +125,12 @@ class Pair:
     def depends_on(self) -> frozenset[str]:
         """All quantities that it depends on."""
         return frozenset(word for word in f"{self.quantity} {self.factor}".split() if word in QUANTITIES)
+
+    def table(self, law: str) -> EffectPlace:
+        """A table of its quantity at its place."""
+        if self.where in GYROS:
+            return EffectPlace("lookup", GYRO_BLOCK, axes=(GYROS.index(self.where) + 1,), law=law)
+        return EffectPlace("lookup", self.where, law=law)
 
     @property
     def name(self) -> str:

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.model import Positions, reading_jacobian
-from ..evidence.bench_power import class_of, judged_pairs, largest_hidden
+from ..evidence.bench_power import class_of, judged_pairs
 from ..evidence.bench_visits import Circumstances, Visits
+from ..evidence.power import largest_hidden
 from ..progress import progress_bar
 from ..result import Result, finite_or_none
 from .positions import Places, Task, allowed, on_all_mountings, readings

@@ -4,11 +4,13 @@ import math
 
 import numpy as np
 
+from ...models.effects.definition import GYRO_BLOCK
+from ...models.effects.formula import Formula
 from ..diagnosis.beyond import BeyondCatalogue, StatedLaw
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Section, Table
 from ..document.notation import Cell, sentence, unit_of, unit_text
-from ..evidence.pairs import in_words
+from ..evidence.pairs import GYROS, in_words
 from ..rounding import digits, interval, residual, upwards
 from .pictures.residuals import BandDrawn, band_picture
 
@@ -16,10 +18,10 @@ ARCSECONDS = math.degrees(1.0) * 3600.0
 ANGLES = {"alpha": "α, outer axis", "beta": "β, inner axis"}
 UNITS = {"hours": "h", "temperature": "°C", "sense": ""}
 HOW_TO_READ = (
-    "A function that leaves the band anywhere is excluded by these readings and this noise bound, unless it bends more "
-    "than any that is needed. Each point is a reading: what it says of the function, the model without effects being "
-    "taken out. What that model can imitate is no part of the function: it is taken out."
+    "A function that leaves the band anywhere is excluded by this record and its noise bound, unless it bends more "
+    "than any that is needed. What the model without effects can imitate is no part of the function: it is taken out."
 )
+POINTS = "Each point is a reading: what it says of the function, the model without effects being taken out."
 
 
 def is_angular(where: str) -> bool:
@@ -37,17 +39,25 @@ def lines(result: Diagnosis) -> list[str]:
     if (found := result.extension) is not None:
         what = f"a table of {len(found.knots)} knots" if found.knots else found.words
         said.append(
-            f"beyond the catalogue: {found.where} {what}, a function of {in_words(found.quantity)}, extends the model: "
-            f"radius {residual(found.radius)}{_left_out(found)}{_needed(found)}"
+            f"beyond the catalogue: {_where(found)} {what}, a function of {in_words(found.quantity)}, extends the "
+            f"model: radius {residual(found.radius)}{_left_out(found)}{_needed(found)}"
         )
         if found.gain is not None:
-            gain = found.gain
+            gain, unit = found.gain, result.unit or "g"
+            held_out = f"pieces, {gain.over}" if gain.over else "positions"
             said.append(
-                f"  held-out positions, simulated again: rms {digits(gain.held_out_rms_before)} -> "
-                f"{digits(gain.held_out_rms_after)} g, max {upwards(gain.held_out_max_before, 3)} -> "
-                f"{upwards(gain.held_out_max_after, 3)} g"
+                f"  held-out {held_out}, simulated again: rms {digits(gain.held_out_rms_before)} -> "
+                f"{digits(gain.held_out_rms_after)} {unit}, max {upwards(gain.held_out_max_before, 3)} -> "
+                f"{upwards(gain.held_out_max_after, 3)} {unit}"
             )
     return said
+
+
+def _where(law: StatedLaw) -> str:
+    """The place of a law, of a gyro its number."""
+    if law.where != GYRO_BLOCK:
+        return law.where
+    return f"gyro-{law.axes[0] if law.axes else Formula.of(law.law or '').target.index + 1}"
 
 
 def beyond_words(result: Diagnosis) -> str:
@@ -79,7 +89,7 @@ def _sizes(law: StatedLaw) -> str:
 def _left_out(law: StatedLaw) -> str:
     if law.left_out_rms is None or law.left_out_max is None:
         return ""
-    return f", left out rms {digits(law.left_out_rms)} σ, max {upwards(law.left_out_max, 3)} σ"
+    return f", left out rms {digits(law.left_out_rms)} of the bound, max {upwards(law.left_out_max, 3)}"
 
 
 def sections(result: Diagnosis) -> list[Section]:
@@ -88,9 +98,12 @@ def sections(result: Diagnosis) -> list[Section]:
         return []
     beyond, band = result.beyond, result.band
     circle, angular = beyond.pair.circle, is_angular(band.where)
-    across, up = (math.degrees(1.0) if circle else 1.0), (ARCSECONDS if angular else 1e5)
+    across, up, error = (math.degrees(1.0) if circle else 1.0), 1e5, "1e-5 g"
+    if angular or band.where in GYROS:
+        up, error = (ARCSECONDS, "arcsec") if angular else (1e3, "1e-3 rad/s")
     at, said = beyond.readings
-    unit = "deg" if circle else UNITS.get(band.quantity, "g" if " " not in band.quantity else "g²")
+    own = "rad/s" if band.quantity.startswith("w") else "rad/s²" if band.quantity.startswith("a") else "g"
+    unit = "deg" if circle else UNITS.get(band.quantity, "·".join([own] * len(band.quantity.split())))
     shown = BandDrawn(
         at=across * np.array([knot["at"] for knot in band.knots]),
         low=up * np.array([knot["low"] for knot in band.knots]),
@@ -99,13 +112,14 @@ def sections(result: Diagnosis) -> list[Section]:
         readings=(across * at, up * said),
         lines=[(name, up * values) for name, values in beyond.lines],
         quantity=f"{ANGLES.get(band.quantity, in_words(band.quantity))} [{unit}]".replace(" []", ""),
-        error=f"{band.where.replace('-', ' ')} [{'arcsec' if angular else '1e-5 g'}]",
+        error=f"{band.where.replace('-', ' ')} [{error}]",
         steps=band.steps,
         circle=circle,
     )
     what = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
-    caption = f"{what}: what the record leaves possible, laws, and the readings."
-    text = [sentence(text) for text in result.caution or ()] + [HOW_TO_READ]
+    points = [POINTS] if len(at) else []
+    caption = f"{what}: what the record leaves possible, laws{', and the readings' if points else ''}."
+    text = [sentence(text) for text in result.caution or ()] + [HOW_TO_READ, *points]
     return [Section("What the record says, whatever the law", text, band_picture(shown), caption, _table(result))]
 
 
@@ -119,7 +133,7 @@ def _table(result: Diagnosis) -> Table | None:
         for p, value, ends in zip(law.parameters, law.values, law.intervals, strict=True):
             left = "" if law.left_out_rms is None else digits(law.left_out_rms)
             rows.append([name, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left])
-    header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms [σ]"]
+    header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms"]
     return Table(header, rows) if rows else None
 
 
@@ -146,7 +160,11 @@ def bound_text(result: Diagnosis) -> str:
     """With which noise bound the model without effects would stand; empty where it stands or no single bound is."""
     if result.noise_bound_needed is None:
         return ""
-    return f"without any effect the model would stand with a noise bound of {upwards(result.noise_bound_needed, 3)} g"
+    needed = upwards(result.noise_bound_needed, 3)
+    if result.unit is None:
+        return f"without any effect the model would stand with a noise bound of {needed} g"
+    times = residual(result.baseline.radius)
+    return f"without any effect the model would stand with bounds {times} times as large, of {needed} {result.unit}"
 
 
 def level_lines(result: Diagnosis) -> list[str]:

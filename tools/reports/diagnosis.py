@@ -52,6 +52,7 @@ def lines(result: Diagnosis) -> list[str]:
     said += [f"not excluded: {title}, which contains it" for title in containing_titles(result)]
     said += [f"caution: {text}" for text in result.caution or ()]
     said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
+    said += evidence.power_lines(result)
     said += beyond.lines(result)
     bound = float(result.evidence.calibration.linearised.bound.min()) if result.next_positions else None
     for position in result.next_positions or ():
@@ -92,7 +93,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
             f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
             f"correlation {digits(other.correlation_before)} -> {digits(other.correlation_after)}"
         )
-    return [*said, *_structure_lines(result, "residual of accelerometer", 5), *evidence.power_lines(result)]
+    return [*said, *_structure_lines(result, "residual of accelerometer", 5)]
 
 
 def _carried_lines(result: Diagnosis) -> list[str]:

@@ -20,7 +20,7 @@ from ..document.notation import (
     symbol_text,
     unit_text,
 )
-from ..evidence.bench_power import PIECES, SECTORS
+from ..evidence.power import PIECES, SECTORS
 from ..rounding import digits, exactly, interval, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
@@ -387,28 +387,35 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
     return sections
 
 
-POWERS = (*COLUMNS["accelerometers"], *COLUMNS["table"])
+OWN = {
+    ("accelerometer", "n"): "own input",
+    ("gyro", "w"): "own rate",
+    ("gyro", "a"): "own angular acceleration",
+    ("gyro", "n"): "own specific force",
+}
+"""What is one quantity whichever instrument it is of."""
 
 
 def power_section(result: Diagnosis) -> Section | None:
     """From which size on what is in no catalogue would have shown, a column for each place."""
     rows: dict[tuple[str, str, str], dict[str, Cell]] = {}
     for entry in result.power or ():
-        own = "n" + entry["place"][-1]
-        # An accelerometer's own input is one quantity, whichever it is.
-        words = {own: "own input", "tilt": "tilt of the axis"}
+        kind, number = entry["place"][:-2], entry["place"][-1]
+        words = {name + number: own for (of, name), own in OWN.items() if of == kind} | {"tilt": "tilt of the axis"}
         quantity, factor = (_in_short(words.get(name, name)) for name in (entry["quantity"], entry.get("factor") or ""))
         row = rows.setdefault((quantity, factor, unit_text(entry["unit"])), {})
         row[entry["place"].replace("-", " ")] = "at no size" if entry["size"] is None else upwards(entry["size"], 2)
     if not rows:
         return None
-    header = ["function of", "times", *POWERS, "unit"]
-    table = [[*key[:2], *(row.get(column) for column in POWERS), key[2]] for key, row in rows.items()]
+    columns = [name for part in COLUMNS.values() for name in part if any(name in row for row in rows.values())]
+    header = ["function of", "times", *columns, "unit"]
+    table = [[*key[:2], *(row.get(column) for column in columns), key[2]] for key, row in rows.items()]
+    where = "at these positions" if of_bench(result) else "in this record"
     return Section(
         "What would have shown that is in no catalogue",
         [
-            "From these sizes on every function of a quantity at a place contradicts the nominal model at these "
-            "positions, whatever the noise within its bound. The functions are straight between knots: "
+            f"From these sizes on every function of a quantity at a place contradicts the nominal model {where}, "
+            "whatever the noise within its bound. The functions are straight between knots: "
             f"{PIECES} pieces over the range of the quantity, {SECTORS} round a circle. What the model's own "
             "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
             "hide at a larger size."
@@ -420,11 +427,11 @@ def power_section(result: Diagnosis) -> Section | None:
 def power_lines(result: Diagnosis) -> list[str]:
     """The same in a line: from which size on the worst of those that show at all would have shown."""
     every, said = result.power or (), []
-    for unit, what in (("g", "accelerometer"), ("rad", "axis")):
+    for unit, what in (("g", "an accelerometer"), ("rad", "an axis"), ("rad/s", "a gyro")):
         shown = [(e["size"], _of_words(e)) for e in every if e["unit"] == unit and e["size"] is not None]
         if shown:
             size, words = max(shown)
-            said.append(f"of an {what} from {upwards(size, 2)} {unit} on ({words} last)")
+            said.append(f"of {what} from {upwards(size, 2)} {unit} on ({words} last)")
     never = [f"{entry['place']} by {_of_words(entry)}" for entry in every if entry["size"] is None]
     more = f" and {len(never) - MOST_NEVER} more" if len(never) > MOST_NEVER else ""
     said += [f"at no size surely: {', '.join(never[:MOST_NEVER])}{more}"] if never else []

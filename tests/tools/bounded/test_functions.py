@@ -109,3 +109,18 @@ def test_a_step_is_limited_by_its_size_not_by_its_slope():
     assert (told <= band.high + 1e-9).all()
     early, late = q < 0.4, q > 0.5
     assert band.low[late].min() > band.high[early].max() - 4.0
+
+
+def test_rounding_of_what_parameters_imitate_is_no_freedom_to_bend():
+    """A line and a constant are imitated but for rounding: a function in steps still pays for what it bends."""
+    random = np.random.default_rng(8)
+    q = np.linspace(-1.0, 1.0, 60)
+    jacobian, unknown = straight(q, steps=True)
+    columns = unknown.columns * (1.0 + 3e-8 * random.normal(size=unknown.columns.shape))
+    functions = Functions(
+        jacobian, 4.0 * (q > 0.2) + random.uniform(-1.0, 1.0, 60), np.ones(60), Unknown(q, columns, steps=True)
+    )
+    values, bending = functions.least()
+    jumps = np.diff(values)
+    # All steps alike are a line, which the model imitates.
+    assert bending == pytest.approx(np.abs(jumps - np.median(jumps)).sum(), rel=1e-4)

@@ -387,7 +387,8 @@ def band_picture(shown: BandDrawn) -> Drawn:
     for end in (shown.low, shown.high):
         axes.plot(shown.at, end, color=QUIET.light, linewidth=0.8)
     axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
-    axes.plot(*shown.readings, **{**AFTER, "color": INK.light}, label="readings")
+    if len(shown.readings[0]):
+        axes.plot(*shown.readings, **{**AFTER, "color": INK.light}, label="readings")
     for (name, values), colour, dash in zip(shown.lines[:MOST_LINES], AXES, DASHES, strict=False):
         axes.plot(shown.knots, values, color=colour.light, linestyle=dash, label=name)
     axes.set(xlabel=shown.quantity, ylabel=shown.error)

@@ -1,0 +1,138 @@
+"""What is in no catalogue, of a block that is carried: band, laws, extension and power say what is true."""
+
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from outside_gyros import OutsideGyro, outside_gyro
+from strapdown_records import G
+from trihedron.models.effects import EffectPlace
+from trihedron.models.effects.formula import Formula
+from trihedron.tools.bounded.programmes import chebyshev_radius
+from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
+from trihedron.tools.evidence.carried import Carried
+from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.pairs import Form
+from trihedron.tools.evidence.power import PIECES
+from trihedron.tools.evidence.references import Gravity, turned
+from trihedron.tools.orchestrator.run import simulate_table
+from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.records import StrapdownRecord, read_record
+
+HUMP = 9
+"""A gyro's bias that rises and falls once, between rests."""
+
+
+@cache
+def of_hump() -> tuple[OutsideGyro, Diagnosis]:
+    case = outside_gyro(Path(mkdtemp()) / "s.strapdown.csv", 7, HUMP)
+    result = diagnose(read_record(case.path, StrapdownRecord))
+    assert isinstance(result, Diagnosis)
+    return case, result
+
+
+def test_the_true_function_is_in_the_band():
+    case, result = of_hump()
+    assert (result.verdict, result.level) == ("unexplained", "quantity")
+    assert result.band is not None
+    assert (result.band.where, result.band.quantity) == (case.place, case.quantity) == (case.place, "hours")
+    possible = result.beyond.possible
+    true = np.interp(possible.knots, case.values, case.fault)
+    own = possible.every.told(true)[np.searchsorted(possible.knots, [knot["at"] for knot in result.band.knots])]
+    ends = np.array([(knot["low"], knot["high"]) for knot in result.band.knots])
+    assert (ends[:, 0] <= own).all()
+    assert (own <= ends[:, 1]).all()
+    # It says something: where the bias is largest it is not zero, and the band is narrower than the function.
+    assert np.median(np.ptp(ends, axis=1)) < np.ptp(own)
+    assert (np.sign(ends[:, 0]) == np.sign(ends[:, 1])).any()
+
+
+def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
+    """The extended gyros carry gravity to where the accelerometers say it is, after every move, within the bounds."""
+    case, result = of_hump()
+    found = result.extension
+    assert found is not None
+    assert found.gain is not None
+    assert found.gain.held_out_rms_after < 0.25 * found.gain.held_out_rms_before
+    export_extended(result, tmp_path, "native")
+    table = simulate_table(read_scenario(tmp_path / "scenario.toml")).table
+    attitude = table.select("q0", "q1", "q2", "q3").to_numpy()
+    force = table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:] / G
+    evidence = result.evidence
+    assert isinstance(evidence.reference, Gravity)
+    means = np.array(
+        [force[max(rows.start - 1, 0) : rows.stop - 1].mean(axis=0) for rows in evidence.reference.rests.rows]
+    )
+    up = means / np.linalg.norm(means, axis=1)[:, None]
+    for number, moves in enumerate(evidence.reference.scored):
+        error = evidence.reference.errors(number, turned(moves, attitude), up, up)
+        bound = evidence.parts[evidence.scored[number]].bound
+        assert np.abs(error / bound).max() <= 1.05
+    assert found.knots is not None
+    # What is stated is the hump, but for the biases that the model has.
+    at, told = (np.array([knot[name] for knot in found.knots]) for name in ("at", "estimate"))
+    true = np.interp(at, case.values, case.fault)
+    assert np.ptp((told - true) - np.mean(told - true)) < 0.5 * np.ptp(true)
+
+
+def test_bounds_as_much_larger_as_is_said_would_do():
+    _, result = of_hump()
+    evidence = result.evidence
+    assert result.noise_bound_needed == pytest.approx(evidence.baseline_radius * result.noise_bound_arcmin)
+    for part, stands in ((1.001, True), (0.999, False)):
+        larger = evidence.with_bounds([p.bound * part * evidence.baseline_radius for p in evidence.parts])
+        assert (larger.baseline_radius <= evidence.limit) == stands
+
+
+@pytest.mark.parametrize("law", ["w2 += c*w2**3", "w1 += a*n2 + b*hours", "f3 += c*n3**2"])
+def test_a_law_that_comes_later_has_the_columns_of_one_that_was_run(law):
+    """Beside the catalogue from the first on, or added to evidence that is there: the same rows."""
+    case, result = of_hump()
+    place = Formula.of(law).place
+    run = carried_evidence(read_record(case.path, StrapdownRecord), further=[place])
+    assert isinstance(run, Carried)
+    later = result.evidence.including([place])
+    assert later.columns_of([place]) == pytest.approx(run.columns_of([place]), rel=1e-9, abs=1e-9)
+    assert later.including([place]) is later
+
+
+def test_a_place_that_knows_no_such_law_is_refused():
+    _, result = of_hump()
+    with pytest.raises(ValueError, match="has no alpha"):
+        result.evidence.including([EffectPlace("lookup", "gyro-block", axes=(1,), law="alpha around 0 2 4")])
+
+
+def test_the_power_is_what_can_hide():
+    """From that size on every function shows, and of a smaller size one hides: by a programme of the test's own."""
+    _, result = of_hump()
+    assert result.power is not None
+    evidence, rng = result.evidence, np.random.default_rng(3)
+    pairs = {(pair.where, pair.quantity, pair.factor): pair for pair in evidence.pairs()}
+    sizes = {(one["place"], one["quantity"], one.get("factor", "")): one["size"] for one in result.power}
+    nominal, form = evidence.nominal, Form("pieces", PIECES)
+    for key in (("gyro-1", "w1", ""), ("gyro-3", "hours", "")):
+        pair, size = pairs[key], sizes[key]
+        assert size is not None
+        columns = pair.columns(form)
+        knots = np.linspace(-1.0, 1.0, PIECES + 1)
+        # A bias, and a scale factor, are the model's own.
+        own = np.stack([np.ones(PIECES + 1), knots], axis=1)[:, : 2 if key[1] == "w1" else 1]
+        keeps = np.eye(PIECES + 1) - own @ np.linalg.pinv(own)
+        scale = np.linalg.norm(nominal, axis=0)
+        matrix = np.hstack((nominal / scale, columns))
+        largest = 0.0
+        for told in keeps:
+            cost = np.concatenate([np.zeros(nominal.shape[1]), -told])
+            found = linprog(
+                cost, np.vstack((matrix, -matrix)), np.full(2 * len(matrix), 2.0), bounds=(None, None), method="highs"
+            )
+            largest = max(largest, -found.fun)
+        assert size == pytest.approx(largest, rel=1e-3)
+        for _ in range(5):
+            values = keeps @ rng.normal(size=PIECES + 1)
+            values *= 1.01 * size / np.abs(values).max()
+            assert chebyshev_radius(nominal, columns @ values, np.ones(len(nominal)))[0] > 2.0
