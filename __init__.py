@@ -19,7 +19,7 @@ _TYPES = {
 _FUNCTIONS = {
     "library": ("doctor", "export", "hide", "new", "plan", "plan_positions", "run_campaign", "simulate"),
     "measured": (
-        *("apply", "attitude_of_record", "calibrate", "check"),
+        *("apply", "attitude_of_record", "calibrate", "calibrate_together", "check"),
         *("diagnose", "diagnose_together", "import_record", "inspect", "read_record"),
     ),
 }

@@ -14,6 +14,7 @@ from .tools.library import simulate as simulate
 from .tools.measured import apply as apply
 from .tools.measured import attitude_of_record as attitude_of_record
 from .tools.measured import calibrate as calibrate
+from .tools.measured import calibrate_together as calibrate_together
 from .tools.measured import check as check
 from .tools.measured import diagnose as diagnose
 from .tools.measured import diagnose_together as diagnose_together

@@ -63,6 +63,7 @@ def command(line: str, *inputs: str, slow: bool = False) -> Command:
 COMMANDS = (
     command("simulate run.toml --out out --json out.json", "run.toml"),
     command("calibrate clean.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "clean.csv"),
+    command("calibrate clean.csv measured.csv --noise-bound 1e-5 --own * --json out.json", "clean.csv", "measured.csv"),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
     command("inspect strapdown.csv --json out.json --allan out.svg", "strapdown.csv"),

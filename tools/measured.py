@@ -227,6 +227,61 @@ def calibrate(
     )
 
 
+def calibrate_together(
+    first: "records.Source",
+    /,
+    *others: "records.Source",
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
+    shared: Sequence[str] = (),
+    own: Sequence[str] = (),
+) -> "diagnosis.JointCalibration":
+    """Calibrate several records of one instrument in one programme: its scale factors and misalignments have one value.
+
+    Parameters
+    ----------
+    first, others : path, DataFrame or record
+        Position records or raw records, two at least.
+    noise_bound, gravity, baseline, bounds, mounting, channels
+        As of `calibrate`, the same for all.
+    shared, own
+        As of `diagnose_together`.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+    """
+    given = _several((first, *others), (records.PositionRecord,), channels)
+    if noise_bound is None and (
+        unsure := next((run.path for run in given.values() if not records.tells_noise(run)), None)
+    ):
+        raise InputError(f"{unsure}: does not tell its noise bound: give --noise-bound")
+    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
+    evidence = {label: diagnosis.evidence_of(run, **asked, mounting=mounting) for label, run in given.items()}
+    digests = [run.sha256 for run in given.values()]
+    return diagnosis.calibrated_together(evidence, shared=shared, own=own, sha256=digests)
+
+
+def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str]) -> dict[str, Any]:
+    """Several records of one kind, by what they are called; an InputError where they are not such, or one is twice."""
+    if len(given) < 2:
+        raise InputError("several records are needed, two at least")
+    runs = [records.read_record(one, *kinds, channels=channels) for one in given]
+    if len({type(run) for run in runs}) > 1:
+        said = ", ".join(f"{run.path} is a {run.word}" for run in runs)
+        raise InputError(f"{said}: records of a table and of a carried block have no parameters in common")
+    if twice := next(
+        (run.path for k, run in enumerate(runs) if run.sha256 and run.sha256 in [r.sha256 for r in runs[:k]]), None
+    ):
+        raise InputError(f"{twice}: is given twice")
+    return dict(zip(diagnosis.labels_of([run.path for run in runs]), runs, strict=True))
+
+
 def apply(
     found: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
     record: str | Path,
@@ -411,21 +466,10 @@ def diagnose_together(
     >>> import trihedron as th
     >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    given = (first, *others)
-    if len(given) < 2:
-        raise InputError("several records are needed, two at least")
     if options.pop("hypotheses", ()):
         raise InputError("--hypothesis: is of one record; give one")
-    kinds, channels = (records.PositionRecord, records.StrapdownRecord), options.pop("channels", ())
-    runs = [records.read_record(one, *kinds, channels=channels) for one in given]
-    if len({type(run) for run in runs}) > 1:
-        said = ", ".join(f"{run.path} is a {run.word}" for run in runs)
-        raise InputError(f"{said}: records of a table and of a carried block have no parameters in common")
-    if twice := next(
-        (run.path for k, run in enumerate(runs) if run.sha256 and run.sha256 in [r.sha256 for r in runs[:k]]), None
-    ):
-        raise InputError(f"{twice}: is given twice")
-    named = dict(zip(diagnosis.labels_of([run.path for run in runs]), runs, strict=True))
+    kinds = (records.PositionRecord, records.StrapdownRecord)
+    named = _several((first, *others), kinds, options.pop("channels", ()))
     effects_from, extend = options.pop("effects_from", None), options.pop("extend", False)
     with own_effects.with_effects_of(effects_from):
         evidence = {label: diagnosis.evidence_of(run, **_asked(run, **options)) for label, run in named.items()}

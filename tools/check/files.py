@@ -19,11 +19,13 @@ from ..calibration.exchanged import channels_advice
 from ..calibration.model import Positions, checked_mounting, parametrise
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
-from ..diagnosis import Diagnosis, Several
+from ..diagnosis import Diagnosis, JointCalibration, Several
+from ..diagnosis.calibrated import JOINT
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..diagnosis.several import SEVERAL
 from ..errors import InputError, nearest
 from ..evidence.carried_checks import downward_warning, wrong_channels
+from ..instrument import INSTRUMENT, Entry
 from ..motion import inspect_record
 from ..motion.rests import FEWEST_ROWS
 from ..orchestrator.scenario import SCHEMA as SCENARIO
@@ -50,8 +52,16 @@ SCHEMAS = {
     FIRST_DIAGNOSIS: "diagnosis",
     "trihedron.plan/1": "plan",
     SEVERAL: "diagnosis of several records",
+    JOINT: "calibration of several records",
+    INSTRUMENT: "entry of an instrument's folder",
 }
-MODELS = {"calibration": Calibration, "diagnosis": Diagnosis, SCHEMAS[SEVERAL]: Several}
+MODELS = {
+    "calibration": Calibration,
+    "diagnosis": Diagnosis,
+    SCHEMAS[SEVERAL]: Several,
+    SCHEMAS[JOINT]: JointCalibration,
+    SCHEMAS[INSTRUMENT]: Entry,
+}
 ALIGNED = np.eye(3)
 """The mounting of a block of which nothing is said."""
 MOST = 200
@@ -284,6 +294,10 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "diagnosis":
         causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
         return f"{content['verdict']}{f': {causes}' if causes else ''}"
+    if kind == SCHEMAS[INSTRUMENT]:
+        return f"{content['date']}: {content['kind']}, {content['verdict']}"
+    if kind == SCHEMAS[JOINT]:
+        return f"{len(content['records'])} records, {content['verdict']}"
     if kind == SCHEMAS[SEVERAL]:
         causes = "; ".join(cause["title"] for cause in content["causes"])
         return f"{len(content['records'])} records, {content['verdict']}{f': {causes}' if causes else ''}"

@@ -38,6 +38,8 @@ from .answer import (
     takes,
 )
 
+OF_ONE = ("targets", "priors")
+"""Options of a calibration of one record."""
 reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
 
 
@@ -106,19 +108,41 @@ def export_ssp(
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
-@takes(measured.calibrate)
+@takes(measured.calibrate, measured.diagnose_together)
 def calibrate(
-    record: Path, /, *, json: JsonFile = None, ssv: File = None, report: ReportFile = None, **options: Any
+    record: Path,
+    /,
+    *others: Path,
+    json: JsonFile = None,
+    ssv: File = None,
+    report: ReportFile = None,
+    **options: Any,
 ) -> Answer:
     """Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
 
+    Example: trihedron calibrate monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json together.json
+
     Parameters
     ----------
+    others
+        Further records of the same instrument: one programme for all.
     ssv
         Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
     """
-    distinct_files({"the record": record, "--json": json, "--ssv": ssv, "--report": report})
-
+    named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)} if others else {}
+    distinct_files({**(named or {"the record": record}), "--json": json, "--ssv": ssv, "--report": report})
+    asked = _of_several(options, several=bool(others))
+    if others:
+        of_one = {
+            "--ssv": ssv,
+            "--report": report,
+            **{f"--{name.rstrip('s')}": options.pop(name, ()) for name in OF_ONE},
+        }
+        if wrong := next((name for name, value in of_one.items() if value not in (None, ())), None):
+            raise InputError(f"{wrong}: is of one record; give one")
+        if options.pop("convention", "A1") != "A1":
+            raise InputError("--convention A2: is of one record; give one")
+        return answer(measured.calibrate_together(record, *others, **asked, **options), json)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     result = measured.calibrate(run, **options)
     with together():
@@ -127,6 +151,14 @@ def calibrate(
         if ssv is not None:
             calibrations.write_parameter_set(result, ssv)
         return answer(result, json)
+
+
+def _of_several(options: dict[str, Any], *, several: bool) -> dict[str, Any]:
+    """What is shared and each record's own, taken from the options; refused where there are not several records."""
+    asked = {name: options.pop(name, ()) for name in ("shared", "own")}
+    if not several and (wrong := next((name for name, values in asked.items() if values), None)):
+        raise InputError(f"--{wrong} {asked[wrong][0]}: is of several records of one instrument; give two or more")
+    return asked
 
 
 @takes(measured.apply)
@@ -193,7 +225,7 @@ def diagnose(
     """
     named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)}
     distinct_files({**(named if others else {"the record": record}), "--json": json, "--report": report})
-    asked = {name: options.pop(name, ()) for name in ("shared", "own")}
+    asked = _of_several(options, several=bool(others))
     if others:
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
@@ -202,8 +234,6 @@ def diagnose(
             if report is not None:
                 reports.write_report(report, several)
             return answer(several, json)
-    if wrong := next((name for name, values in asked.items() if values), None):
-        raise InputError(f"--{wrong} {asked[wrong][0]}: is of several records of one instrument; give two or more")
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
     result = measured.diagnose(run, **options, progress=True)

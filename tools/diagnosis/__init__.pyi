@@ -1,3 +1,5 @@
+from .calibrated import JointCalibration as JointCalibration
+from .calibrated import calibrated_together as calibrated_together
 from .cause import Cause as Cause
 from .cross_gain import Applied as Applied
 from .cross_gain import applied_to as applied_to

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from ..calibration.targets import NAMES
+from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cross_gain import Applied
 from ..diagnosis.several import JointCause, Repeated, Several
 from ..document.blocks import Page, Section, Table, Tone
@@ -195,6 +196,23 @@ def _repeatability(found: Sequence[Repeated]) -> list[Section]:
     caption = "A bar for each record, in their order from above; each row has a scale of its own."
     picture = repeatability_picture(found) if drawn else None
     return [Section("Repeatability", [said], picture, caption if drawn else "", Table(header, rows))]
+
+
+CALIBRATED = {
+    "consistent": "consistent: one value for each parameter of the instrument does for all",
+    "falsified": "falsified: the instrument's parameters have no one value for all; `trihedron diagnose` says why",
+    "insufficient": "insufficient: the records together leave parameters open",
+}
+
+
+def joint_calibration_lines(result: JointCalibration) -> list[str]:
+    """The verdict; each parameter, the instrument's first, with its interval."""
+    said = [CALIBRATED[result.verdict], f"{len(result.records)} records, radius {residual(result.radius)}"]
+    for p in result.parameters:
+        value, low, high = interval(p.estimate, p.low, p.high)
+        where = "" if p.record is None else f" in {p.record}"
+        said.append(f"{words(p.name)}{where}: {value} {unit_text(p.unit)} ({low} to {high})")
+    return said + ([f"still open: {', '.join(result.missing)}"] if result.missing else [])
 
 
 def entry_lines(result: Entry) -> list[str]:

@@ -10,17 +10,17 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from ..fmus.parameters import CALIBRATION
-from .calibration import Calibration
-from .calibration.targets import NAMES
-from .diagnosis.cause import Number
-from .diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
-from .diagnosis.several import Repeated, repeated_of
-from .errors import InputError
-from .evidence.of_record import is_of_instrument
-from .files import LARGEST_RESULT, bytes_of, write_text
-from .records import read_record
-from .result import Result, Told, field_problems
+from ...fmus.parameters import CALIBRATION
+from ..calibration import Calibration
+from ..calibration.targets import NAMES
+from ..diagnosis.cause import Number
+from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
+from ..diagnosis.several import Repeated, repeated_of
+from ..errors import InputError
+from ..evidence.of_record import is_of_instrument
+from ..files import LARGEST_RESULT, bytes_of, write_text
+from ..records import read_record
+from ..result import Result, Told, field_problems
 
 INSTRUMENT = "trihedron.instrument/1"
 KINDS: Mapping[str, type[Result]] = {CALIBRATION: Calibration, DIAGNOSIS: Diagnosis, FIRST_DIAGNOSIS: Diagnosis}
@@ -88,28 +88,11 @@ def add_to_instrument(
     temperature: float | None = None,
     serial: str | None = None,
 ) -> Entry:
-    """Put a calibration or diagnosis into an instrument's folder, which is made where there is none.
+    """Put the file of a calibration or diagnosis into an instrument's folder, which is made where there is none.
 
-    Parameters
-    ----------
-    folder : path
-        The instrument's folder.
-    result : path
-        The result of `trihedron calibrate --json` or `trihedron diagnose --json`.
-    record : path, optional
-        The record that it was made from: its comment lines (# date: ..., # temperature: ..., # serial: ...) and its
-        temperatures say what the options do not.
-    date : str, optional
-        When it was measured, as 2026-11-23 or 2026-11-23T14:00.
-    temperature : float, optional
-        How warm the instrument was [degC].
-    serial : str, optional
-        Its serial number.
-
-    Raises
-    ------
-    InputError
-        a file that is no such result, no date, another instrument's serial number, a result or record that is there
+    What `date`, `temperature` [°C] and `serial` do not say the comment lines and temperatures of the record do. An
+    InputError for a file that is no such result, for no date, another instrument's serial number, a result or record
+    that is there.
     """
     data = bytes_of(result, most=LARGEST_RESULT)
     content = _object(data, result)
@@ -158,18 +141,7 @@ def add_to_instrument(
 
 
 def entries_of(folder: Path) -> Entries:
-    """What an instrument's folder holds, in order of the dates.
-
-    Parameters
-    ----------
-    folder : path
-        The instrument's folder.
-
-    Raises
-    ------
-    InputError
-        no folder, or a file in it that is no entry
-    """
+    """What an instrument's folder holds, in order of the dates; an InputError for a file in it that is no entry."""
     if not folder.is_dir():
         raise InputError(f"{folder}: is no folder")
     found = []
@@ -197,23 +169,9 @@ def nearest_of_instrument(
     temperature: float | None = None,
     kind: Literal["calibration", "diagnosis"] | None = None,
 ) -> Entry:
-    """The entry of an instrument's folder that is nearest in date or temperature; the last one by default.
+    """The entry, of one kind, that is nearest in date or temperature [°C]; the last one by default.
 
-    Parameters
-    ----------
-    folder : path
-        The instrument's folder.
-    date : str, optional
-        Nearest to this date, as 2026-11-23 or 2026-11-23T14:00.
-    temperature : float, optional
-        Nearest to this temperature [degC].
-    kind : str, optional
-        Of calibrations, or of diagnoses, only.
-
-    Raises
-    ------
-    InputError
-        both a date and a temperature, or a folder that holds no such entry
+    An InputError for both, or for a folder that holds no such entry.
     """
     if date is not None and temperature is not None:
         raise InputError("--date and --temperature: give one of the two")
@@ -232,17 +190,7 @@ def trend_of_instrument(folder: Path) -> Trend:
     """Each parameter over the dates, with its intervals, and since when no constant is possible.
 
     A constant is falsified at the first date whose interval does not meet one before it: of intervals each two of which
-    meet, all have a point in common.
-
-    Parameters
-    ----------
-    folder : path
-        The instrument's folder.
-
-    Raises
-    ------
-    InputError
-        a folder with fewer than two entries that tell parameters
+    meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
     """
     held = entries_of(folder)
     told = {entry.file: (entry.date, values) for entry in held.entries if (values := parameters_of(entry))}

@@ -1,0 +1,78 @@
+"""Several records calibrated in one programme: what is the instrument's is told better, or at all."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from instrument_records import of_one_instrument
+from simulated_bench import random_bench, simulated
+from trihedron import calibrate_together
+from trihedron.tools.check import check
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import JointCalibration
+from trihedron.tools.records import write_record
+
+SIGMA = 1e-5
+OF_INSTRUMENT = ("X4", "X5", "X9", "X10", "X14", "X15", "X6+X8", "X7+X12", "X11+X13")
+SCALE_FACTORS_OF_1 = [9, 12]
+
+
+def ends(found: JointCalibration) -> dict[tuple[str, str | None], tuple[float, float]]:
+    return {
+        (p.name, p.record): (-math.inf if p.low is None else p.low, math.inf if p.high is None else p.high)
+        for p in found.parameters
+    }
+
+
+def test_together_each_interval_lies_in_that_of_every_record():
+    """All of them hold the truth, so none may be outside; the instrument's are narrower than any record's own."""
+    records = of_one_instrument(21, positions=(20, 20))
+    found = ends(calibrate_together(*records, noise_bound=SIGMA))
+    alone = [{p.symbol: p for p in th.calibrate(record, noise_bound=SIGMA).parameters} for record in records]
+    assert {name for name, record in found if record is None} == set(OF_INSTRUMENT)
+    for (name, record), (low, high) in found.items():
+        of_these = alone if record is None else [alone[int(record.removeprefix("record-")) - 1]]
+        for one in of_these:
+            estimate = one[name]
+            assert estimate.low is not None
+            assert estimate.high is not None
+            assert estimate.low - 1e-9 <= low < high <= estimate.high + 1e-9
+
+
+def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_together(tmp_path, capsys):
+    for name, record in zip("abc", of_one_instrument(17, positions=(6, 6)), strict=True):
+        write_record(record, tmp_path / f"{name}.csv")
+    out, files = tmp_path / "together.json", [str(tmp_path / f"{name}.csv") for name in "abc"]
+    assert main(["calibrate", *files, "--noise-bound", "1e-5", "--json", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("consistent: one value for each parameter of the instrument does for all")
+    assert "X16, bias-1 in c: " in said
+    again = JointCalibration.model_validate_json(out.read_text(encoding="utf-8"))
+    assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
+    assert check(out).summary == ("3 records, consistent",)
+    assert main(["calibrate", *files[:1], "--noise-bound", "1e-5", "--own", "X4"]) == 2
+    for wrong, why in (
+        (["--target", "X4-X5"], "--target: is of one record; give one"),
+        (["--convention", "A2"], "--convention A2: is of one record"),
+        (["--ssv", str(tmp_path / "c.ssv")], "--ssv: is of one record"),
+        (["--own", "X99"], "--own X99: no parameter of these records"),
+    ):
+        capsys.readouterr()
+        assert main(["calibrate", *files, "--noise-bound", "1e-5", *wrong]) == 2
+        assert why in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("own", [(), ("X4", "X5")])
+def test_a_scale_factor_that_changed_falsifies_that_it_is_shared_and_not_that_it_is_each_records_own(own):
+    rng = np.random.default_rng(4)
+    benches = np.stack([random_bench(rng)] * 2)
+    benches[1, SCALE_FACTORS_OF_1] += 3e-4
+    records = [simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))) for bench in benches]
+    found = calibrate_together(*records, noise_bound=SIGMA, own=own)
+    assert found.verdict == ("consistent" if own else "falsified")
+    if own:
+        changed = np.array([ends(found)["X4", f"record-{k}"] for k in (2, 1)])
+        assert changed[0, 0] - changed[1, 1] < 3e-4 < changed[0, 1] - changed[1, 0]
