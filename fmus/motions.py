@@ -1,10 +1,11 @@
 """What moves an instrument: TurntableMotion, what commands it, and HarmonicMotion.
 
-PositionProgramme and TableController command the table; the Euler-Krylov angles of HarmonicMotion are sums of
-harmonics.
+PositionProgramme, timed rows and TableController command the table; the Euler-Krylov angles of HarmonicMotion are
+sums of harmonics.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from ..models import harmonic_motion, table_commands, turntable
@@ -14,9 +15,12 @@ from ..models.restricted import CONTEXT_SIZE
 from ..models.table_commands import AXIS_PLAN_SIZE, POSITIONS
 from ..models.turntable_geometry import STAND_SIZE
 from . import units
-from .component import COUNT, FLAG, GRAVITY, Component, Variable, fixed, input_, output, seed, state, work
+from .component import COUNT, FLAG, GRAVITY, Component, Type, Variable, fixed, input_, output, seed, state, work
 
 ARCSECOND = math.pi / 648000.0
+
+TIMED_ROWS = "TimedRows"
+"""Name of the components that `timed_rows` makes."""
 
 
 def _angle(name: str, description: str) -> Variable:
@@ -150,6 +154,16 @@ def _angles(name: str, axis: str) -> Variable:
     )
 
 
+LEAD_STEPS = fixed(
+    "lead_steps",
+    "0: after a step what it gives is that of this step, for hosts that pass outputs on at once (Trihedron); "
+    "1: that of the next step, for hosts that pass them on when all FMUs have stepped (OMSimulator, FMPy)",
+    type="integer",
+    within=(0.0, 1.0),
+)
+"""The parameter of every component that knows beforehand what it will give."""
+
+
 POSITION_PROGRAMME = Component(
     name="PositionProgramme",
     description="Position programme of a two-axis table: commanded positions, each held for its move and its dwell",
@@ -168,13 +182,7 @@ POSITION_PROGRAMME = Component(
             unit="s",
             within=(0.0, None),
         ),
-        fixed(
-            "lead_steps",
-            "0: after a step the command is that of this step, for hosts that pass outputs on at once (Trihedron); "
-            "1: that of the next step, for hosts that pass them on when all FMUs have stepped (OMSimulator, FMPy)",
-            type="integer",
-            within=(0.0, 1.0),
-        ),
+        LEAD_STEPS,
         output("command", "commanded encoder readings of the outer (1) and the inner axis (2)", **units.COMMAND),
         output("position", "number of the commanded position, from 1", **COUNT),
         output("finished", "whether the last position's dwell is over", **FLAG),
@@ -195,6 +203,49 @@ POSITION_PROGRAMME = Component(
     step_size=0.1,
     smooth=False,
 )
+
+
+def timed_rows(
+    begins: Sequence[float], rows: Sequence[Sequence[float]], period: float, *, unit: str = "1", kind: Type = "real"
+) -> Component:
+    """A component that gives rows of numbers, each from its time on; they are in the component.
+
+    Parameters
+    ----------
+    begins : (N,)
+        whole steps after the start from which each row holds, growing; the first holds from the start
+    rows : (N, K)
+        in the unit
+    period : float
+        length of a step [s]
+    unit, kind : str
+        of all columns
+    """
+    values = tuple(float(x) for row in rows for x in row)
+    size = (float(len(rows)), float(len(rows[0])))
+    return Component(
+        name=TIMED_ROWS,
+        description=f"Timed rows: {len(rows)} of {len(rows[0])} values, each held from its time on",
+        variables=(
+            fixed(
+                "period", "time in which the times of the rows are counted", unit="s", start=period, within=(1e-9, None)
+            ),
+            LEAD_STEPS,
+            output("value", "the row that holds", len(rows[0]), unit, variability="discrete", type=kind),
+            state("size", "rows and columns", 2, start=size),
+            state("begins", "periods after the start from which each row holds", len(rows), start=tuple(begins)),
+            state("table", "the rows", len(values), start=values),
+            state("start", "time of the start", 1),
+            state("last_step", "length of the last step", 1),
+            state("row", "row that holds, from 0", 1),
+        ),
+        model=(table_commands.initialise_rows, table_commands.step_rows),
+        messages=(),
+        equations=("value = row i from begins i · period on; the last one holds",),
+        source="the timed rows of Trihedron's scenarios",
+        step_size=period,
+        smooth=False,
+    )
 
 
 TABLE_CONTROLLER = Component(

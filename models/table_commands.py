@@ -240,6 +240,54 @@ def step_programme(
     return 0
 
 
+def initialise_rows(
+    time: float, size: Vector, table: Vector, value: Vector, start: Vector, last_step: Vector, row: Vector
+) -> int:
+    """Begin at `time` with the first row; `size` (2,) are the numbers of rows and of columns. Returns 0."""
+    start[0] = time
+    last_step[0] = 0.0
+    row[0] = 0.0
+    columns = int(size[1])
+    for k in range(columns):
+        value[k] = table[k]
+    return 0
+
+
+def step_rows(
+    time: float,
+    step: float,
+    period: float,
+    lead_steps: float,
+    size: Vector,
+    begins: Vector,
+    table: Vector,
+    value: Vector,
+    start: Vector,
+    last_step: Vector,
+    row: Vector,
+) -> int:
+    """Give the row that holds over (time, time + step], or from time + step on; returns 0.
+
+    Row i holds from `begins[i]` periods after the start; its values stand in `table`, row by row.
+    """
+    # Some masters end with a step of 1e-14 s.
+    if step <= 1e-9 * last_step[0]:
+        return 0
+    last_step[0] = step
+    passed = (time - start[0]) / period + TIME_TOLERANCE
+    if lead_steps > 0.0:
+        passed = (time + step - start[0]) / period + TIME_TOLERANCE
+    at = int(row[0])
+    last = int(size[0]) - 1
+    while at < last and begins[at + 1] <= passed:
+        at = at + 1
+    row[0] = float(at)
+    columns = int(size[1])
+    for k in range(columns):
+        value[k] = table[columns * at + k]
+    return 0
+
+
 NORM_TOLERANCE = 1e-3
 
 

@@ -26,7 +26,7 @@ def simulate(
     *,
     out: str | Path | None = None,
     step: float | None = None,
-    coupling: Literal["jacobi", "iterate"] | None = None,
+    coupling: Literal["jacobi", "iterate", "delayed"] | None = None,
     effects_from: str | Path | None = None,
     progress: bool = False,
 ) -> "orchestrator.Simulation":
@@ -41,7 +41,7 @@ def simulate(
     step : float, optional
         Length of a step [s] of an .ssp, where it does not say one or another is wanted.
     coupling : str, optional
-        How cycles of connections of an .ssp are taken; without it they are refused.
+        How cycles of connections of an .ssp are taken; without it they are refused. "delayed" delays every connection.
     effects_from : path, optional
         A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
         beside those of the catalogue.

@@ -343,6 +343,7 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
 def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[Group]:
     """The FMUs so that each steps after those that feed it, cycles in one group; ties as in the file.
 
+    Where every connection is delayed, all are one group.
     An InputError names a cycle where the scenario does not say how to take it.
     """
     if coupling is None:
@@ -356,6 +357,8 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
             if through in following[name]:
                 following[name] |= following[through]
     member_of = {n: tuple(m for m in names if m == n or (m in following[n] and n in following[m])) for n in names}
+    if coupling == "delayed":
+        member_of = dict.fromkeys(names, tuple(names))
     sorter: TopologicalSorter[tuple[str, ...]] = TopologicalSorter(dict.fromkeys(member_of.values(), ()))
     for wire in wires:
         if member_of[wire.source] != member_of[wire.target]:
@@ -397,5 +400,6 @@ def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
         cycle = error.args[1][:-1]
         first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
         named = " -> ".join([*cycle[first:], *cycle[:first], cycle[first]])
-        say = 'take one out, or say how it is taken: run.coupling = "jacobi" or "iterate" (of an .ssp: --coupling)'
+        ways = 'run.coupling = "jacobi", "iterate" or "delayed" (of an .ssp: --coupling)'
+        say = f"take one out, or say how it is taken: {ways}"
         raise InputError(f"connections form a cycle: {named}; {say}") from error

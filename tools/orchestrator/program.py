@@ -330,7 +330,7 @@ def step_program(
     program = Program(slaves, ports)
     everybody = [name for group in groups for name in group.members]
     for group in groups:
-        if group.cyclic and run.coupling == "jacobi":
+        if group.cyclic and run.coupling != "iterate":
             for name in group.members:
                 program.add_transfers(name, group.members)
             sources = [name for name in everybody if name not in group.members]

@@ -61,13 +61,14 @@ class RunSetting(Section):
 
     `coupling` is None where they are refused; "jacobi": within a cycle every input is what the output was at the
     beginning of the step; "iterate": the step is made again from the same state until the values that go around no
-    longer change.
+    longer change; "delayed": every connection, of a cycle or not, passes on what the output was at the beginning of the
+    step, as masters do that pass outputs on when all FMUs have stepped.
     """
 
     start_s: Finite = 0.0
     stop_s: Finite | None = None
     step_s: Positive
-    coupling: Literal["jacobi", "iterate"] | None = None
+    coupling: Literal["jacobi", "iterate", "delayed"] | None = None
     tolerance: Positive | None = None
     iterations: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
+from ...fmus.motions import TIMED_ROWS
 from ...fmus.units import Unit
 from ..errors import InputError, one_line
 from ..files import bytes_of
@@ -31,6 +32,8 @@ COUPLING = "extra/trihedron/coupling.json"
 COUPLING_SETTINGS = ("coupling", "tolerance", "iterations")
 """What `[run]` says of cycles."""
 PROGRAMME = "PositionProgramme"
+LEADING = (PROGRAMME, TIMED_ROWS)
+"""Components that know beforehand what they will give."""
 """Name of the component that stands for a position programme."""
 FMU = "application/x-fmu-sharedlibrary"
 Path_ = tuple[str, ...]
@@ -136,9 +139,10 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     names = _names(fmus)
     interfaces, steps = _interfaces(fmus, names, folder, label)
     parameters, ignored = _parameters(system, interfaces)
+    coupled = _coupling(folder, label, coupling)
     for at, interface in interfaces.items():
         # How far ahead commands are put out is a matter of the master; ours passes them on at once.
-        if interface.model == PROGRAMME and "lead_steps" in interface.variables:
+        if coupled.get("coupling") != "delayed" and interface.model in LEADING and "lead_steps" in interface.variables:
             parameters[at]["lead_steps"] = 0
     if "stop_s" not in run:
         raise InputError(f"{label}: DefaultExperiment has no stopTime, so nothing says when the run ends")
@@ -147,7 +151,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
         raise InputError(f"{label}: neither it nor its FMUs say how long a step is; give --step")
     data: dict[str, Any] = {
         "title": "",
-        "run": {"start_s": 0.0, **run, "step_s": lengths[0], **_coupling(folder, label, coupling)},
+        "run": {"start_s": 0.0, **run, "step_s": lengths[0], **coupled},
         "fmus": {names[p.path]: {"fmu": p.source, "parameters": parameters[p.path]} for p in fmus},
         "connections": [
             {"from": f"{names[source[0]]}.{source[1]}", "to": f"{names[target[0]]}.{target[1]}"}

@@ -1,10 +1,10 @@
 """A scenario as an .ssp: its system for other tools, of FMUs alone.
 
-Position programmes become components, constants become parameters, so that no stimulus is left.
+Position programmes and timed rows become components, constants become parameters, so that no stimulus is left.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement
@@ -13,10 +13,11 @@ import numpy as np
 
 from ...fmus import build, components
 from ...fmus.archive import write_archive
-from ...fmus.component import started
+from ...fmus.component import Component, Type, started
+from ...fmus.motions import timed_rows
 from ...fmus.native.compile import BuildError, chosen_platforms
 from ...fmus.parameters import add_units, parameter_file, xml_bytes
-from ...fmus.units import Unit, number
+from ...fmus.units import UNITS, Unit, number
 from ...models.effects import place_from_mapping
 from ...models.table_commands import POSITIONS
 from ..errors import InputError, said_of
@@ -41,13 +42,17 @@ from ..orchestrator.stimuli import (
     make_grid,
     resolve_constant,
     resolve_programme,
+    resolve_stimuli,
     table_of,
 )
-from .read import COUPLING, COUPLING_SETTINGS, PROGRAMME, RECORD, STRUCTURE, free_name
+from .read import COUPLING, COUPLING_SETTINGS, LEADING, PROGRAMME, RECORD, STRUCTURE, free_name
 from .xml import declared
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 """Namespace of OMSimulator's annotations."""
+
+ROW_KINDS: dict[str, Type] = {"Real": "real", "Integer": "integer", "Boolean": "boolean"}
+"""Types of the inputs that rows may feed, as the components have them."""
 
 SET_NAME = "parameters"
 """Name of the parameter set of every FMU: Ecos applies those of one name, in all FMUs at once."""
@@ -64,7 +69,7 @@ def export_ssp(
 ) -> Path:
     """Write the system of a scenario as an .ssp, whose path is returned; the same scenario, the same bytes.
 
-    Position programmes become components PositionProgramme, constants become parameters.
+    Position programmes become components PositionProgramme, timed rows TimedRows, constants become parameters.
 
     Parameters
     ----------
@@ -81,8 +86,8 @@ def export_ssp(
     Raises
     ------
     InputError
-        what the scenario asks for and cannot be done, or what cannot stand in an .ssp: timed rows, names that other
-        tools do not take
+        what the scenario asks for and cannot be done, or what cannot stand in an .ssp: names that other tools do not
+        take, timed rows of enumerations
     """
     if out.suffix.lower() != ".ssp":
         raise InputError(f"{out}: must end in .ssp; other tools know it by that")
@@ -110,41 +115,67 @@ def export_ssp(
     return out
 
 
-def self_contained(scenario: Scenario) -> Scenario:
+def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -> Scenario:
     """The scenario with FMUs and parameters in place of its stimuli; it gives the same run.
 
-    An InputError for timed rows, which no component carries, or a programme of too many positions.
+    `make` builds a component under a name and returns the file. An InputError for rows of what no component gives, or
+    a programme of too many positions.
     """
     with own_folder() as folder:
-        loaded = load(scenario, Sources(scenario.base_folder), folder)
+        sources = Sources(scenario.base_folder)
+        loaded = load(scenario, sources, folder)
+        grid, drives = resolve_stimuli(scenario, sources, loaded)
     interfaces = interfaces_of(loaded)
     written = scenario.model_dump(by_alias=True, exclude_none=True, exclude={"stimuli", "base_folder", "source"})
     fmus, connections = dict(written["fmus"]), list(written["connections"])
-    ends, first = [], {}
+    first: dict[str, Any] = {}
     for count, stimulus in enumerate(scenario.stimuli, start=1):
         with said_of(f"stimuli[{count}]"):
             if stimulus.kind == "rows":
-                raise InputError("timed rows cannot stand in an .ssp; give constants or a position programme")
+                for drive in (drive for name, drive in drives if name == f"stimuli[{count}]"):
+                    for component, ends in _rows(drive, interfaces[drive.fmu], grid):
+                        name = free_name("rows", [*fmus, *first])
+                        first[name] = {"fmu": str(make(name, component))}
+                        sources_of = component.interface[-1].elements
+                        connections += [
+                            {"from": f"{name}.{value}", "to": f"{drive.fmu}.{end.name}"}
+                            for value, end in zip(sources_of, ends, strict=True)
+                        ]
+                continue
             if stimulus.kind == "constant":
                 drive = resolve_constant(stimulus, interfaces)
                 given = dict(zip((v.name for v in drive.variables), drive.values[0], strict=True))
                 _set(fmus, interfaces[drive.fmu], given)
                 continue
             positions, _ = table_of(stimulus, f"stimuli[{count}]", scenario.base_folder)
-            drive, end = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
-            ends.append(end)
+            drive, _ = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
             name = free_name("programme", [*fmus, *first])
             parameters = _parameters(drive, positions, stimulus, loaded[drive.fmu], scenario.run.step_s)
             first[name] = {"component": PROGRAMME, "parameters": parameters}
             connections.append({"from": f"{name}.command", "to": stimulus.to})
     run = dict(written["run"])
     if scenario.run.stop_s is None:
-        grid = make_grid(scenario.run, ends)
         run["stop_s"] = grid.time(grid.steps)
     paths = {"base_folder": scenario.base_folder, "source": scenario.source}
     # The programmes stand first: some tools step in this order.
     fmus = {**first, **fmus}
     return Scenario.model_validate({**written, **paths, "run": run, "fmus": fmus, "connections": connections})
+
+
+def _rows(drive: Drive, interface: Interface, grid: Grid) -> Iterator[tuple[Component, list[Variable]]]:
+    """Components that give what timed rows give, one for each unit, with the inputs that their values feed."""
+    groups: dict[tuple[str, Type], list[int]] = {}
+    for k, variable in enumerate(drive.variables):
+        unit = variable.unit or "1"
+        if variable.kind not in ROW_KINDS or unit not in UNITS:
+            said = f"'{interface.name}.{variable.name}', {variable.kind} in {unit}"
+            raise InputError(f"{said}: no component gives such rows")
+        groups.setdefault((unit, ROW_KINDS[variable.kind]), []).append(k)
+    assert drive.begins is not None
+    for (unit, kind), columns in groups.items():
+        rows = [[float(row[k]) for k in columns] for row in drive.values]
+        component = timed_rows(drive.begins.tolist(), rows, grid.step, unit=unit, kind=kind)
+        yield component, [drive.variables[k] for k in columns]
 
 
 def _set(fmus: dict[str, Any], interface: Interface, values: Mapping[str, Value]) -> None:
@@ -179,7 +210,9 @@ def _members(
     for name in scenario.fmus:
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
             raise InputError(f"fmus.{name}: other tools take names of letters, digits and _ only; rename it")
-    whole = self_contained(scenario)
+    whole = self_contained(
+        scenario, lambda name, rows: build(rows, folder / name, flavour=flavour, fmi=2, platform=platform)
+    )
     sources = Sources(whole.base_folder)
     (folder / "loaded").mkdir()
     loaded = load(whole, sources, folder / "loaded")
@@ -219,7 +252,7 @@ def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -
     """The .ssv of an FMU: what the scenario and its calibration give it; nothing where they give it nothing."""
     setting, interface = scenario.fmus[name], entry.interface
     values = dict(entry.values)
-    if setting.component == PROGRAMME:
+    if interface.model in LEADING:
         # Other tools pass outputs on when all FMUs have stepped: what the table does next must be out by then.
         values["lead_steps"] = (interface.variables["lead_steps"], 1)
     rows: list[tuple[str, str, dict[str, str]]] = []

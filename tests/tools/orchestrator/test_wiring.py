@@ -134,7 +134,7 @@ def test_fmus_step_after_those_that_feed_them_and_else_as_in_the_file(count: int
 @given(st.lists(st.integers(0, 5), min_size=1, max_size=5, unique=True))
 def test_a_cycle_is_named_whole(members: list[int]) -> None:
     around = list(pairwise([*members, members[0]]))
-    with pytest.raises(InputError, match='coupling = "jacobi" or "iterate"') as refused:
+    with pytest.raises(InputError, match='coupling = "jacobi", "iterate" or "delayed"') as refused:
         order_of([f"f{i}" for i in range(6)], around)
     said = str(refused.value).split(": ")[1].split(";")[0].split(" -> ")
     assert said[0] == said[-1] == f"f{min(members)}"

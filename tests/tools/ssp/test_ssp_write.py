@@ -13,6 +13,7 @@ from fmpy.ssp.ssd import ParameterSet, find_components, read_ssd, read_ssv
 
 import trihedron as th
 from scenario_runs import SCENARIOS, wires
+from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
@@ -61,6 +62,19 @@ def bench(folder: Path = Path(), **sections) -> Scenario:
         **sections,
     }
     return Scenario.model_validate(data)
+
+
+ROWS = [
+    {
+        "table": {"time_s": [0.0, 1.0, 2.5], "a_deg": [0.0, 30.0, -45.0], "b_deg": [0.0, 0.0, 120.0]},
+        "columns": {"table.command[1]": "a_deg", "table.command[2]": "b_deg"},
+    },
+    {
+        "table": {"time_s": [0.5, 9.0], "warm_degC": [25.0, 30.0], "rest": [3.0, 7.0]},
+        "columns": {"table.temperature": "warm_degC", "block.dwell": "rest"},
+        "stamp": "end",
+    },
+]
 
 
 @pytest.fixture(scope="module")
@@ -123,30 +137,54 @@ def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(expo
     again = export_ssp(bench(), tmp_path / "again.ssp", flavour="python")
     assert again.read_bytes() == exported.read_bytes()
     expected = simulate(bench()).table
-    assert simulate(self_contained(bench())).table.select(expected.columns).equals(expected)
+    assert (
+        simulate(self_contained(bench(), lambda _, component: build(component, tmp_path)))
+        .table.select(expected.columns)
+        .equals(expected)
+    )
     with scenario_of_ssp(exported) as (again, ignored):
         assert ignored == ()
         found = simulate(again).table
     assert found.select(expected.columns).equals(expected)
 
 
-def test_fmpy_gives_the_numbers_of_the_orchestrator(exported):
-    """FMPy passes outputs on when all FMUs have stepped: what follows the table is a step later, no number differs."""
-    expected = simulate(bench()).table
+@pytest.mark.parametrize("stimuli", ["a programme", "rows"])
+def test_fmpy_gives_the_numbers_of_a_run_that_is_delayed(stimuli, tmp_path):
+    """FMPy passes outputs on when all FMUs have stepped; so does coupling = "delayed": no number differs."""
+    scenario = bench(**({"stimuli": ROWS[:1], "run": {"step_s": EIGHTH, "stop_s": 8.0}} if stimuli == "rows" else {}))
+    path = export_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
+    with scenario_of_ssp(path, coupling="delayed") as (again, _):
+        expected = simulate(again).table
     steps = expected.height - 1
-    values = all_parameters(exported)
-    found = simulate_ssp(str(exported), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=values)
+    found = simulate_ssp(str(path), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=all_parameters(path))
+    assert len(np.unique(expected["table.angle_reading[1]_rad"])) > 10
+    compared = 0
+    for name in found.dtype.names or ():
+        columns = [c for c in expected.columns if c == name or c.startswith(f"{name}_")]
+        if columns and name.partition(".")[0] in ("table", "block", "computer"):
+            # Row k of FMPy's is after k + 1 steps; in its first one all inputs are 0.
+            np.testing.assert_allclose(found[name][1:], expected[columns[0]][2:], rtol=0, atol=1e-15, err_msg=name)
+            compared += 1
+    assert compared > 20
 
-    readings = np.column_stack([found[f"table.angle_reading[{i}]"] for i in (1, 2)])
-    table = expected.select("table.angle_reading[1]_rad", "table.angle_reading[2]_rad").to_numpy()
-    assert len(np.unique(table[:, 0])) > 10
-    assert np.array_equal(readings, table[1:])
-    force = np.column_stack([found[f"block.reading[{i}]"] for i in (1, 2, 3)])
-    block = expected.select([f"block.reading[{i}]_mps2" for i in (1, 2, 3)]).to_numpy()
-    assert np.array_equal(force[1:], block[1:-1])
-    attitude = np.column_stack([found[f"computer.attitude[{i}]"] for i in (1, 2, 3, 4)])
-    computer = expected.select([f"computer.attitude[{i}]" for i in (1, 2, 3, 4)]).to_numpy()
-    np.testing.assert_allclose(attitude[1:], computer[1:-1], rtol=0, atol=1e-15)
+
+def test_timed_rows_go_out_as_components_that_give_the_same_run(tmp_path):
+    scenario = bench(
+        stimuli=ROWS,
+        connections=wires("table.specific_force -> block.specific_force"),
+        run={"step_s": 0.1, "stop_s": 6.0},
+    )
+    path = export_ssp(scenario, tmp_path / "rows.ssp", flavour="python")
+    with zipfile.ZipFile(path) as archive:
+        fmus = [n for n in archive.namelist() if "TimedRows" in n]
+    # One for each unit and type.
+    assert len(fmus) == 3
+    expected = simulate(scenario).table
+    with scenario_of_ssp(path) as (again, ignored):
+        assert ignored == ()
+        found = simulate(again).table
+    assert found.select(expected.columns).equals(expected)
+    assert len(expected["block.reading[1]_mps2"].unique()) > 10
 
 
 def test_a_calibration_goes_to_every_fmu_that_takes_it_under_the_scenarios_own_values(tmp_path):
@@ -183,11 +221,9 @@ def test_a_calibration_goes_to_every_fmu_that_takes_it_under_the_scenarios_own_v
 
 
 def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
-    rows = {"table": {"time_s": [0.0], "a_deg": [0.0]}, "columns": {"table.command[1]": "a_deg"}}
     many = {"to": "table.command", "dwell_s": 1.0, "table": {n: [0.0] * 129 for n in ("alpha_deg", "beta_deg")}}
     dashed = {"a-b": {"component": "TurntableMotion"}}
     for sections, says in [
-        ({"stimuli": [rows], "run": {"step_s": 0.1, "stop_s": 1.0}}, r"stimuli\[1\]: timed rows cannot stand in"),
         ({"fmus": dashed, "connections": []}, "fmus.a-b: other tools take names"),
         ({"stimuli": [many]}, "has 129 positions; the component PositionProgramme takes 128"),
     ]:
