@@ -219,7 +219,7 @@ class _Drawing:
         elif self.options.mode == "single":
             size = ABOVE * sizes.excluded
         else:
-            top = min(sizes.excluded, MOST_ABOVE * sizes.detected, _largest_size(place, direction))
+            top = min(sizes.excluded, MOST_ABOVE * sizes.detected, largest_size(place, direction))
             size = self.rng.uniform(sizes.detected, max(top, sizes.detected)) if np.isfinite(sizes.detected) else np.inf
         return _made(place, direction, size, sizes)
 
@@ -266,10 +266,10 @@ def _draw_place(
     else:
         own = [place for place in places if place.effect == name] or list(CATALOGUE[name].places)
         place = own[rng.integers(len(own))]
-    return place, _draw_direction(rng, place)
+    return place, draw_direction(rng, place)
 
 
-def _draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
+def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
     """A direction of an effect's coefficients, of length one; one that only grows is positive."""
     direction = rng.normal(size=coefficient_count(place))
     direction /= np.linalg.norm(direction)
@@ -279,13 +279,13 @@ def _draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
 
 def _made(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> tuple[Hidden] | None:
     """The effect at a size; None where that is not a possible one."""
-    if not np.isfinite(size) or size > _largest_size(place, direction):
+    if not np.isfinite(size) or size > largest_size(place, direction):
         return None
     values = place.definition.from_coefficients(size * direction)
     return (Hidden(place, values, float(size), sizes),)
 
 
-def _largest_size(place: EffectPlace, direction: NDArray) -> float:
+def largest_size(place: EffectPlace, direction: NDArray) -> float:
     """The largest possible size along a direction of the coefficients."""
     effect = place.definition
     unit = effect.from_coefficients(direction)
@@ -411,7 +411,7 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
                 hidden = (Hidden(place, (1.0,), wanted),)
                 return Case(clean.seed, index, replace(block, jitter=jitter), hidden, redrawn)
             continue
-        direction = _draw_direction(rng, place)
+        direction = draw_direction(rng, place)
         coefficients = wanted * size_in_block(here, place, direction) * direction
         values = here.values_of([place], np.append(np.zeros(len(here.names)), coefficients))[place]
         if all(np.isfinite(v) and p.possible(v) for v, p in zip(values, effect.parameters, strict=True)):

@@ -17,6 +17,7 @@ from trihedron.tools.diagnosis import procedure, several
 from trihedron.tools.diagnosis.several import Several, labels_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
+from trihedron.tools.trials.draw import draw_clean_block
 
 SIGMA = 1e-5
 QUADRATIC, CUBIC = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("cubic", "accelerometer-1")
@@ -219,3 +220,22 @@ def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsy
     ):
         assert main(["diagnose", *wrong, "--noise-bound", "1e-5"]) == 2
         assert why in capsys.readouterr().err
+
+
+@pytest.mark.acceptance
+def test_what_the_true_attitude_errs_by_is_stated_for_all_records(monkeypatch):
+    """Two days of one block without a secret: each is judged by the wider bounds, and so are both together."""
+    monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
+    records = []
+    for k in range(2):
+        block = draw_clean_block(77, k, "truth").instrument
+        records.append(replace(block, temperature=None).measured(7, k))
+    result = th.diagnose_together(*records, reference_bound=1.0)
+    assert [one.diagnosis.reference_bound_arcmin for one in result.records] == [1.0, 1.0]
+    assert all((one.diagnosis.noise_bound_arcmin or 0.0) > 2.0 for one in result.records)
+    assert (result.verdict, result.causes) == ("consistent", ())
+
+
+def test_a_bound_of_the_true_attitude_is_refused_of_records_of_a_table():
+    with pytest.raises(InputError, match="--reference-bound 1: is of a strapdown record"):
+        th.diagnose_together(*of_one_instrument(21, 2, positions=(20, 20)), reference_bound=1.0)
