@@ -235,7 +235,7 @@ def _sampler() -> Callable[..., None]:
 @cache
 def _runner(algorithm: Algorithm) -> Callable[..., None]:
     turn = _turn(algorithm)
-    samples = algorithm.samples
+    samples, keeps_previous = algorithm.samples, algorithm.previous
     multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
 
     @numba.njit(nogil=True, error_model="numpy")
@@ -253,9 +253,11 @@ def _runner(algorithm: Algorithm) -> Callable[..., None]:
             multiply(attitude, turned, attitude)
             if renormalise:
                 normalise(attitude)
-            attitudes[k] = attitude
-            for i in range(3 * samples):
-                previous[i] = g[i]
+            for i in range(4):
+                attitudes[k, i] = attitude[i]
+            if keeps_previous:
+                for i in range(3 * samples):
+                    previous[i] = g[i]
 
     return run
 
