@@ -297,7 +297,7 @@ class Carried(CarriedRun):
         taken = f"at rest it scatters by {upwards(self.reference.at_rest / ARCMIN, 3)}"
         if stated is not None:
             explained = "noise at rest and the true attitude's error as stated explain"
-            taken = f"{exactly(stated / ARCMIN)} is stated, and {taken}"
+            taken = f"{exactly(stated / ARCMIN, 12)} is stated, and {taken}"
         needed = upwards(self.needed(self.places), 3)
         return (
             f"all effects of the catalogue together leave errors of {residual(least)} bounds, and none that sets in at "

@@ -344,7 +344,7 @@ def as_stated(made: Carried, stated: float) -> Carried:
     after = replace(before, stated=stated)
     more = after.of_windows - before.of_windows
     bounds = [part.bound + mine for part, mine in zip(made.parts, more, strict=True)]
-    said = AS_STATED.format(exactly(stated / ARCMIN))
+    said = AS_STATED.format(exactly(stated / ARCMIN, 12))
     made = replace(made.with_bounds(bounds), reference=after, bounds_from=said)
     least = made.refit(made.places).radius
     return replace(made, least_radius=None if least <= made.limit else least)

@@ -102,8 +102,10 @@ def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(recor
 
 
 def test_a_record_that_is_consistent_by_what_is_stated_says_so():
-    found = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=300.0)
+    # In radians it is not the number that was given.
+    found = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=303.447)
     assert found.verdict == "consistent"
+    assert "as stated: 303.447 arcmin" in found.evidence.bounds_from
     assert "as stated" in page(found).verdict
     assert "as stated" in lines(found)[0]
 
