@@ -105,6 +105,20 @@ def _of_math(name: str, *arguments: ast.expr) -> ast.Call:
     return ast.Call(ast.Attribute(_name("math"), name, ast.Load()), list(arguments), [])
 
 
+class _Read(ast.NodeTransformer):
+    """Leaves out derivatives of variables that nothing reads: those of what only decides."""
+
+    def __init__(self, body: Sequence[ast.stmt]) -> None:
+        nodes = [node for statement in body for node in ast.walk(statement)]
+        written = {id(node.targets[0]) for node in nodes if isinstance(node, ast.Assign)}
+        self.read = {node.id for node in nodes if isinstance(node, ast.Name) and id(node) not in written}
+
+    def visit_Assign(self, node: ast.Assign) -> ast.Assign | None:
+        target = node.targets[0]
+        kept = not isinstance(target, ast.Name) or target.id in self.read or not target.id.endswith("_dot")
+        return node if kept else None
+
+
 @dataclass
 class _Tangent:
     """A kernel on its way to its tangent."""
@@ -137,8 +151,12 @@ class _Tangent:
             arguments += [f"{name}: {kind}"] if kind == INT else [f"{name}: {kind}", f"{name}_dot: {kind}"]
         said = f'    """Tangent of {self.name}."""'
         head = f"def {tangent_name(self.name)}({', '.join([*arguments, f'{SLOPE}: Vector'])}) -> {self.returns}:"
-        module = ast.fix_missing_locations(ast.Module(body or [ast.Pass()], []))
-        lines = ast.unparse(module).splitlines()
+        module, lines, known = ast.fix_missing_locations(ast.Module(body or [ast.Pass()], [])), [""], -1
+        # What nothing reads may have been all that read another.
+        while known != len(lines):
+            known = len(lines)
+            module = _Read(module.body).visit(module)
+            lines = ast.unparse(module).splitlines()
         return "\n".join([head, said, *(f"    {line}" for line in lines)]) + "\n"
 
     def body(self, statements: Sequence[ast.stmt]) -> list[ast.stmt]:
