@@ -100,11 +100,14 @@ def judged(fresh: Fresh, seed: int) -> Said:
 
 
 def may_be_zero(parameters: list[dict[str, Any]]) -> bool:
-    """Whether every size of a cause may be nothing at all; a phase, a time and a time constant are no sizes."""
+    """Whether every size of a cause may be nothing at all; a phase, a time and a time constant are no sizes.
+
+    What has none, as readings that are exchanged from a time on, is not nothing.
+    """
     sizes = [p for p in parameters if not p["name"].endswith(("phase", "start", "time_constant"))]
     low = [-float("inf") if p["low"] is None else p["low"] for p in sizes]
     high = [float("inf") if p["high"] is None else p["high"] for p in sizes]
-    return all(a <= 0.0 <= b for a, b in zip(low, high, strict=True))
+    return bool(sizes) and all(a <= 0.0 <= b for a, b in zip(low, high, strict=True))
 
 
 def outside(parameters: list[dict[str, Any]]) -> list[str]:
