@@ -25,23 +25,35 @@ def simulate(
     scenario: "str | Path | Mapping[str, Any] | orchestrator.Scenario",
     *,
     out: str | Path | None = None,
+    start: float | None = None,
+    stop: float | None = None,
     step: float | None = None,
     coupling: Literal["jacobi", "iterate", "delayed"] | None = None,
+    in_process: bool = False,
+    call_limit: float | None = None,
     effects_from: str | Path | None = None,
     progress: bool = False,
 ) -> "orchestrator.Simulation":
-    """Run a scenario: couple its FMUs, record the run, average its rests.
+    """Run a scenario: couple its FMUs, record the run, average its rests. An .fmu runs by itself.
 
     Parameters
     ----------
     scenario : path, mapping or Scenario
-        The scenario file (TOML), or an .ssp; from Python also what would stand in the file.
+        The scenario file (TOML), an .ssp or an .fmu; from Python also what would stand in the file.
     out : path, optional
         Folder for the results; by default <scenario>-run in the current folder, from Python none.
+    start : float, optional
+        When the run of an .fmu starts [s]; by default as its default experiment says, else 0.
+    stop : float, optional
+        When it stops [s]; by default as its default experiment says, else a second later.
     step : float, optional
-        Length of a step [s] of an .ssp, where it does not say one or another is wanted.
+        Length of a step [s] of an .ssp or .fmu, where it does not say one or another is wanted.
     coupling : str, optional
         How cycles of connections of an .ssp are taken; without it they are refused. "delayed" delays every connection.
+    in_process : bool
+        Run FMUs of others in this process: faster, and what one does to its process it does to all.
+    call_limit : float, optional
+        Time [s] that one call of an FMU in a process of its own may take; then the run ends. By default for ever.
     effects_from : path, optional
         A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
         beside those of the catalogue.
@@ -59,10 +71,8 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
-    with (
-        own_effects.with_effects_of(effects_from),
-        ssp.opened(scenario, step=step, coupling=coupling) as (checked, ignored),
-    ):
+    asked = orchestrator.Asked(start, stop, step, coupling, in_process, call_limit)
+    with own_effects.with_effects_of(effects_from), ssp.opened(scenario, asked) as (checked, ignored):
         folder = None if out is None else Path(out)
         return orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
 

@@ -122,12 +122,12 @@ def bare_program(folder: Path, work: Path) -> Path:
     return program
 
 
-def scenario(folder: Path, steps: int, **more: object) -> Scenario:
+def scenario(folder: Path, steps: int, *, in_process: bool = True, **more: object) -> Scenario:
     """The three FMUs coupled, with the seven outputs."""
     return Scenario.model_validate(
         {
             "base_folder": folder,
-            "run": {"stop_s": steps * STEP, "step_s": STEP},
+            "run": {"stop_s": steps * STEP, "step_s": STEP, "in_process": in_process},
             "fmus": {name: {"fmu": f"{name}.fmu"} for name in NAMES},
             "connections": [{"from": f"{a}.{output}", "to": f"{b}.{target}"} for a, output, b, target in WIRES],
             "stimuli": [{"to": "TurntableMotion.command", "constant": COMMAND}],
@@ -137,24 +137,26 @@ def scenario(folder: Path, steps: int, **more: object) -> Scenario:
     )
 
 
-def seconds_of_steps(folder: Path, out: Path | None) -> tuple[float, np.ndarray]:
+def seconds_of_steps(
+    folder: Path, out: Path | None, most: int = STEPS, *, in_process: bool = True
+) -> tuple[float, np.ndarray]:
     """Seconds that so many steps more take: starting up is left out, as it is for the other loops."""
     times, rows = {}, np.zeros(0)
-    for steps in (1, STEPS):
+    for steps in (1, most):
         gc.collect()
         began = time.perf_counter()
-        run = simulate(scenario(folder, steps), out)
+        run = simulate(scenario(folder, steps, in_process=in_process), out)
         times[steps] = time.perf_counter() - began
         rows = run.table.drop("time_s").to_numpy()
         if out is not None:
             shutil.rmtree(out)
-    return times[STEPS] - times[1], rows
+    return times[most] - times[1], rows
 
 
 @pytest.mark.benchmark_ratio
 def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path, capsys) -> None:
     program = bare_program(folder, tmp_path)
-    plain, bare, ours, disk = [], [], [], []
+    plain, bare, ours, disk, guests = [], [], [], [], []
     rows = ours_rows = np.zeros(0)
     last: list[float] = []
     simulate(scenario(folder, 1))
@@ -166,13 +168,17 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path,
         last = [float.fromhex(word) for word in words[1:]]
         elapsed, ours_rows = seconds_of_steps(folder, None)
         ours.append(1e6 * elapsed / STEPS)
+        elapsed, isolated = seconds_of_steps(folder, None, PLAIN_STEPS, in_process=False)
+        guests.append(1e6 * elapsed / PLAIN_STEPS)
+        assert (isolated == rows).all()
         disk.append(1e6 * seconds_of_steps(folder, tmp_path / "out")[0] / STEPS)
     assert (ours_rows[: PLAIN_STEPS + 1] == rows).all()
     assert ours_rows[-1].tolist() == last
     with capsys.disabled():
         print(
             f"\nthree coupled native FMUs, seven recorded outputs, best of {ROUNDS}, us a step: plain FMPy loop "
-            f"{min(plain):.2f}, bare C {min(bare):.3f}, orchestrator {min(ours):.3f}, to disk {min(disk):.3f}; "
+            f"{min(plain):.2f}, bare C {min(bare):.3f}, orchestrator {min(ours):.3f}, to disk {min(disk):.3f}, each "
+            f"in a process of its own {min(guests):.1f}; "
             f"plain/ours {min(plain) / min(ours):.1f}, ours/bare {min(ours) / min(bare):.2f}, "
             f"disk/memory {min(disk) / min(ours):.2f}"
         )
@@ -181,7 +187,7 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path,
 
 @pytest.mark.benchmark_ratio
 def test_ten_minutes_of_table_block_and_computer_at_2_khz(folder: Path, tmp_path: Path, capsys) -> None:
-    run = {"stop_s": 600.0, "step_s": 0.0005}
+    run = {"stop_s": 600.0, "step_s": 0.0005, "in_process": True}
     began = time.perf_counter()
     found = simulate(scenario(folder, 1, run=run), tmp_path / "out")
     elapsed = time.perf_counter() - began

@@ -7,7 +7,7 @@ from fmpy.validation import validate_fmu
 
 from ..files import LARGEST, LARGEST_RESULT, LARGEST_TEXT, ZIP, bytes_of, is_workbook
 from ..locks import own_folder
-from ..orchestrator.fmu import unpack
+from ..orchestrator.archive import unpack
 from ..orchestrator.interface import interface_of
 from ..rounding import exactly
 from ..ssp.read import scenario_of_ssp

@@ -53,12 +53,15 @@ def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Ans
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     distinct_files({"the scenario": scenario, "--json": json})
     out, own = options.pop("out", None), options.pop("effects_from", None)
-    with own_effects.with_effects_of(own), ssp.opened(scenario, **options) as (checked, ignored):
+    asked = orchestrator.Asked(**options)
+    with own_effects.with_effects_of(own), ssp.opened(scenario, asked) as (checked, ignored):
         if ignored:
             shown = one_line(", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else ""))
             print(f"{scenario}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
         folder = out or orchestrator.default_folder(checked)
         done = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
+    if done.ended:
+        print(done.ended, file=sys.stderr)
     if done.no_positions:
         print(f"no position record: {done.no_positions}", file=sys.stderr)
     return answer("\n".join(map(str, done.files)), json, done.to_json())

@@ -215,7 +215,7 @@ class Interface:
 
 
 def _start(kind: str, text: object) -> Value | None:
-    if text is None or kind == "String":
+    if text is None or kind in ("String", "Binary", "Clock"):
         return None if text is None else str(text)
     if kind == "Boolean":
         return str(text).lower() in ("true", "1")
@@ -234,6 +234,8 @@ def _starts(kind: str, entry: ModelVariable, size: int) -> Sequence[Value | None
 
 def _elements(entry: ModelVariable, version: int) -> list[Variable]:
     """The scalars of one entry of the model description."""
+    if not 0 <= int(entry.valueReference) < 1 << 32:
+        raise ValueError(f"its value reference {entry.valueReference} does not fit 32 bits")
     declared = entry.declaredType
     kind = VALUE_TYPES[entry.type].kind if entry.type in VALUE_TYPES else str(entry.type)
     if version == 2:

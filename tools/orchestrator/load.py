@@ -6,11 +6,13 @@ hundred times faster. What is built is kept by content.
 
 import hashlib
 import json
+import math
 import os
 import platform
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib import metadata
@@ -30,9 +32,11 @@ from ...fmus.native.compile import (
 )
 from ..errors import InputError, nearest, said_of
 from ..files import LARGEST_RESULT, bytes_of
-from .fmu import UnpackedFmu, unpack
+from ..locks import own_folder
+from ..result import checked_sections
+from .archive import UnpackedFmu, unpack
 from .interface import Interface, Value, Variable, between, interface_of, refer_to, spread
-from .scenario import Connection, FmuSetting, Scenario
+from .scenario import Asked, Connection, FmuSetting, Scenario
 
 if TYPE_CHECKING:
     from ...models.effects import Effect, EffectPlace
@@ -140,8 +144,11 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
                 built[key] = _component(name, setting, places, target)
             path = built[key]
         fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(loaded)}")
+        # What this run has not built itself may do what it likes to its process.
+        guest = setting.fmu is not None and not scenario.run.in_process
+        fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s)
         interface = interface_of(name, label, fmu.description)
-        if fmu.says("canBeInstantiatedOnlyOncePerProcess"):
+        if fmu.says("canBeInstantiatedOnlyOncePerProcess") and not guest:
             if fmu.sha256 in single:
                 raise InputError(f"{label}: can be instantiated once only; '{single[fmu.sha256]}' and '{name}' use it")
             single[fmu.sha256] = name
@@ -149,6 +156,43 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
         values = resolve_parameters(interface, setting.parameters, calibrated, of_effects)
         loaded[name] = Loaded(fmu, interface, values)
     return loaded
+
+
+def alone(path: Path, asked: Asked) -> Scenario:
+    """The scenario in which an FMU runs by itself, with the times of its default experiment where none are asked for.
+
+    What that leaves open is as FMPy has it: a second, in steps of about a thousandth.
+    """
+    with own_folder() as folder:
+        fmu = unpack(path, str(path), lambda sha256: folder / sha256)
+    default, simulation = fmu.description.defaultExperiment, fmu.description.coSimulation
+    inside = getattr(simulation, "fixedInternalStepSize", None)
+    with said_of(f"{path}: modelDescription.xml, DefaultExperiment"):
+        said = [_number(getattr(default, key, None), key) for key in ("startTime", "stopTime", "stepSize")]
+        start = asked.start if asked.start is not None else said[0] or 0.0
+        stop = asked.stop if asked.stop is not None else start + 1.0 if said[1] is None else said[1]
+        step = asked.step or said[2] or _number(inside, "fixedInternalStepSize")
+    if not stop > start:
+        raise InputError(f"{path}: the stop time of {stop!r} s must be after the start time of {start!r} s")
+    step = step or 10.0 ** (round(math.log10(stop - start)) - 3)
+    name = re.sub(r"[^A-Za-z0-9_]", "_", path.stem)
+    data = {
+        "title": fmu.description.modelName or path.stem,
+        "run": {"start_s": start, "stop_s": stop, "step_s": step},
+        "fmus": {name if name[:1].isalpha() else f"fmu_{name}": {"fmu": str(path.absolute())}},
+        "record": {"format": "csv"},
+    }
+    return checked_sections({**data, "base_folder": path.parent, "source": path}, Scenario)
+
+
+def _number(text: object, key: str) -> float | None:
+    try:
+        value = None if text is None else float(str(text))
+    except ValueError as error:
+        raise InputError(f"{key} {text!r} is not a number") from error
+    if value is not None and not math.isfinite(value):
+        raise InputError(f"{key} {text!r} is not a finite number")
+    return value
 
 
 def _component(name: str, setting: FmuSetting, places: "tuple[EffectPlace, ...]", folder: Path) -> Path:

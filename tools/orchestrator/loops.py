@@ -26,9 +26,10 @@ import numpy as np
 import polars as pl
 
 from ...fmus.cache import kept
+from ...models.table_commands import TICK_TOLERANCE
 from ..errors import InputError, said_of
 from . import program as op
-from .fmu import Slave, Slave3
+from .fmu import DISCARD, Slave, Slave3
 from .interface import VALUE_TYPES, Interface, Variable, conversion, refer, suffix_for
 from .load import Group, Loaded
 from .program import Ports, Program, loop_of, step_program
@@ -192,8 +193,10 @@ def run_fmus(
     progress: Callable[[int], None] = lambda _: None,
     flush: Callable[[], bool] = lambda: False,
     compiled: bool = True,
-) -> None:
+) -> str:
     """Run FMUs together from the grid's start to its end; `keep_rows` takes what is recorded, block by block.
+
+    What it gives is who has asked for the end of the run before, as an FMU may; else nothing.
 
     `progress` is told how many more steps are made, `flush` says whether a block is handed on before it is full. Where
     it is not `compiled`, or strings are recorded, plain Python gives the same results. An InputError for a call that
@@ -212,13 +215,18 @@ def run_fmus(
         blocks = Blocks(assembly.columns, ports, grid, every, keep_rows)
         blocks.record()
         loop = _Loop(program, grid, blocks, compiled=compiled)
-        made, stretch = 0, 1
+        made, stretch, ended = 0, 1, ""
         try:
             while made < grid.steps and not pressed():
                 room = (blocks.rows - blocks.row) * every - made % every
                 last = min(grid.steps, made + min(stretch, room))
                 began = clocks.perf_counter()
                 status = loop.march(last)
+                while status and (ended := loop.asks_to_end(status, slaves)):
+                    # Nobody is left behind: the others make this step too.
+                    blocks.advance(int(loop.state[op.ROW]))
+                    last = int(loop.state[op.STEP]) + (loop.state[op.NEXT] > 0)
+                    status = loop.march(last)
                 elapsed = clocks.perf_counter() - began
                 blocks.advance(int(loop.state[op.ROW]))
                 if status:
@@ -228,6 +236,12 @@ def run_fmus(
                     blocks.flush()
                 progress(last - made)
                 made = last
+                if ended:
+                    break
+        except BaseException:
+            # What was recorded until then is not lost.
+            blocks.flush()
+            raise
         finally:
             # A step that failed has left them.
             for row, place in zip(program.rows, program.places, strict=True):
@@ -235,7 +249,8 @@ def run_fmus(
                     slaves[place.fmu].free_state_at(row[3])
         blocks.flush()
         for slave in slaves.values():
-            slave.close(finished=not pressed())
+            slave.close(None if pressed() else grid.time(made))
+        return ended
 
 
 @contextmanager
@@ -303,6 +318,25 @@ class _Loop:
         self.state[:], self.clock[:] = state, clock
         return status
 
+    def asks_to_end(self, status: int, slaves: Mapping[str, Slave]) -> str:
+        """Who asks for the end of the run, and when, where this is what the status means; else nothing.
+
+        The loop then goes on behind that FMU's step, if it was made to its end.
+        """
+        at, end = int(self.state[op.AT]), self.grid.time(int(self.state[op.STEP])) + self.grid.step
+        row, place = self.program.rows[at], self.program.places[at]
+        reached = None
+        if status == op.ENDED:
+            early, last = ctypes.c_bool.from_address(row[4] + 2).value, ctypes.c_double.from_address(row[4] + 8).value
+            reached = last if early else end
+        elif status == DISCARD and row[0] == op.STEP2:
+            reached = slaves[place.fmu].ended_at(end - self.grid.step)
+        if reached is None:
+            return ""
+        if abs(reached - end) <= TICK_TOLERANCE * self.grid.step:
+            self.state[op.NEXT], reached = at + 1, end
+        return f"{slaves[place.fmu]} ended the run at {reached:.9g} s ({place.call} asked for it)"
+
     def refuse(self, status: int, slaves: Mapping[str, Slave], *, started: bool = True) -> NoReturn:
         """Say which FMU failed, when (before the first step where the run has not started) and why."""
         at, step = int(self.state[op.AT]), int(self.state[op.STEP])
@@ -314,8 +348,6 @@ class _Loop:
         if status == op.NOT_FINITE and place.port is not None:
             time = grid.time(step + 1) if started else grid.start
             slave.refuse_not_finite(place.port.variables, place.port.values, time)
-        if status == op.ENDED:
-            raise InputError(f"{slave}: {place.call} at {begin:.9g} s asks for the end of the simulation")
         if status == op.EARLY:
             raise InputError(f"{slave}: {place.call} at {begin:.9g} s returned before the end of the step")
         got = self.program.rows[at][0] in (op.CALL4, op.CALL5) and "Get" in place.call

@@ -39,9 +39,9 @@ WIDTH = 8
 FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)
 
 # What both loops keep in whole numbers.
-STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, STATUS, AT, CURSORS = range(11)
+STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, AT, NEXT, CURSORS = range(11)
 """Step to make, step to stop before, row to record, every which step, rows of both tables, iteration, the row of the
-value that changed most, status of the call that failed, its row (-1: none), first cursor of a feed."""
+value that changed most, row of the call that failed (-1: none), row to begin a step with, first cursor of a feed."""
 
 # What both loops keep in real numbers.
 START, LENGTH, CHANGE = range(3)
@@ -371,7 +371,8 @@ def loop_of(on: Any) -> Callable[..., int]:
         row = state[ROW]
         while step < state[LAST_STEP]:
             time = clock[START] + step * length
-            pc = 0
+            pc = state[NEXT]
+            state[NEXT] = 0
             while pc < rows:
                 at = pc * WIDTH
                 code, a, b, c = operations[at], operations[at + 1], operations[at + 2], operations[at + 3]
@@ -435,7 +436,6 @@ def loop_of(on: Any) -> Callable[..., int]:
                 if status > WARNING:
                     state[STEP] = step
                     state[ROW] = row
-                    state[STATUS] = status
                     state[AT] = pc
                     return status
                 pc += 1

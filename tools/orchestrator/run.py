@@ -72,6 +72,8 @@ class Simulation(Result):
     final_time_s : float
     rests : int or None
         how many were averaged; None where the run is no raw record of a table, or where `no_positions` says why
+    ended : str
+        which FMU has asked for the end of the run before its stop time, and when; else empty
     files : tuple of Path
         everything that was written
     ignored_parameters : tuple of str
@@ -91,6 +93,7 @@ class Simulation(Result):
     final_time_s: float
     rests: int | None = Field(default=None, alias="positions")
     no_positions: str = ""
+    ended: str = ""
     files: tuple[Path, ...] = ()
     ignored_parameters: tuple[str, ...] = ()
     scenario: Scenario = Field(default=ABSENT, exclude=True, repr=False)
@@ -190,7 +193,8 @@ class PreparedScenario:
         if not self._held:
             # While somebody has it open, a library is not loaded again for each instance.
             with suppress(OSError):
-                self._held = [ctypes.CDLL(str(entry.fmu.library)) for entry in self.loaded.values()]
+                ours = [entry.fmu for entry in self.loaded.values() if not entry.fmu.guest]
+                self._held = [ctypes.CDLL(str(fmu.library)) for fmu in ours]
         assembly = self.assemble(parameters)
         tables: list[pl.DataFrame] = []
         run_fmus(assembly, lambda rows, _: tables.append(rows))
@@ -242,7 +246,8 @@ def simulate(
     Raises
     ------
     InputError
-        whatever the scenario asks for and cannot be done, in one line; then nothing is written
+        whatever the scenario asks for and cannot be done, in one line; what an FMU that fails has given until then is
+        written, and run.json says why it is not complete
     KeyboardInterrupt
         Ctrl-C; what was recorded until then is written, and run.json says that it is not complete
     """
@@ -268,36 +273,43 @@ def _recorded(
     grid, every, form = assembly.grid, scenario.record.every, scenario.record.format
     provenance = _provenance(prepared, assembly)
     journal = Journal(out, provenance)
-    reached, last = 0, grid.steps // every * every
+    reached, last, ended = 0, grid.steps // every * every, ""
 
     def keep(rows: pl.DataFrame, tick: int) -> None:
         nonlocal reached
         reached = tick
         journal.add(rows.with_columns(*marks), more=reached < last)
 
-    try:
-        with progress_bar("simulating", grid.steps, show=progress) as shown:
-            run_fmus(assembly, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
-    except KeyboardInterrupt:
+    def kept_so_far(**more: Any) -> str:
+        """What is said of the rows that a run has left which does not come to its end."""
         if journal.empty:
             journal.drop()
-            raise
-        so_far = {"complete": False, "steps": reached, "final_time_s": grid.time(reached)}
+            return ""
+        so_far = {"complete": reached == last, "steps": reached, "final_time_s": grid.time(reached), **more}
         _, files = journal.finish(form, so_far)
-        where = f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""
-        raise KeyboardInterrupt(f"interrupted{where}") from None
+        return f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""
+
+    try:
+        with progress_bar("simulating", grid.steps, show=progress) as shown:
+            ended = run_fmus(assembly, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"interrupted{kept_so_far()}") from None
+    except InputError as error:
+        raise InputError(f"{error}{kept_so_far(failure=str(error))}") from error
     except BaseException:
         journal.drop()
         raise
-    table, files = journal.finish(form, {})
+    so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended} if ended else {}
+    table, files = journal.finish(form, so_far)
     return Simulation(
         title=scenario.title,
-        rows=grid.steps // every + 1,
+        rows=reached // every + 1,
         columns=["time_s", *(c.name for c in assembly.columns), *(mark.meta.output_name() for mark in marks)],
-        final_time_s=provenance["final_time_s"],
+        final_time_s=grid.time(reached) if ended else provenance["final_time_s"],
+        ended=ended,
         files=files,
         scenario=scenario,
-        provenance=provenance,
+        provenance={**provenance, **so_far},
         held=table,
     )
 

@@ -5,6 +5,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal
 
@@ -12,6 +13,7 @@ import numpy as np
 import polars as pl
 from pydantic import AfterValidator, BeforeValidator, Field, field_serializer, field_validator, model_validator
 
+from ..errors import InputError
 from ..files import LARGEST_TEXT, bytes_of, write_text
 from ..result import Section, read_sections
 
@@ -63,6 +65,9 @@ class RunSetting(Section):
     beginning of the step; "iterate": the step is made again from the same state until the values that go around no
     longer change; "delayed": every connection, of a cycle or not, passes on what the output was at the beginning of the
     step, as masters do that pass outputs on when all FMUs have stepped.
+
+    An FMU from a file runs in a process of its own, unless `in_process`; where a call takes it longer than
+    `call_limit_s` [s], the run ends.
     """
 
     start_s: Finite = 0.0
@@ -71,6 +76,8 @@ class RunSetting(Section):
     coupling: Literal["jacobi", "iterate", "delayed"] | None = None
     tolerance: Positive | None = None
     iterations: Annotated[int, Field(ge=2, le=1_000_000)] | None = None
+    in_process: bool | None = None
+    call_limit_s: Positive | None = None
 
     @property
     def allowed_change(self) -> float:
@@ -89,6 +96,37 @@ class RunSetting(Section):
         if self.stop_s is not None and self.stop_s <= self.start_s:
             raise ValueError(f"stop_s = {self.stop_s!r} must be after start_s = {self.start_s!r}")
         return self
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a run beside its file: times [s], how cycles are taken, where foreign FMUs run.
+
+    A scenario says times and cycles itself, an .ssp its start and its stop.
+    """
+
+    start: float | None = None
+    stop: float | None = None
+    step: float | None = None
+    coupling: str | None = None
+    in_process: bool = False
+    call_limit: float | None = None
+
+    def refuse(self, belongs: str, **keys: str) -> None:
+        """Refuse each option that a file says itself, by the key under which it does."""
+        for option, key in keys.items():
+            if getattr(self, option) is not None:
+                raise InputError(f"--{option}: belongs to {belongs}; {key}")
+
+    def over(self, scenario: "Scenario") -> "Scenario":
+        """The scenario with what it leaves to the command."""
+        if not self.in_process and self.call_limit is None:
+            return scenario
+        said = {"in_process": self.in_process or None, "call_limit_s": self.call_limit}
+        if self.call_limit is not None and not (self.call_limit > 0.0 and math.isfinite(self.call_limit)):
+            raise InputError(f"--call-limit: {self.call_limit} must be greater than 0 s")
+        run = scenario.run.model_copy(update={key: value for key, value in said.items() if value is not None})
+        return scenario.model_copy(update={"run": run})
 
 
 class FmuSetting(Section):

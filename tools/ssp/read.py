@@ -16,9 +16,10 @@ from ...fmus.units import Unit
 from ..errors import InputError, one_line
 from ..files import bytes_of
 from ..locks import own_folder
-from ..orchestrator.fmu import DAMAGE, check_members, unpack
+from ..orchestrator.archive import DAMAGE, check_members, unpack
 from ..orchestrator.interface import Interface, Value, interface_of
-from ..orchestrator.scenario import Scenario, read_scenario
+from ..orchestrator.load import alone
+from ..orchestrator.scenario import Asked, Scenario, read_scenario
 from ..result import checked_sections
 from .values import Given, read_bindings, value_for
 from .xml import child, children, local_name, member, number_of, read_document, units_of
@@ -65,30 +66,39 @@ class Part:
 
 @contextmanager
 def opened(
-    scenario: str | Path | Mapping[str, Any] | Scenario, *, step: float | None = None, coupling: str | None = None
+    scenario: str | Path | Mapping[str, Any] | Scenario, asked: Asked
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
-    """The scenario of a file (TOML or .ssp), or of what would stand in it, as long as its files are there.
+    """The scenario of a file (TOML, .ssp or .fmu), or of what would stand in it, as long as its files are there.
 
-    With it come the names of an .ssp's parameters that no variable of its system has: SSP has them ignored. A `step` of
-    an .ssp [s] that is not given is that of OMSimulator's annotation, or the smallest that an FMU asks for; `coupling`
-    is as the exported scenario says.
+    With it come the names of an .ssp's parameters that no variable of its system has: SSP has them ignored. A step of
+    an .ssp that is not asked for is that of OMSimulator's annotation, or the smallest that an FMU asks for; how its
+    cycles are taken is as the exported scenario says.
 
     Raises
     ------
     InputError
-        a file that cannot be used, or `step` and `coupling` where the scenario says them itself
+        a file that cannot be used, or an option where the scenario says it itself
     """
-    if isinstance(scenario, str | Path) and Path(scenario).suffix.lower() == ".ssp":
-        with scenario_of_ssp(Path(scenario), step=step, coupling=coupling) as imported:
-            yield imported
+    ending = Path(scenario).suffix.lower() if isinstance(scenario, str | Path) else ""
+    if isinstance(scenario, str | Path) and ending == ".ssp":
+        system = "an .ssp says its start and its stop"
+        asked.refuse("an .fmu", start=system, stop=system)
+        with scenario_of_ssp(Path(scenario), step=asked.step, coupling=asked.coupling) as (system, ignored):
+            yield asked.over(system), ignored
         return
-    for option, given, key in (("--step", step, "run.step_s"), ("--coupling", coupling, "run.coupling")):
-        if given is not None:
-            raise InputError(f"{option}: belongs to an .ssp; a scenario says {key}")
+    if isinstance(scenario, str | Path) and ending == ".fmu":
+        asked.refuse("an .ssp", coupling="an .fmu alone has no cycles")
+        yield asked.over(alone(Path(scenario), asked)), ()
+        return
+    says = {key: f"a scenario says run.{key}_s" for key in ("start", "stop")}
+    asked.refuse("an .fmu", **says)
+    asked.refuse("an .ssp or an .fmu", step="a scenario says run.step_s")
+    asked.refuse("an .ssp", coupling="a scenario says run.coupling")
     if isinstance(scenario, str | Path):
-        yield read_scenario(scenario), ()
+        yield asked.over(read_scenario(scenario)), ()
     else:
-        yield (scenario if isinstance(scenario, Scenario) else checked_sections(scenario, Scenario)), ()
+        checked = scenario if isinstance(scenario, Scenario) else checked_sections(scenario, Scenario)
+        yield asked.over(checked), ()
 
 
 @contextmanager

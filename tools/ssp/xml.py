@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 from ...fmus.units import Unit
 from ..errors import InputError
 from ..files import bytes_of
-from ..orchestrator.fmu import MOST_DESCRIPTION_BYTES, refuse_outside, xml_root
+from ..orchestrator.archive import MOST_DESCRIPTION_BYTES, refuse_outside, xml_root
 from ..orchestrator.interface import BASE_UNITS, scale_of
 
 BASE = "http://ssp-standard.org/SSP1/SystemStructure"

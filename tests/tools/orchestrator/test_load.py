@@ -18,7 +18,8 @@ from trihedron.fmus.cache import cache_folder, others_can_write
 from trihedron.fmus.native.compile import BuildError, host_compiler
 from trihedron.models.bench import TARGETS
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import fmu, load, loops
+from trihedron.tools.orchestrator import archive as archives
+from trihedron.tools.orchestrator import load, loops
 
 
 @pytest.fixture(autouse=True)
@@ -124,7 +125,7 @@ def test_a_file_that_is_no_archive(foreign: Path, tmp_path: Path, monkeypatch: p
     for content in (b"PK", whole[: len(whole) // 2], whole[:5000] + bytes(500) + whole[5500:]):
         (tmp_path / "Half.fmu").write_bytes(content)
         assert "is not a readable FMU archive" in refusal(tmp_path, {"x": {"fmu": "Half.fmu"}})
-    monkeypatch.setattr(fmu, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(archives, "MOST_BYTES", 1 << 20)
     with zipfile.ZipFile(tmp_path / "Bomb.fmu", "w", zipfile.ZIP_DEFLATED) as bomb:
         bomb.writestr("resources/zeros", bytes(2 << 20))
     assert "unpacks to more than 0 GiB" in refusal(tmp_path, {"x": {"fmu": "Bomb.fmu"}})
@@ -141,13 +142,13 @@ def test_a_large_file_that_is_no_archive_is_not_read(tmp_path: Path) -> None:
 
 def test_a_description_of_too_many_variables_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are counted before they are read: FMPy takes seconds for as many."""
-    monkeypatch.setattr(fmu.fmpy, "read_model_description", None)
+    monkeypatch.setattr(archives.fmpy, "read_model_description", None)
     variable = b'<ScalarVariable name="v%d" valueReference="%d"><Real/></ScalarVariable>'
     with zipfile.ZipFile(tmp_path / "Many.fmu", "w", zipfile.ZIP_DEFLATED) as archive:
-        variables = b"".join(variable % (k, k) for k in range(fmu.MOST_ELEMENTS // 2))
+        variables = b"".join(variable % (k, k) for k in range(archives.MOST_ELEMENTS // 2))
         described = b'<fmiModelDescription fmiVersion="2.0"><ModelVariables>%s</ModelVariables></fmiModelDescription>'
         archive.writestr("modelDescription.xml", described % variables)
-    assert len(variables) < fmu.MOST_DESCRIPTION_BYTES
+    assert len(variables) < archives.MOST_DESCRIPTION_BYTES
     assert "has more than 300,000 elements; not read" in refusal(tmp_path, {"x": {"fmu": "Many.fmu"}})
 
 

@@ -181,7 +181,6 @@ def test_every_numeric_type_of_fmi_3_goes_in_and_out(everything: Path, compiled:
     ("stops", "says"),
     [
         (1.0, "fmi3DoStep at 0.5 s ended with Error: fuse blown: 100%s"),
-        (2.0, "fmi3DoStep at 0.5 s asks for the end of the simulation"),
         (3.0, "fmi3DoStep at 0.5 s returned before the end of the step"),
         (4.0, "sum is nan at 0.75 s"),
         (5.0, "fmi3GetFloat64 at 0.75 s ended with Discard (its log says nothing)"),
@@ -190,6 +189,16 @@ def test_every_numeric_type_of_fmi_3_goes_in_and_out(everything: Path, compiled:
 def test_a_failing_fmu_of_fmi_3_is_named_with_its_own_words(everything, compiled, stops, says) -> None:
     fmus = {"a": EVERYTHING, "b": {**EVERYTHING, "parameters": {"stops": stops}}}
     assert refusal(everything, fmus, run=QUARTERS, compiled=compiled) == f"FMU 'b' (Everything.fmu): {says}"
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_an_fmu_may_ask_for_the_end_and_the_others_make_its_last_step(everything, compiled) -> None:
+    fmus = {"b": {**EVERYTHING, "parameters": {"stops": 2.0}}, "after": EVERYTHING}
+    found = run(everything, fmus, run=QUARTERS, compiled=compiled, connections=wires("b.sum -> after.Float64_in[1]"))
+    assert found.ended == "FMU 'b' (Everything.fmu) ended the run at 0.75 s (fmi3DoStep asked for it)"
+    assert found.table["time_s"].to_list() == [0.0, 0.25, 0.5, 0.75]
+    assert (found.rows, found.final_time_s, found.provenance["steps"]) == (4, 0.75, 3)
+    assert found.table["after.Float64_out[1]"].to_list()[1:] == [0.25, 0.5, 0.75]
 
 
 @pytest.mark.parametrize(("inside", "fits"), [("0.125", True), ("0.25", True), ("0.1", False), ("0.5", False)])

@@ -230,17 +230,28 @@ def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: py
     assert parts.files[0].read_bytes() == whole.files[0].read_bytes()
 
 
-def test_a_run_that_fails_late_leaves_nothing(foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(loops, "BLOCK_BYTES", 80)
+@pytest.mark.parametrize("block", [80, 1 << 20])
+def test_a_run_that_fails_late_keeps_its_rows(
+    foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    monkeypatch.setattr(loops, "BLOCK_BYTES", block)
     fmus = {"f": {**FAILING, "parameters": {"way": WAYS["nan"], "after": 5.0}}}
     failing = scenario(foreign, fmus, run={"stop_s": 9.0, "step_s": 0.1})
     for out in (tmp_path / "new" / "run", tmp_path / "old"):
         if out.name == "old":
             out.mkdir()
             (out / "run.csv").write_text("of another run")
-        with pytest.raises(InputError, match=r"y is nan at 5\.1 s"):
+        with pytest.raises(InputError) as refused:
             simulate(failing, out)
-    assert sorted(p.name for p in tmp_path.rglob("*")) == ["old", "run.csv"]
+        failure, _, kept = str(refused.value).partition("; ")
+        assert failure == "FMU 'f' (Failing.fmu): y is nan at 5.1 s"
+        assert kept == f"{out / 'run.parquet'} has the run up to 5 s"
+        assert sorted(p.name for p in out.iterdir()) == ["run.json", "run.parquet"]
+        table = pl.read_parquet(out / "run.parquet")
+        # Until it fails it puts out 0, then the time at which a step begins.
+        assert table["time_s"].to_list() == pytest.approx([0.1 * k for k in range(51)])
+        said = json.loads((out / "run.json").read_text())
+        assert (said["complete"], said["steps"], said["failure"]) == (False, 50, failure)
 
 
 KILLED = """

@@ -1,0 +1,56 @@
+"""An FMU that misbehaves in each of its eighteen calls, in each of four ways: seventy-two runs."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from campaign_runs import children, command_of, wait_for
+from foreign_fmus.hostile import CALLS, WAYS, assert_named_and_kept, build_hostile, hostile_scenario
+from scenario_runs import scenario
+from trihedron.tools.orchestrator.scenario import write_scenario
+
+pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="the FMU is written for POSIX")]
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the FMU."""
+    return build_hostile(tmp_path_factory.mktemp("hostile")).parent
+
+
+# Freeing an instance has no status that could say that it failed.
+@pytest.mark.parametrize(("call", "way"), [(c, w) for c in CALLS for w in WAYS if (c, w) != ("FreeInstance", "error")])
+def test_each_behaviour(hostile: Path, tmp_path: Path, call: str, way: str) -> None:
+    assert_named_and_kept(hostile, call, way, tmp_path / "out")
+
+
+def test_it_ends_with_us(hostile: Path, tmp_path: Path) -> None:
+    """Whoever kills us while an FMU hangs leaves no process behind."""
+    given = hostile_scenario(hostile, "hang_DoStep")
+    del given["run"]["call_limit_s"]
+    write_scenario(scenario(hostile, **given), hostile / "forever.toml")
+    command = [sys.executable, "-m", "trihedron.tools.cli", "simulate", str(hostile / "forever.toml")]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as ours:
+
+        def guests() -> list[int]:
+            return [pid for pid in children(ours.pid) if b"guest_process" in command_of(pid)]
+
+        wait_for(lambda: len(guests()) == 2)
+        time.sleep(1.0)
+        left = guests()
+        ours.send_signal(signal.SIGKILL)
+    wait_for(lambda: not any(_is_alive(pid) for pid in left))
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{pid}/stat")
+    return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"

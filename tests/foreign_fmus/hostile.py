@@ -1,0 +1,104 @@
+"""An FMU that misbehaves as its name says, the runs in which each of its calls is made, and what must be said of it."""
+
+import re
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import polars as pl
+import pytest
+
+from scenario_runs import scenario, wires
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+
+SOURCE = Path(__file__).with_name("hostile.c")
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+_KINDS = {"Real": "0", "Integer": "0", "Boolean": "false", "String": ""}
+_DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Hostile" guid="h">
+<CoSimulation modelIdentifier="hostile" canGetAndSetFMUstate="true"/>
+<ModelVariables>{}</ModelVariables><ModelStructure/>
+</fmiModelDescription>"""
+BEFORE = ("Instantiate", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode")
+STATES = ("GetFMUstate", "SetFMUstate", "FreeFMUstate")
+ACCESSES = tuple(f"{verb}{kind}" for verb in ("Set", "Get") for kind in _KINDS)
+CALLS = (*BEFORE, *ACCESSES, "DoStep", *STATES, "Terminate", "FreeInstance")
+LIMIT_S = 3.0
+WAYS = {
+    "error": "ended with Error",
+    "exit": r"ended its process \(exit status 0\)",
+    "crash": r"crashed \(SIGSEGV\)",
+    "hang": rf"did not return within {LIMIT_S:g} s \(run.call_limit_s\)",
+}
+
+
+def build_hostile(folder: Path) -> Path:
+    """Build it; the test is skipped where there is no C compiler named cc."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("needs a C compiler named cc")
+    library = folder / f"hostile{fmpy.sharedLibraryExtension}"
+    command = [compiler, "-shared", "-fPIC", "-w", f"-I{HEADERS}", SOURCE, "-o", library, "-lpthread"]
+    subprocess.run(command, check=True)
+    variables = ""
+    for at, (kind, start) in enumerate(_KINDS.items()):
+        variability = "continuous" if kind == "Real" else "discrete"
+        for end, said in (("in", f' start="{start}"'), ("out", "")):
+            attributes = f'name="{kind}_{end}" valueReference="{at}" causality="{end}put" variability="{variability}"'
+            variables += f"<ScalarVariable {attributes}><{kind}{said}/></ScalarVariable>"
+    with zipfile.ZipFile(folder / "Hostile.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", _DESCRIPTION.format(variables))
+        archive.write(library, f"binaries/{fmpy.platform}/hostile{fmpy.sharedLibraryExtension}")
+    return folder / "Hostile.fmu"
+
+
+def hostile_scenario(folder: Path, name: str, **sections: Any) -> dict[str, Any]:
+    """Ten steps of 0.1 s in which all calls of the FMU of this name are made that a run of its kind makes."""
+    own = f"good.Real_out -> {name}.Real_in"
+    if name.partition("_")[2] in STATES:
+        connections, coupling = wires(own, f"{name}.Real_out -> good.Real_in"), {"coupling": "iterate"}
+    else:
+        connections = wires(own, *(f"good.{kind}_out -> {name}.{kind}_in" for kind in _KINDS if kind != "Real"))
+        coupling = {}
+    setting = {"stop_s": 1.0, "step_s": 0.1, "call_limit_s": LIMIT_S, **coupling, **sections}
+    return {"run": setting, "connections": connections, "fmus": {n: {"fmu": "Hostile.fmu"} for n in ("good", name)}}
+
+
+def outcome(folder: Path, name: str, out: Path) -> str:
+    """What is said of the run."""
+    given = hostile_scenario(folder, name)
+    try:
+        simulate(scenario(folder, given.pop("fmus"), **given), out)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def assert_named_and_kept(folder: Path, call: str, way: str, out: Path) -> None:
+    """The run of an FMU that does this in this call names it, the call and the time, and keeps its rows until then."""
+    name = f"{way}_{call}"
+    said = outcome(folder, name, out)
+    begin, last = {
+        **dict.fromkeys(BEFORE, (None, None)),
+        **dict.fromkeys(("Terminate", "FreeInstance"), ("1", 1.0)),
+        "GetFMUstate": ("0.3", 0.3),
+    }.get(call, ("0.3" if call in ACCESSES and call.startswith("Get") else "0.2", 0.2))
+    assert said.startswith(f"FMU '{name}' (Hostile.fmu): "), said
+    assert "\n" not in said
+    if call == "Instantiate":
+        # There is no instance yet to speak of a status.
+        expected = "fmi2Instantiate failed" if way == "error" else f"its library cannot be loaded.*{WAYS[way]}"
+        assert re.search(expected, said), said
+    else:
+        when = "before the first step" if begin is None else f"at {begin} s"
+        assert re.search(rf": fmi2{call} {when} {WAYS[way]}", said), said
+    if last is None:
+        assert not out.exists()
+        return
+    kept = pl.read_parquet(out / "run.parquet")
+    assert kept["time_s"].to_list() == pytest.approx([0.1 * k for k in range(round(last / 0.1) + 1)])
+    assert f"; {out / 'run.parquet'} has the run up to {last:.9g} s" in said

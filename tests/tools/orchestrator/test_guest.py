@@ -1,0 +1,121 @@
+"""A foreign FMU in a process of its own: what it does there, nothing of ours suffers; what it gives is the same."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from campaign_runs import children, command_of
+from foreign_fmus import rewritten
+from foreign_fmus.hostile import assert_named_and_kept, build_hostile, hostile_scenario, outcome
+from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, run, scenario, wires
+from trihedron.tools import library
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator.scenario import write_scenario
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="the hostile FMU is written for POSIX")
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the FMU."""
+    return build_hostile(tmp_path_factory.mktemp("hostile")).parent
+
+
+@pytest.mark.parametrize(
+    ("call", "way"),
+    [
+        *(("DoStep", way) for way in ("error", "exit", "crash", "hang")),
+        *(("Instantiate", "crash"), ("ExitInitializationMode", "exit"), ("SetReal", "crash"), ("GetReal", "exit")),
+        *(("GetString", "error"), ("SetFMUstate", "crash"), ("Terminate", "error"), ("FreeInstance", "crash")),
+    ],
+)
+def test_the_culprit_is_named_and_the_record_kept(hostile: Path, tmp_path: Path, call: str, way: str) -> None:
+    assert_named_and_kept(hostile, call, way, tmp_path / "out")
+
+
+@pytest.mark.parametrize("way", ["chdir", "printf", "threads"])
+def test_what_it_does_to_its_process_changes_nothing(
+    hostile: Path, tmp_path: Path, way: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The results are where they belong, nothing stands in our output, and no process is left."""
+    monkeypatch.chdir(tmp_path)
+    assert outcome(hostile, f"{way}_DoStep", Path("out")) == ""
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["run.json", "run.parquet"]
+    assert Path.cwd() == tmp_path
+    assert capfd.readouterr() == ("", "")
+    assert not [pid for pid in children(os.getpid()) if b"guest_process" in command_of(pid)]
+
+
+def test_not_a_number_and_the_last_words(hostile: Path, tmp_path: Path) -> None:
+    said = outcome(hostile, "nan_DoStep", tmp_path / "nan")
+    assert "FMU 'nan_DoStep' (Hostile.fmu): Real_out is nan at 0.3 s" in said
+    said = outcome(hostile, "abort_DoStep", tmp_path / "abort")
+    assert "fmi2DoStep at 0.2 s crashed (SIGABRT): the valve is stuck" in said
+
+
+def test_the_command_says_it_with_a_status_that_is_not_zero(hostile: Path, tmp_path: Path) -> None:
+    def simulated(name: str, *options: str) -> subprocess.CompletedProcess[str]:
+        write_scenario(scenario(hostile, **hostile_scenario(hostile, name)), hostile / f"{name}.toml")
+        command = [sys.executable, "-m", "trihedron.tools.cli", "simulate", str(hostile / f"{name}.toml"), *options]
+        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+
+    done = simulated("exit_DoStep")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "fmi2DoStep at 0.2 s ended its process (exit status 0)" in done.stderr
+    done = simulated("printf_DoStep", "--json", "-")
+    assert json.loads(done.stdout)["schema"] == "trihedron.simulation/1"
+
+
+def test_who_asks_for_it_has_it_in_our_process(hostile: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    def ran(name: str, **options: Any) -> None:
+        library.simulate(scenario(hostile, **hostile_scenario(hostile, name)), **options)
+
+    ran("printf_DoStep", in_process=True)
+    assert "nonsense" in capfd.readouterr().out
+    with pytest.raises(InputError, match=r"fmi2DoStep at 0\.2 s did not return within 0\.5 s"):
+        ran("hang_DoStep", call_limit=0.5)
+    with pytest.raises(InputError, match=r"--call-limit: 0\.0 must be greater than 0 s"):
+        ran("none_DoStep", call_limit=0.0)
+
+
+def test_a_guest_gives_the_same_bits(foreign: Path) -> None:
+    """Strings, integers, states that are set back, and inputs that go around: all as in our own process."""
+    fmus = {"clock": CLOCK, "one": GAIN, "sum": ACCUMULATOR, "fails": FAILING}
+    connections = wires("clock.ended -> one.u[1]", "one.y[1] -> sum.increment")
+    tables = [
+        run(foreign, fmus, connections=connections, run={"stop_s": 5.0, "step_s": 0.01, "in_process": here}).table
+        for here in (True, False)
+    ]
+    assert tables[0].equals(tables[1])
+
+
+@pytest.mark.parametrize("coupling", ["iterate", "jacobi"])
+def test_a_guest_in_a_cycle_gives_the_same_bits(hostile: Path, coupling: str) -> None:
+    tables = []
+    for here in (True, False):
+        given = hostile_scenario(hostile, "none_SetFMUstate", in_process=here, coupling=coupling)
+        tables.append(simulate(scenario(hostile, given.pop("fmus"), **given)).table)
+    assert tables[0].equals(tables[1])
+    # y = u / 2 + t, twice around: y = 2 t; taken as Jacobi it is late.
+    settled = np.array(tables[0]["good.Real_out"]) - 2 * np.array(tables[0]["time_s"])
+    assert (np.abs(settled).max() < 1e-9) == (coupling == "iterate")
+
+
+@pytest.mark.parametrize("reference", ["-1", "4294967296"])
+def test_a_value_reference_that_is_none(hostile: Path, tmp_path: Path, reference: str) -> None:
+    """Taken modulo 2^32 it would be another variable's, without a word."""
+
+    def change(name: str, content: bytes) -> tuple[str, bytes]:
+        said = f'"Real_in" valueReference="{reference}"'.encode()
+        return name, content.replace(b'"Real_in" valueReference="0"', said)
+
+    rewritten(hostile / "Hostile.fmu", tmp_path / "Hostile.fmu", change)
+    with pytest.raises(InputError, match=rf"variable 'Real_in': its value reference {reference} does not fit 32 bits"):
+        run(tmp_path, {"x": {"fmu": "Hostile.fmu"}})

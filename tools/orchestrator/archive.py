@@ -1,0 +1,235 @@
+"""An FMU's archive, checked before anything is unpacked; what is checked of it holds for an .ssp too."""
+
+import hashlib
+import io
+import re
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from xml.parsers import expat
+
+import fmpy
+from fmpy.model_description import ModelDescription
+
+from ..errors import InputError
+from ..files import bytes_of
+
+MOST_MEMBERS = 20_000
+MOST_BYTES = 2 << 30
+MOST_DESCRIPTION_BYTES, MOST_ELEMENTS = 32 << 20, 300_000
+"""Of a file that describes a model or a system: some hundred thousand variables."""
+DESCRIBING = (".ssd", ".ssv", ".ssm", ".ssb")
+MOST_TIMES, SMALL = 200, 64 << 20
+"""What unpacks to so many times its size and to more than so many bytes is made to fill a disk or a memory."""
+LONGEST_SHOWN = 80
+DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
+_LOADED = 1
+"""Type of a segment of a library that is mapped into memory (PT_LOAD)."""
+
+
+@dataclass(frozen=True)
+class UnpackedFmu:
+    """An FMU on disk, ready to be loaded, with its shared library for this platform and FMPy's reading of it.
+
+    `label` is as the user wrote it, `sha256` is of the archive; where the FMU is one of PythonFMU's, its script is a
+    module of the name `python_module`. A `guest` runs in a process of its own, where no call may take longer than
+    `call_limit_s`.
+    """
+
+    label: str
+    sha256: str
+    folder: Path
+    library: Path
+    description: ModelDescription
+    python_module: str | None
+    guest: bool = False
+    call_limit_s: float | None = None
+
+    @property
+    def version(self) -> int:
+        """Of FMI: 2 or 3."""
+        return 3 if str(self.description.fmiVersion).startswith("3") else 2
+
+    @property
+    def token(self) -> str:
+        """What its library is instantiated with."""
+        return str(self.description.instantiationToken if self.version == 3 else self.description.guid)
+
+    def says(self, *flags: str) -> bool:
+        """Whether its description claims a capability, by the name of FMI 2.0 or of 3.0."""
+        said = [getattr(self.description.coSimulation, flag, None) for flag in flags]
+        return any(str(flag).lower() in ("true", "1") for flag in said)
+
+
+def shown(name: str) -> str:
+    """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
+    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
+
+
+def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
+    """Refuse a name inside an archive that could land outside the archive's folder."""
+    parts = PurePosixPath(name).parts
+    forbidden = '\\:\0<>|?*"' if ssp else "\\:\0"
+    if ".." in parts or name.startswith("/") or any(c in name for c in forbidden) or (ssp and not parts):
+        raise InputError(f"{label}: member {shown(name)} would leave the archive's folder; not unpacked")
+
+
+def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -> None:
+    """Refuse an archive that is not safe to unpack, or has not what makes it an FMU (an .ssp: an .ssd)."""
+    ssp = needed.endswith(".ssd")
+    whole, standard, other = ("an .ssp", "SSP", "a link or a device") if ssp else ("an FMU", "FMI", "a link")
+    for member in members:
+        # orig_filename still has the backslashes and what stands after a zero, which zipfile takes away.
+        for name in (member.orig_filename, member.filename):
+            refuse_outside(name, label, ssp=ssp)
+        named, kind = f"{label}: member {shown(member.filename)}", stat.S_IFMT(member.external_attr >> 16)
+        if kind == stat.S_IFLNK or (ssp and kind not in (0, stat.S_IFREG, stat.S_IFDIR)):
+            raise InputError(f"{named} is {other}; not unpacked")
+        if member.flag_bits & 1:
+            raise InputError(f"{named} is encrypted; {whole} must not be")
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise InputError(f"{named} is compressed in a way that {standard} does not have")
+    if len(members) > MOST_MEMBERS or sum(m.file_size for m in members) > MOST_BYTES:
+        raise InputError(f"{label}: unpacks to more than {MOST_BYTES >> 30} GiB or {MOST_MEMBERS} files")
+    for member in members:
+        described = member.filename == needed or member.filename.endswith(DESCRIBING)
+        if described and member.file_size > MOST_DESCRIPTION_BYTES:
+            raise InputError(f"{label}: {member.filename} is larger than {MOST_DESCRIPTION_BYTES >> 20} MiB; not read")
+    if sum(m.file_size for m in members) > max(SMALL, MOST_TIMES * sum(m.compress_size for m in members)):
+        raise InputError(f"{label}: unpacks to more than {MOST_TIMES} times its size; not unpacked")
+    names = [member.filename for member in members]
+    # Two names that differ in case only are one file on some systems.
+    if len({name.rstrip("/").casefold() if ssp else name for name in names}) != len(names):
+        raise InputError(f"{label}: has two members of one name; corrupt archive")
+    if needed not in names:
+        raise InputError(f"{label}: has no {needed}; it is not {whole}")
+
+
+def refuse_damaged(content: bytes, label: str) -> None:
+    """Refuse an ELF library whose segments do not all lie within the file: the loader of Linux dies of one.
+
+    Other formats are the loader's matter.
+    """
+    if not content.startswith(b"\x7fELF"):
+        return
+    try:
+        wide, order = content[4] == 2, "<" if content[5] == 1 else ">"
+        (start,) = struct.unpack_from(f"{order}{'Q' if wide else 'I'}", content, 32 if wide else 28)
+        size, count = struct.unpack_from(f"{order}HH", content, 54 if wide else 42)
+        for k in range(count):
+            fields = struct.unpack_from(f"{order}{'IIQQQQ' if wide else 'IIIII'}", content, start + k * size)
+            kind, offset, length = fields[0], fields[2 if wide else 1], fields[-1]
+            if kind == _LOADED and offset + length > len(content):
+                raise InputError(f"{label}: its library ends too early ({len(content)} bytes); it is damaged")
+    except (struct.error, IndexError, OverflowError) as error:
+        raise InputError(f"{label}: its library's headers make no sense ({error}); it is damaged") from error
+
+
+def xml_root(xml: bytes, name: str, whole: str, deepest: int | None = None) -> tuple[str, dict[str, str]]:
+    """The tag of the root of an XML document, and its attributes.
+
+    An InputError for a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, too deep, or of
+    too many elements.
+    """
+    roots: list[tuple[str, dict[str, str]]] = []
+    depth = count = 0
+
+    def doctype(*_: object) -> None:
+        raise InputError(f"{name} declares a DOCTYPE; {whole} must not")
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth += 1
+        count += 1
+        if depth == 1:
+            roots.append((tag, attributes))
+        if count > MOST_ELEMENTS:
+            raise InputError(f"{name} has more than {MOST_ELEMENTS:,} elements; not read")
+        if deepest is not None and depth > deepest:
+            raise InputError(f"{name} is nested more than {deepest} elements deep; not read")
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = doctype
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    try:
+        parser.Parse(xml, True)
+    except (expat.ExpatError, LookupError, ValueError) as error:
+        raise InputError(f"{name} is not well-formed XML ({error})") from error
+    return roots[0]
+
+
+def _described(xml: bytes, label: str) -> ModelDescription:
+    """FMPy's reading of modelDescription.xml; what it cannot read is refused with its first complaint."""
+    name = f"{label}: modelDescription.xml"
+    root, attributes = xml_root(xml, name, "an FMU")
+    if root != "fmiModelDescription":
+        raise InputError(f"{name} does not describe an FMU (root is <{root}>)")
+    version = attributes.get("fmiVersion", "")
+    if not re.fullmatch(r"2\.0(\.\d+)?|3\.\d+(\.\d+)?(-.*)?", version):
+        raise InputError(f"{label}: is FMI {version or 'of no stated version'}; export as FMI 2.0 or 3.0")
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as alone:
+        alone.writestr("modelDescription.xml", xml)
+    try:
+        description = fmpy.read_model_description(archive, validate=False)
+    except Exception as error:  # FMPy raises whatever its parsing meets
+        reason = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, KeyError):
+            reason = f"it refers to {error.args[0]!r}, which is not there"
+        raise InputError(f"{name} cannot be used ({reason})") from error
+    if description.coSimulation is None:
+        only = "model exchange" if description.modelExchange is not None else "scheduled execution"
+        raise InputError(f"{label}: is for {only} only; export it for co-simulation")
+    if not description.coSimulation.modelIdentifier:
+        raise InputError(f"{name} gives no modelIdentifier for co-simulation")
+    return description
+
+
+def _library(names: set[str], description: ModelDescription, label: str) -> str:
+    """The member that holds the library for this platform."""
+    assert description.coSimulation is not None
+    # fmpy.platform says linux64 on every 64-bit processor; only the tuple tells ARM from Intel.
+    platforms = [fmpy.platform_tuple]
+    if str(description.fmiVersion).startswith("2") and (fmpy.architecture != "aarch64" or fmpy.system == "darwin"):
+        platforms.insert(0, fmpy.platform)
+    for platform in platforms:
+        member = f"binaries/{platform}/{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        if member in names:
+            return member
+    there = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
+    has = f"it has {', '.join(there)}" if there else "it has none at all"
+    raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); {has}")
+
+
+def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:
+    """Check an FMU archive and unpack it into the folder for its SHA-256, which is made when all checks are passed.
+
+    An InputError where it is missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or not for this platform.
+    """
+    content = bytes_of(path, "give an .fmu file", label=label, archive=True)
+    sha256 = hashlib.sha256(content).hexdigest()
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = archive.infolist()
+            check_members(members, label, "modelDescription.xml")
+            xml = archive.read("modelDescription.xml")
+            description = _described(xml, label)
+            library = _library({m.filename for m in members}, description, label)
+            refuse_damaged(archive.read(library), label)
+            folder = make_folder(sha256)
+            # Sources and documentation are nothing that an FMU may read when it runs.
+            needed = [m for m in members if not m.filename.startswith(("sources/", "documentation/"))]
+            archive.extractall(folder, needed)
+    except DAMAGE as error:
+        raise InputError(f"{label}: is not a readable FMU archive ({error})") from error
+    script = folder / "resources" / "slavemodule.txt"
+    module = script.read_text("utf-8", errors="replace").strip() if script.is_file() else None
+    return UnpackedFmu(label, sha256, folder, folder / library, description, module)
