@@ -101,6 +101,8 @@ def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -
             raise InputError(f"{label}: {member.filename} is larger than {MOST_DESCRIPTION_BYTES >> 20} MiB; not read")
     if sum(m.file_size for m in members) > max(SMALL, MOST_TIMES * sum(m.compress_size for m in members)):
         raise InputError(f"{label}: unpacks to more than {MOST_TIMES} times its size; not unpacked")
+    # What stands in it twice, the same to the bit, is there once.
+    members = list({(m.orig_filename, m.CRC, m.file_size): m for m in members}.values())
     names = [member.filename for member in members]
     # Two names that differ in case only are one file on some systems.
     if len({name.rstrip("/").casefold() if ssp else name for name in names}) != len(names):

@@ -292,6 +292,13 @@ class Slave3(Slave):
 
     def set_values(self, values: Iterable[tuple[Variable, Value]], interface: Interface) -> None:
         """Set variables, arrays as a whole: what is not given of an array keeps its start value."""
+        values = list(values)
+        structural = [(v, x) for v, x in values if v.causality == "structuralParameter"]
+        if structural:
+            self.call("fmi3EnterConfigurationMode")
+            super().set_values(structural, interface)
+            self.call("fmi3ExitConfigurationMode")
+        values = [(v, x) for v, x in values if v.causality != "structuralParameter"]
         arrays: dict[int, dict[Variable, Value]] = {}
         for variable, value in values:
             arrays.setdefault(variable.reference, {})[variable] = value

@@ -222,18 +222,20 @@ def _start(kind: str, text: object) -> Value | None:
     return float(str(text)) if kind == "Real" else int(str(text))
 
 
-def _starts(kind: str, entry: ModelVariable, size: int) -> Sequence[Value | None]:
-    """Start values of all elements; one value stands for all."""
+def _starts(kind: str, entry: ModelVariable, size: int, *, resized: bool) -> Sequence[Value | None]:
+    """Start values of all elements; one value stands for all. An array of another size than described has none."""
     if not size or kind not in ("Real", "Integer", "Enumeration", "Boolean"):
         return [_start(kind, entry.start)] * max(size, 1)
     found = [_start(kind, text) for text in str(entry.start).split()] if entry.start is not None else [None]
+    if resized and len(found) != 1:
+        return [None] * size
     if len(found) not in (1, size):
         raise ValueError(f"{len(found)} start values for {size} elements")
     return found * size if len(found) == 1 else found
 
 
-def _elements(entry: ModelVariable, version: int) -> list[Variable]:
-    """The scalars of one entry of the model description."""
+def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) -> list[Variable]:
+    """The scalars of one entry of the model description, arrays with the lengths that structural parameters give."""
     if not 0 <= int(entry.valueReference) < 1 << 32:
         raise ValueError(f"its value reference {entry.valueReference} does not fit 32 bits")
     declared = entry.declaredType
@@ -253,8 +255,11 @@ def _elements(entry: ModelVariable, version: int) -> list[Variable]:
         return None if math.isnan(value) else value
 
     items = declared.items if declared is not None and kind == "Enumeration" else ()
-    size = math.prod(entry.shape) if entry.shape else 0
-    if entry.shape and not 1 <= size <= MOST_ELEMENTS:
+    described = [int(n) for n in entry.shape or ()]
+    variables = [dimension.variable for dimension in entry.dimensions] or [None] * len(described)
+    shape = [n if v is None else lengths.get(v.name, n) for n, v in zip(described, variables, strict=True)]
+    size = math.prod(shape) if shape else 0
+    if shape and not 1 <= size <= MOST_ELEMENTS:
         raise ValueError(f"an array of {size} elements; 1 to {MOST_ELEMENTS} are possible")
     return [
         Variable(
@@ -273,20 +278,23 @@ def _elements(entry: ModelVariable, version: int) -> list[Variable]:
             size=max(size, 1),
             relative=bool(entry.relativeQuantity) or bool(getattr(declared, "relativeQuantity", False)),
         )
-        for place, start in enumerate(_starts(kind, entry, size))
+        for place, start in enumerate(_starts(kind, entry, size, resized=shape != described))
     ]
 
 
-def interface_of(name: str, label: str, description: ModelDescription) -> Interface:
+def interface_of(
+    name: str, label: str, description: ModelDescription, lengths: Mapping[str, int] | None = None
+) -> Interface:
     """The interface of an FMU as its model description gives it; arrays of FMI 3.0 become their elements, row by row.
 
-    An InputError for two variables of one name, or a number in the description that is none.
+    `lengths` are the values of structural parameters that are not as described. An InputError for two variables of one
+    name, or a number in the description that is none.
     """
     version = 3 if str(description.fmiVersion).startswith("3") else 2
     variables: dict[str, Variable] = {}
     for entry in description.modelVariables:
         try:
-            elements = _elements(entry, version)
+            elements = _elements(entry, version, lengths or {})
         except (ValueError, TypeError) as error:
             raise InputError(f"{label}: modelDescription.xml, variable '{entry.name}': {error}") from error
         for variable in elements:

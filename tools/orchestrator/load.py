@@ -152,10 +152,25 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
             if fmu.sha256 in single:
                 raise InputError(f"{label}: can be instantiated once only; '{single[fmu.sha256]}' and '{name}' use it")
             single[fmu.sha256] = name
+        structural, others = _structural(interface, setting.parameters)
+        if structural:
+            lengths = {variable.name: int(value) for variable, value in structural.values()}
+            interface = interface_of(name, label, fmu.description, lengths)
         calibrated = calibrated_parameters(name, setting, interface, sources)
-        values = resolve_parameters(interface, setting.parameters, calibrated, of_effects)
+        values = {**structural, **resolve_parameters(interface, others, calibrated, of_effects)}
         loaded[name] = Loaded(fmu, interface, values)
     return loaded
+
+
+def _structural(
+    interface: Interface, parameters: Mapping[str, Any]
+) -> tuple[dict[str, tuple[Variable, Value]], dict[str, Any]]:
+    """The structural parameters among a setting's, which say how long arrays are, and the others."""
+    there = [n for n in parameters if n in interface.variables]
+    names = [n for n in there if interface.variables[n].causality == "structuralParameter"]
+    with said_of(f"fmus.{interface.name}.parameters"):
+        pairs = [pair for n in names for pair in spread(parameters[n], (interface.variables[n],), n)]
+    return {v.name: (v, x) for v, x in pairs}, {n: x for n, x in parameters.items() if n not in names}
 
 
 def alone(path: Path, asked: Asked) -> Scenario:

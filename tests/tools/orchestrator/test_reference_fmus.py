@@ -1,0 +1,160 @@
+"""The Modelica Association's Reference-FMUs agree with the results that they carry, alone and in a scenario."""
+
+import io
+import os
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import polars as pl
+import pytest
+
+from foreign_fmus import rewritten
+from scenario_runs import refusal, run, wires
+from trihedron.tools import library
+
+FOLDERS = [*map(Path, filter(None, [os.environ.get("TRIHEDRON_DATA")]))]
+FOLDERS.append(Path(__file__).resolve().parents[4] / "shared" / "data")
+HERE = next((folder / "reference-fmus" for folder in FOLDERS if (folder / "reference-fmus").is_dir()), Path())
+WITH_RESULTS = [
+    *(f"fmi{v}/{name}" for v in (2, 3) for name in ("BouncingBall", "Dahlquist", "Resource", "Stair", "VanDerPol")),
+    *("fmi2/Feedthrough", "fmi3/Feedthrough", "fmi3/StateSpace"),
+]
+UNSTATED_STEPS = {"fmi2/Feedthrough": 0.1, "fmi2/Resource": 1.0}
+"""Of FMUs that say no step: that of their results."""
+COUPLED = {"a": "fmi2/BouncingBall", "b": "fmi3/BouncingBall", "c": "fmi2/VanDerPol", "d": "fmi3/VanDerPol"}
+pytestmark = pytest.mark.skipif(
+    not HERE.is_dir() or Path() == HERE, reason="the Reference-FMUs are not there; TRIHEDRON_DATA names their folder"
+)
+
+
+def published(name: str) -> pl.DataFrame:
+    """The results that an FMU carries."""
+    with zipfile.ZipFile(HERE / f"{name}.fmu") as archive:
+        stem = name.partition("/")[2]
+        return pl.read_csv(io.BytesIO(archive.read(f"extra/org.fmi-standard.fmi-ls-ref/{stem}_out.csv")))
+
+
+def largest_difference(table: pl.DataFrame, name: str, fmu: str) -> float:
+    """Over all columns that both have, numbers, texts and truth values; rows must agree in number."""
+    expected, found = published(name), 0.0
+    assert table.height == expected.height
+    compared = 0
+    for column in expected.columns:
+        ours = "time_s" if column == "time" else f"{fmu}.{column}"
+        several = [c for c in table.columns if c.startswith(f"{ours}[")]
+        named = [c for c in table.columns if c == ours or c.startswith(f"{ours}_m")]
+        if several:
+            rows = np.array([[float(x) for x in text.split()] for text in expected[column]])
+            found = max(found, float(np.abs(table.select(several).to_numpy() - rows).max()))
+        elif named and expected.schema[column].is_numeric():
+            found = max(found, float(np.abs(table[named[0]].to_numpy() - expected[column].to_numpy()).max()))
+        elif named:
+            assert table[named[0]].to_list() == expected[column].to_list()
+        compared += bool(several or named)
+    assert compared >= 2
+    return found
+
+
+@pytest.mark.parametrize("name", WITH_RESULTS)
+def test_alone_by_its_default_experiment(name: str, tmp_path: Path) -> None:
+    done = library.simulate(HERE / f"{name}.fmu", step=UNSTATED_STEPS.get(name), out=tmp_path)
+    difference = largest_difference(done.table, name, name.partition("/")[2])
+    print(f"{name}: largest difference {difference:.3g}")
+    assert difference == 0.0
+    assert [path.name for path in done.files] == ["run.csv", "run.json"]
+    assert ("ended the run at 9 s" in done.ended) == name.endswith("Stair")
+
+
+def test_together_each_in_its_process_or_all_in_ours() -> None:
+    fmus = {key: {"fmu": f"{name}.fmu"} for key, name in COUPLED.items()}
+    for here in (False, True):
+        found = run(HERE, fmus, run={"stop_s": 3.0, "step_s": 0.01, "in_process": here})
+        for key, name in COUPLED.items():
+            expected = published(name)[:301]
+            for column in expected.columns[1:]:
+                ours = next(c for c in found.table.columns if c.startswith(f"{key}.{column}"))
+                assert np.array_equal(found.table[ours].to_numpy(), expected[column].to_numpy()), (name, column)
+
+
+def test_what_one_puts_out_another_passes_on_to_the_bit() -> None:
+    fmus = {"ball": {"fmu": "fmi2/BouncingBall.fmu"}, "through": {"fmu": "fmi3/Feedthrough.fmu"}}
+    connections = wires("ball.h -> through.Float64_continuous_input")
+    table = run(HERE, fmus, connections=connections, run={"stop_s": 3.0, "step_s": 0.1}).table
+    height = next(c for c in table.columns if c.startswith("ball.h"))
+    assert table["through.Float64_continuous_output"].to_list() == table[height].to_list()
+    assert table["through.String_output"][-1] == "Set me!"
+
+
+@pytest.fixture(scope="module")
+def state_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with StateSpace, mended: as it is published its setter of structural parameters counts a value twice."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("needs a C compiler named cc")
+    folder = tmp_path_factory.mktemp("space")
+    with zipfile.ZipFile(HERE / "fmi3" / "StateSpace.fmu") as archive:
+        archive.extractall(folder / "published")
+    sources = folder / "published" / "sources"
+    model = sources / "model.c"
+    wrong, text = "const uint64_t v = values[(*index)++];", model.read_text()
+    assert wrong in text
+    head, tail = text.split(wrong)
+    model.write_text(f"{head}ASSERT_NVALUES(1);\n    {wrong}{tail.replace('ASSERT_NVALUES(1);', '', 3)}")
+    library = folder / "StateSpace.so"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    files = [model, sources / "fmi3Functions.c", sources / "cosimulation.c"]
+    flags = [
+        "-shared",
+        "-fPIC",
+        "-w",
+        "-DFMI_VERSION=3",
+        "-DFMI3_OVERRIDE_FUNCTION_PREFIX",
+        f"-I{headers}",
+        f"-I{sources}",
+    ]
+    subprocess.run([compiler, *flags, *files, "-o", library, "-lm"], check=True)
+
+    def mended(name: str, content: bytes) -> tuple[str, bytes]:
+        return name, library.read_bytes() if name == "binaries/x86_64-linux/StateSpace.so" else content
+
+    rewritten(HERE / "fmi3" / "StateSpace.fmu", folder / "StateSpace.fmu", mended)
+    return folder
+
+
+@pytest.mark.skipif(fmpy.platform_tuple != "x86_64-linux", reason="compiles for x86_64 Linux")
+def test_structural_parameters_say_how_long_arrays_are(state_space: Path) -> None:
+    """x' = A x + B u, y = C x with two states, one input and one output, by Euler from 0: it does not look at x0."""
+    a, b, c = np.array([[0.0, 1.0], [-0.5, -0.25]]), np.array([0.0, 2.0]), np.array([1.0, 0.5])
+    parameters = {"m": 1, "n": 2, "r": 1, "A": a.ravel().tolist(), "B": b.tolist(), "C": c.tolist(), "D": [0.0]}
+    parameters |= {"u": [3.0]}
+    setting = {"stop_s": 5.0, "step_s": 1.0}
+    x, expected, inside = np.zeros(2), [0.0], 1000
+    for _ in range(5):
+        for _ in range(inside):
+            x = x + (a @ x + b * 3.0) / inside
+        expected.append(float(c @ x))
+    for here in (False, True):
+        space = {"s": {"fmu": "StateSpace.fmu", "parameters": parameters}}
+        table = run(state_space, space, run={**setting, "in_process": here}).table
+        assert table.columns == ["time_s", "s.y[1]"]
+        assert table["s.y[1]"].to_list() == pytest.approx(expected, rel=1e-14)
+    said = refusal(state_space, {"s": {"fmu": "StateSpace.fmu", "parameters": {"n": 9}}}, run=setting)
+    assert "Variable n must not be greater than 5. [setting n = 9]" in said
+
+
+def test_what_cannot_be_run_is_refused_for_the_right_reason() -> None:
+    said = refusal(HERE, {"x": {"fmu": "fmi3/Clocks.fmu"}})
+    assert said == "fmi3/Clocks.fmu: is for scheduled execution only; export it for co-simulation"
+
+
+def test_roberts_reaction_keeps_its_mass() -> None:
+    """The results that it carries are the bouncing ball's; mass is kept by each step of an explicit method."""
+    table = library.simulate(HERE / "fmi3" / "Roberts.fmu", start=0.0, stop=1.0).table
+    values = table.drop("time_s").to_numpy()
+    assert values.shape == (1001, 3)
+    assert np.abs(values.sum(axis=1) - 1.0).max() < 1e-12
+    assert values[-1, 0] < 0.97
