@@ -1,4 +1,4 @@
-"""The three case studies of measured records: pages and pictures whose every number comes from the records.
+"""The four case studies of measured records: pages and pictures whose every number comes from the records.
 
 Run by ``python docs/builders/case_studies.py DATA DOCS``: DATA is the folder with the records, DOCS the
 folder that gets the pages and, in ``pictures``, the pictures.
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+import broad_four
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.cause import Cause
@@ -507,6 +508,7 @@ def main(arguments: Sequence[str]) -> int:
         write_broad(data, docs)
         write_mpu(data, docs)
         write_xsens(data, docs)
+        broad_four.write_page({name: read(data, f"broad-{name}") for name in broad_four.RECORDS}, docs)
         return 0
 
     return exit_status(write)
