@@ -60,7 +60,7 @@ _NO_UPDATE = fmi3.fmi3IntermediateUpdateCallback()
 class Library:
     """The library of an FMU of FMI 2.0 in this process, with one instance."""
 
-    lost = blamed = printed = ""
+    lost = blamed = ""
     raised: BaseException | None = None
 
     def __init__(self, slave: "Slave", fmu: UnpackedFmu) -> None:
@@ -181,7 +181,6 @@ class Slave:
         # PythonFMU may lose the exception that it reports; what the script logged before says more.
         telling = [text for text in serious if not text.endswith("PyObject_CallMethod unknown error")]
         messages = telling or serious or [text for _, text in self._log if text]
-        messages = messages or ([self._host.printed] if self._host.printed else [])
         return f": {messages[-1]}" if messages else " (its log says nothing)"
 
     def fail(self, call: str, status: int, time: float | None) -> NoReturn:

@@ -119,12 +119,11 @@ class Guest:
                 return
             time.sleep(min(limit / _LOOKS, 0.5))
 
-    @property
-    def printed(self) -> str:
-        """The last line that the FMU has printed."""
+    def _hear_printed(self) -> None:
+        """Take the last line that the FMU has printed for what it says."""
         lines = self._printed.decode("utf-8", "replace").split("\n")
         last = next((" ".join(line.split()) for line in reversed(lines) if line.strip()), "")
-        return last[:LONGEST_PRINTED]
+        self._hear(0, last[:LONGEST_PRINTED])
 
     def _questions(self, *operations: tuple[Any, ...]) -> list[Any]:
         """What each of the operations gives, and those that wait before them; fewer where one has failed."""
@@ -187,6 +186,7 @@ class Guest:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(5.0)
         self._reader.join(1.0)
+        self._hear_printed()
         code = self._process.poll()
         if self._late:
             self.lost = f"did not return within {self._limit:g} s (run.call_limit_s)"

@@ -32,7 +32,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("call", "way"),
     [
         *(("DoStep", way) for way in ("error", "exit", "crash", "hang")),
-        *(("Instantiate", "crash"), ("ExitInitializationMode", "exit"), ("SetReal", "crash"), ("GetReal", "exit")),
+        *(("Instantiate", "error"), ("ExitInitializationMode", "exit"), ("SetReal", "crash"), ("GetReal", "exit")),
         *(("GetString", "error"), ("SetFMUstate", "crash"), ("Terminate", "error"), ("FreeInstance", "crash")),
     ],
 )
