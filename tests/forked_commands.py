@@ -94,15 +94,20 @@ class ForkedCommands:
         *,
         strike: Strike | None = None,
         seconds: float = 300.0,
+        cpu_seconds: int = 0,
         most_bytes: int = 0,
     ) -> Done:
-        """Do a command in a folder; it is ended after so many seconds, and gets no file larger than `most_bytes`."""
+        """Do a command in a folder; it gets no file larger than `most_bytes`.
+
+        It is ended after so many seconds by the clock, or of the processor; 0 is no limit.
+        """
         said = {
             "arguments": list(arguments),
             "folder": str(folder),
             "scratch": str(self._scratch),
             "strike": None if strike is None else asdict(strike),
             "seconds": seconds,
+            "cpu_seconds": cpu_seconds,
             "most_bytes": most_bytes,
         }
         assert self._process.stdin is not None
@@ -175,6 +180,8 @@ def _be_the_command(said: dict[str, Any], scratch: Path) -> None:
         sys.stdout = os.fdopen(1, "w", encoding="utf-8", closefd=False)
         sys.stderr = os.fdopen(2, "w", encoding="utf-8", closefd=False, buffering=1)
         os.chdir(said["folder"])
+        if said["cpu_seconds"]:
+            resource.setrlimit(resource.RLIMIT_CPU, (said["cpu_seconds"], said["cpu_seconds"]))
         if said["most_bytes"]:
             # Python ignores the signal and gets an error when it writes.
             resource.setrlimit(resource.RLIMIT_FSIZE, (said["most_bytes"], said["most_bytes"]))

@@ -1,5 +1,6 @@
 """What is said to a user whose input cannot be used."""
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -37,6 +38,11 @@ def nearest_file(path: Path) -> str:
     except OSError:
         return ""
     return f"; {said}" if said.startswith("did you") else ""
+
+
+def full(error: BaseException) -> bool:
+    """Whether an error says that a disk is full, or a file as large as it may be."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def reason(error: OSError) -> str:

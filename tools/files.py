@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,21 @@ def together() -> Iterator[None]:
         _PENDING.reset(token)
         for beside, _ in pending:
             _take_away(beside)
+
+
+@contextmanager
+def with_written(files: Sequence[Path]) -> Iterator[None]:
+    """Let files and folders that the block writes appear together; without them go those that were written before."""
+    try:
+        with together():
+            yield
+    except BaseException:
+        for path in files:
+            path.unlink(missing_ok=True)
+        for folder in {path.parent for path in files}:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 @contextmanager

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from .errors import InputError, full, reason
+
 if sys.platform == "win32":
     import msvcrt
 else:
@@ -46,7 +48,10 @@ def locked(path: Path, *, make: bool = True) -> Iterator[None]:
 
 @contextmanager
 def own_folder() -> Iterator[Path]:
-    """A folder for temporary files of this process and of those that it starts; it goes when the block ends."""
+    """A folder for temporary files of this process and of those that it starts; it goes when the block ends.
+
+    An InputError where the block finds the disk full; a file elsewhere is the caller's to name.
+    """
     _take_away_left(Path(tempfile.gettempdir()))
     while True:
         folder = Path(tempfile.mkdtemp(prefix=PREFIX))
@@ -60,6 +65,11 @@ def own_folder() -> Iterator[Path]:
                 continue
             try:
                 yield inside
+            except OSError as error:
+                if full(error) and (error.filename is None or str(error.filename).startswith(str(folder))):
+                    said = f"{folder.parent}: temporary files cannot be written ({reason(error)})"
+                    raise InputError(said) from error
+                raise
             finally:
                 shutil.rmtree(inside, ignore_errors=True)
                 # Where an open file cannot be taken away, the lock goes first.

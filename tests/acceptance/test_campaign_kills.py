@@ -143,7 +143,10 @@ def test_a_scheduler_that_is_killed_ends_the_campaign_in_one_line_and_it_goes_on
     assert content(out) == unbroken
 
 
-def test_a_disk_that_is_full(tmp_path, unbroken):
+@pytest.mark.parametrize("engine", ["local", "dask"])
+def test_a_disk_that_is_full(tmp_path, unbroken, engine):
+    if engine == "dask":
+        pytest.importorskip("distributed")
     small = tmp_path / "small"
     small.mkdir()
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=160k", "tmpfs", str(small)], capture_output=True)
@@ -151,7 +154,7 @@ def test_a_disk_that_is_full(tmp_path, unbroken):
         pytest.skip("a small file system cannot be mounted here")
     path, out = written(tmp_path, LONGER), small / "out"
     try:
-        main = started(path, out, "--jobs", "2")
+        main = started(path, out, "--jobs", "2", "--engine", engine)
         _, complaints = main.communicate(timeout=MOST_SECONDS)
         assert main.returncode == 2
         assert "No space left on device" in complaints
@@ -161,7 +164,7 @@ def test_a_disk_that_is_full(tmp_path, unbroken):
         assert 0 < files_done(out) < 60
         assert_begun(there, unbroken)
         subprocess.run(["mount", "-o", "remount,size=8m", str(small)], check=True)
-        main = started(path, out, "--jobs", "2", "--resume")
+        main = started(path, out, "--jobs", "2", "--engine", engine, "--resume")
         _, complaints = main.communicate(timeout=MOST_SECONDS)
         assert main.returncode == 0, complaints
         assert content(out) == unbroken

@@ -3,6 +3,7 @@
 The relations are those of `tests/relations.py`; the cheap ones are in `make test`.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,13 @@ import numpy as np
 import polars as pl
 import pytest
 
+import trihedron as th
 from bench_cases import write_hidden_record
 from command_table import SCENARIO
-from relations import CYCLE, EXACT, SAME, differences, named
+from instrument_records import of_one_instrument
+from relations import CYCLE, EXACT, QUARTER, SAME, axes_renamed, differences, named
 from strapdown_records import POSES, strapdown_record, true_motion
+from trihedron.models.effects import EffectPlace
 from trihedron.tools import library, measured
 from trihedron.tools.records import write_record
 
@@ -67,6 +71,87 @@ def test_a_diagnosis_names_the_same(name, case):
     assert other.get("proven") == first.get("proven") or name == "positions permuted"
     assert causes(other) == causes(first)
     assert other["baseline"]["radius"] == pytest.approx(first["baseline"]["radius"], rel=1e-5)
+
+
+@pytest.mark.parametrize("effect", ["quadratic", "none"])
+def test_axes_renamed_with_the_mounting_name_the_renamed_accelerometer(effect, tmp_path):
+    """With one scale factor for each accelerometer."""
+    effects = () if effect == "none" else (effect,)
+    write_hidden_record(tmp_path / "s.csv", 11, None, effects=effects, symmetric=True)
+    table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
+    changed = axes_renamed(table)
+    first = stated(table, baseline="symmetric")
+    other = stated(changed.table, baseline="symmetric", **changed.options)
+    assert other["verdict"] == first["verdict"] == ("consistent" if effect == "none" else "explained")
+    renamed = {f"accelerometer-{k}": f"accelerometer-{new}" for k, new in enumerate(changed.accelerometers, 1)}
+    named = [(cause["effect"], renamed[cause["where"]]) for cause in first["causes"]]
+    assert [(cause["effect"], cause["where"]) for cause in other["causes"]] == named
+
+
+def test_a_diagnosis_of_csv_and_of_parquet_names_the_same(case, tmp_path):
+    _, table, first = case
+    table.write_parquet(tmp_path / "r.parquet")
+    table.write_csv(tmp_path / "r.csv")
+    for form in ("csv", "parquet"):
+        other = measured.diagnose(tmp_path / f"r.{form}", noise_bound=SIGMA).to_json()
+        assert other["verdict"] == first["verdict"]
+        assert causes(other) == causes(first)
+        assert other["baseline"]["radius"] == pytest.approx(first["baseline"]["radius"], rel=1e-3)
+
+
+def test_a_part_of_a_record_contradicts_no_more_than_the_whole(case):
+    _, table, first = case
+    part = stated(table.head(30))
+    assert part["baseline"]["radius"] <= first["baseline"]["radius"] * (1.0 + 1e-9)
+
+
+SEVERAL = [(EffectPlace("quadratic", "accelerometer-2"), (4e-4,))]
+
+
+def together(tables: Sequence[pl.DataFrame | Path], **options: Any) -> dict:
+    """What several records say together: verdict, causes with whose they are, what is the instrument's, radius."""
+    found = th.diagnose_together(*tables, noise_bound=SIGMA, **options)
+    named = sorted((cause.title, cause.of) for cause in found.causes)
+    return {"verdict": found.verdict, "causes": named, "instrument": found.instrument, "radius": found.radius}
+
+
+@pytest.fixture(scope="module")
+def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[pl.DataFrame], dict]:
+    folder, tables = tmp_path_factory.mktemp("several"), []
+    for record in of_one_instrument(5, 2, shared=SEVERAL):
+        write_record(record, folder / "r.csv")
+        tables.append(pl.read_csv(folder / "r.csv", comment_prefix="#"))
+    first = together(tables)
+    assert first["verdict"] == "explained"
+    return tables, first
+
+
+def assert_together(other: dict, first: dict) -> None:
+    assert {**other, "radius": None} == {**first, "radius": None}
+    assert other["radius"] == pytest.approx(first["radius"], rel=1e-4)
+
+
+@pytest.mark.parametrize("name", [*EXACT, *SAME])
+def test_several_records_say_the_same(name, several):
+    tables, first = several
+    changed = [(EXACT | SAME)[name](table) for table in tables]
+    assert_together(together([one.table for one in changed], **changed[0].options), first)
+
+
+def test_several_records_have_no_order_and_no_kind_of_file(several, tmp_path):
+    tables, first = several
+    assert_together(together(tables[::-1]), first)
+    paths = [tmp_path / "one.csv", tmp_path / "two.parquet"]
+    tables[0].write_csv(paths[0])
+    tables[1].write_parquet(paths[1])
+    assert_together(together(paths), first)
+
+
+def test_a_record_split_in_two_contradicts_no_more_than_the_whole(several):
+    """Each half may have a mounting and a table of its own, so more is possible."""
+    tables, first = several
+    halves = [tables[0].head(12), tables[0].tail(12), tables[1]]
+    assert together(halves)["radius"] <= first["radius"] * (1.0 + 1e-6)
 
 
 def test_a_run_read_from_memory_and_from_its_files_is_one_record(tmp_path):
@@ -125,6 +210,13 @@ def test_a_plan_of_renamed_axes_has_the_same_costs():
     assert other == pytest.approx(one, rel=1e-6)
 
 
+def test_a_plan_for_a_base_that_is_turned_has_the_same_cost():
+    """The inner axis counts from another mark, and the grid of positions is the same."""
+    one = library.plan("X4", grid=15.0)[0].optimum.cost
+    other = library.plan("X4", grid=15.0, mounting=named(QUARTER))[0].optimum.cost
+    assert other == pytest.approx(one, rel=1e-6)
+
+
 @pytest.mark.parametrize("unit", ["g", "mg", "m/s2"])
 def test_an_imported_record_is_the_same_in_every_unit(unit, tmp_path):
     table = hidden(tmp_path, "none").select("position", "time_s", "alpha_deg", "beta_deg", "^f._mps2$")
@@ -140,7 +232,7 @@ def test_an_imported_record_is_the_same_in_every_unit(unit, tmp_path):
         assert back[name].to_numpy() == pytest.approx(table[name].to_numpy(), rel=1e-9)
 
 
-def test_settings_of_whole_turns_more_are_the_same_settings(tmp_path):
+def test_settings_in_another_order_and_of_whole_turns_more_are_the_same_settings(tmp_path):
     from command_table import make_inputs
 
     make_inputs(tmp_path)
@@ -150,7 +242,8 @@ def test_settings_of_whole_turns_more_are_the_same_settings(tmp_path):
     first = planning.check_settings(planning.task_of(planning.Request()), planned, actual, SIGMA).to_json()
     table = pl.read_csv(tmp_path / "angles.csv")
     order = np.random.default_rng(3).permutation(table.height)
-    table.select(pl.all().gather(order.tolist())).write_csv(tmp_path / "other.csv")
+    turned = table.with_columns(pl.col("alpha_deg", "planned_alpha_deg") + 360.0)
+    turned.select(pl.all().gather(order.tolist())).write_csv(tmp_path / "other.csv")
     planned, actual = planning.read_angles(tmp_path / "other.csv")
     other = planning.check_settings(planning.task_of(planning.Request()), planned, actual, SIGMA).to_json()
     assert other["advice"] == first["advice"]

@@ -62,6 +62,16 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommand
     assert list((folder / "temporary").iterdir()) == []
 
 
+@pytest.fixture
+def fell() -> Iterator[Counter[str]]:
+    """Where the strikes fall; shown at the end, whatever that is."""
+    counted = Counter[str]()
+    yield counted
+    for place, count in sorted(counted.items()):
+        print(f"{place:{max(map(len, counted))}} {count:4} {'#' * count}", file=sys.stderr)
+    print(f"{counted.total()} strikes", file=sys.stderr)
+
+
 def number_of(kind: tuple[str, str]) -> int:
     return max(1, round(KILLS * SHARES[kind]))
 
@@ -116,12 +126,11 @@ def expected(done: Done, blow: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ["local", "dask"])
-def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedCommands) -> None:
+def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedCommands, fell: Counter[str]) -> None:
     if engine == "dask":
         pytest.importorskip("distributed")
     rng = random.Random(20)
     campaign = Campaign(tmp_path, commands, engine)
-    fell: Counter[str] = Counter()
     for kind, blow in SHARES:
         hit = tries = 0
         while kind == engine and hit < number_of((kind, blow)):
@@ -153,10 +162,9 @@ def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedComm
                 assert_begun(content(campaign.out), campaign.whole)
     assert campaign.run(None).status == 0
     campaign.anew()
-    show(fell)
 
 
-def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands) -> None:
+def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands, fell: Counter[str]) -> None:
     """Rows that were saved until then are those of the whole run; most strikes fall after the first were."""
     path = tmp_path / "s.toml"
     path.write_text(SCENARIO, encoding="utf-8")
@@ -164,7 +172,7 @@ def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands) -> No
     assert first.status == 0, first.err
     whole = content(tmp_path / "whole")
     rows = pl.read_parquet(tmp_path / "whole" / "run.parquet")
-    rng, fell, begun = random.Random(21), Counter[str](), 0
+    rng, begun = random.Random(21), 0
     for kind, blow in SHARES:
         hit = 0
         while kind == "simulate" and hit < number_of((kind, blow)):
@@ -190,7 +198,6 @@ def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands) -> No
     again = commands.run(["simulate", str(path), "--out", "out"], tmp_path)
     assert again.status == 0
     assert content(tmp_path / "out") == whole
-    show(fell)
     assert begun > fell.total() // 4
 
 
@@ -240,11 +247,3 @@ def test_files_that_may_not_be_larger_stop_a_campaign_in_one_line(tmp_path: Path
         assert_begun(content(tmp_path / "out"), whole)
     assert commands.run(command, tmp_path).status == 0
     assert content(tmp_path / "out") == whole
-
-
-def show(fell: Counter[str]) -> None:
-    """Where the strikes fell."""
-    width = max(map(len, fell))
-    for place, count in sorted(fell.items()):
-        print(f"{place:{width}} {count:4} {'#' * count}", file=sys.stderr)
-    print(f"{fell.total()} strikes", file=sys.stderr)

@@ -1,6 +1,8 @@
 """Locks hold, and stay; what a killed process left is taken away by the next, and nothing else is."""
 
+import errno
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from trihedron.tools.errors import InputError
 from trihedron.tools.locks import LOCK, PREFIX, Taken, locked, own_folder
 
 HOLDER = """
@@ -102,4 +105,13 @@ def test_a_folder_taken_away_before_it_is_locked_is_made_again(base: Path, monke
     monkeypatch.setattr(tempfile, "mkdtemp", robbed)
     with own_folder() as folder:
         assert str(folder.parent) == made[1]
+    assert list(base.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EFBIG])
+def test_a_disk_of_temporary_files_that_is_full_is_said(number: int, base: Path):
+    with pytest.raises(InputError, match=re.escape(f"{base}: temporary files cannot be written")), own_folder():
+        raise OSError(number, os.strerror(number))
+    with pytest.raises(PermissionError), own_folder():
+        raise PermissionError
     assert list(base.iterdir()) == []

@@ -3,6 +3,8 @@
 Those of `diagnose`, `attitude` and the search for positions are in `make acceptance`.
 """
 
+import gzip
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import polars as pl
 import pytest
 
 from bench_cases import write_hidden_record
-from relations import EXACT, SAME, axes_renamed, differences, two_mountings
+from relations import EXACT, SAME, another_order, axes_renamed, differences, doubled, two_mountings, whole_turns
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools import measured
 from trihedron.tools.calibration import apply_calibration
@@ -101,6 +103,33 @@ def test_corrected_readings_are_the_same(name, clean, tmp_path):
     assert after == pytest.approx(corrected(clean, tmp_path), abs=1e-6)
 
 
+@pytest.fixture(scope="module")
+def calibration(clean: pl.DataFrame) -> Any:
+    return measured.calibrate(clean, noise_bound=SIGMA, convention="A2")
+
+
+def applied(calibration: Any, table: pl.DataFrame, path: Path) -> np.ndarray:
+    """The readings of a record corrected by a calibration, (N, 3)."""
+    (table.write_csv if path.suffix == ".csv" else table.write_parquet)(path)
+    return apply_calibration(calibration, path).record.specific_force
+
+
+def test_a_correction_is_of_each_row_alone(clean, calibration, tmp_path):
+    """In whatever order rows and columns stand, on which turn of the table, in how many files, of which kind."""
+    whole = applied(calibration, clean, tmp_path / "r.csv")
+    for table in (clean.select(clean.columns[::-1]), whole_turns(clean).table):
+        assert applied(calibration, table, tmp_path / "o.csv") == pytest.approx(whole, rel=1e-12)
+    assert np.array_equal(applied(calibration, clean, tmp_path / "r.parquet"), whole)
+    parts = [clean.head(17), clean.tail(clean.height - 17)]
+    joined = np.vstack([applied(calibration, part, tmp_path / "part.csv") for part in parts])
+    assert np.array_equal(joined, whole)
+    twice = applied(calibration, doubled(clean).table, tmp_path / "o.csv")
+    assert np.array_equal(twice, np.vstack([whole, whole[-1:]]))
+    mixed = applied(calibration, another_order(clean).table, tmp_path / "o.csv")
+    assert not np.array_equal(mixed, whole)
+    assert np.array_equal(mixed[np.argsort(mixed[:, 0])], whole[np.argsort(whole[:, 0])])
+
+
 def test_csv_and_parquet_are_the_same_record(clean, tmp_path):
     """What is written in digits may be off by half the last one, and that is paid for."""
     clean.write_csv(tmp_path / "r.csv")
@@ -158,3 +187,82 @@ def test_rates_in_degrees_that_are_said_are_the_same_rates(moved):
     # Found step by step, until a step is small beside what noise leaves open.
     matrix = np.array(first["turning"]["matrix"])
     assert np.array(other["turning"]["matrix"]) == pytest.approx(matrix, abs=1e-3)
+
+
+def test_an_inspection_of_csv_and_of_parquet_are_the_same(moved, tmp_path):
+    moved.write_csv(tmp_path / "r.csv")
+    moved.write_parquet(tmp_path / "r.parquet")
+    csv, parquet = (measured.inspect(tmp_path / f"r.{form}").to_json() for form in ("csv", "parquet"))
+    assert {k: v for k, v in csv.items() if k not in FILE} == {k: v for k, v in parquet.items() if k not in FILE}
+
+
+def attitude(table: pl.DataFrame | Path, **options: Any) -> np.ndarray:
+    """The attitude that the computer finds, (N, 4)."""
+    return measured.attitude_of_record(table, **options).attitude
+
+
+def test_attitude_is_the_same_of_another_table_of_the_same_motion(moved, tmp_path):
+    """Columns in another order, another kind of file, channels renamed and rates in degrees, which is said."""
+    first = attitude(moved)
+    assert np.array_equal(attitude(moved.select(moved.columns[::-1])), first)
+    moved.write_csv(tmp_path / "r.csv")
+    moved.write_parquet(tmp_path / "r.parquet")
+    assert np.array_equal(attitude(tmp_path / "r.csv"), first)
+    assert np.array_equal(attitude(tmp_path / "r.parquet"), first)
+    rates = [f"w{k}_radps" for k in (1, 2, 3)]
+    degrees = moved.with_columns(pl.col(rates) * (180.0 / np.pi))
+    assert attitude(degrees, channels=("w=deg",)) == pytest.approx(first, abs=1e-12)
+    new = [
+        pl.col("w3_radps").alias("w1_radps"),
+        -pl.col("w1_radps").alias("w2_radps"),
+        pl.col("w2_radps").alias("w3_radps"),
+    ]
+    assert np.array_equal(attitude(moved.with_columns(new), channels=("w=-2,3,1",)), first)
+
+
+def test_attitude_of_a_record_that_ends_early_is_the_beginning_of_the_whole(moved):
+    whole = attitude(moved)
+    part = attitude(moved.head(moved.height // 2))
+    assert 100 < len(part) < len(whole)
+    assert np.array_equal(part, whole[: len(part)])
+
+
+def imported(table: pl.DataFrame, path: Path, write: Callable[[pl.DataFrame, Path], object]) -> pl.DataFrame:
+    """The record that an import makes of a laboratory's table."""
+    write(table, path)
+    out = path.parent / "record.csv"
+    made = measured.import_record(path, out=out, answers={"units.force": "mg", "decimal": "."})
+    assert made is not None
+    return pl.read_csv(out, comment_prefix="#")
+
+
+def semicolons(table: pl.DataFrame, path: Path) -> None:
+    table.write_csv(path, separator=";")
+
+
+def packed(table: pl.DataFrame, path: Path) -> None:
+    path.write_bytes(gzip.compress(table.write_csv().encode(), mtime=0))
+
+
+def test_an_imported_record_is_of_its_rows(clean, tmp_path):
+    """Whatever their columns' order, separator, file and number; a clock set later is later in the record."""
+    names = {f"f{k}_mps2": f"f{k} [mg]" for k in (1, 2, 3)}
+    force = pl.col(list(names)) * (1000.0 / 9.80665)
+    table = clean.select("position", "time_s", "alpha_deg", "beta_deg", *names).with_columns(force).rename(names)
+    csv = pl.DataFrame.write_csv
+    whole = imported(table, tmp_path / "lab.csv", csv)
+    assert imported(table.select(table.columns[::-1]), tmp_path / "lab.csv", csv).equals(whole)
+    assert imported(table, tmp_path / "lab.csv", semicolons).equals(whole)
+    assert imported(table, tmp_path / "lab.csv.gz", packed).equals(whole)
+    parts = [imported(part, tmp_path / "lab.csv", csv) for part in (table.head(17), table.tail(table.height - 17))]
+    assert pl.concat(parts, how="vertical_relaxed").equals(whole)
+    later = imported(table.with_columns(pl.col("time_s") + 4096.0), tmp_path / "lab.csv", csv)
+    assert later.drop("time_s").equals(whole.drop("time_s"))
+    assert later["time_s"].to_numpy() == pytest.approx(whole["time_s"].to_numpy() + 4096.0, rel=1e-12)
+    kept = [name for name in whole.columns if name not in ("position", "time_s")]
+    mixed = imported(another_order(table).table, tmp_path / "lab.csv", csv)
+    assert not mixed.equals(whole)
+    assert mixed.select(kept).sort(kept).equals(whole.select(kept).sort(kept))
+    twice = imported(doubled(table).table, tmp_path / "lab.csv", csv)
+    assert twice.head(whole.height).equals(whole)
+    assert twice.tail(1).select(kept).equals(whole.tail(1).select(kept))

@@ -142,7 +142,9 @@ class _Problem:
 
     def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
         """Norm of the weighted residual at a point."""
-        return float(np.linalg.norm(self.residual(point, sign) * weight))
+        # A step so long that its misfit is infinite is halved like any other that is too long.
+        with np.errstate(over="ignore"):
+            return float(np.linalg.norm(self.residual(point, sign) * weight))
 
     def minimise(self, point: NDArray, weight: NDArray) -> tuple[NDArray, NDArray, bool]:
         """Gauss-Newton from a point; the minimum, the signs of the inputs there, and whether it settled."""

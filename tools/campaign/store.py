@@ -323,7 +323,13 @@ def opened(
             raise InputError(f"--out {folder}: holds files of which {MANIFEST} is missing; give another folder")
         store.tidy()
         if not (folder / MANIFEST).exists():
-            store.write_file(folder / MANIFEST, written)
+            try:
+                store.write_file(folder / MANIFEST, written)
+            except BaseException:
+                # What was never begun leaves nothing but the lock, which others may wait for.
+                (folder / DIGESTS).unlink(missing_ok=True)
+                (folder / RUNS).rmdir()
+                raise
         yield store
 
 

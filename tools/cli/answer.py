@@ -18,11 +18,10 @@ from typing import Annotated, Any, Literal, TypeVar
 from cyclopts import CycloptsError, Parameter
 
 from .. import document
-from ..errors import InputError
+from ..errors import InputError, full
 from ..files import json_text, ordinary_file, ordinary_folder, write_text
 
 Command = TypeVar("Command", bound=Callable[..., object])
-FULL = (errno.ENOSPC, errno.EDQUOT)
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
 """What the machine says of a file or folder that the user named; everything else is a fault of the program."""
 
@@ -111,9 +110,9 @@ def exit_status(command: Callable[[], int]) -> int:
         drop_output()
         return 0
     except OSError as error:
-        if error.filename is not None and error.errno in (*FULL, *NOT_ALLOWED):
+        if error.filename is not None and (full(error) or error.errno in NOT_ALLOWED):
             return refuse(f"{error.filename}: cannot be used ({error.strerror})")
-        if error.errno not in FULL:
+        if not full(error):
             return fault(error)
         drop_output()
         return refuse(f"standard output: cannot be written ({error.strerror})")

@@ -24,7 +24,7 @@ from .. import (
     trials,
 )
 from ..errors import InputError, one_line
-from ..files import ordinary_file, ordinary_folder, together, write_text
+from ..files import ordinary_file, ordinary_folder, together, with_written, write_text
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -285,7 +285,7 @@ def attitude(
                 write_text(out / "comparison.csv", compared.to_polars().write_csv())
             return answer(compared, json, complaint=reports.distrust(compared, source.path.name))
     run = measured.attitude_of_record(source, **options, out=out, progress=True)
-    with together():
+    with with_written(run.files):
         if out is not None:
             write_text(out / "attitude.csv", run.to_polars().write_csv())
         return answer(run, json, complaint=reports.distrust(run, source.path.name))

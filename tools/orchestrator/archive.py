@@ -15,7 +15,7 @@ from xml.parsers import expat
 import fmpy
 from fmpy.model_description import ModelDescription
 
-from ..errors import InputError
+from ..errors import InputError, full
 from ..files import bytes_of
 
 MOST_MEMBERS = 20_000
@@ -231,6 +231,8 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             needed = [m for m in members if not m.filename.startswith(("sources/", "documentation/"))]
             archive.extractall(folder, needed)
     except DAMAGE as error:
+        if full(error):
+            raise
         raise InputError(f"{label}: is not a readable FMU archive ({error})") from error
     script = folder / "resources" / "slavemodule.txt"
     module = script.read_text("utf-8", errors="replace").strip() if script.is_file() else None

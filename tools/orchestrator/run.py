@@ -148,8 +148,8 @@ class PreparedScenario:
         self._closing = ExitStack()
         # Also at the end of a process of multiprocessing, which forgets what atexit was told.
         Finalize(self, self._closing.close, exitpriority=10)
-        try:
-            folder = self._closing.enter_context(temporary_folder())
+        with ExitStack() as opened:
+            folder = opened.enter_context(temporary_folder())
             self.sources = Sources(scenario.base_folder)
             self.loaded = load(scenario, self.sources, folder)
             self.interfaces = interfaces_of(self.loaded)
@@ -157,9 +157,7 @@ class PreparedScenario:
             self._groups = stepping_groups(list(self.interfaces), self._wires, scenario.run.coupling)
             check_states(self._groups, self.loaded, scenario.run.coupling)
             check_steps(self.loaded, scenario.run.step_s)
-        except BaseException:
-            self.close()
-            raise
+            self._closing.push(opened.pop_all())
 
     def close(self) -> None:
         """Take away the unpacked FMUs."""

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 
 from ...fmus.motions import TIMED_ROWS
 from ...fmus.units import Unit
-from ..errors import InputError, one_line
+from ..errors import InputError, full, one_line
 from ..files import bytes_of
 from ..locks import own_folder
 from ..orchestrator.archive import DAMAGE, check_members, unpack
@@ -129,6 +129,8 @@ def _unpack(path: Path, folder: Path) -> None:
             check_members(archive.infolist(), label, STRUCTURE)
             archive.extractall(folder)
     except DAMAGE as error:
+        if full(error):
+            raise
         raise InputError(f"{label}: is not a readable .ssp archive ({error})") from error
 
 

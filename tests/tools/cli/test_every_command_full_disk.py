@@ -5,11 +5,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from command_table import QUICK, Command
+from command_table import QUICK, Command, files
+from forked_commands import ForkedCommands, with_temporary_folder
 
 
 def can_mount() -> bool:
@@ -21,6 +23,8 @@ def can_mount() -> bool:
         return subprocess.run(tried, capture_output=True, check=False, timeout=300).returncode == 0
 
 
+LOCK = "campaign.lock"
+"""A lock is never taken away: another process may wait for it."""
 SHORT = ("simulate run.toml", "export AccelerometerBlock", "export-ssp run.toml", "new scenario")
 """Commands that a full disk is tried on in each run of the tests."""
 WRITING = [c for c in QUICK if c.arguments[0] not in ("doctor",)]
@@ -57,4 +61,40 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
     assert error.splitlines()[-1].startswith("trihedron: ")
     assert "No space left" in error.splitlines()[-1]
     assert "Traceback" not in error
-    assert (result / "left").read_text(encoding="utf-8") == ""
+    assert set((result / "left").read_text(encoding="utf-8").split()) <= {f"./out/{LOCK}"}
+
+
+@pytest.fixture(scope="module")
+def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommands]:
+    with with_temporary_folder(tmp_path_factory.mktemp("commands")) as started:
+        yield started
+
+
+@pytest.mark.acceptance
+@pytest.mark.skipif(os.name == "nt", reason="limits of processes")
+@pytest.mark.parametrize("command", WRITING, ids=lambda c: c.title)
+def test_a_disk_that_ends_in_the_middle(command: Command, here: Path, tmp_path: Path, commands: ForkedCommands):
+    """No file may be as large as one of those that the command writes, each of them in turn, but the smallest."""
+    folder = tmp_path / "folder"
+    shutil.copytree(here, folder)
+    before = files(folder)
+    arguments = [*command.arguments]
+    assert commands.run(arguments, folder).status == 0
+    written = {name: data for name, data in files(folder).items() if before.get(name) != data}
+    assert written
+    for size in sorted({len(data) for data in written.values() if len(data) > 500}):
+        shutil.rmtree(folder)
+        shutil.copytree(here, folder)
+        done = commands.run(arguments, folder, most_bytes=size - 1)
+        assert done.status == 2, done.err
+        assert done.err.splitlines()[-1].startswith("trihedron: ")
+        assert "File too large" in done.err.splitlines()[-1]
+        assert "Traceback" not in done.err
+        left = {name: data for name, data in files(folder).items() if name in before or not name.endswith(LOCK)}
+        if command.arguments[0] == "campaign" and left != before:
+            # What was kept is whole, and the rest is made.
+            assert commands.run([*arguments, "--resume"], folder).status == 0
+            left = {name: data for name, data in files(folder).items() if name in written}
+            assert left.keys() == written.keys()
+            continue
+        assert left == before
