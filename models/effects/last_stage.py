@@ -206,13 +206,17 @@ def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.fl
     """The largest steps of which the readings, within half a step of the inputs, are multiples, exactly and to σ.
 
     Noise after the rounding, when it is at its very bound or comes in steps of its own, makes readings that are exact
-    multiples of a fine step and to σ of a coarse one: both are tried.
+    multiples of a fine step and to σ of a coarse one: both are tried. Of few multiples of a step most may be even by
+    chance, and a mean over a rest may lie in the middle of two: where all are multiples of half or a third of it, that
+    is tried, too.
     """
     p, found = place.index, []
     tolerance = max(FINEST, rows.resolution)
     step = common_step(reading[:, p], tolerance, max(LEAST_STEP, LEAST_PART * sigma, COARSE * tolerance))
     if step is not None:
-        found.append((step - tolerance, step + tolerance))
+        fine = (step / k for k in (2, 3) if share(reading[:, p], step, tolerance) < 1.0)
+        likely = (step, *(one for one in fine if share(reading[:, p], one, tolerance) == 1.0))
+        found += [(one - tolerance, one + tolerance) for one in likely]
     noisy = noisy_step(reading[:, p], sigma + tolerance)
     if noisy is not None and (step is None or noisy[0] > 1.5 * step):
         found.append(noisy)

@@ -8,7 +8,7 @@ import pytest
 
 from effect_readings import HOURS, G, readings, true_bench
 from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
-from trihedron.models.effects.last_stage import LEAST_STEP, common_step, noisy_step
+from trihedron.models.effects.last_stage import LEAST_STEP, common_step, noisy_step, quantisation_variants
 from trihedron.tools.calibration.model import predicted_reading
 
 
@@ -72,6 +72,17 @@ def test_the_step_of_averaged_readings_is_found_and_none_where_there_is_none(see
     rounded = (step * np.floor(samples / step + 0.5)).mean(axis=1)
     assert common_step(np.round(rounded * G, 9) / G, 1e-10, 2e-6) == pytest.approx(step, rel=1e-6)
     assert common_step(np.round(n * G, 9) / G, 1e-10, 2e-6) is None
+
+
+@pytest.mark.parametrize("odd", [0, 1])
+def test_a_step_of_which_most_readings_are_even_multiples_by_chance_is_tried_too(odd):
+    """An odd one is no proof: a mean over a rest in which half of the samples are rounded up lies there as well."""
+    step, counts = 2e-4, np.array([-2274, -218, 2002, -884, 4108, 986, 894, 412, -1264, 1154, -3756, 4062 + odd])
+    reading = np.zeros((len(counts), 3))
+    reading[:, 1] = np.round(step * counts * G, 9) / G
+    rows = replace(true_bench()[1], n=reading)
+    tried = quantisation_variants(EffectPlace("quantisation", "accelerometer-2"), rows, reading, 1e-5)
+    assert [0.5 * sum(variant.limits[0]) for variant in tried] == pytest.approx([2.0 * step, step][: 1 + odd], rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(6))
