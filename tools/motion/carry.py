@@ -184,7 +184,10 @@ def carried_attitude(
         "compensation": _setting("GyroCompensation", fmus, block, effect_entries(model.effects, "GyroBlock")),
         "computer": _setting("AttitudeComputer", fmus, {}, effect_entries(model.effects, "AttitudeComputer")),
     }
-    return simulate(carried_scenario(motion, model.effects, settings)).table.select(QUATERNION).to_numpy()
+    scenario = carried_scenario(motion, model.effects, settings)
+    # Files that are given are components' own, which were built for this run.
+    run = scenario.model_copy(update={"run": scenario.run.model_copy(update={"in_process": True})})
+    return simulate(run).table.select(QUATERNION).to_numpy()
 
 
 def compensated_increments(

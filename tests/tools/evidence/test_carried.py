@@ -19,6 +19,7 @@ from trihedron.tools.evidence.carried_record import linear_evidence
 from trihedron.tools.evidence.references import Gravity, turned
 from trihedron.tools.motion.carry import GyroModel, carried_attitude
 from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.orchestrator import fmu as orchestrator_fmu
 from trihedron.tools.orchestrator.load import usual_flavour
 from trihedron.tools.reports.diagnosis import lines
 from trihedron.tools.trials.case import Options
@@ -137,8 +138,8 @@ def test_signatures_are_what_the_exported_components_do(reference):
         assert change == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
 
 
-def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path):
-    """The extended compensation, exported and run by the orchestrator: the attitude of the simulation inside."""
+def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path, monkeypatch):
+    """The extended compensation, exported and run by the orchestrator in this process: the same attitude."""
     if usual_flavour() != "native":
         pytest.skip("nothing compiles here")
     found = inspect_record(clean(1))
@@ -148,6 +149,7 @@ def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path):
         "GyroCompensation": build("GyroCompensation", tmp_path, [LATENCY, SENSITIVITY], flavour="native"),
         "AttitudeComputer": build("AttitudeComputer", tmp_path, flavour="native"),
     }
+    monkeypatch.setattr(orchestrator_fmu, "Guest", None)
     inside = carried_attitude(made.motion, model, found.gravity)
     assert np.array_equal(inside, carried_attitude(made.motion, model, found.gravity, fmus))
 
