@@ -120,7 +120,7 @@ def diagnosed(
     told |= of_dependence(evidence)
     objections = (*evidence.objections(), *_not_named(evidence))
     found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
-    told |= {"tried": single_radii(evidence) if rerun else (), **evidence.of_misfit(), **found.told}
+    told |= {"tried": single_radii(evidence) if evidence.ranks_each else (), **evidence.of_misfit(), **found.told}
     listed = Listed(evidence)
     told |= of_what_is_proven(told, listed, found.fits)
     told |= of_functions(evidence, told, found.fits, extend=extend or not found.fits, rerun=rerun)

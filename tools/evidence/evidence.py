@@ -407,6 +407,9 @@ class Evidence:
         """Keys of the result for a model that stands; `missing` where it is too little to falsify anything."""
         return {}
 
+    ranks_each: ClassVar[bool] = True
+    """Whether it is told what each effect by itself would leave; else nobody asks, and it is not worked out."""
+
     tries_all_sets: ClassVar[bool] = False
     """Whether a set that stands alone is known to be the only one of its size; else a level needs a proven quantity."""
 

@@ -91,6 +91,7 @@ class Joint(Evidence):
     chosen: tuple[NDArray[np.float64], ...]
 
     most_sets = None
+    ranks_each = False
 
     def about_point(self, point: NDArray[np.float64]) -> "Joint":
         """The same about other parameters (P,), with every effect that can be tried."""
