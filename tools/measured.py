@@ -317,7 +317,7 @@ def apply(
         said = checks.channels_warning(applied.record, applied.correction.mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
-    bound = None if isinstance(run, records.StrapdownRecord) else noise_bound or named.noise_bound
+    bound = noise_bound or (None if isinstance(run, records.StrapdownRecord) else named.noise_bound)
     return diagnosis.applied_to(named, run, diagnosis.evidence_of(run, **_asked(run, noise_bound=bound)))
 
 

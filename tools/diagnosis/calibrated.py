@@ -16,8 +16,12 @@ JOINT = "trihedron.joint-calibration/1"
 
 
 class JointParameter(SizedParameter):
-    """A parameter of the instrument, or of one `record`, with what all records together leave possible of it."""
+    """A parameter of the instrument, or of one `record`, with what all records together leave possible of it.
 
+    Where nothing bounds it there is no estimate.
+    """
+
+    estimate: Number | None
     record: str | None
 
 
@@ -58,7 +62,8 @@ def calibrated_together(
     ):
         symbol, _, record = name.partition(" in ")
         ends = {"low": finite_or_none(low), "high": finite_or_none(high)}
-        found.append(JointParameter(name=symbol, unit=unit, record=record or None, estimate=value, **ends))
+        stated = None if None in ends.values() else value
+        found.append(JointParameter(name=symbol, unit=unit, record=record or None, estimate=stated, **ends))
     found.sort(key=lambda one: one.record is not None)
     verdict = "insufficient" if missing else "consistent"
     return JointCalibration(verdict=verdict, parameters=tuple(found), missing=missing, **told)

@@ -208,7 +208,7 @@ CALIBRATED = {
 def joint_calibration_lines(result: JointCalibration) -> list[str]:
     """The verdict; each parameter, the instrument's first, with its interval."""
     said = [CALIBRATED[result.verdict], f"{len(result.records)} records, radius {residual(result.radius)}"]
-    for p in result.parameters:
+    for p in (p for p in result.parameters if p.estimate is not None):
         value, low, high = interval(p.estimate, p.low, p.high)
         where = "" if p.record is None else f" in {p.record}"
         said.append(f"{words(p.name)}{where}: {value} {unit_text(p.unit)} ({low} to {high})")

@@ -91,6 +91,8 @@ def test_what_gyros_add_is_taken_out_of_the_increments_of_another_day():
     found = Diagnosis(verdict="explained", baseline_model="nominal", baseline=baseline, causes=(cause,))  # type: ignore[arg-type]
     applied = applied_to(found, second, evidence_of(second))
     assert [one.how for one in applied.effects] == ["corrected"]
+    with pytest.raises(th.InputError, match="of a strapdown record noise_bound"):
+        th.apply(found, second, noise_bound=1e-5)
 
     def increments(record) -> np.ndarray:
         rates = 0.5 * (record.rate[1:] + record.rate[:-1]) if record.rate is not None else None

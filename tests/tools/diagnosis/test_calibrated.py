@@ -65,6 +65,16 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
         assert why in capsys.readouterr().err
 
 
+def test_what_the_records_leave_open_has_no_estimate():
+    records = of_one_instrument(17, positions=(3, 4))
+    found = calibrate_together(*records[:2], noise_bound=SIGMA)
+    assert found.verdict == "insufficient"
+    still_open = [p for p in found.parameters if p.estimate is None]
+    assert [p.low is None or p.high is None for p in found.parameters] == [p.estimate is None for p in found.parameters]
+    assert len(still_open) == len(found.missing) > 0
+    assert not any(f"{p.name}, " in line for p in still_open for line in str(found).splitlines()[2:-1])
+
+
 @pytest.mark.parametrize("own", [(), ("X4", "X5")])
 def test_a_scale_factor_that_changed_falsifies_that_it_is_shared_and_not_that_it_is_each_records_own(own):
     rng = np.random.default_rng(4)
