@@ -7,21 +7,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..orchestrator.load import (
-    Loaded,
-    Sources,
-    Wire,
-    check_states,
-    check_steps,
-    load,
-    resolve_connections,
-    resolve_parameters,
-    stepping_groups,
-)
-from ..orchestrator.loops import resolve_columns
+from ..orchestrator.load import Loaded, Sources, load, resolve_parameters
+from ..orchestrator.recorded import resolve_columns
 from ..orchestrator.run import temporary_folder
 from ..orchestrator.scenario import RunSetting, Scenario, Stimulus
 from ..orchestrator.stimuli import check_single_sources, resolve_stimuli
+from ..orchestrator.wiring import Wire, check_states, paces_of, resolve_connections, stepping_groups
 from ..result import Location, field_problems
 from ..rounding import exactly
 from .findings import Findings
@@ -105,9 +96,9 @@ class _System:
             with found.of(("connections",)):
                 groups = stepping_groups(list(interfaces), self.wires, coupling)
                 with found.of():
+                    paces_of(scenario, self.loaded, self.wires, groups)
+                with found.of():
                     check_states(groups, self.loaded, coupling)
-            with found.of():
-                check_steps(self.loaded, scenario.run.step_s)
         self.check_stimuli(scenario, sources)
         for name, text in (scenario.record.columns or {}).items():
             if self.present(text):
@@ -173,7 +164,8 @@ class _System:
         written = any(isinstance(s, dict) and "programme" in s for s in self.data.get("stimuli", ()))
         written |= any(stimulus.kind == "programme" for stimulus in scenario.stimuli)
         unknown_end = scenario.run.stop_s is None and not programmes and written
-        step = scenario.run.model_copy(update={"stop_s": scenario.run.start_s + scenario.run.step_s})
+        longest = max(setting.step_s or scenario.run.step_s for setting in scenario.fmus.values())
+        step = scenario.run.model_copy(update={"stop_s": scenario.run.start_s + longest})
         for number, stimulus in own:
             if stimulus.kind != "programme" and not unknown_end:
                 resolve(stimulus, number)

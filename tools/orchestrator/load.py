@@ -1,4 +1,4 @@
-"""The FMUs of a scenario: built or found, their parameters resolved; who feeds whom, and in which order they step.
+"""The FMUs of a scenario: built or found, unpacked, their parameters resolved.
 
 A component is native where something compiles here, else PythonFMU's: both give the same bits, the native one is a
 hundred times faster. What is built is kept by content.
@@ -10,11 +10,10 @@ import math
 import os
 import platform
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
-from graphlib import CycleError, TopologicalSorter
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -35,8 +34,8 @@ from ..files import LARGEST_RESULT, bytes_of
 from ..locks import own_folder
 from ..result import checked_sections
 from .archive import UnpackedFmu, unpack
-from .interface import Interface, Value, Variable, between, interface_of, refer_to, spread
-from .scenario import Asked, Connection, FmuSetting, Scenario
+from .interface import Interface, Value, Variable, interface_of, spread
+from .scenario import Asked, FmuSetting, Scenario
 
 if TYPE_CHECKING:
     from ...models.effects import Effect, EffectPlace
@@ -328,137 +327,3 @@ def _check_settable(interface: Interface, variable: Variable) -> None:
     close = nearest(variable.name, [v.name for v in interface.variables.values() if v.causality in SETTABLE])
     meant = f"; {close}" if close.startswith("did you") else ""
     raise InputError(f"{variable.name} of '{interface.name}' is {what}{meant}")
-
-
-def check_steps(loaded: Mapping[str, Loaded], step: float) -> None:
-    """Refuse a step that is no multiple of the one which an FMU of FMI 3.0 says that it makes inside."""
-    for name, entry in loaded.items():
-        said = getattr(entry.fmu.description.coSimulation, "fixedInternalStepSize", None)
-        try:
-            inside = 0.0 if said is None else float(said)
-        except ValueError as error:
-            raise InputError(f"{entry.fmu.label}: modelDescription.xml, fixedInternalStepSize: {error}") from error
-        if inside > 0.0 and (round(step / inside) < 1 or abs(step / inside - round(step / inside)) > 1e-9):
-            whom = f"'{name}' ({entry.fmu.label})"
-            raise InputError(f"run.step_s = {step!r} is no multiple of the {inside!r} s by which {whom} steps inside")
-
-
-@dataclass(frozen=True)
-class Wire:
-    """One scalar output that feeds one scalar input: input = factor * output + offset."""
-
-    source: str
-    output: Variable
-    target: str
-    input: Variable
-    factor: float = 1.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class Group:
-    """FMUs that step together: one by itself, or those of a cycle, with the outputs that go around in it."""
-
-    members: tuple[str, ...]
-    cyclic: bool = False
-    around: tuple[tuple[str, Variable], ...] = ()
-
-    def __str__(self) -> str:
-        return " -> ".join([*self.members, self.members[0]])
-
-
-def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:
-    """The connections, element by element.
-
-    An InputError for an unknown end, a wrong direction, or ends whose length, type or unit differ.
-    """
-    wires: list[Wire] = []
-    for number, connection in enumerate(connections, start=1):
-        with said_of(f"connections[{number}]"):
-            wires += _wires(connection, interfaces)
-    return wires
-
-
-def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterator[Wire]:
-    source, outputs = refer_to("output", connection.source, interfaces)
-    target, inputs = refer_to("input", connection.target, interfaces)
-    ends = f"'{connection.source}' -> '{connection.target}'"
-    if len(outputs) != len(inputs):
-        raise InputError(f"{ends}: {len(outputs)} and {len(inputs)} elements; their lengths must agree")
-    for output, input_ in zip(outputs, inputs, strict=True):
-        if output.kind != input_.kind:
-            raise InputError(f"{ends}: types differ, {output.kind} and {input_.kind}")
-        relative = output.relative or input_.relative
-        conversion = between(output.unit, input_.unit, source.scales, target.scales, relative=relative)
-        if conversion is None:
-            raise InputError(f"{ends}: units differ, {output.unit} and {input_.unit}")
-        if output.kind == "Integer":
-            (low, high), (least, most) = output.value_type.whole_span, input_.value_type.whole_span
-            if low < least or high > most:
-                raise InputError(f"{ends}: {input_.access} does not take every {output.access}")
-        yield Wire(source.name, output, target.name, input_, *(conversion if output.kind == "Real" else (1.0, 0.0)))
-
-
-def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[Group]:
-    """The FMUs so that each steps after those that feed it, cycles in one group; ties as in the file.
-
-    Where every connection is delayed, all are one group.
-    An InputError names a cycle where the scenario does not say how to take it.
-    """
-    if coupling is None:
-        _refuse_cycle(names, wires)
-    following: dict[str, set[str]] = {name: set() for name in names}
-    for wire in wires:
-        following[wire.source].add(wire.target)
-    # Whom each reaches, directly or through others.
-    for through in names:
-        for name in names:
-            if through in following[name]:
-                following[name] |= following[through]
-    member_of = {n: tuple(m for m in names if m == n or (m in following[n] and n in following[m])) for n in names}
-    if coupling == "delayed":
-        member_of = dict.fromkeys(names, tuple(names))
-    sorter: TopologicalSorter[tuple[str, ...]] = TopologicalSorter(dict.fromkeys(member_of.values(), ()))
-    for wire in wires:
-        if member_of[wire.source] != member_of[wire.target]:
-            sorter.add(member_of[wire.target], member_of[wire.source])
-    sorter.prepare()
-    groups: list[Group] = []
-    ready: set[tuple[str, ...]] = set()
-    while sorter.is_active():
-        ready |= set(sorter.get_ready())
-        members = min(ready, key=lambda group: names.index(group[0]))
-        ready.remove(members)
-        sorter.done(members)
-        inside = [w for w in wires if w.source in members and w.target in members]
-        for wire in inside:
-            if wire.output.kind == "String":
-                raise InputError(f"'{wire.source}.{wire.output.name}' goes around in a cycle; a String cannot")
-        groups.append(Group(members, bool(inside), tuple(dict.fromkeys((w.source, w.output) for w in inside))))
-    return groups
-
-
-def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling: str | None) -> None:
-    """Refuse to iterate over an FMU whose state cannot be set back."""
-    for name in (name for group in groups if group.cyclic and coupling == "iterate" for name in group.members):
-        fmu = loaded[name].fmu
-        if not fmu.says("canGetAndSetFMUstate", "canGetAndSetFMUState"):
-            raise InputError(
-                f"run.coupling = \"iterate\": '{name}' ({fmu.label}) cannot get and set its state; "
-                'coupling = "jacobi" needs no state'
-            )
-
-
-def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
-    sorter: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(names, ()))
-    for wire in wires:
-        sorter.add(wire.target, wire.source)
-    try:
-        sorter.prepare()
-    except CycleError as error:
-        cycle = error.args[1][:-1]
-        first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
-        named = " -> ".join([*cycle[first:], *cycle[:first], cycle[first]])
-        ways = 'run.coupling = "jacobi", "iterate" or "delayed" (of an .ssp: --coupling)'
-        say = f"take one out, or say how it is taken: {ways}"
-        raise InputError(f"connections form a cycle: {named}; {say}") from error

@@ -13,7 +13,7 @@ import platform
 import signal
 import threading
 import time as clocks
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -23,147 +23,27 @@ from types import FrameType
 from typing import Any, NoReturn
 
 import numpy as np
-import polars as pl
 
 from ...fmus.cache import kept
 from ...models.table_commands import TICK_TOLERANCE
-from ..errors import InputError, said_of
-from . import program as op
+from ..errors import InputError
+from . import operations as op
 from .fmu import DISCARD, Slave, Slave3
-from .interface import VALUE_TYPES, Interface, Variable, conversion, refer, suffix_for
-from .load import Group, Loaded
-from .program import Ports, Program, loop_of, step_program
+from .interface import VALUE_TYPES
+from .load import Loaded
+from .operations import loop_of
+from .ports import Ports
+from .program import Program, step_program
+from .recorded import Blocks, Column, Keep
 from .scenario import Scenario
 from .stimuli import Grid
+from .wiring import Group, Pace
 
-BLOCK_BYTES = 16 << 20
-Keep = Callable[[pl.DataFrame, int], None]
-"""(rows, communication point of the last one): called for each block."""
 CALL_SECONDS = 0.05
 """About so long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
 _C_TYPES: dict[int, Any] = {
     t.code: np.ctypeslib.as_ctypes_type(t.dtype) for t in VALUE_TYPES.values() if t.kind != "String"
 }
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column of the record: value = factor * variable + offset."""
-
-    name: str
-    fmu: str
-    variable: Variable
-    factor: float = 1.0
-    offset: float = 0.0
-
-    def series(self, values: Any) -> pl.Series:
-        """The column from the recorded values of its variable, in the variable's own unit."""
-        if self.variable.kind == "String":
-            return pl.Series(self.name, values, dtype=pl.String)
-        if self.variable.kind == "Boolean":
-            return pl.Series(self.name, np.asarray(values) != 0, dtype=pl.Boolean)
-        if self.variable.kind != "Real":
-            return pl.Series(self.name, np.array(values))
-        found = np.array(values, dtype=np.float64)
-        same = (self.factor, self.offset) == (1.0, 0.0)
-        return pl.Series(self.name, found if same else self.factor * found + self.offset)
-
-
-def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[Column]:
-    """The columns of the record; every output of every FMU where none are named.
-
-    An InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
-    """
-    resolved = []
-    if columns is None:
-        for fmu, interface in interfaces.items():
-            for variable in interface.variables.values():
-                if variable.causality == "output" and variable.access in VALUE_TYPES:
-                    suffix = suffix_for(variable.unit)
-                    name = f"{fmu}.{variable.name}_{suffix}" if suffix else f"{fmu}.{variable.name}"
-                    resolved.append(Column(name, fmu, variable))
-        return resolved
-    for name, text in columns.items():
-        with said_of(f"record.columns.{name}"):
-            if name == "time_s" or not name.strip() or any(c in name for c in ',"\r\n'):
-                raise InputError("is not a name for a column (time_s is there by itself)")
-            interface, variables = refer(text, interfaces, ("output",))
-            if len(variables) != 1:
-                raise InputError(f"'{text}' has {len(variables)} elements; a column takes one: '{text}[1]'")
-            scaled = conversion(variables[0].unit, name, interface.scales)
-            _ = variables[0].value_type
-            resolved.append(Column(name, interface.name, variables[0], *scaled))
-    return resolved
-
-
-def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
-    """The variables of one FMU that are recorded, each once."""
-    return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
-
-
-class Blocks:
-    """Rows of recorded values, of every so manyth communication point, handed on when a block is full.
-
-    The loops copy `records` (N, 3) for each row: target of row 0, source, bytes; text (`has_text`) only Python keeps.
-    A block has `rows` rows; `row` is the next one to be recorded.
-    """
-
-    def __init__(
-        self, columns: Sequence[Column], ports: Mapping[str, Ports], grid: Grid, every: int, keep: Keep
-    ) -> None:
-        self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
-        self._tick = self.row = 0
-        recorded = [(n, p.outputs[a], count) for n, p in ports.items() for a, count in p.recorded.items() if count]
-        numbers = [(name, port, count) for name, port, count in recorded if port.access != "String"]
-        width = sum(count * port.values.itemsize for _, port, count in numbers)
-        self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
-        self._values: dict[tuple[str, str], np.ndarray] = {}
-        self._texts: dict[tuple[str, str], list[str]] = {}
-        self._addresses, copies = [], []
-        for name, port, count in numbers:
-            table = np.zeros((self.rows, count), dtype=port.values.dtype)
-            copies.append((table.ctypes.data, port.address, count * table.itemsize))
-            self._values |= {(name, v.name): table[:, at] for at, v in enumerate(port.variables[:count])}
-        for name, port, count in recorded:
-            for at, variable in enumerate(port.variables[:count] if port.access == "String" else ()):
-                texts = self._texts[name, variable.name] = []
-                self._addresses.append((texts, port.values, at))
-        self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
-        self.has_text = bool(self._texts)
-
-    def record(self) -> None:
-        """Record a row now."""
-        for target, source, size in self.records.tolist():
-            ctypes.memmove(target + self.row * size, source, size)
-        self.keep_texts()
-        self.advance(self.row + 1)
-
-    def keep_texts(self) -> None:
-        """Keep the strings of a row."""
-        for texts, addresses, at in self._addresses:
-            address = int(addresses[at])
-            texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
-
-    def advance(self, row: int) -> None:
-        """So many rows of the block are recorded; a full block is handed on."""
-        self.row = row
-        if row == self.rows:
-            self.flush()
-
-    def flush(self) -> None:
-        """Hand on what is recorded."""
-        if not self.row:
-            return
-        end = self._tick + self.row * self.every
-        ticks = np.arange(self._tick, end, self.every)
-        series = [pl.Series("time_s", self._grid.start + ticks * self._grid.step)]
-        for column in self._columns:
-            at = (column.fmu, column.variable.name)
-            series.append(column.series(self._texts[at] if at in self._texts else self._values[at][: self.row]))
-        self._keep(pl.DataFrame(series), end - self.every)
-        self._tick, self.row = end, 0
-        for texts in self._texts.values():
-            texts.clear()
 
 
 @dataclass(frozen=True)
@@ -215,17 +95,21 @@ def run_fmus(
         blocks = Blocks(assembly.columns, ports, grid, every, keep_rows)
         blocks.record()
         loop = _Loop(program, grid, blocks, compiled=compiled)
-        made, stretch, ended = 0, 1, ""
+        made, stretch, ended, goal = 0, 1, "", grid.steps
         try:
-            while made < grid.steps and not pressed():
+            while made < goal and not pressed():
                 room = (blocks.rows - blocks.row) * every - made % every
-                last = min(grid.steps, made + min(stretch, room))
+                last = min(goal, made + min(stretch, room))
                 began = clocks.perf_counter()
                 status = loop.march(last)
                 while status and (ended := loop.asks_to_end(status, slaves)):
                     # Nobody is left behind: the others make this step too.
                     blocks.advance(int(loop.state[op.ROW]))
-                    last = int(loop.state[op.STEP]) + (loop.state[op.NEXT] > 0)
+                    goal = int(loop.state[op.STEP])
+                    if loop.state[op.NEXT]:
+                        pace = loop.pace()
+                        goal += pace.stride - pace.back
+                    last = min(goal, last)
                     status = loop.march(last)
                 elapsed = clocks.perf_counter() - began
                 blocks.advance(int(loop.state[op.ROW]))
@@ -236,8 +120,6 @@ def run_fmus(
                     blocks.flush()
                 progress(last - made)
                 made = last
-                if ended:
-                    break
         except BaseException:
             # What was recorded until then is not lost.
             blocks.flush()
@@ -318,19 +200,28 @@ class _Loop:
         self.state[:], self.clock[:] = state, clock
         return status
 
+    def pace(self) -> Pace:
+        """Of the FMU whose call has failed."""
+        return self.program.pace_of(self.program.places[int(self.state[op.AT])].fmu)
+
+    def _span(self) -> tuple[float, float]:
+        """When the step of the FMU whose call has failed begins and ends."""
+        begin = self.grid.time(int(self.state[op.STEP]) - self.pace().back)
+        return begin, begin + self.pace().length
+
     def asks_to_end(self, status: int, slaves: Mapping[str, Slave]) -> str:
         """Who asks for the end of the run, and when, where this is what the status means; else nothing.
 
         The loop then goes on behind that FMU's step, if it was made to its end.
         """
-        at, end = int(self.state[op.AT]), self.grid.time(int(self.state[op.STEP])) + self.grid.step
+        at, (begin, end) = int(self.state[op.AT]), self._span()
         row, place = self.program.rows[at], self.program.places[at]
         reached = None
         if status == op.ENDED:
             early, last = ctypes.c_bool.from_address(row[4] + 2).value, ctypes.c_double.from_address(row[4] + 8).value
             reached = last if early else end
         elif status == DISCARD and row[0] == op.STEP2:
-            reached = slaves[place.fmu].ended_at(end - self.grid.step)
+            reached = slaves[place.fmu].ended_at(begin)
         if reached is None:
             return ""
         if abs(reached - end) <= TICK_TOLERANCE * self.grid.step:
@@ -339,15 +230,13 @@ class _Loop:
 
     def refuse(self, status: int, slaves: Mapping[str, Slave], *, started: bool = True) -> NoReturn:
         """Say which FMU failed, when (before the first step where the run has not started) and why."""
-        at, step = int(self.state[op.AT]), int(self.state[op.STEP])
-        place, grid = self.program.places[at], self.grid
-        begin, end = grid.time(step), grid.time(step) + grid.step
+        at = int(self.state[op.AT])
+        place, (begin, end) = self.program.places[at], self._span()
         slave = slaves[place.fmu]
         if status == op.NOT_SETTLED and place.group is not None:
             self.refuse_unsettled(place.group, f"in {int(self.state[op.ITERATION])} iterations at {begin:.9g} s")
         if status == op.NOT_FINITE and place.port is not None:
-            time = grid.time(step + 1) if started else grid.start
-            slave.refuse_not_finite(place.port.variables, place.port.values, time)
+            slave.refuse_not_finite(place.port.variables, place.port.values, end if started else self.grid.start)
         if status == op.EARLY:
             raise InputError(f"{slave}: {place.call} at {begin:.9g} s returned before the end of the step")
         got = self.program.rows[at][0] in (op.CALL4, op.CALL5) and "Get" in place.call
@@ -394,6 +283,8 @@ def _exchange(name: str, slaves: Mapping[str, Slave], assembly: Assembly, source
     program.add_gets(name)
     loop = _Loop(program, assembly.grid)
     status = loop.march(1)
+    for port in assembly.ports[name].outputs.values():
+        port.shown[:] = port.values
     if status:
         loop.refuse(status, slaves, started=False)
 
@@ -430,7 +321,9 @@ def compiled_march() -> Callable[..., int]:
     name = "trihedron_march"
     made_from = [llvm.get_default_triple().encode(), cpu.encode(), features.encode(), name.encode()]
     made_from += [metadata.version(package).encode() for package in ("numba", "llvmlite")]
-    made_from += [(Path(__file__).parent / name).read_bytes() for name in ("../compiled.py", "program.py", "loops.py")]
+    made_from += [
+        (Path(__file__).parent / name).read_bytes() for name in ("../compiled.py", "operations.py", "loops.py")
+    ]
     made_from.append(platform.python_version().encode())
     key = hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in made_from)).hexdigest()
 

@@ -30,21 +30,13 @@ from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.read import read_written
 from ..records.rests import position_record_of
 from ..result import ABSENT, Result
-from .load import (
-    Loaded,
-    Sources,
-    check_states,
-    check_steps,
-    interfaces_of,
-    load,
-    resolve_connections,
-    resolve_parameters,
-    stepping_groups,
-)
-from .loops import Assembly, Column, recorded_variables, resolve_columns, run_fmus
-from .program import Ports
+from .load import Loaded, Sources, interfaces_of, load, resolve_parameters
+from .loops import Assembly, run_fmus
+from .ports import Ports
+from .recorded import Column, recorded_variables, resolve_columns
 from .scenario import Scenario
 from .stimuli import check_single_sources, resolve_stimuli
+from .wiring import check_states, paces_of, resolve_connections, stepping_groups
 
 SCHEMA = "trihedron.run/1"
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
@@ -155,8 +147,8 @@ class PreparedScenario:
             self.interfaces = interfaces_of(self.loaded)
             self._wires = resolve_connections(scenario.connections, self.interfaces)
             self._groups = stepping_groups(list(self.interfaces), self._wires, scenario.run.coupling)
+            self._paces = paces_of(scenario, self.loaded, self._wires, self._groups)
             check_states(self._groups, self.loaded, scenario.run.coupling)
-            check_steps(self.loaded, scenario.run.step_s)
             self._closing.push(opened.pop_all())
 
     def close(self) -> None:
@@ -181,7 +173,7 @@ class PreparedScenario:
         for name, entry in loaded.items():
             own = [drive for _, drive in drives if drive.fmu == name]
             recorded = recorded_variables(self.columns, name)
-            ports[name] = Ports(entry.interface, self._wires, own, recorded, entry.start_value)
+            ports[name] = Ports(entry.interface, self._wires, own, recorded, entry.start_value, self._paces[name])
         for name in loaded:
             ports[name].connect([wire for wire in self._wires if wire.target == name], ports)
         return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid)

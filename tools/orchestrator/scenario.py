@@ -18,6 +18,7 @@ from ..files import LARGEST_TEXT, bytes_of, write_text
 from ..result import Section, read_sections
 
 SCHEMA = "trihedron.scenario/1"
+MOST_STEPS = 10**9
 _ROWS_OF_TEXT = 50_000
 """Rows of a table that are written as text at once."""
 
@@ -130,7 +131,7 @@ class Asked:
 
 
 class FmuSetting(Section):
-    """One FMU of the scenario: a component of ours or a file, its effects and its parameters."""
+    """One FMU of the scenario: a component of ours or a file, its effects and its parameters, its own step [s]."""
 
     component: str | None = None
     flavour: Literal["native", "python"] | None = None
@@ -138,6 +139,7 @@ class FmuSetting(Section):
     parameters_from: PathText | None = None
     parameters: dict[str, Plain] = Field(default_factory=dict)
     effects: list[dict[str, Any]] = Field(default_factory=list)
+    step_s: Positive | None = None
 
     @model_validator(mode="after")
     def _one_origin(self) -> "FmuSetting":
@@ -151,10 +153,15 @@ class FmuSetting(Section):
 
 
 class Connection(Section):
-    """An output that feeds an input: whole arrays (`fmu.name`) or single elements (`fmu.name[2]`)."""
+    """An output that feeds an input: whole arrays (`fmu.name`) or single elements (`fmu.name[2]`).
+
+    `between` FMUs of different steps: "hold", the last value; "interpolate", of a slower FMU, linearly between its
+    values; "sum", of a faster FMU, all its values since the reader's step before.
+    """
 
     source: str = Field(alias="from")
     target: str = Field(alias="to")
+    between: Literal["hold", "interpolate", "sum"] | None = None
 
 
 class Stimulus(Section):
@@ -247,6 +254,19 @@ class Scenario(Section):
             if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):
                 raise ValueError(f"'{name}' cannot name an FMU; use letters, digits, _ and -")
         return fmus
+
+    @model_validator(mode="after")
+    def _steps_are_multiples(self) -> "Scenario":
+        for name, fmu in self.fmus.items():
+            step, base = fmu.step_s, self.run.step_s
+            if step is not None and abs(step / base - self.stride(name)) > 1e-9 * self.stride(name):
+                raise ValueError(f"fmus.{name}.step_s = {step!r} is no whole multiple of run.step_s = {base!r}")
+        return self
+
+    def stride(self, name: str) -> int:
+        """With every so manyth step of the run an FMU steps."""
+        step = self.fmus[name].step_s
+        return 1 if step is None else max(1, min(round(step / self.run.step_s), MOST_STEPS))
 
 
 def read_scenario(path: Path | str) -> Scenario:

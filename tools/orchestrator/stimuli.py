@@ -8,6 +8,7 @@ import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,10 @@ from ..errors import InputError, nearest, said_of
 from ..files import bytes_of
 from ..parquet import fault_of_parquet
 from .interface import Interface, Value, Variable, checked, conversion, is_angle, refer_to, spread
-from .load import Loaded, Sources, Wire, interfaces_of
-from .scenario import RunSetting, Scenario, Stimulus
+from .load import Loaded, Sources, interfaces_of
+from .scenario import MOST_STEPS, Scenario, Stimulus
+from .wiring import Wire
 
-MOST_STEPS = 10**9
 ROW_TOLERANCE = 1e-3
 """How far (in steps) a row's time may be off a tick that it is meant for: digits that a file leaves off."""
 PROGRAMME_COLUMNS = ["alpha_deg", "beta_deg", "dwell_s"]
@@ -39,10 +40,14 @@ class Grid:
         """t_k [s]."""
         return self.start + tick * self.step
 
+    def of_every(self, stride: int, step: float | None) -> "Grid":
+        """The points of an FMU that makes a step, of that length [s], with so many of these."""
+        return Grid(self.start, step or self.step, self.steps // stride)
+
 
 @dataclass(frozen=True)
 class Drive:
-    """Values for some inputs of one FMU: from step `begins[i]` on row i of `values`; without `begins` one for ever."""
+    """Values for some inputs of one FMU: from its step `begins[i]` on row i of `values`; without `begins` for ever."""
 
     fmu: str
     variables: tuple[Variable, ...]
@@ -66,15 +71,17 @@ class NumberTable:
         return f"{self.label}, row {int(self.lines[index])}"
 
 
-def make_grid(run: RunSetting, programme_ends: Sequence[int]) -> Grid:
+def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> Grid:
     """Count the run's steps; without a stop time the longest programme says when it ends.
 
-    An InputError where the step does not divide the run, or nothing says when it ends.
+    An InputError where a step does not divide the run, or nothing says when it ends.
     """
+    run, strides = scenario.run, {name: scenario.stride(name) for name in scenario.fmus}
     if run.stop_s is None and not programme_ends:
         raise InputError("run.stop_s is missing (only a position programme says by itself when a run ends)")
     if run.stop_s is None:
-        steps: float = max(programme_ends)
+        whole = math.lcm(*strides.values())
+        steps: float = math.ceil(max(programme_ends) / whole) * whole
     else:
         span = run.stop_s - run.start_s
         steps = ratio = span / run.step_s
@@ -89,6 +96,10 @@ def make_grid(run: RunSetting, programme_ends: Sequence[int]) -> Grid:
     if steps > MOST_STEPS:
         shown = steps if isinstance(steps, int) else f"{steps:.3g}"
         raise InputError(f"run.step_s = {run.step_s!r} makes {shown} steps; at most {MOST_STEPS} are possible")
+    for name, stride in strides.items():
+        if steps % stride:
+            span = f"the run of {steps * run.step_s:.9g} s"
+            raise InputError(f"fmus.{name}.step_s = {scenario.fmus[name].step_s!r} does not divide {span}")
     return Grid(run.start_s, run.step_s, int(steps))
 
 
@@ -206,10 +217,12 @@ def resolve_constant(stimulus: Stimulus, interfaces: Mapping[str, Interface]) ->
 def resolve_rows(
     stimulus: Stimulus,
     read: Callable[[list[str]], NumberTable],
-    grid: Grid,
+    grids: Mapping[str, Grid],
     interfaces: Mapping[str, Interface],
 ) -> list[Drive]:
     """Timed rows for inputs, one drive for each FMU and type; `read` gives the table of some columns.
+
+    `grids` are the steps of each FMU.
 
     An InputError for a column that is missing, of another dimension than its variable, rows that do not cover the run.
     """
@@ -224,10 +237,13 @@ def resolve_rows(
         ends.append((interface, variables[0], column, conversion(variables[0].unit, column, interface.scales)))
     table = read(["time_s", *(column for _, _, column, _ in ends)])
     increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in ends)
-    if stimulus.stamp == "end":
-        rows, begins = _rows_that_end(table, grid, increments=increments)
-    else:
-        rows, begins = _rows_that_begin(table, grid)
+
+    @cache
+    def held(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+        if stimulus.stamp == "end":
+            return _rows_that_end(table, grid, increments=increments)
+        return _rows_that_begin(table, grid)
+
     groups: dict[tuple[str, str], list[tuple[Variable, np.ndarray]]] = {}
     for interface, variable, column, (factor, offset) in ends:
         values = table.columns[column]
@@ -237,6 +253,7 @@ def resolve_rows(
         _check_column(table, column, variable, values)
     drives = []
     for (fmu, _), group in groups.items():
+        rows, begins = held(grids[fmu])
         values = np.column_stack([values for _, values in group])
         # Where all rows hold over some step, no copy: runs of an hour at 1 kHz are large.
         chosen = values if len(rows) == len(values) else values[rows]
@@ -294,14 +311,14 @@ def _rows_that_end(table: NumberTable, grid: Grid, *, increments: bool) -> tuple
         at = int(lost[0]) + 1
         raise InputError(
             f"{table.label}: rows {table.lines[rows[at] - 1]} and {table.lines[rows[at]]} both end within the step "
-            f"that ends at {grid.time(int(begins[at]) + 1):.9g} s, so that one is lost; take a shorter run.step_s"
+            f"that ends at {grid.time(int(begins[at]) + 1):.9g} s, so that one is lost; take a shorter step_s"
         )
     again = np.flatnonzero(np.diff(np.append(begins, grid.steps)) > 1)
     if increments and again.size:
         row, step = int(rows[again[0]]), int(begins[again[0]]) + 1
         raise InputError(
             f"{table.row(row)}: an increment would be applied again in the step that ends at "
-            f"{grid.time(step + 1):.9g} s; run.step_s must be the rows' interval"
+            f"{grid.time(step + 1):.9g} s; step_s must be the rows' interval"
         )
     return rows, begins
 
@@ -324,12 +341,12 @@ def _check_column(table: NumberTable, column: str, variable: Variable, values: n
 
 
 def resolve_programme(
-    stimulus: Stimulus, table: NumberTable, step: float, loaded: Mapping[str, Loaded]
+    stimulus: Stimulus, table: NumberTable, scenario: Scenario, loaded: Mapping[str, Loaded]
 ) -> tuple[Drive, int]:
-    """Lay a position programme out in whole steps.
+    """Lay a position programme out in whole steps of the FMU that it commands.
 
     Each position's slot is the move from the position before (the slower axis, limited rate and acceleration)
-    and the dwell, rounded up to whole steps [s]. Gives the commands of the two angles [rad], and the step of the end.
+    and the dwell, rounded up to whole steps. Gives the commands of the two angles [rad], and the run's step of the end.
     An InputError for a column that a programme does not have, no dwell, or a target that is not a two-axis command.
     """
     for name in table.columns:
@@ -346,6 +363,7 @@ def resolve_programme(
     for variable in variables:
         if variable.unit not in (None, "rad"):
             raise InputError(f"'{stimulus.to}' is in {variable.unit}; a position programme gives rad")
+    step = scenario.fmus[interface.name].step_s or scenario.run.step_s
     rates, accelerations, before = _limits(loaded[interface.name])
     if "dwell_s" not in table.columns and stimulus.dwell_s is None:
         raise InputError(f"{table.label}: has no column dwell_s, so the stimulus must give dwell_s")
@@ -365,10 +383,10 @@ def resolve_programme(
         if slot > MOST_STEPS:
             raise InputError(f"{table.row(row)}: takes {slot:.3g} steps; no run is that long")
         if slot <= TICK_TOLERANCE:
-            raise InputError(f"{table.row(row)}: takes {slot:.3g} of a step; take a shorter run.step_s")
+            raise InputError(f"{table.row(row)}: takes {slot:.3g} of a step; take a shorter step_s")
         tick += math.ceil(slot - TICK_TOLERANCE)
         before = target
-    return Drive(interface.name, variables, command, np.array(begins)), tick
+    return Drive(interface.name, variables, command, np.array(begins)), tick * scenario.stride(interface.name)
 
 
 def _limits(table: Loaded) -> list[list[float]]:
@@ -406,20 +424,23 @@ def resolve_stimuli(
         if stimulus.kind == "programme":
             with said_of(name):
                 positions = table(stimulus, name, None)
-                programmes[name] = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
-    grid = make_grid(scenario.run, [end for _, end in programmes.values()])
+                programmes[name] = resolve_programme(stimulus, positions, scenario, loaded)
+    grid = make_grid(scenario, [end for _, end in programmes.values()])
+    grids = {name: grid.of_every(scenario.stride(name), setting.step_s) for name, setting in scenario.fmus.items()}
     drives: list[tuple[str, Drive]] = []
     for name, stimulus in named.items():
         with said_of(name):
             if stimulus.kind == "programme":
                 whole, _ = programmes[name]
                 # The last command holds to the end.
-                within = int(np.searchsorted(np.asarray(whole.begins), grid.steps))
+                within = int(np.searchsorted(np.asarray(whole.begins), grids[whole.fmu].steps))
                 given = [replace(whole, values=whole.values[:within], begins=np.asarray(whole.begins)[:within])]
             elif stimulus.kind == "constant":
                 given = [resolve_constant(stimulus, interfaces)]
             else:
-                given = resolve_rows(stimulus, lambda wanted, s=stimulus, n=name: table(s, n, wanted), grid, interfaces)
+                given = resolve_rows(
+                    stimulus, lambda wanted, s=stimulus, n=name: table(s, n, wanted), grids, interfaces
+                )
             drives += [(name, drive) for drive in given]
     return grid, drives
 

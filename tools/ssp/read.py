@@ -29,9 +29,11 @@ STRUCTURE = "SystemStructure.ssd"
 RECORD = "extra/trihedron/record.json"
 """What the scenario records, for `trihedron simulate`; other tools do not read it."""
 COUPLING = "extra/trihedron/coupling.json"
-"""How the scenario takes cycles, for `trihedron simulate`; there only where it says so."""
+"""How the scenario takes cycles and different steps, for `trihedron simulate`; there only where it says so."""
 COUPLING_SETTINGS = ("coupling", "tolerance", "iterations")
 """What `[run]` says of cycles."""
+RATES = ("steps", "between")
+"""FMU -> its own step [s]; connection, as "a.x -> b.u" -> what it is between different steps."""
 PROGRAMME = "PositionProgramme"
 LEADING = (PROGRAMME, TIMED_ROWS)
 """Components that know beforehand what they will give."""
@@ -152,6 +154,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     interfaces, steps = _interfaces(fmus, names, folder, label)
     parameters, ignored = _parameters(system, interfaces)
     coupled = _coupling(folder, label, coupling)
+    own, between = (coupled.pop(name, {}) for name in RATES)
     for at, interface in interfaces.items():
         # How far ahead commands are put out is a matter of the master; ours passes them on at once.
         if coupled.get("coupling") != "delayed" and interface.model in LEADING and "lead_steps" in interface.variables:
@@ -164,12 +167,16 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     data: dict[str, Any] = {
         "title": "",
         "run": {"start_s": 0.0, **run, "step_s": lengths[0], **coupled},
-        "fmus": {names[p.path]: {"fmu": p.source, "parameters": parameters[p.path]} for p in fmus},
+        "fmus": {
+            n: {"fmu": p.source, "parameters": parameters[p.path], "step_s": own.get(n)}
+            for n, p in ((names[p.path], p) for p in fmus)
+        },
         "connections": [
-            {"from": f"{names[source[0]]}.{source[1]}", "to": f"{names[target[0]]}.{target[1]}"}
+            {"from": ends[0], "to": ends[1], "between": between.get(" -> ".join(ends))}
             for source, targets in _reached(system).items()
             if source[0] in names
             for target in targets
+            for ends in ((f"{names[source[0]]}.{source[1]}", f"{names[target[0]]}.{target[1]}"),)
         ],
         "base_folder": folder,
         "source": path,
@@ -315,13 +322,14 @@ def _own(folder: Path, label: str, name: str) -> Any:
 
 
 def _coupling(folder: Path, label: str, given: str | None) -> dict[str, Any]:
-    """How cycles are taken: as asked for, else as the scenario that was exported says."""
-    own = {"coupling": given} if given is not None else _own(folder, label, COUPLING)
-    if own is None:
-        return {}
-    if not isinstance(own, dict) or not set(own) <= set(COUPLING_SETTINGS):
-        raise InputError(f"{label}: {COUPLING}: has other things than {', '.join(COUPLING_SETTINGS)}")
-    return own
+    """How cycles are taken, as asked for, else as the scenario that was exported says, and its different steps."""
+    own = _own(folder, label, COUPLING) or {}
+    if not isinstance(own, dict) or not set(own) <= {*COUPLING_SETTINGS, *RATES}:
+        raise InputError(f"{label}: {COUPLING}: has other things than {', '.join([*COUPLING_SETTINGS, *RATES])}")
+    for name in RATES:
+        if not isinstance(own.get(name, {}), dict):
+            raise InputError(f"{label}: {COUPLING}: {name} must be a mapping")
+    return own if given is None else {"coupling": given, **{name: own[name] for name in RATES if name in own}}
 
 
 def _parameters(system: Part, interfaces: Mapping[Path_, Interface]) -> tuple[dict[Path_, dict[str, Value]], list[str]]:

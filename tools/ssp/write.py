@@ -24,15 +24,7 @@ from ..errors import InputError, said_of
 from ..files import json_text, whole_file
 from ..locks import own_folder
 from ..orchestrator.interface import Interface, Value, Variable, spread
-from ..orchestrator.load import (
-    Loaded,
-    Sources,
-    Wire,
-    interfaces_of,
-    load,
-    resolve_connections,
-    usual_flavour,
-)
+from ..orchestrator.load import Loaded, Sources, interfaces_of, load, usual_flavour
 from ..orchestrator.scenario import Scenario, Stimulus
 from ..orchestrator.stimuli import (
     Drive,
@@ -45,7 +37,8 @@ from ..orchestrator.stimuli import (
     resolve_stimuli,
     table_of,
 )
-from .read import COUPLING, COUPLING_SETTINGS, LEADING, PROGRAMME, RECORD, STRUCTURE, free_name
+from ..orchestrator.wiring import Wire, resolve_connections
+from .read import COUPLING, COUPLING_SETTINGS, LEADING, PROGRAMME, RATES, RECORD, STRUCTURE, free_name
 from .xml import declared
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
@@ -126,6 +119,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
         loaded = load(scenario, sources, folder)
         grid, drives = resolve_stimuli(scenario, sources, loaded)
     interfaces = interfaces_of(loaded)
+    own = {name: {} if fmu.step_s is None else {"step_s": fmu.step_s} for name, fmu in scenario.fmus.items()}
     written = scenario.model_dump(by_alias=True, exclude_none=True, exclude={"stimuli", "base_folder", "source"})
     fmus, connections = dict(written["fmus"]), list(written["connections"])
     first: dict[str, Any] = {}
@@ -133,9 +127,10 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
         with said_of(f"stimuli[{count}]"):
             if stimulus.kind == "rows":
                 for drive in (drive for name, drive in drives if name == f"stimuli[{count}]"):
-                    for component, ends in _rows(drive, interfaces[drive.fmu], grid):
+                    step = own[drive.fmu].get("step_s", grid.step)
+                    for component, ends in _rows(drive, interfaces[drive.fmu], step):
                         name = free_name("rows", [*fmus, *first])
-                        first[name] = {"fmu": str(make(name, component))}
+                        first[name] = {"fmu": str(make(name, component)), **own[drive.fmu]}
                         sources_of = component.interface[-1].elements
                         connections += [
                             {"from": f"{name}.{value}", "to": f"{drive.fmu}.{end.name}"}
@@ -148,10 +143,11 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
                 _set(fmus, interfaces[drive.fmu], given)
                 continue
             positions, _ = table_of(stimulus, f"stimuli[{count}]", scenario.base_folder)
-            drive, _ = resolve_programme(stimulus, positions, scenario.run.step_s, loaded)
+            drive, _ = resolve_programme(stimulus, positions, scenario, loaded)
             name = free_name("programme", [*fmus, *first])
-            parameters = _parameters(drive, positions, stimulus, loaded[drive.fmu], scenario.run.step_s)
-            first[name] = {"component": PROGRAMME, "parameters": parameters}
+            step = own[drive.fmu].get("step_s", grid.step)
+            parameters = _parameters(drive, positions, stimulus, loaded[drive.fmu], step)
+            first[name] = {"component": PROGRAMME, "parameters": parameters, **own[drive.fmu]}
             connections.append({"from": f"{name}.command", "to": stimulus.to})
     run = dict(written["run"])
     if scenario.run.stop_s is None:
@@ -162,7 +158,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
     return Scenario.model_validate({**written, **paths, "run": run, "fmus": fmus, "connections": connections})
 
 
-def _rows(drive: Drive, interface: Interface, grid: Grid) -> Iterator[tuple[Component, list[Variable]]]:
+def _rows(drive: Drive, interface: Interface, step: float) -> Iterator[tuple[Component, list[Variable]]]:
     """Components that give what timed rows give, one for each unit, with the inputs that their values feed."""
     groups: dict[tuple[str, Type], list[int]] = {}
     for k, variable in enumerate(drive.variables):
@@ -174,7 +170,7 @@ def _rows(drive: Drive, interface: Interface, grid: Grid) -> Iterator[tuple[Comp
     assert drive.begins is not None
     for (unit, kind), columns in groups.items():
         rows = [[float(row[k]) for k in columns] for row in drive.values]
-        component = timed_rows(drive.begins.tolist(), rows, grid.step, unit=unit, kind=kind)
+        component = timed_rows(drive.begins.tolist(), rows, step, unit=unit, kind=kind)
         yield component, [drive.variables[k] for k in columns]
 
 
@@ -218,7 +214,7 @@ def _members(
     loaded = load(whole, sources, folder / "loaded")
     wires = resolve_connections(whole.connections, interfaces_of(loaded))
     check_single_sources(wires, [])
-    grid = make_grid(whole.run, [])
+    grid = make_grid(whole, [])
     files: dict[str, str] = {}
     members: dict[str, bytes] = {}
     for name, setting in whole.fmus.items():
@@ -242,7 +238,10 @@ def _members(
     members[STRUCTURE] = _structure(about, elements, wires, grid)
     written = scenario.as_written()
     members[RECORD] = json_text(written["record"]).encode()
-    coupling = {name: written["run"][name] for name in COUPLING_SETTINGS if name in written["run"]}
+    coupling: dict[str, Any] = {name: written["run"][name] for name in COUPLING_SETTINGS if name in written["run"]}
+    steps = {name: setting.step_s for name, setting in whole.fmus.items() if setting.step_s is not None}
+    ends = {f"{w.source}.{w.output.name} -> {w.target}.{w.input.name}": w.between for w in wires if w.between}
+    coupling |= {name: said for name, said in zip(RATES, (steps, ends), strict=True) if said}
     if coupling:
         members[COUPLING] = json_text(coupling).encode()
     return members

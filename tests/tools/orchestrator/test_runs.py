@@ -22,7 +22,7 @@ from foreign_fmus.foreign_failing import WAYS
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, refusal, run, scenario, wires
 from trihedron.fmus import source
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import loops, simulate
+from trihedron.tools.orchestrator import loops, recorded, simulate
 from trihedron.tools.orchestrator.run import INCOMPLETE
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 
@@ -209,7 +209,7 @@ def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monke
     monkeypatch.setattr("trihedron.tools.orchestrator.run.WHOLE_BYTES", 0)
     contents = []
     for size in (200_000, 37_777):
-        monkeypatch.setattr(loops, "BLOCK_BYTES", size)
+        monkeypatch.setattr(recorded, "BLOCK_BYTES", size)
         parts = simulate(table_run(form), tmp_path / "parts")
         assert parts.held is None
         assert parts.columns == whole.columns
@@ -225,7 +225,7 @@ def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monke
 
 def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = simulate(table_run("parquet"), tmp_path / "whole")
-    monkeypatch.setattr(loops, "BLOCK_BYTES", 100_000)
+    monkeypatch.setattr(recorded, "BLOCK_BYTES", 100_000)
     parts = simulate(table_run("parquet"), tmp_path / "parts")
     assert parts.files[0].read_bytes() == whole.files[0].read_bytes()
 
@@ -234,7 +234,7 @@ def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: py
 def test_a_run_that_fails_late_keeps_its_rows(
     foreign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    monkeypatch.setattr(loops, "BLOCK_BYTES", block)
+    monkeypatch.setattr(recorded, "BLOCK_BYTES", block)
     fmus = {"f": {**FAILING, "parameters": {"way": WAYS["nan"], "after": 5.0}}}
     failing = scenario(foreign, fmus, run={"stop_s": 9.0, "step_s": 0.1})
     for out in (tmp_path / "new" / "run", tmp_path / "old"):
@@ -257,9 +257,9 @@ def test_a_run_that_fails_late_keeps_its_rows(
 KILLED = """
 import sys
 from pathlib import Path
-from trihedron.tools.orchestrator import loops, simulate
+from trihedron.tools.orchestrator import recorded, simulate
 from trihedron.tools.orchestrator.scenario import Scenario
-loops.BLOCK_BYTES = 1_000_000
+recorded.BLOCK_BYTES = 1_000_000
 data = {table}
 data["run"] = {{"stop_s": 1e6, "step_s": 0.01}}
 simulate(Scenario.model_validate(data), Path(sys.argv[1]))

@@ -181,7 +181,7 @@ def test_a_programme_from_a_file_is_that_from_memory(foreign: Path) -> None:
         ({**POSITIONS, "dwel_s": [1.0] * 4}, {}, "unknown column 'dwel_s'; did you mean 'dwell_s'?"),
         ({**POSITIONS, "dwell_s": [1.0, 1.0, 0.0, 1.0]}, {}, "row 3, column 'dwell_s': 0.0 must be positive"),
         (POSITIONS, {"dwell_s": 1.0, "to": "table.temperature"}, "cannot take a position programme"),
-        ({"alpha_deg": [5.0, 5.0], "beta_deg": [5.0, 5.0]}, {"dwell_s": 1e-12}, "of a step; take a shorter run.step_s"),
+        ({"alpha_deg": [5.0, 5.0], "beta_deg": [5.0, 5.0]}, {"dwell_s": 1e-12}, "of a step; take a shorter step_s"),
     ],
 )
 def test_a_wrong_programme(foreign: Path, table: dict, more: dict, says: str) -> None:

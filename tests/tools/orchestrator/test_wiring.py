@@ -14,8 +14,8 @@ from scenario_runs import ACCUMULATOR, CLOCK, GAIN, SCENARIOS, refusal, run, wir
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.interface import Variable, between, scale_of
-from trihedron.tools.orchestrator.load import Wire, stepping_groups
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
+from trihedron.tools.orchestrator.wiring import Wire, stepping_groups
 
 PAIR = {"clock": CLOCK, "gain": GAIN}
 EARTH_RATE = 7.292115e-5

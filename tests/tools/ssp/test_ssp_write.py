@@ -253,6 +253,27 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
     assert "--coupling: belongs to an .ssp" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("more", [{}, {"stimuli": ROWS, "run": {"stop_s": 8.0, "step_s": EIGHTH}}])
+def test_different_steps_go_out_and_come_back(tmp_path, more):
+    """A slow table, by a programme or by rows, with its computer beside a fast block."""
+    written = bench().as_written()
+    fmus, connections = written["fmus"], written["connections"]
+    for name in ("table", "computer"):
+        fmus[name]["step_s"] = 4 * EIGHTH
+    for connection, way in zip(connections, ("interpolate", "hold", None), strict=True):
+        connection["between"] = way
+    if more:
+        # The rows say how long a rest has lasted.
+        connections = [connection for connection in connections if connection["to"] != "block.dwell"]
+    scenario = bench(**more, fmus=fmus, connections=connections)
+    expected = simulate(scenario).table
+    with scenario_of_ssp(export_ssp(scenario, tmp_path / "rates.ssp", flavour="python")) as (again, _):
+        assert simulate(again).table.select(expected.columns).equals(expected)
+        assert again.fmus["block"].step_s is None
+    with scenario_of_ssp(tmp_path / "rates.ssp", coupling="delayed") as (again, _):
+        assert again.fmus["table"].step_s == 4 * EIGHTH
+
+
 def test_of_ssp_2_it_is_the_same_system(exported, tmp_path):
     path = export_ssp(bench(), tmp_path / "second.ssp", flavour="python", ssp="2.0")
     with zipfile.ZipFile(exported) as first, zipfile.ZipFile(path) as second:

@@ -1,0 +1,165 @@
+"""What a step consists of: one flat table of operations on addresses, and the loop that runs it.
+
+The loop stands here once: on memory and functions by their addresses it runs as machine code and as plain Python.
+A row is an operation's code and seven whole numbers, with two real numbers beside it. The rows of a step are run from
+the first to the last, for every step; what is recorded has a table of its own.
+
+| operation | whole numbers | real numbers |
+|---|---|---|
+| FEED | steps from which rows hold, their number, first row, bytes of a row, target, its cursor | |
+| MOVE | target, source, bytes | |
+| MOVE8 | target, source: eight bytes | |
+| CONVERT | target, source, type of the target, of the source | factor, offset |
+| CALL4 | function, instance, references, their number, values: FMI 2.0's get and set | |
+| CALL5 | function, instance, references, their number, values, their number: FMI 3.0's | |
+| STEP2, STEP3 | fmi2DoStep or fmi3DoStep, instance, final, place of what it returns, steps since its begin | length |
+| FINITE | first of so many real numbers, their number | |
+| STATE | function of a state (get or free), instance, place of the state | |
+| BEGIN | a new loop of connections: the first iteration | |
+| RESTORE | function that sets a state, instance, place of the state: in all iterations but the first | |
+| COMPARE | value, place of its value in the iteration before, its type | tolerance |
+| REPEAT | row to go back to while a value changes, most iterations | |
+| SKIP | every so manyth step, its number of them, row to go on with in the others | |
+| BLEND | target, value before so many steps, after them, its type, their number, how many are added | |
+| SUM | target, source, type of the source: a real number is added | |
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+WIDTH = 8
+FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)
+SKIP, BLEND, SUM = range(14, 17)
+
+# What both loops keep in whole numbers.
+STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, AT, NEXT, CURSORS = range(11)
+"""Step to make, step to stop before, row to record, every which step, rows of both tables, iteration, the row of the
+value that changed most, row of the call that failed (-1: none), row to begin a step with, first cursor of a feed."""
+
+# What both loops keep in real numbers.
+START, LENGTH, CHANGE = range(3)
+"""Start and step [s], the largest change of a value in the last iteration, against what is allowed."""
+
+NOT_FINITE, NOT_SETTLED, ENDED, EARLY = 100, 101, 102, 103
+"""Statuses beside FMI's: a value that is not finite, a loop that does not settle, an FMU that asks for the end of the
+simulation, or that has returned before the end of the step."""
+WARNING = 1
+"""The worst status of FMI with which a run goes on."""
+
+
+def loop_of(on: Any) -> Callable[..., int]:
+    """The loop over the steps, in restricted Python: numba compiles it.
+
+    Parameters
+    ----------
+    on : class
+        what the loop needs of memory and of C functions, all by their addresses: copy(target, source, bytes),
+        load_byte, load_word, load_real(address), store_word, store_real(address, value), real_of(type, address),
+        convert(type, target, source, its type, factor, offset), and calls of functions: call2, call4, call5 with so
+        many words, step2 and step3 as FMI has doStep
+
+    Returns
+    -------
+    callable
+        takes the rows of a step, their real numbers, what is recorded ((target of row 0, source, bytes) each), and the
+        whole and real numbers that are kept, laid out as above; makes the steps from state[STEP] to state[LAST_STEP],
+        or to the first call that fails, and returns its status, else 0
+    """
+    copy, load_word, load_byte, load_real = on.copy, on.load_word, on.load_byte, on.load_real
+    store_real, store_word, real_of, convert = on.store_real, on.store_word, on.real_of, on.convert
+    call2, call4, call5, step2, step3 = on.call2, on.call4, on.call5, on.step2, on.step3
+
+    def march(operations, numbers, records, state, clock):
+        rows, length, every = state[ROWS], clock[LENGTH], state[EVERY]
+        step = state[STEP]
+        row = state[ROW]
+        while step < state[LAST_STEP]:
+            pc = state[NEXT]
+            state[NEXT] = 0
+            while pc < rows:
+                at = pc * WIDTH
+                code, a, b, c = operations[at], operations[at + 1], operations[at + 2], operations[at + 3]
+                d, e = operations[at + 4], operations[at + 5]
+                status = 0
+                if code == MOVE8:
+                    store_word(a, load_word(b))
+                elif code == CALL4:
+                    status = call4(a, b, c, d, e)
+                elif code == CALL5:
+                    status = call5(a, b, c, d, e, operations[at + 6])
+                elif code == STEP2:
+                    status = step2(a, b, clock[START] + (step - e) * length, numbers[2 * pc], c)
+                elif code == STEP3:
+                    time = clock[START] + (step - e) * length
+                    status = step3(a, b, time, numbers[2 * pc], c, d, d + 1, d + 2, d + 8)
+                    if status <= WARNING and load_byte(d + 1) != 0:
+                        status = ENDED
+                    elif status <= WARNING and load_byte(d + 2) != 0:
+                        status = EARLY
+                elif code == FINITE:
+                    total = 0.0
+                    for i in range(b):
+                        # 0 * inf and 0 * NaN are NaN.
+                        total += 0.0 * load_real(a + 8 * i)
+                    if total != 0.0:
+                        status = NOT_FINITE
+                elif code == MOVE:
+                    copy(a, b, c)
+                elif code == FEED:
+                    place = CURSORS + operations[at + 6]
+                    cursor = state[place]
+                    while cursor + 1 < b and load_word(a + 8 * (cursor + 1)) <= step:
+                        cursor += 1
+                    if cursor != state[place]:
+                        state[place] = cursor
+                        copy(e, c + cursor * d, d)
+                elif code == CONVERT:
+                    convert(c, a, b, d, numbers[2 * pc], numbers[2 * pc + 1])
+                elif code == SKIP:
+                    if step % a != b:
+                        pc = c - 1
+                elif code == BLEND:
+                    old, new, part = real_of(d, b), real_of(d, c), (step % e + operations[at + 6]) / e
+                    store_real(a, old + part * (new - old) if part < 1.0 else new)
+                elif code == SUM:
+                    store_real(a, load_real(a) + real_of(c, b))
+                elif code == STATE:
+                    status = call2(a, b, c)
+                elif code == BEGIN:
+                    state[ITERATION] = 0
+                    clock[CHANGE] = 0.0
+                elif code == RESTORE:
+                    clock[CHANGE] = 0.0
+                    if state[ITERATION] > 0:
+                        status = call2(a, b, load_word(c))
+                elif code == COMPARE:
+                    value = real_of(c, a)
+                    change = math.fabs(value - load_real(b)) / (numbers[2 * pc] * (1.0 + math.fabs(value)))
+                    store_real(b, value)
+                    if not change <= clock[CHANGE]:
+                        clock[CHANGE] = change
+                        state[CHANGING] = pc
+                elif code == REPEAT and not clock[CHANGE] <= 1.0:
+                    state[ITERATION] += 1
+                    if state[ITERATION] >= b:
+                        status = NOT_SETTLED
+                    else:
+                        pc = a - 1
+                if status > WARNING:
+                    state[STEP] = step
+                    state[ROW] = row
+                    state[AT] = pc
+                    return status
+                pc += 1
+            step += 1
+            if step % every == 0:
+                for i in range(state[RECORDS]):
+                    width = records[3 * i + 2]
+                    copy(records[3 * i] + row * width, records[3 * i + 1], width)
+                row += 1
+        state[STEP] = step
+        state[ROW] = row
+        return 0
+
+    return march

@@ -1,0 +1,138 @@
+"""What is recorded of a run: the columns, and their rows while it goes on."""
+
+import ctypes
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from ..errors import InputError, said_of
+from .interface import VALUE_TYPES, Interface, Variable, conversion, refer, suffix_for
+from .ports import Ports
+from .stimuli import Grid
+
+BLOCK_BYTES = 16 << 20
+Keep = Callable[[pl.DataFrame, int], None]
+"""(rows, communication point of the last one): called for each block."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the record: value = factor * variable + offset."""
+
+    name: str
+    fmu: str
+    variable: Variable
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def series(self, values: Any) -> pl.Series:
+        """The column from the recorded values of its variable, in the variable's own unit."""
+        if self.variable.kind == "String":
+            return pl.Series(self.name, values, dtype=pl.String)
+        if self.variable.kind == "Boolean":
+            return pl.Series(self.name, np.asarray(values) != 0, dtype=pl.Boolean)
+        if self.variable.kind != "Real":
+            return pl.Series(self.name, np.array(values))
+        found = np.array(values, dtype=np.float64)
+        same = (self.factor, self.offset) == (1.0, 0.0)
+        return pl.Series(self.name, found if same else self.factor * found + self.offset)
+
+
+def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[Column]:
+    """The columns of the record; every output of every FMU where none are named.
+
+    An InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
+    """
+    resolved = []
+    if columns is None:
+        for fmu, interface in interfaces.items():
+            for variable in interface.variables.values():
+                if variable.causality == "output" and variable.access in VALUE_TYPES:
+                    suffix = suffix_for(variable.unit)
+                    name = f"{fmu}.{variable.name}_{suffix}" if suffix else f"{fmu}.{variable.name}"
+                    resolved.append(Column(name, fmu, variable))
+        return resolved
+    for name, text in columns.items():
+        with said_of(f"record.columns.{name}"):
+            if name == "time_s" or not name.strip() or any(c in name for c in ',"\r\n'):
+                raise InputError("is not a name for a column (time_s is there by itself)")
+            interface, variables = refer(text, interfaces, ("output",))
+            if len(variables) != 1:
+                raise InputError(f"'{text}' has {len(variables)} elements; a column takes one: '{text}[1]'")
+            scaled = conversion(variables[0].unit, name, interface.scales)
+            _ = variables[0].value_type
+            resolved.append(Column(name, interface.name, variables[0], *scaled))
+    return resolved
+
+
+def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
+    """The variables of one FMU that are recorded, each once."""
+    return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
+
+
+class Blocks:
+    """Rows of recorded values, of every so manyth communication point, handed on when a block is full.
+
+    The loops copy `records` (N, 3) for each row: target of row 0, source, bytes; text (`has_text`) only Python keeps.
+    A block has `rows` rows; `row` is the next one to be recorded.
+    """
+
+    def __init__(
+        self, columns: Sequence[Column], ports: Mapping[str, Ports], grid: Grid, every: int, keep: Keep
+    ) -> None:
+        self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
+        self._tick = self.row = 0
+        recorded = [(n, p.outputs[a], count) for n, p in ports.items() for a, count in p.recorded.items() if count]
+        numbers = [(name, port, count) for name, port, count in recorded if port.access != "String"]
+        width = sum(count * port.values.itemsize for _, port, count in numbers)
+        self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
+        self._values: dict[tuple[str, str], np.ndarray] = {}
+        self._texts: dict[tuple[str, str], list[str]] = {}
+        self._addresses, copies = [], []
+        for name, port, count in numbers:
+            table = np.zeros((self.rows, count), dtype=port.values.dtype)
+            copies.append((table.ctypes.data, port.shown.ctypes.data, count * table.itemsize))
+            self._values |= {(name, v.name): table[:, at] for at, v in enumerate(port.variables[:count])}
+        for name, port, count in recorded:
+            for at, variable in enumerate(port.variables[:count] if port.access == "String" else ()):
+                texts = self._texts[name, variable.name] = []
+                self._addresses.append((texts, port.shown, at))
+        self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
+        self.has_text = bool(self._texts)
+
+    def record(self) -> None:
+        """Record a row now."""
+        for target, source, size in self.records.tolist():
+            ctypes.memmove(target + self.row * size, source, size)
+        self.keep_texts()
+        self.advance(self.row + 1)
+
+    def keep_texts(self) -> None:
+        """Keep the strings of a row."""
+        for texts, addresses, at in self._addresses:
+            address = int(addresses[at])
+            texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
+
+    def advance(self, row: int) -> None:
+        """So many rows of the block are recorded; a full block is handed on."""
+        self.row = row
+        if row == self.rows:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand on what is recorded."""
+        if not self.row:
+            return
+        end = self._tick + self.row * self.every
+        ticks = np.arange(self._tick, end, self.every)
+        series = [pl.Series("time_s", self._grid.start + ticks * self._grid.step)]
+        for column in self._columns:
+            at = (column.fmu, column.variable.name)
+            series.append(column.series(self._texts[at] if at in self._texts else self._values[at][: self.row]))
+        self._keep(pl.DataFrame(series), end - self.every)
+        self._tick, self.row = end, 0
+        for texts in self._texts.values():
+            texts.clear()

@@ -1,0 +1,213 @@
+"""Who feeds whom, in which order FMUs step and how often.
+
+An FMU steps with each step of the run, or with every so manyth. A slow one makes its step when the last step of the run
+within it is made: it hears what faster ones have put out until then, and they have its old outputs up to there. One
+whose outputs are interpolated makes its step ahead, at the beginning.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+from ..errors import InputError, said_of
+from .interface import Interface, Variable, between, refer_to
+from .load import Loaded
+from .scenario import Connection, Scenario
+
+
+@dataclass(frozen=True)
+class Wire:
+    """One scalar output that feeds one scalar input: input = factor * output + offset.
+
+    `between` says how, where one of the two steps less often.
+    """
+
+    source: str
+    output: Variable
+    target: str
+    input: Variable
+    factor: float = 1.0
+    offset: float = 0.0
+    between: str | None = None
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How an FMU steps: with every `stride`-th step of the run, each `length` [s] long, and `ahead` or not."""
+
+    length: float
+    stride: int = 1
+    ahead: bool = False
+
+    @property
+    def back(self) -> int:
+        """So many steps of the run before the one with which it steps its own step begins."""
+        return 0 if self.ahead else self.stride - 1
+
+
+@dataclass(frozen=True)
+class Group:
+    """FMUs that step together: one by itself, or those of a cycle, with the outputs that go around in it."""
+
+    members: tuple[str, ...]
+    cyclic: bool = False
+    around: tuple[tuple[str, Variable], ...] = ()
+
+    def __str__(self) -> str:
+        return " -> ".join([*self.members, self.members[0]])
+
+
+def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:
+    """The connections, element by element.
+
+    An InputError for an unknown end, a wrong direction, or ends whose length, type or unit differ.
+    """
+    wires: list[Wire] = []
+    for number, connection in enumerate(connections, start=1):
+        with said_of(f"connections[{number}]"):
+            wires += _wires(connection, interfaces)
+    return wires
+
+
+def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Iterator[Wire]:
+    source, outputs = refer_to("output", connection.source, interfaces)
+    target, inputs = refer_to("input", connection.target, interfaces)
+    ends = f"'{connection.source}' -> '{connection.target}'"
+    if len(outputs) != len(inputs):
+        raise InputError(f"{ends}: {len(outputs)} and {len(inputs)} elements; their lengths must agree")
+    for output, input_ in zip(outputs, inputs, strict=True):
+        if output.kind != input_.kind:
+            raise InputError(f"{ends}: types differ, {output.kind} and {input_.kind}")
+        relative = output.relative or input_.relative
+        conversion = between(output.unit, input_.unit, source.scales, target.scales, relative=relative)
+        if conversion is None:
+            raise InputError(f"{ends}: units differ, {output.unit} and {input_.unit}")
+        if output.kind == "Integer":
+            (low, high), (least, most) = output.value_type.whole_span, input_.value_type.whole_span
+            if low < least or high > most:
+                raise InputError(f"{ends}: {input_.access} does not take every {output.access}")
+        scaled = conversion if output.kind == "Real" else (1.0, 0.0)
+        yield Wire(source.name, output, target.name, input_, *scaled, connection.between)
+
+
+def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[Group]:
+    """The FMUs so that each steps after those that feed it, cycles in one group; ties as in the file.
+
+    Where every connection is delayed, all are one group.
+    An InputError names a cycle where the scenario does not say how to take it.
+    """
+    if coupling is None:
+        _refuse_cycle(names, wires)
+    following: dict[str, set[str]] = {name: set() for name in names}
+    for wire in wires:
+        following[wire.source].add(wire.target)
+    # Whom each reaches, directly or through others.
+    for through in names:
+        for name in names:
+            if through in following[name]:
+                following[name] |= following[through]
+    member_of = {n: tuple(m for m in names if m == n or (m in following[n] and n in following[m])) for n in names}
+    if coupling == "delayed":
+        member_of = dict.fromkeys(names, tuple(names))
+    sorter: TopologicalSorter[tuple[str, ...]] = TopologicalSorter(dict.fromkeys(member_of.values(), ()))
+    for wire in wires:
+        if member_of[wire.source] != member_of[wire.target]:
+            sorter.add(member_of[wire.target], member_of[wire.source])
+    sorter.prepare()
+    groups: list[Group] = []
+    ready: set[tuple[str, ...]] = set()
+    while sorter.is_active():
+        ready |= set(sorter.get_ready())
+        members = min(ready, key=lambda group: names.index(group[0]))
+        ready.remove(members)
+        sorter.done(members)
+        inside = [w for w in wires if w.source in members and w.target in members]
+        for wire in inside:
+            if wire.output.kind == "String":
+                raise InputError(f"'{wire.source}.{wire.output.name}' goes around in a cycle; a String cannot")
+        groups.append(Group(members, bool(inside), tuple(dict.fromkeys((w.source, w.output) for w in inside))))
+    return groups
+
+
+def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling: str | None) -> None:
+    """Refuse to iterate over an FMU whose state cannot be set back."""
+    for name in (name for group in groups if group.cyclic and coupling == "iterate" for name in group.members):
+        fmu = loaded[name].fmu
+        if not fmu.says("canGetAndSetFMUstate", "canGetAndSetFMUState"):
+            raise InputError(
+                f"run.coupling = \"iterate\": '{name}' ({fmu.label}) cannot get and set its state; "
+                'coupling = "jacobi" needs no state'
+            )
+
+
+def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
+    sorter: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(names, ()))
+    for wire in wires:
+        sorter.add(wire.target, wire.source)
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        cycle = error.args[1][:-1]
+        first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
+        named = " -> ".join([*cycle[first:], *cycle[:first], cycle[first]])
+        ways = 'run.coupling = "jacobi", "iterate" or "delayed" (of an .ssp: --coupling)'
+        say = f"take one out, or say how it is taken: {ways}"
+        raise InputError(f"connections form a cycle: {named}; {say}") from error
+
+
+def paces_of(
+    scenario: Scenario, loaded: Mapping[str, Loaded], wires: Sequence[Wire], groups: Sequence[Group]
+) -> dict[str, Pace]:
+    """How each FMU steps.
+
+    An InputError where a connection between different steps does not say how, or says what cannot be; where FMUs of a
+    cycle that is iterated step differently; for a step that is no multiple of the one which an FMU makes inside.
+    """
+    strides = {name: scenario.stride(name) for name in loaded}
+    for wire in wires:
+        _check_between(wire, strides[wire.source], strides[wire.target])
+    for group in groups if scenario.run.coupling == "iterate" else ():
+        if len({strides[name] for name in group.members}) > 1:
+            raise InputError(f"the cycle {group} is iterated, so its FMUs step together; give them one step_s")
+    # Within a cycle whose connections are delayed nobody waits for anybody.
+    late = [group.members for group in groups if group.cyclic and scenario.run.coupling != "iterate"]
+    prompt = [w for w in wires if not any(w.source in members and w.target in members for members in late)]
+    ahead = {w.source for w in wires if w.between == "interpolate" and strides[w.source] > strides[w.target]}
+    while more := {w.source for w in prompt if w.target in ahead and strides[w.source] == strides[w.target]} - ahead:
+        ahead |= more
+    for wire in prompt:
+        if wire.between == "sum" and wire.target in ahead and strides[wire.source] < strides[wire.target]:
+            said = f"'{wire.source}.{wire.output.name}' -> '{wire.target}.{wire.input.name}'"
+            raise InputError(f"{said}: outputs of '{wire.target}' are interpolated, so it steps before there is a sum")
+    paces = {n: Pace(scenario.fmus[n].step_s or scenario.run.step_s, strides[n], n in ahead) for n in loaded}
+    for name, entry in loaded.items():
+        _check_inside(name, entry, paces[name].length, scenario)
+    return paces
+
+
+def _check_between(wire: Wire, source: int, target: int) -> None:
+    if source == target:
+        return
+    ends = f"'{wire.source}.{wire.output.name}' -> '{wire.target}.{wire.input.name}'"
+    ways = ("hold", "interpolate") if source > target else ("hold", "sum")
+    said = " or ".join(f'"{way}"' for way in ways)
+    if wire.between not in ways:
+        slower = wire.source if source > target else wire.target
+        raise InputError(f"{ends}: '{slower}' steps less often; say between = {said}")
+    if wire.between != "hold" and wire.output.kind != "Real":
+        raise InputError(f'{ends}: between = "{wire.between}" is for numbers of kind Real, not {wire.output.kind}')
+    if max(source, target) % min(source, target):
+        raise InputError(f"{ends}: the longer of their steps must be a whole multiple of the shorter")
+
+
+def _check_inside(name: str, entry: Loaded, step: float, scenario: Scenario) -> None:
+    """Refuse a step that is no multiple of the one which an FMU of FMI 3.0 says that it makes inside."""
+    said = getattr(entry.fmu.description.coSimulation, "fixedInternalStepSize", None)
+    try:
+        inside = 0.0 if said is None else float(said)
+    except ValueError as error:
+        raise InputError(f"{entry.fmu.label}: modelDescription.xml, fixedInternalStepSize: {error}") from error
+    if inside > 0.0 and (round(step / inside) < 1 or abs(step / inside - round(step / inside)) > 1e-9):
+        whom = f"'{name}' ({entry.fmu.label})"
+        key = "run.step_s" if scenario.fmus[name].step_s is None else f"fmus.{name}.step_s"
+        raise InputError(f"{key} = {step!r} is no multiple of the {inside!r} s by which {whom} steps inside")
