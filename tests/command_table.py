@@ -61,13 +61,13 @@ def command(line: str, *inputs: str, slow: bool = False) -> Command:
 
 
 COMMANDS = (
-    command("simulate run.toml --out out --json out.json", "run.toml"),
+    command("simulate run.toml --out out --json out.json --plot out.html", "run.toml"),
     command("calibrate clean.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "clean.csv"),
     command("calibrate clean.csv measured.csv --noise-bound 1e-5 --own * --json out.json", "clean.csv", "measured.csv"),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
-    command("inspect strapdown.csv --json out.json --allan out.svg", "strapdown.csv"),
-    command("attitude strapdown.csv --out out --json out.json", "strapdown.csv"),
+    command("inspect strapdown.csv --json out.json --allan out.svg --plot out.html", "strapdown.csv"),
+    command("attitude strapdown.csv --out out --json out.json --plot out.html", "strapdown.csv"),
     command("fmpy-input strapdown.csv --out out.csv --json out.json", "strapdown.csv"),
     command("hidden out.csv --seed 3 --answer out-answer.json --json out.json"),
     command("hidden --cases 1 --mode clean --positions 12 14 --out out --json out.json"),

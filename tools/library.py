@@ -32,6 +32,7 @@ def simulate(
     in_process: bool = False,
     call_limit: float | None = None,
     effects_from: str | Path | None = None,
+    plot: str | Path | None = None,
     progress: bool = False,
 ) -> "orchestrator.Simulation":
     """Run a scenario: couple its FMUs, record the run, average its rests. An .fmu runs by itself.
@@ -57,6 +58,8 @@ def simulate(
     effects_from : path, optional
         A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
         beside those of the catalogue.
+    plot : path, optional
+        Write what was recorded as lines over time, by unit, to this page, .html or .pdf.
     progress : bool
         Show a bar on standard error, where that is a terminal.
 
@@ -74,7 +77,10 @@ def simulate(
     asked = orchestrator.Asked(start, stop, step, coupling, in_process, call_limit)
     with own_effects.with_effects_of(effects_from), ssp.opened(scenario, asked) as (checked, ignored):
         folder = None if out is None else Path(out)
-        return orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
+        done = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
+    if plot is not None:
+        reports.write_plot_of_run(Path(plot), done)
+    return done
 
 
 def export(

@@ -169,6 +169,12 @@ def report_file(_: object, path: Path | None) -> None:
         document.report_file(path)
 
 
+def plot_file(_: object, path: Path | None) -> None:
+    """Check the name of a page of lines before anything is computed."""
+    if path is not None:
+        document.report_file(path, "--plot")
+
+
 File = Annotated[Path | None, Parameter(validator=ordinary_file)]
 Folder = Annotated[Path | None, Parameter(name="--out", validator=ordinary_folder)]
 JsonFile = Annotated[
@@ -183,6 +189,10 @@ JsonFile = Annotated[
 ReportFile = Annotated[
     Path | None,
     Parameter(name="--report", help="Write a page with pictures to this file, .html or .pdf.", validator=report_file),
+]
+PlotFile = Annotated[
+    Path | None,
+    Parameter(name="--plot", help="Write lines over time, by unit, to this page, .html or .pdf.", validator=plot_file),
 ]
 Number = Annotated[float, Parameter(allow_leading_hyphen=True)]
 
@@ -207,6 +217,7 @@ TYPES: dict[str, Any] = {
     "noise_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
     "out": Folder,
     "own": Annotated[tuple[str, ...], Parameter(name="--own", allow_leading_hyphen=True)],
+    "plot": PlotFile,
     "positions": Whole,
     "priors": Annotated[tuple[str, ...], Parameter(name="--prior", allow_leading_hyphen=True)],
     "reference_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],

@@ -32,6 +32,7 @@ from .answer import (
     Folder,
     JsonFile,
     Number,
+    PlotFile,
     ReportFile,
     answer,
     distinct_files,
@@ -51,8 +52,8 @@ def installed_version() -> str:
 @takes(library.simulate)
 def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
-    distinct_files({"the scenario": scenario, "--json": json})
-    out, own = options.pop("out", None), options.pop("effects_from", None)
+    out, own, plot = (options.pop(name, None) for name in ("out", "effects_from", "plot"))
+    distinct_files({"the scenario": scenario, "--json": json, "--plot": plot})
     asked = orchestrator.Asked(**options)
     with own_effects.with_effects_of(own), ssp.opened(scenario, asked) as (checked, ignored):
         if ignored:
@@ -64,6 +65,8 @@ def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Ans
         print(done.ended, file=sys.stderr)
     if done.no_positions:
         print(f"no position record: {done.no_positions}", file=sys.stderr)
+    if plot is not None:
+        reports.write_plot_of_run(plot, done)
     return answer("\n".join(map(str, done.files)), json, done.to_json())
 
 
@@ -248,7 +251,9 @@ def diagnose(
 
 
 @takes(measured.inspect)
-def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **options: Any) -> Answer:
+def inspect(
+    record: Path, /, *, json: JsonFile = None, allan: File = None, plot: PlotFile = None, **options: Any
+) -> Answer:
     """Example: trihedron inspect mpu9150-0.strapdown.csv --allan allan.svg
 
     Parameters
@@ -256,9 +261,11 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
     allan
         Write the Allan deviation at rest as an SVG picture to this file.
     """
-    distinct_files({"the record": record, "--json": json, "--allan": allan})
+    distinct_files({"the record": record, "--json": json, "--allan": allan, "--plot": plot})
     found = measured.inspect(record, **options)
     with together():
+        if plot is not None:
+            reports.write_plot(plot, record.name, f"{len(found.record)} rows as measured.", found.record.to_polars())
         if allan is not None:
             write_text(allan, reports.allan_picture(found))
         return answer(found, json)
@@ -266,7 +273,14 @@ def inspect(record: Path, /, *, json: JsonFile = None, allan: File = None, **opt
 
 @takes(measured.attitude_of_record)
 def attitude(
-    record: Path, /, *, compare: bool = False, out: Folder = None, json: JsonFile = None, **options: Any
+    record: Path,
+    /,
+    *,
+    compare: bool = False,
+    out: Folder = None,
+    json: JsonFile = None,
+    plot: PlotFile = None,
+    **options: Any,
 ) -> Answer:
     """Example: trihedron attitude broad-03.strapdown.csv --algorithm adaptive-degree --out attitude
 
@@ -275,7 +289,9 @@ def attitude(
     compare
         Run every algorithm and show them side by side.
     """
-    distinct_files({"the record": record, "--json": json})
+    distinct_files({"the record": record, "--json": json, "--plot": plot})
+    if compare and plot is not None:
+        raise InputError("--plot: is of one algorithm; it does not go with --compare")
     source = records.read_record(record, records.StrapdownRecord, channels=options.pop("channels", ()))
     if compare:
         options.pop("algorithm", None)
@@ -288,6 +304,9 @@ def attitude(
     with with_written(run.files):
         if out is not None:
             write_text(out / "attitude.csv", run.to_polars().write_csv())
+        if plot is not None:
+            said = f"{len(run.time_s)} attitudes by {run.algorithm}."
+            reports.write_plot(plot, record.name, said, run.to_polars())
         return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 

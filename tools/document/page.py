@@ -114,8 +114,8 @@ def converter() -> str | None:
     return next((found for name in CONVERTERS if (found := shutil.which(name))), None)
 
 
-def report_file(path: Path) -> None:
-    """Check the name of a report before anything is computed.
+def report_file(path: Path, option: str = "--report") -> None:
+    """Check the name of a page before anything is computed.
 
     Raises
     ------
@@ -124,10 +124,10 @@ def report_file(path: Path) -> None:
     """
     ordinary_file(None, path)
     if path.suffix.lower() not in (".html", ".htm", ".pdf"):
-        raise InputError(f"--report {path}: a page is .html or .pdf; give a name that ends so")
+        raise InputError(f"{option} {path}: a page is .html or .pdf; give a name that ends so")
     if path.suffix.lower() == ".pdf" and converter() is None:
         raise InputError(
-            f"--report {path}: no program here makes PDF (Chromium, Chrome or Edge); give a name in .html and print it"
+            f"{option} {path}: no program here makes PDF (Chromium, Chrome or Edge); give a name in .html and print it"
         )
 
 

@@ -93,13 +93,19 @@ class Simulation(Result):
     averages: PositionRecord | None = Field(default=None, exclude=True, repr=False)
     held: pl.DataFrame | None = Field(default=None, exclude=True, repr=False)
     """The record; None where it is too long for memory and only in the file."""
+    units: dict[str, str] = Field(default={}, exclude=True, repr=False)
+    """Column -> unit of its variable, where that is recorded as it is."""
 
     @cached_property
     def table(self) -> pl.DataFrame:
         """The rows in memory: `time_s` and the recorded columns; row k is the k-th recorded communication point."""
+        return self.rows_of_file().collect()
+
+    def rows_of_file(self) -> pl.LazyFrame:
+        """The same, read as far as it is needed."""
         if self.held is not None:
-            return self.held
-        return (pl.read_csv if self.files[0].suffix == ".csv" else pl.read_parquet)(self.files[0])
+            return self.held.lazy()
+        return (pl.scan_csv if self.files[0].suffix == ".csv" else pl.scan_parquet)(self.files[0])
 
     @property
     def positions(self) -> PositionRecord | None:
@@ -301,6 +307,7 @@ def _recorded(
         scenario=scenario,
         provenance={**provenance, **so_far},
         held=table,
+        units={c.name: c.variable.unit for c in assembly.columns if c.variable.unit and c.factor == 1.0},
     )
 
 

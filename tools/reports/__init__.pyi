@@ -3,6 +3,8 @@ from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite
 from .inspection import distrust as distrust
+from .lines import write_plot as write_plot
+from .lines import write_plot_of_run as write_plot_of_run
 from .makers import MAKERS as MAKERS
 from .makers import document_of as document_of
 from .makers import write_report as write_report

@@ -1,0 +1,61 @@
+"""The page of a table of columns: every number is drawn, in the panel of its unit, as it is."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import polars as pl
+
+import trihedron as th
+from trihedron.tools.reports import write_plot
+from trihedron.tools.reports.lines import lines_page
+from trihedron.tools.reports.pictures.lines import MOST_LINES, TRUTH
+
+TIME = np.linspace(0.0, 9.0, 5001)
+
+
+def table() -> pl.DataFrame:
+    spike = np.zeros(5001)
+    spike[2345] = -7.0
+    columns = {"a_deg": 30.0 * np.sin(TIME), "w_degps": spike, "w1_rad": TIME, "speed_mps": 2.0 * TIME, "n": spike}
+    flags = {"on": TIME > 4.0, "said": ["x"] * 5001}
+    return pl.DataFrame({"time_s": TIME, **columns, **{f"f{k}_mps2": k * TIME for k in range(8)}, **flags})
+
+
+def test_a_panel_for_each_unit_and_every_extreme() -> None:
+    page = lines_page("<run>", "said", table().lazy(), {"speed_mps": "m/s"})
+    titles = [section.title for section in page.sections]
+    assert titles == [
+        "In deg",
+        "In deg/s",
+        "In rad",
+        "In m/s",
+        "Pure numbers",
+        "In m/s²",
+        TRUTH,
+        "Columns",
+        "Not drawn",
+    ]
+    assert page.sections[-2].table is not None
+    rows = {row[0]: [str(cell) for cell in row[1:]] for row in page.sections[-2].table.rows}
+    assert rows["w_degps"] == ["0", "-7", "0", "0"]
+    assert rows["speed_mps"][-1] == "18"
+    assert page.sections[-1].paragraphs[0].startswith("said: texts")
+    pictures = [section.svg or "" for section in page.sections[:-2]]
+    assert {ElementTree.fromstring(picture).get("role") for picture in pictures} == {"img"}
+    # A panel has as many lines as can be told apart; what one point says is not lost among thousands.
+    assert pictures[5].count(">f") == 8 > MOST_LINES
+    assert len(pictures[1]) < 60_000
+
+
+def test_the_page_of_a_run_is_the_same_each_time(tmp_path: Path) -> None:
+    write_plot(tmp_path / "a.html", "<script>", "said", table())
+    write_plot(tmp_path / "b.html", "<script>", "said", table())
+    text = (tmp_path / "a.html").read_text()
+    assert text == (tmp_path / "b.html").read_text()
+    assert "<script>" not in text
+    given = {"run": {"stop_s": 1.0, "step_s": 0.1}, "fmus": {"table": {"component": "TurntableMotion"}}}
+    th.simulate(given, plot=tmp_path / "run.html")
+    text = (tmp_path / "run.html").read_text()
+    assert "table.specific_force[3]" in text
+    assert "In rad/s" in text
