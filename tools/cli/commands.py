@@ -141,14 +141,17 @@ def calibrate(
     if others:
         of_one = {
             "--ssv": ssv,
-            "--report": report,
             **{f"--{name.rstrip('s')}": options.pop(name, ()) for name in OF_ONE},
         }
         if wrong := next((name for name, value in of_one.items() if value not in (None, ())), None):
             raise InputError(f"{wrong}: is of one record; give one")
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
-        return answer(measured.calibrate_together(record, *others, **asked, **options), json)
+        joint = measured.calibrate_together(record, *others, **asked, **options)
+        with together():
+            if report is not None:
+                reports.write_report(report, joint)
+            return answer(joint, json)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     result = measured.calibrate(run, **options)
     with together():

@@ -138,7 +138,7 @@ def diagnosed(
     idle = tuple(dict.fromkeys(finding.not_shown for finding in tried if not finding.acts))
     if not findings:
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
-        return _unexplained(evidence, told, idle)
+        return _unexplained(evidence, told | {"unshown": tried}, idle)
     # What contains a set that stands can always stand, too: it is no rival, and comes behind.
     containing = [one for one in tried if any(one.contains(other) for other in findings)]
     findings = sorted(findings, key=lambda one: one in containing)

@@ -369,6 +369,8 @@ class Diagnosis(Told):
         of the record
     findings : tuple of Finding
         the set that was named, or the sets that remain, the best first, with their models
+    unshown : tuple of Finding
+        where nothing is named: sets with which the record stands, though each size of some effect in them may be zero
     tried : tuple of (str, float)
         single effects and the radius that each leaves, the least first
     """
@@ -424,6 +426,7 @@ class Diagnosis(Told):
 
     evidence: Any = Field(default=None, exclude=True)
     findings: tuple[Any, ...] = Field(default=(), exclude=True)
+    unshown: tuple[Any, ...] = Field(default=(), exclude=True)
     tried: tuple[tuple[str, float], ...] = Field(default=(), exclude=True)
     dependence: Any = Field(default=None, exclude=True)
     beyond: Any = Field(default=None, exclude=True)

@@ -196,7 +196,7 @@ def reason_apart(result: Diagnosis) -> str | None:
     evidence = result.evidence
     if not evidence.names and not evidence.parts:
         return "nothing can be run: " + "; ".join(map(str, result.missing or ()))
-    if result.verdict == "unexplained":
+    if result.verdict == "unexplained" and not result.unshown:
         return f"unexplained by itself: {(result.not_named or ('no set of effects mends it',))[0]}"
     if evidence.read_off:
         return _not_sought(evidence.read_off[0].place.title)
@@ -217,7 +217,7 @@ def _joined(
             return None
         joint, before = join(members, shared, own), len(members)
         for label, known in zip(joint.labels, joint.searched, strict=True):
-            findings = alone[label].findings
+            findings = (*alone[label].findings, *alone[label].unshown)
             if findings and all(_unsought(finding.fit, known) for finding in findings):
                 reasons[label] = _not_sought(findings[0].title)
         if before == sum(reason is None for reason in reasons.values()):

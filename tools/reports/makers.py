@@ -37,7 +37,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Imported": ("makers", "import_lines", None),
     "Inspection": ("inspection", "inspection_lines", None),
     "Installation": ("makers", "installation_lines", None),
-    "JointCalibration": ("several", "joint_calibration_lines", None),
+    "JointCalibration": ("several", "joint_calibration_lines", "joint_calibration_page"),
     "Plans": ("plan", "plan_lines", "plan_page"),
     "PositionPlan": ("plan", "position_lines", None),
     "PublishedCalibration": ("papers", "published_lines", None),

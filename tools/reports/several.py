@@ -7,7 +7,7 @@ from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cross_gain import Applied
 from ..diagnosis.several import JointCause, Repeated, Several
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.notation import Cell, sentence, unit_text
+from ..document.notation import Cell, minus, sentence, unit_text
 from ..instrument import Entries, Entry, Trend
 from ..rounding import digits, downwards, interval, residual, upwards
 from .makers import cited, versions
@@ -213,6 +213,30 @@ def joint_calibration_lines(result: JointCalibration) -> list[str]:
         where = "" if p.record is None else f" in {p.record}"
         said.append(f"{words(p.name)}{where}: {value} {unit_text(p.unit)} ({low} to {high})")
     return said + ([f"still open: {', '.join(result.missing)}"] if result.missing else [])
+
+
+def joint_calibration_page(result: JointCalibration) -> Page:
+    """The page: what is the instrument's, then what is each record's own."""
+    sections = []
+    for record in (None, *result.records):
+        rows: list[list[Cell]] = []
+        for p in (p for p in result.parameters if p.record == record):
+            value, low, high = (None,) * 3 if p.estimate is None else interval(p.estimate, p.low, p.high)
+            rows.append([minus(words(p.name)), value, low, high, unit_text(p.unit)])
+        said = ["Every value inside an interval is possible, none outside."] if record is None and rows else []
+        said += [sentence(f"still open: {', '.join(result.missing)}")] if record is None and result.missing else []
+        head = "The instrument" if record is None else f"{record} alone"
+        table = Table(["parameter", "estimate", "at least", "at most", "unit"], rows) if rows else None
+        sections += [Section(head, said, table=table)] if said or table else []
+    return Page(
+        "An instrument calibrated by several records",
+        sentence(CALIBRATED[result.verdict]),
+        sections,
+        "good" if result.verdict == "consistent" else "attention",
+        {"records": len(result.records), "radius": residual(result.radius)},
+        {**versions(), **dict(zip(result.records, result.sha256, strict=True))},
+        cited("guaranteed", "simplex"),
+    )
 
 
 def entry_lines(result: Entry) -> list[str]:

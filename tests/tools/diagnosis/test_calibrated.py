@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -46,13 +47,17 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
     for name, record in zip("abc", of_one_instrument(17, positions=(6, 6)), strict=True):
         write_record(record, tmp_path / f"{name}.csv")
     out, files = tmp_path / "together.json", [str(tmp_path / f"{name}.csv") for name in "abc"]
-    assert main(["calibrate", *files, "--noise-bound", "1e-5", "--json", str(out)]) == 0
+    page = tmp_path / "together.html"
+    assert main(["calibrate", *files, "--noise-bound", "1e-5", "--json", str(out), "--report", str(page)]) == 0
     said = capsys.readouterr().out
     assert said.startswith("consistent: one value for each parameter of the instrument does for all")
     assert "X16, bias-1 in c: " in said
     again = JointCalibration.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
     assert check(out).summary == ("3 records, consistent",)
+    text = page.read_text(encoding="utf-8")
+    assert all(f"<h2>{head}</h2>" in text for head in ("The instrument", "a alone", "b alone", "c alone"))
+    assert len(re.findall('<td class="words">−?X', text)) == len(again.parameters)
     assert main(["calibrate", *files[:1], "--noise-bound", "1e-5", "--own", "X4"]) == 2
     for wrong, why in (
         (["--target", "X4-X5"], "--target: is of one record; give one"),

@@ -14,6 +14,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import procedure, several
+from trihedron.tools.diagnosis.cause import Finding
 from trihedron.tools.diagnosis.several import Several, labels_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
@@ -180,6 +181,19 @@ def test_a_record_that_nothing_mends_is_left_out_and_said():
     assert result.judged == ("record-1", "record-3")
     assert (result.records[1].left_out or "").startswith("unexplained by itself: ")
     assert result.verdict == "consistent"
+
+
+def test_a_record_that_shows_no_size_of_what_would_mend_it_is_judged_with_the_others(monkeypatch):
+    records = of_one_instrument(5, shared=[(QUADRATIC, (4e-4,))])[:2]
+    with monkeypatch.context() as patch:
+        patch.setattr(Finding, "acts", property(lambda _: False))
+        first = procedure.diagnose(records[0], noise_bound=SIGMA, rerun=False)
+    assert first.verdict == "unexplained"
+    monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
+    second = procedure.diagnose(records[1], noise_bound=SIGMA, rerun=False)
+    result = several.diagnosed_together({"a": first, "b": second})
+    assert result.judged == ("a", "b")
+    assert [(cause.title, cause.of) for cause in result.causes] == [(QUADRATIC.title, "instrument")]
 
 
 def test_where_fewer_than_two_can_be_judged_the_first_line_says_that_and_not_that_nothing_is_wrong():
