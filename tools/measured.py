@@ -175,13 +175,14 @@ def calibrate(
     channels: Sequence[str] = (),
     targets: Sequence[str] = (),
     priors: Sequence[str] = (),
+    bench: "calibrations.Bench | None" = None,
 ) -> "calibrations.Calibration":
     """Calibrate the bench: one possible set of values with its error bounds, exact intervals, verdict.
 
     Parameters
     ----------
     record : path, DataFrame, record or Simulation
-        Position record or raw record, CSV or Parquet.
+        Position record, raw record or bench record, CSV or Parquet.
     noise_bound : float, optional
         σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.
     gravity : float
@@ -201,6 +202,9 @@ def calibrate(
         Another combination, as X4-X5; may be repeated.
     priors : sequence of str
         What is known beforehand: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds; may be repeated.
+    bench : Bench, optional
+        Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are calibrated
+        too.
 
     Raises
     ------
@@ -214,17 +218,10 @@ def calibrate(
     >>> th.calibrate(run, noise_bound=1e-5).verdict
     'consistent'
     """
-    return calibrations.calibrate(
-        records.read_record(record, records.PositionRecord, channels=channels),
-        noise_bound=noise_bound,
-        gravity=gravity,
-        convention=convention,
-        baseline=baseline,
-        bounds=bounds,
-        mounting=mounting,
-        targets=targets,
-        priors=priors,
-    )
+    rests = records.read_record(record, records.PositionRecord, channels=channels)
+    asked = {"noise_bound": noise_bound, "gravity": gravity, "convention": convention, "baseline": baseline}
+    asked |= {"bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
+    return calibrations.calibrate_whole(rests, bench, **asked)
 
 
 def calibrate_together(

@@ -27,6 +27,7 @@ from .estimates import (
 from .exchanged import channels_advice
 from .model import (
     Linearisation,
+    Parametrisation,
     Positions,
     every_position,
     mountings_for,
@@ -117,10 +118,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     p = here.parametrisation
     known_before = asked_priors(asked.priors, p, bounds)
     bounded = with_priors(here, known_before)
-    named: dict[str, Target] = {}
-    for target in (*convention_targets(p, asked.convention), *asked_targets(asked.targets, p)):
-        named.setdefault(target.symbol, target)
-    wanted = list(named.values())
+    wanted = wanted_targets(p, asked)
     resolution = record.written_to(asked.gravity)
     slack = reading_uncertainty(resolution)
     weights = np.vstack([*(target.weights for target in wanted), error_weights(p)])
@@ -193,6 +191,14 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         linearised=here,
         feasible=feasible,
     )
+
+
+def wanted_targets(p: Parametrisation, asked: Asked) -> list[Target]:
+    """The targets of the convention, and others that are asked for."""
+    named: dict[str, Target] = {}
+    for target in (*convention_targets(p, asked.convention), *asked_targets(asked.targets, p)):
+        named.setdefault(target.symbol, target)
+    return list(named.values())
 
 
 def _without_estimate(falsified: bool, unbounded: bool, missing: Sequence[Estimate]) -> str:

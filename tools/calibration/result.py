@@ -111,6 +111,56 @@ class OpenTarget(_Part):
     name: str
 
 
+class Gain(_Part):
+    """What turns add: a target's guaranteed error by the accelerometers alone, and by both."""
+
+    symbol: str
+    accelerometers_alone: Size
+    with_gyros: Size
+
+
+class GyroCalibration(_Part):
+    """The gyros of a bench record, in the accelerometers' axes.
+
+    Attributes
+    ----------
+    pieces : int
+        rests, moves and parts of moves over which the gyros are integrated
+    noise_basis : str
+        what the bounds of the gyros' noise rest on
+    encoder_bound : float
+        of an encoder's error [rad]
+    latitude_deg, azimuth_deg : float
+        where the bench stands, and the outer axis points, from north towards east
+    parameters : list of Estimate
+        biases B, scale factors and misalignments M, sensitivities to specific force S, lag behind the encoders L
+    missing : list of OpenTarget
+        what the turns do not determine
+    gains : list of Gain
+        targets of the bench that are known better by the turns
+    witness : list of Turn
+        the pieces that prove a falsification
+    """
+
+    pieces: Count
+    noise_basis: str
+    encoder_bound: Size = Field(alias="encoder_bound_rad")
+    latitude_deg: Number
+    azimuth_deg: Number
+    parameters: list[Estimate]
+    missing: list[OpenTarget]
+    gains: list[Gain]
+    witness: list["Turn"]
+
+
+class Turn(_Part):
+    """A piece that proves something: its gyro, from 1, and when it begins and ends [s]."""
+
+    gyro: Accelerometer
+    from_s: Number
+    to_s: Number
+
+
 class KnownBefore(_Part):
     """A prior, |expression| ≤ limit."""
 
@@ -165,6 +215,8 @@ class Calibration(_Part):
     units : dict
         of the numbers here
     priors : list of KnownBefore
+    gyros : GyroCalibration or None
+        of a bench record, where it was asked for; then all numbers here are of readings and turns together
     reading_errors : list of ReadingError
         what the readings may be off by at the corners of the input
     provenance : Provenance or None
@@ -196,6 +248,7 @@ class Calibration(_Part):
     parameters: Annotated[list[Estimate], Field(min_length=1)]
     units: dict[str, str] = UNITS_OF_RESULT
     priors: list[KnownBefore] = Field(default=[])
+    gyros: GyroCalibration | None = None
     reading_errors: list[ReadingError] = Field(default=[])
     provenance: Provenance | None = None
     missing: list[OpenTarget] = Field(default=[])
@@ -218,7 +271,7 @@ class Calibration(_Part):
     @model_serializer(mode="wrap")
     def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         content = handler(self)
-        absent = {"provenance"} if self.provenance is None else set()
+        absent = {name for name in ("provenance", "gyros") if getattr(self, name) is None}
         if self.verdict != "insufficient":
             absent |= {"missing", "next_positions"}
         return {key: value for key, value in content.items() if key not in absent}

@@ -230,8 +230,8 @@ TYPES: dict[str, Any] = {
     "targets": Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)],
 }
 """How options of the library are typed at a terminal, where that is not how Python has them."""
-NOT_TYPED = ("progress", "gyro_bias")
-"""What a terminal does not give: a command shows its progress, and a terminal has no arrays."""
+NOT_TYPED = ("progress", "gyro_bias", "bench")
+"""What a terminal does not give: a command shows its progress, and a terminal has no arrays and no values."""
 
 
 def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:

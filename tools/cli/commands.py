@@ -39,6 +39,8 @@ from .answer import (
     takes,
 )
 
+Typed = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
+"""A number that need not be given."""
 OF_ONE = ("targets", "priors")
 """Options of a calibration of one record."""
 reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
@@ -119,6 +121,11 @@ def calibrate(
     record: Path,
     /,
     *others: Path,
+    latitude_deg: Typed = None,
+    azimuth_deg: Typed = None,
+    gyro_noise: Typed = None,
+    encoder_bound: Typed = None,
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
     json: JsonFile = None,
     ssv: File = None,
     report: ReportFile = None,
@@ -126,12 +133,24 @@ def calibrate(
 ) -> Answer:
     """Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
 
+    Example: trihedron calibrate bench.csv --noise-bound 1e-5 --latitude-deg 55.75 --azimuth-deg 20 --json imu.json
+
     Example: trihedron calibrate monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json together.json
 
     Parameters
     ----------
     others
         Further records of the same instrument: one programme for all.
+    latitude_deg
+        Of a bench record: where it was measured. With --azimuth-deg its gyros are calibrated too.
+    azimuth_deg
+        Of a bench record: azimuth of the outer axis, from north towards east.
+    gyro_noise
+        Bound of the mean of a gyro's noise over one second [rad/s]; over T it falls as 1/√T. By default the rests tell.
+    encoder_bound
+        Bound of an encoder's error [rad]; by default σ, of which it is a part.
+    rates
+        What a rate in a bench record means.
     ssv
         Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
     """
@@ -140,6 +159,11 @@ def calibrate(
     asked = _of_several(options, several=bool(others))
     if others:
         of_one = {
+            "--latitude-deg": latitude_deg,
+            "--azimuth-deg": azimuth_deg,
+            "--gyro-noise": gyro_noise,
+            "--encoder-bound": encoder_bound,
+            "--rates": None if rates == "instantaneous" else rates,
             "--ssv": ssv,
             **{f"--{name.rstrip('s')}": options.pop(name, ()) for name in OF_ONE},
         }
@@ -153,7 +177,9 @@ def calibrate(
                 reports.write_report(report, joint)
             return answer(joint, json)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
-    result = measured.calibrate(run, **options)
+    place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
+    bench = calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
+    result = measured.calibrate(run, bench=bench, **options)
     with together():
         if report is not None:
             reports.write_report(report, result, run)

@@ -1,3 +1,4 @@
+from .kinds import BenchRecord as BenchRecord
 from .kinds import PositionRecord as PositionRecord
 from .kinds import RawRecord as RawRecord
 from .kinds import StrapdownRecord as StrapdownRecord

@@ -61,13 +61,16 @@ POSITION = Kind(
     "position record", ("position", "time_s", *ANGLES, *FORCE), (TEMPERATURE, *APPROACH, MOUNTING), most_rows=100_000
 )
 RAW = Kind("raw record", ("time_s", *ANGLES, *FORCE), (TEMPERATURE,))
+BENCH_RATES = Kind("bench record", ("time_s", *ANGLES, *RATE, *FORCE), (TEMPERATURE,))
+BENCH_INCREMENTS = Kind("bench record", ("time_s", *ANGLES, *INCREMENT, *FORCE), (TEMPERATURE,))
+BENCH = (BENCH_RATES, BENCH_INCREMENTS)
 STRAPDOWN_RATES = Kind("strapdown record", ("time_s", *RATE, *FORCE), (*QUATERNION, TEMPERATURE))
 STRAPDOWN_INCREMENTS = Kind("strapdown record", ("time_s", *INCREMENT, *FORCE), (*QUATERNION, TEMPERATURE))
-KINDS = (POSITION, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
-"""Every kind, the most special first: the first whose required columns are all there is the record's."""
+STRAPDOWN_KINDS = (POSITION, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
+"""For a reader that wants gyros, and no angles of a table: the first whose required columns are all there."""
 
-TABLE_KINDS = (POSITION, RAW, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS)
-"""The same for a reader that wants a table's angles where they are given."""
+KINDS = (POSITION, *BENCH, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
+"""Every kind, the most special first: the first whose required columns are all there is the record's."""
 
 
 class RecordError(InputError):
@@ -148,7 +151,7 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
         raise RecordError(path, row, None, _what_is_missing(names, POSITION))
     if kind is None:
         raise RecordError(path, row, None, _what_is_missing(names, min(kinds, key=lambda k: _distance(names, k))))
-    if {*RATE, *INCREMENT} <= set(names) and kind in (STRAPDOWN_RATES, STRAPDOWN_INCREMENTS):
+    if {*RATE, *INCREMENT} <= set(names) and kind in (STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, *BENCH):
         what = "rates (w1_radps..) and increments (dtheta1_rad..) are both there; keep one of them"
         raise RecordError(path, row, None, what)
     missing = [name for name in QUATERNION if name not in names]

@@ -242,6 +242,36 @@ class RawRecord(_Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class BenchRecord(RawRecord):
+    """A raw record with the gyros beside; exactly one of `rate` and `increment` is given.
+
+    Attributes
+    ----------
+    rate, increment : ndarray, shape (N, 3), or None
+        as in StrapdownRecord
+    others
+        as in RawRecord
+    """
+
+    word = "bench record"
+    groups: ClassVar = {**RawRecord.groups, "rate": RATE, "increment": INCREMENT}
+
+    rate: np.ndarray | None = None
+    increment: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if (self.rate is None) == (self.increment is None):
+            raise ValueError("a bench record has either rates or increments")
+        super().__post_init__()
+
+    @property
+    def gyros(self) -> "StrapdownRecord":
+        """What gyros and accelerometers read, without the angles."""
+        shared = {of.name: getattr(self, of.name) for of in fields(StrapdownRecord) if hasattr(self, of.name)}
+        return StrapdownRecord(**shared)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class PositionRecord(_Record):
     """One averaged row for each rest of the table.
 

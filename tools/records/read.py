@@ -26,13 +26,14 @@ from ..progress import tracked
 from .channels import Channels
 from .columns import (
     ANGLES,
+    BENCH,
     FORCE,
     KINDS,
     MOUNTING,
     POSITION,
     QUATERNION,
     RAW,
-    TABLE_KINDS,
+    STRAPDOWN_KINDS,
     TEMPERATURE,
     Columns,
     Kind,
@@ -46,7 +47,7 @@ from .columns import (
     warnings,
 )
 from .comments import comments_of
-from .kinds import PositionRecord, RawRecord, StrapdownRecord
+from .kinds import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
 
 LARGE = 30_000_000
@@ -98,7 +99,7 @@ def read_record(source: Source, *wanted: Any, channels: Sequence[str] = ()) -> A
         the kind of record is recognised by its columns, the kind of file by its first bytes
     wanted : PositionRecord, StrapdownRecord
         which kinds will do; without any, every kind does. Where a PositionRecord does, what has the angles of a table
-        is a record of the table, gyros or not, and a raw record is averaged over its rests
+        is a record of the table, gyros or not, and a raw record, or that of a bench, is averaged over its rests
     channels : sequence of str
         order, signs, senses and units of its channels, as of `Channels.given`; as it stands where nothing is said
 
@@ -114,7 +115,7 @@ def read_record(source: Source, *wanted: Any, channels: Sequence[str] = ()) -> A
     elif isinstance(source, Recorded):
         found = source.position_record()
     else:
-        found = _parsed(source, TABLE_KINDS if table else KINDS)
+        found = _parsed(source, STRAPDOWN_KINDS if wanted and not table else KINDS)
     if channels:
         found = found.read_with(Channels.given(channels))
     if table and isinstance(found, RawRecord):
@@ -190,7 +191,8 @@ def _with_import(error: RecordError, path: Path, data: bytes) -> RecordError:
 
 def record_of(columns: Columns) -> Record:
     """The values of columns that have no faults."""
-    kind = {POSITION: PositionRecord, RAW: RawRecord}.get(columns.layout.kind, StrapdownRecord)
+    known = {POSITION: PositionRecord, RAW: RawRecord, **dict.fromkeys(BENCH, BenchRecord)}
+    kind = known.get(columns.layout.kind, StrapdownRecord)
     values: dict[str, Any] = {"path": columns.path, "row": columns.row, "about": columns.comments.about}
     for name, own in kind.groups.items():
         if own[0] not in columns.layout.present:

@@ -277,6 +277,11 @@ BIAS = ("X16", "X17", "X18")
 
 
 PHYSICAL_WORDS = (
+    (r"gyro-bias-(\d)", r"bias of gyro \1"),
+    (r"gyro-scale-misalignment-(\d)\1", r"scale factor of gyro \1"),
+    (r"gyro-scale-misalignment-(\d)(\d)", r"misalignment of gyro \1 towards axis \2"),
+    (r"gyro-g-sensitivity-(\d)(\d)", r"sensitivity of gyro \1 to specific force along axis \2"),
+    (r"gyro-lag", "lag of the gyros behind the encoders"),
     (r"scale-factor-error-plus-(\d)", r"scale factor of accelerometer \1 for positive input"),
     (r"scale-factor-error-minus-(\d)", r"scale factor of accelerometer \1 for negative input"),
     (r"scale-factor-asymmetry-(\d)", r"scale-factor asymmetry of accelerometer \1"),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..calibration import Calibration
 from ..calibration.correction import ARCSEC, Application, Correction, Levelling, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
-from ..calibration.result import Estimate
+from ..calibration.result import Estimate, GyroCalibration
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import (
     Bar,
@@ -40,6 +40,7 @@ def page(result: Calibration, record: PositionRecord) -> Page:
         residual_section(result, record.position),
         target_section(result),
         beside_section(result),
+        gyro_section(result),
         bench.proof_section(result, record.position),
         bench.next_section(result.linearised, result.next_positions),
         levelling_section(result),
@@ -318,24 +319,75 @@ def lines(result: Calibration) -> list[str]:
         f"({result.noise_bound_basis}), radius {residual(result.radius)}",
         *estimator_lines(result),
         *beside_words(result),
-        *([] if result.verdict == "falsified" else target_lines(result)),
+        *([] if result.verdict == "falsified" else target_lines(result.parameters)),
         *beside_lines(result),
+        *gyro_lines(result),
     ]
     said += [*levelling_lines(result), *bench.proof_lines(result), *bench.missing_lines(result)]
     said += [f"measure next: {bench.position_text(position)}" for position in result.next_positions]
     return said + [f"warning: {warning}" for warning in result.warnings]
 
 
-def target_lines(result: Calibration) -> list[str]:
+def target_lines(estimates: Sequence[Estimate]) -> list[str]:
     """Each target with its estimate and interval."""
     said = ["", f"{'target':<12} {'name':<34} {'estimate':>13} {'to within':>11} {'low':>13} {'high':>13}  unit"]
-    for e in result.parameters:
+    for e in estimates:
         estimate, low, high, *_ = numbers_of(e)
         if e.estimate is None:
             estimate = "none" if e.a_priori is not None else "not determined"
         text = f"{e.symbol:<12} {e.name:<34} {estimate:>13} {upwards(e.error_bound):>11} {low:>13} {high:>13}"
         said.append(f"{text}  {unit_of(e.unit)}".rstrip() if low else text.rstrip())
     return said
+
+
+def gyro_words(gyros: GyroCalibration) -> list[str]:
+    """What the gyros' calibration rests on, and what their turns say of the bench."""
+    said = [
+        f"gyros: {gyros.pieces} rests, moves and parts of moves; their noise {_basis(gyros)}; encoders within "
+        f"{upwards(gyros.encoder_bound)} rad; latitude {exactly(gyros.latitude_deg)}°, outer axis at azimuth "
+        f"{exactly(gyros.azimuth_deg)}°"
+    ]
+    said += [
+        f"the turns make {gain.symbol} better known: guaranteed within {upwards(gain.with_gyros)}, by the "
+        f"accelerometers alone {upwards(gain.accelerometers_alone)}"
+        for gain in gyros.gains
+    ]
+    if gyros.missing:
+        named = ", ".join(f"{bench.physical_words(gap.name)} ({gap.symbol})" for gap in gyros.missing)
+        said.append(
+            f"the turns do not determine: {named}; turn the table by whole turns about both axes, the outer one at "
+            "several inner angles, steadily for some seconds"
+        )
+    if gyros.witness:
+        turns = [f"gyro {t.gyro} from {digits(t.from_s, 7)} s to {digits(t.to_s, 7)} s" for t in gyros.witness]
+        said.append(f"what contradicts the model: {few(turns)}")
+    return said
+
+
+def _basis(gyros: GyroCalibration) -> str:
+    return "as given" if gyros.noise_basis == "given" else f"by the {gyros.noise_basis}"
+
+
+def gyro_lines(result: Calibration) -> list[str]:
+    """The gyros of a bench record."""
+    if result.gyros is None:
+        return []
+    known = [] if result.verdict == "falsified" else target_lines(result.gyros.parameters)
+    return [*gyro_words(result.gyros), *known, ""]
+
+
+def gyro_section(result: Calibration) -> Section | None:
+    """The gyros of a bench record: bias, matrix, sensitivity, lag, with their intervals."""
+    if result.gyros is None:
+        return None
+    rows: list[list[Cell]] = []
+    for e in result.gyros.parameters:
+        estimate, low, high, _, squares = numbers_of(e)
+        row: list[Cell] = [e.symbol, bench.physical_words(e.name), estimate, upwards(e.error_bound), low, high]
+        rows.append([*row, upwards(e.guaranteed_error), squares, unit_text(e.unit)])
+    header = ["target", "meaning", "estimate", "to within", "low", "high", "guaranteed error", "least squares", "unit"]
+    words = [sentence(line) for line in gyro_words(result.gyros)]
+    return Section("The gyros, in the accelerometers' axes", words, table=Table(header, rows).told())
 
 
 def beside_lines(result: Calibration) -> list[str]:

@@ -1,0 +1,134 @@
+"""The bench in motion: what the gyros of a block on a two-axis turntable integrate between two moments, exactly.
+
+    ∫ reading dt = (I + Γ) γ + b T + S φ,    γ = ∫ ω dt,  φ = ∫ (specific force / g) dt,  both in block axes
+
+The frames are those of `trihedron.models.bench`. In the axes of the inner frame the block turns with
+
+    ω = R₃(β) R₂(ε) e₁ α' + e₃ β' + R₃(β) R₂(ε) R₁(α − X2) R₂(κ) Ω,
+
+Ω Earth's rotation in axes of the base; the vertical goes the same way as Ω. Nothing but the angles depends on time, so
+a few integrals over a piece of motion, its `MOMENTS`, give γ and φ for any parameters: no attitude is integrated, and
+what is not known enters as one linear system. The angles are the encoders' readings; Δβ stands in the mounting
+(X13, −X12, X8), as in the readings at rest. Readings that lag by τ are those of moments that lie τ earlier.
+
+The block is taken to sit where the axes cross, so that its specific force is gravity's also in motion.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .bench import small_turn
+from .turntable import EARTH_RATE
+
+GYRO_PARAMETERS = (
+    *(f"B{p}" for p in (1, 2, 3)),
+    *(f"M{p}{q}" for p in (1, 2, 3) for q in (1, 2, 3)),
+    *(f"S{p}{q}" for p in (1, 2, 3) for q in (1, 2, 3)),
+    "L",
+)
+"""Biases b [rad/s], scale factors and misalignments Γ, sensitivities S to specific force [rad/s per g], lag τ [s]."""
+
+MOMENTS = (
+    *("turn_1_cos", "turn_1_sin", "turn_1", "turn_3"),
+    *(f"{a}_{b}" for a in ("one", "cos", "sin") for b in ("one", "cos", "sin")),
+)
+"""Integrals over a piece: cos β, sin β and 1 over dα; 1 over dβ; products of 1, cos, sin of α and of β over time."""
+
+BIAS, MATRIX, SENSITIVITY, LAG = slice(0, 3), slice(3, 12), slice(12, 21), 21
+_KAPPA, _ALPHA, _EPSILON, _TURN = 0, 1, 2, slice(14, 11, -1)
+
+
+def earth_in_base(latitude: float, azimuth: float) -> NDArray[np.float64]:
+    """Earth's rotation (3,) [rad/s] in axes of the base: 1 along the outer axis, 3 up.
+
+    `latitude` [rad] and `azimuth` [rad] of the outer axis, from north towards east.
+    """
+    level, up = EARTH_RATE * math.cos(latitude), EARTH_RATE * math.sin(latitude)
+    return np.array([level * math.cos(azimuth), level * math.sin(azimuth), up])
+
+
+def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> NDArray[np.float64]:
+    """The moments (N, 13) from the first row up to each, from angles (N,) [rad] without jumps, at times (N,) [s].
+
+    Between two rows both axes turn at constant rates: then the integrals over dα are exact.
+    """
+    step, turn, swing = np.diff(time), np.diff(alpha), np.diff(beta)
+    middle, shrunk = 0.5 * (beta[1:] + beta[:-1]), np.sinc(0.5 * swing / np.pi)
+    products = [a * b for a in _harmonics(alpha) for b in _harmonics(beta)]
+    pieces = [turn * np.cos(middle) * shrunk, turn * np.sin(middle) * shrunk, turn, swing]
+    pieces += [0.5 * (values[1:] + values[:-1]) * step for values in products]
+    sums = np.zeros((len(time), len(MOMENTS)))
+    np.cumsum(np.stack(pieces, axis=1), axis=0, out=sums[1:])
+    return sums
+
+
+def _harmonics(angle: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    return np.ones_like(angle), np.cos(angle), np.sin(angle)
+
+
+def integrated_readings(
+    targets: ArrayLike,
+    gyros: ArrayLike,
+    moments: NDArray,
+    slopes: NDArray,
+    mounting: ArrayLike,
+    earth: ArrayLike,
+) -> NDArray:
+    """The integrals (S, 3) [rad] of the gyros' readings over pieces; complex parameters give derivatives.
+
+    Parameters
+    ----------
+    targets : (18,) array
+        in the order of `trihedron.models.bench.TARGETS`
+    gyros : (22,) array
+        in the order of `GYRO_PARAMETERS`
+    moments, slopes : (S, 13) array
+        of the pieces, and how fast they change as a piece moves on in time [1/s]
+    mounting : (3, 3) array
+        Q
+    earth : (3,) array
+        `earth_in_base`
+    """
+    x, g = np.asarray(targets), np.asarray(gyros)
+    moments = moments - g[LAG] * slopes
+    block = small_turn(x[_TURN]) @ np.asarray(mounting)
+    lean = np.cos(x[_EPSILON]), np.sin(x[_EPSILON])
+    own = [lean[0] * moments[:, 0], -lean[0] * moments[:, 1], lean[1] * moments[:, 2] + moments[:, 3]]
+    turned = (np.stack(own, axis=-1) + _carried(x, moments, np.asarray(earth))) @ block.T
+    vertical = _carried(x, moments, np.array([0.0, 0.0, 1.0])) @ block.T
+    time = moments[:, 4:5]
+    matrix, sensitivity = np.eye(3) + g[MATRIX].reshape(3, 3), g[SENSITIVITY].reshape(3, 3)
+    return turned @ matrix.T + g[BIAS] * time + vertical @ sensitivity.T
+
+
+def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
+    """Integral (S, 3), in axes of the inner frame, of a vector (3,) that stays in the base."""
+    products = moments[:, 4:].reshape(-1, 3, 3)
+    cos_shift, sin_shift = np.cos(x[_ALPHA]), np.sin(x[_ALPHA])
+    one, cos_a = products[:, 0], cos_shift * products[:, 1] + sin_shift * products[:, 2]
+    sin_a = cos_shift * products[:, 2] - sin_shift * products[:, 1]
+    cos_k, sin_k, cos_e, sin_e = (f(x[i]) for i in (_KAPPA, _EPSILON) for f in (np.cos, np.sin))
+    first, third = vector[0] * cos_k - vector[2] * sin_k, vector[0] * sin_k + vector[2] * cos_k
+    across, up = vector[1] * cos_a + third * sin_a, third * cos_a - vector[1] * sin_a
+    along, inner = first * cos_e * one - sin_e * up, first * sin_e * one + cos_e * up
+    return np.stack([along[:, 1] + across[:, 2], across[:, 1] - along[:, 2], inner[:, 0]], axis=-1)
+
+
+def integrated_jacobian(
+    arguments: Sequence[ArrayLike], rest: tuple[NDArray, NDArray, NDArray, NDArray]
+) -> NDArray[np.float64]:
+    """Derivatives (S, 3, 40) of `integrated_readings` by the 18 targets and the gyros' parameters (complex step).
+
+    `arguments` are targets and gyros, `rest` what follows them.
+    """
+    x, g = (np.asarray(values, dtype=float) for values in arguments)
+    at, step = np.concatenate([x, g]), 1e-30
+    columns = []
+    for k in range(len(at)):
+        moved = at.astype(complex)
+        moved[k] += 1j * step
+        columns.append(np.imag(integrated_readings(moved[: len(x)], moved[len(x) :], *rest)) / step)
+    return np.stack(columns, axis=-1)

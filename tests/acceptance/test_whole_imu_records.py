@@ -1,0 +1,41 @@
+"""Two hundred bench records: every true parameter inside its interval, what both determine never known worse."""
+
+import numpy as np
+import pytest
+
+from benches_in_motion import AZIMUTH, LATITUDE, Errors, Truth, bench_record
+from trihedron.tools.calibration import Bench, calibrate, calibrate_whole
+from trihedron.tools.records.rests import position_record_of
+
+pytestmark = pytest.mark.acceptance
+RECORDS = 200
+SIGMA = 1.2e-5
+
+
+def test_every_parameter_of_two_hundred_benches_is_inside_its_interval():
+    place = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
+    outside, wider, gained = [], [], 0
+    for seed in range(RECORDS):
+        truth = Truth.drawn(np.random.default_rng([22, seed]))
+        rests = position_record_of(bench_record(truth, errors=Errors(rate=5e-5, encoder=2e-6, seed=seed)))
+        alone = calibrate(rests, noise_bound=SIGMA)
+        both = calibrate_whole(rests, place, noise_bound=SIGMA)
+        assert both.verdict == "consistent", seed
+        assert both.gyros is not None
+        estimates = [*both.parameters, *both.gyros.parameters]
+        for e, x in zip(estimates, [*truth.targets, *truth.gyros], strict=True):
+            assert e.low is not None
+            assert e.high is not None
+            if not e.low <= x <= e.high:
+                outside.append((seed, e.symbol))
+        for e, before in zip(both.parameters, alone.parameters, strict=True):
+            assert e.low is not None
+            assert e.high is not None
+            assert before.low is not None
+            assert before.high is not None
+            if e.low < before.low or e.high > before.high:
+                wider.append((seed, e.symbol))
+        gained += "X3" in {gain.symbol for gain in both.gyros.gains}
+    assert outside == []
+    assert wider == []
+    assert gained == RECORDS

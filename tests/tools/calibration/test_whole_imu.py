@@ -1,0 +1,216 @@
+"""The whole IMU from a bench record: records by a generator of its own, whose truth is known."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, bench_record
+from scenario_runs import SCENARIOS
+from trihedron.models.bench import TARGETS
+from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings
+from trihedron.tools.bounded.programmes import Polytope
+from trihedron.tools.calibration import Bench, Calibration, calibrate, calibrate_whole
+from trihedron.tools.calibration.result import GyroCalibration
+from trihedron.tools.calibration.turns import Turns, turns_of, with_turns
+from trihedron.tools.cli import main
+from trihedron.tools.demo import inside_intervals, true_targets
+from trihedron.tools.errors import InputError
+from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
+from trihedron.tools.records.rests import position_record_of
+from trihedron.tools.reports.calibration import gyro_section
+
+SIGMA = 1.2e-5
+PLACE = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
+ERRORS = Errors(rate=5e-5, encoder=2e-6)
+
+
+def told(record: BenchRecord, bench: Bench = PLACE) -> Calibration:
+    return calibrate_whole(position_record_of(record), bench, noise_bound=SIGMA)
+
+
+def gyros_of(result: Calibration) -> GyroCalibration:
+    assert result.gyros is not None
+    return result.gyros
+
+
+def outside(result: Calibration, truth: Truth) -> list[str]:
+    """Symbols whose interval does not hold the truth."""
+    known = zip([*result.parameters, *gyros_of(result).parameters], [*truth.targets, *truth.gyros], strict=True)
+    return [e.symbol for e, x in known if e.low is None or e.high is None or not e.low <= x <= e.high]
+
+
+def turns(record: BenchRecord, bench: Bench = PLACE) -> Turns:
+    earth = earth_in_base(np.radians(bench.latitude_deg), np.radians(bench.azimuth_deg))
+    return turns_of(position_record_of(record), mounting=np.eye(3), earth=earth, encoder_bound=2e-6, noise_bound=1e-5)
+
+
+@pytest.fixture(scope="module")
+def truth() -> Truth:
+    return Truth.drawn(np.random.default_rng(5))
+
+
+@pytest.fixture(scope="module")
+def record(truth) -> BenchRecord:
+    return bench_record(truth, errors=ERRORS)
+
+
+@pytest.fixture(scope="module")
+def result(record) -> Calibration:
+    return told(record)
+
+
+def test_the_model_gives_what_an_exact_bench_integrates(truth):
+    """Without errors of readings nothing is left but what sampling leaves of moves of both axes at once."""
+    exact = bench_record(truth, errors=Errors(force=0.0, rate=0.0))
+    left = turns(exact).residual(np.array(truth.targets), np.array(truth.gyros))
+    assert np.abs(left).max() < 2e-6
+    off = np.array(truth.gyros)
+    off[3] += 1e-5
+    assert np.abs(turns(exact).residual(np.array(truth.targets), off)).max() > 1e-4
+
+
+def test_derivatives_are_those_of_the_model(record, truth):
+    own = turns(record)
+    x, g = np.array(truth.targets), np.array(truth.gyros)
+    rest = own.moments, own.slopes, own.mounting, own.earth
+    jacobian = integrated_jacobian((x, g), rest)
+    at = np.concatenate([x, g])
+    for k in range(len(at)):
+        moved = at + 1e-6 * np.eye(len(at))[k], at - 1e-6 * np.eye(len(at))[k]
+        pair = [integrated_readings(m[: len(TARGETS)], m[len(TARGETS) :], *rest) for m in moved]
+        assert np.allclose((pair[0] - pair[1]) / 2e-6, jacobian[..., k], atol=2e-6 * max(1.0, np.abs(jacobian).max()))
+
+
+def test_every_interval_holds_the_truth(result, truth):
+    assert result.verdict == "consistent"
+    assert outside(result, truth) == []
+    assert gyros_of(result).missing == []
+
+
+def test_what_both_determine_is_never_known_worse_and_the_leaning_of_the_axes_better(result, record):
+    alone = calibrate(position_record_of(record), noise_bound=SIGMA)
+    for both, before in zip(result.parameters, alone.parameters, strict=True):
+        assert both.low >= before.low
+        assert both.high <= before.high
+        assert both.guaranteed_error <= before.guaranteed_error
+    lean = next(gain for gain in gyros_of(result).gains if gain.symbol == "X3")
+    assert lean.with_gyros < 0.75 * lean.accelerometers_alone
+
+
+def test_a_truth_as_far_as_the_guaranteed_error_gives_records_within_the_bounds(record):
+    """Each a-priori error is attained: two benches so far apart, whose readings differ by the bounds at most."""
+    rests = position_record_of(record)
+    here = with_turns(calibrate(rests, noise_bound=SIGMA).linearised, turns(record), "record")
+    polytope = Polytope(here.jacobian, here.bound)
+    polytope.confine(-here.bound, here.bound)
+    for symbol in ("X3", "X14", "M11", "M32", "B2", "S23", "L"):
+        weights = (np.array(here.symbols) == symbol).astype(float)
+        error, away, duals = polytope.maximise(weights)
+        assert weights @ away == pytest.approx(error, rel=1e-6)
+        assert np.abs(duals) @ here.bound == pytest.approx(error, rel=1e-6)
+        apart = np.abs(here.residual_at(here.point + away) - here.residual_at(here.point)) / here.bound
+        # The model is linear but for products of such small steps.
+        assert apart.max() == pytest.approx(1.0, abs=1e-4)
+
+
+def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(record, truth):
+    """A gyro that reads a turn one way by 3e-4 more than the other way has no one scale factor."""
+    more = np.where(record.increment > 0.0, 1.0 + 3e-4, 1.0)
+    found = told(replace(record, increment=record.increment * more))
+    assert found.verdict == "falsified"
+    assert gyros_of(found).witness
+    assert all(e.estimate is None for e in gyros_of(found).parameters)
+    assert {t.gyro for t in gyros_of(found).witness} <= {1, 2, 3}
+
+
+def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(truth):
+    """At one inner angle gyros see one axis only: M is open, and the accelerometers' verdict stands."""
+    still = replace(PROGRAMME, positions=tuple((45.0 * k, 25.0) for k in range(12)))
+    found = told(bench_record(truth, still, ERRORS))
+    assert "M11" in {gap.symbol for gap in gyros_of(found).missing}
+    known = {e.symbol: e for e in gyros_of(found).parameters}
+    assert known["M11"].low is None
+
+
+def test_rates_say_what_increments_say(record, result):
+    period = float(np.median(np.diff(record.time_s)))
+    rates = replace(record, rate=record.increment / period, increment=None)
+    found = told(rates, replace(PLACE, rates="averaged"))
+    for one, other in zip(gyros_of(found).parameters, gyros_of(result).parameters, strict=True):
+        assert one.guaranteed_error is not None
+        assert one.low == pytest.approx(other.low, abs=0.02 * one.guaranteed_error)
+
+
+def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
+    """Table, both blocks and attitude computer as FMUs, with shorter rests and a longer step than as shipped."""
+    text = (SCENARIOS / "imu-calibration.toml").read_text(encoding="utf-8")
+    short = text.replace("dwell_s = 62.0", "dwell_s = 4.0").replace("step_s = 0.005", "step_s = 0.02")
+    (tmp_path / "short.toml").write_text(short, encoding="utf-8")
+    shutil.copy(SCENARIOS / "imu-calibration-positions.csv", tmp_path)
+    run = th.simulate(tmp_path / "short.toml", out=tmp_path / "run")
+    scenario = read_scenario(tmp_path / "short.toml")
+    table, gyros = scenario.fmus["table"].parameters, scenario.fmus["gyros"].parameters
+    place = np.degrees([table["latitude"], table["azimuth"]]).tolist()
+    bench = Bench(*place, encoder_bound=table["encoder_fluctuation_bound"])
+    found = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
+    assert found.verdict == "consistent"
+    assert inside_intervals(found, true_targets(scenario)) == 18
+    true = [*gyros["bias"], *gyros["scale_misalignment"], *[0.0] * 10]
+    for e, value in zip(gyros_of(found).parameters, true, strict=True):
+        assert e.low is not None
+        assert e.high is not None
+        assert e.low <= value <= e.high, e.symbol
+    assert {gain.symbol for gain in gyros_of(found).gains} >= {"X3"}
+
+
+def test_exchanged_gyros_are_refused_with_the_option(record):
+    with pytest.raises(InputError, match=r"gyro \d does not follow the table.*--channels"):
+        told(replace(record, increment=record.increment[:, [1, 0, 2]]))
+
+
+def test_a_bench_record_is_known_by_its_columns(record, tmp_path):
+    first = slice(0, 3000)
+    part = BenchRecord(
+        *(values[first] for values in (record.time_s, record.alpha, record.beta, record.specific_force)),
+        increment=record.increment[first],
+    )
+    write_record(part, tmp_path / "bench.csv")
+    again = read_record(tmp_path / "bench.csv")
+    assert isinstance(again, BenchRecord)
+    assert again.word == "bench record"
+    assert again.increment is not None
+    assert np.array_equal(again.increment, record.increment[first])
+    assert np.allclose(again.alpha, part.alpha, rtol=0.0, atol=1e-14)
+    strapdown = read_record(tmp_path / "bench.csv", StrapdownRecord)
+    assert strapdown.increment is not None
+    assert np.array_equal(strapdown.increment, record.increment[first])
+    averaged = read_record(tmp_path / "bench.csv", PositionRecord)
+    assert isinstance(averaged.raw, BenchRecord)
+    table = again.to_polars().with_columns(w1_radps=0.0, w2_radps=0.0, w3_radps=0.0)
+    with pytest.raises(InputError, match="keep one of them"):
+        read_record(table)
+
+
+def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_record(record, tmp_path / "bench.csv")
+    alone = ["calibrate", "bench.csv", "--noise-bound", str(SIGMA)]
+    assert main([*alone, "--gyro-noise", "1e-5"]) == 2
+    assert "--gyro-noise: gyros are calibrated where --latitude-deg and" in capsys.readouterr().err
+    place = ["--latitude-deg", str(PLACE.latitude_deg), "--azimuth-deg", str(PLACE.azimuth_deg)]
+    assert main([*alone, *place, "--encoder-bound", "2e-6", "--json", "imu.json"]) == 0
+    said = capsys.readouterr().out
+    assert "the turns make X3 better known" in said
+    assert "gyro-scale-misalignment-11" in said
+    again = Calibration.model_validate_json((tmp_path / "imu.json").read_text(encoding="utf-8"))
+    assert [e.symbol for e in gyros_of(again).parameters] == list(GYRO_PARAMETERS)
+    section = gyro_section(again)
+    assert section is not None
+    assert section.table is not None
+    assert "misalignment of gyro 1 towards axis 2" in {row[1] for row in section.table.rows}
+    assert main(["apply", "imu.json", "bench.csv", "--out", "better.csv"]) == 0
+    assert isinstance(read_record(tmp_path / "better.csv"), BenchRecord)

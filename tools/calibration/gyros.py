@@ -1,0 +1,212 @@
+"""From a bench record to the whole IMU: gyros in the accelerometers' axes, and a bench that both have seen.
+
+The accelerometers at rest are calibrated first, by themselves; then their readings and the gyros' integrals over turns
+make one system, whose linear programmes give every target again. What both determine is never known worse.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, radians
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base
+from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
+from ..errors import InputError
+from ..motion.rests import check_meaning
+from ..records import BenchRecord, PositionRecord
+from ..result import finite_or_none
+from ..rounding import exactly
+from .calibration import ROUNDING, Asked, calibrate, wanted_targets
+from .estimates import FeasibleSet, a_priori_values, chebyshev_centre, least_squares_values, possible_values
+from .result import NUMBERS, Calibration, Estimate, Gain, GyroCalibration, OpenTarget, ReadingError, Turn
+from .targets import Target, corners, error_weights
+from .turns import WithTurns, turns_of, with_turns
+
+WORDS = {
+    "B": ("gyro-bias", "rad/s"),
+    "M": ("gyro-scale-misalignment", "1"),
+    "S": ("gyro-g-sensitivity", "rad/s/g"),
+    "L": ("gyro-lag", "s"),
+}
+GAINED = 0.99
+"""A guaranteed error that becomes smaller than this part of itself is a gain."""
+ANGLES_DEG = {"latitude_deg": 90.0, "azimuth_deg": 360.0}
+LARGEST_ENCODER = 1e-3
+"""No encoder of a table is off by more [rad]."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where a bench stands and how well it measures turns.
+
+    The latitude, and the azimuth of the outer axis from north towards east [deg]; the bound of a gyro's mean over one
+    second [rad/s], by default from the rests; that of an encoder's error [rad], by default σ, which holds it in it;
+    what a rate in the record means.
+    """
+
+    latitude_deg: float
+    azimuth_deg: float
+    gyro_noise: float | None = None
+    encoder_bound: float | None = None
+    rates: str = "instantaneous"
+
+    def __post_init__(self) -> None:
+        for name, most in ANGLES_DEG.items():
+            if not abs(value := getattr(self, name)) <= most:
+                raise InputError(
+                    f"--{name.replace('_', '-')} {exactly(value)}: must be from {-most:g} to {most:g} degrees"
+                )
+        for name, most in (("gyro_noise", 1.0), ("encoder_bound", LARGEST_ENCODER)):
+            value = getattr(self, name)
+            if value is not None and not (isfinite(value) and 0.0 < value <= most):
+                raise InputError(
+                    f"--{name.replace('_', '-')} {exactly(value)}: must be above 0 and at most {exactly(most)}"
+                )
+        check_meaning(self.rates)
+
+    @classmethod
+    def given(cls, latitude_deg: float | None, azimuth_deg: float | None, **options: Any) -> "Bench | None":
+        """The bench of a command's options; None where nothing is said."""
+        said = {"latitude_deg": latitude_deg, "azimuth_deg": azimuth_deg, **options}
+        if latitude_deg is not None and azimuth_deg is not None:
+            return cls(latitude_deg, azimuth_deg, **options)
+        if name := next((name for name, value in said.items() if value not in (None, "instantaneous")), None):
+            raise InputError(
+                f"--{name.replace('_', '-')}: gyros are calibrated where --latitude-deg and --azimuth-deg are given"
+            )
+        return None
+
+
+def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **options: Any) -> Calibration:
+    """Calibrate bench and accelerometers from a record's rests, and the gyros of a bench record whose place is known.
+
+    The options are the fields of `Asked`. An InputError as of `calibrate`; where a place is given, for another record,
+    for priors, for gyros that do not follow the table, or whose noise is not known.
+    """
+    is_of_bench = isinstance(record.raw, BenchRecord)
+    if bench is None:
+        found = calibrate(record, **options)
+        said = f"{record.path}: its gyros are not looked at; --latitude-deg and --azimuth-deg calibrate them too"
+        return found.model_copy(update={"warnings": [*found.warnings, said]}) if is_of_bench else found
+    if not is_of_bench:
+        raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")
+    asked = Asked(**options)
+    if asked.priors:
+        raise InputError(f"--prior {asked.priors[0]}: is of accelerometers alone; leave --latitude-deg out")
+    found = calibrate(record, **options)
+    return _with_gyros(found, record, bench, wanted_targets(found.linearised.parametrisation, asked))
+
+
+def _with_gyros(found: Calibration, record: PositionRecord, bench: Bench, targets: Sequence[Target]) -> Calibration:
+    """The calibration of a bench record's accelerometers and its `targets`, taken together with its gyros."""
+    raw, alone = record.raw, found.linearised
+    assert isinstance(raw, BenchRecord)
+    turns = turns_of(
+        record,
+        mounting=alone.parametrisation.matrices[0],
+        earth=earth_in_base(radians(bench.latitude_deg), radians(bench.azimuth_deg)),
+        encoder_bound=found.noise_bound if bench.encoder_bound is None else bench.encoder_bound,
+        noise_bound=bench.gyro_noise,
+        rates=bench.rates,
+    )
+    here = with_turns(alone, turns, str(record.path))
+    wanted = [*targets, *_gyro_targets(here)]
+    of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
+    wanted = [_widened(target, len(here.point)) for target in wanted]
+    weights = np.vstack([*(target.weights for target in wanted), of_errors])
+    possible = np.full((len(weights), 4), np.nan)
+    feasible, slack = None, record.written_to(found.gravity) + ROUNDING
+    try:
+        radius, centre, duals = chebyshev_centre(here)
+        contradicted = radius > 1.0 + slack / found.noise_bound + RELATIVE_TOLERANCE
+        if not contradicted:
+            feasible = FeasibleSet(here, centre, slack)
+            possible, _ = possible_values(feasible, weights)
+        beside = a_priori_values(here, wanted), least_squares_values(here, weights[: len(wanted)])
+    except SolverError as error:
+        raise InputError(f"{record.path}: {error}; is --gyro-noise in rad/s?") from error
+    numbers = np.hstack((possible[: len(wanted)], *beside))
+    estimates = [
+        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(NUMBERS, map(finite_or_none, row), strict=True)))
+        for t, row in zip(wanted, numbers, strict=True)
+    ]
+    count = len(targets)
+    of_bench = [_no_wider(one, before) for one, before in zip(estimates[:count], found.parameters, strict=True)]
+    proof = np.flatnonzero(np.abs(duals) * here.bound > 1e-9) if contradicted else np.zeros(0, dtype=int)
+    behind = len(alone.residual)
+    gyros = GyroCalibration(
+        pieces=len(turns.first),
+        noise_basis=turns.basis,
+        encoder_bound_rad=float(found.noise_bound if bench.encoder_bound is None else bench.encoder_bound),
+        latitude_deg=float(bench.latitude_deg),
+        azimuth_deg=float(bench.azimuth_deg),
+        parameters=estimates[count:],
+        missing=[OpenTarget(symbol=e.symbol, name=e.name) for e in estimates[count:] if e.a_priori is None],
+        gains=_gains(found.parameters, of_bench),
+        witness=[_turn(here, raw.time_s, int(k) - behind) for k in proof if k >= behind],
+    )
+    changed: dict[str, Any] = {"radius": radius, "gyros": gyros}
+    if found.verdict != "insufficient":
+        changed |= {"parameters": of_bench}
+    if contradicted and found.verdict == "consistent":
+        changed |= {
+            "verdict": "falsified",
+            "estimator": None,
+            "no_estimate": "no parameters of bench, accelerometers and gyros keep every turn within its bound",
+            "witness": [],
+        }
+    if feasible is not None:
+        errors = zip(corners(), possible[len(wanted) :, 2:], strict=True)
+        changed["reading_errors"] = [
+            ReadingError(accelerometer=p, input=list(n), low=finite_or_none(low), high=finite_or_none(high))
+            for (p, n), (low, high) in errors
+        ]
+    return found.model_copy(update=changed)
+
+
+def _gyro_targets(here: WithTurns) -> list[Target]:
+    """Each of the gyros' parameters."""
+    targets = []
+    for k, symbol in enumerate(GYRO_PARAMETERS):
+        name, unit = WORDS[symbol[0]]
+        weights = np.zeros(len(here.point))
+        weights[here.own + k] = 1.0
+        targets.append(Target(symbol, "-".join((name, *symbol[1:2])) + symbol[2:], unit, weights))
+    return targets
+
+
+def _widened(target: Target, count: int) -> Target:
+    """A target of the bench, or of gyros, with weights for all parameters."""
+    return Target(target.symbol, target.name, target.unit, np.pad(target.weights, (0, count - len(target.weights))))
+
+
+def _no_wider(both: Estimate, alone: Estimate) -> Estimate:
+    """The narrower of what both together and the accelerometers alone guarantee; rounding may favour either."""
+    if both.low is None or both.high is None or alone.low is None or alone.high is None:
+        return both
+    low, high = max(both.low, alone.low), min(both.high, alone.high)
+    estimate = min(max(both.estimate or 0.0, low), high)
+    changed = {"low": low, "high": high, "estimate": estimate, "error_bound": max(estimate - low, high - estimate)}
+    if (alone.guaranteed_error or 0.0) < (both.guaranteed_error or 0.0):
+        changed |= {"a_priori": alone.a_priori, "guaranteed_error": alone.guaranteed_error}
+    return both.model_copy(update=changed)
+
+
+def _gains(alone: Sequence[Estimate], both: Sequence[Estimate]) -> list[Gain]:
+    """The targets that turns make known better."""
+    pairs = [(a.symbol, a.guaranteed_error, b.guaranteed_error) for a, b in zip(alone, both, strict=True)]
+    return [
+        Gain(symbol=symbol, accelerometers_alone=before, with_gyros=after)
+        for symbol, before, after in pairs
+        if before is not None and after is not None and after < GAINED * before
+    ]
+
+
+def _turn(here: WithTurns, time: NDArray, row: int) -> Turn:
+    """The piece of one of the gyros' rows."""
+    piece, turns = row // 3, here.turns
+    begin, end = (float(time[rows[piece]]) for rows in (turns.first, turns.last))
+    return Turn(gyro=row % 3 + 1, from_s=begin, to_s=end)

@@ -1,0 +1,294 @@
+"""Turns of a bench record: what the gyros integrate over pieces of it, and by how much that may be wrong.
+
+A piece is a rest, a move from one rest to the next, or either part of a move that is cut where the table turns
+steadily: there, and only there, a lag of the gyros behind the encoders shows. Over a piece the integral of the readings
+errs by the gyros' noise, by what the encoders are off at its ends and on the way, and by a moment at its ends.
+"""
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.bench_turns import GYRO_PARAMETERS, LAG, MATRIX, MOMENTS, integrated_jacobian, integrated_readings
+from ...models.bench_turns import moments_of as integrated_angles
+from ..errors import InputError
+from ..motion.increments import mean_rates
+from ..motion.rest_noise import factor_for, rest_noise
+from ..motion.rests import Sampling, find_rests, rates_of, sampling_of
+from ..records import BenchRecord, PositionRecord, StrapdownRecord
+from ..records.kinds import Rest
+from ..records.rests import without_turns
+from ..rounding import digits
+from .model import Linearisation
+
+STEADY = 0.02
+"""A move is cut where its rate changes by no more than this part of it over a few rows to either side."""
+BESIDE = 4
+"""Rows to either side of an end, over which the table's rate there is taken."""
+SEEN = 4.0
+"""Changes of an angle beyond so many bounds of the encoder are motion."""
+LARGEST = 0.5
+"""No gyro has a larger scale-factor error or misalignment."""
+PLAUSIBLE = np.array([1e-2] * 3 + [1e-2] * 9 + [1e-2] * 9 + [1e-2])
+"""Sizes of gyros' parameters: a direction that moves no reading by its bound at such sizes is not determined."""
+ROUNDS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Turns:
+    """Pieces of a bench record.
+
+    `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] what the gyros integrate from one to the
+    other; `moments`, `slopes` (S, 13) as of `models.bench_turns`; `noise` (S,) [rad] bounds what gyros add; `swept`
+    (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame.
+    """
+
+    first: NDArray[np.int_]
+    last: NDArray[np.int_]
+    integral: NDArray[np.float64]
+    moments: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    swept: NDArray[np.float64]
+    mounting: NDArray[np.float64]
+    earth: NDArray[np.float64]
+    basis: str
+
+    @property
+    def _rest(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        return self.moments, self.slopes, self.mounting, self.earth
+
+    def residual(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+        """What is left (3 S,) of the integrals [rad]."""
+        return (self.integral - integrated_readings(targets, gyros, *self._rest)).ravel()
+
+    def jacobian(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+        """Derivatives (3 S, 40) of the model's integrals."""
+        return integrated_jacobian((targets, gyros), self._rest).reshape(-1, len(targets) + len(gyros))
+
+    def bound(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+        """Bounds (3 S,) of what is left, about a point [rad]."""
+        from_inner = self.jacobian_of_axes(targets, gyros)
+        return (self.noise[:, None] + self.swept @ np.abs(from_inner).T).ravel()
+
+    def jacobian_of_axes(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
+        """Gyros' readings (3, 3) of turns about the axes of the inner frame."""
+        turns = np.zeros((3, len(MOMENTS)))
+        turns[0, 0], turns[1, 1], turns[2, 3] = 1.0, -1.0, 1.0
+        still = gyros.copy()
+        still[LAG] = 0.0
+        read = integrated_readings(targets, still, turns, np.zeros_like(turns), self.mounting, self.earth)
+        return read.T
+
+
+def turns_of(
+    record: PositionRecord,
+    *,
+    mounting: NDArray,
+    earth: NDArray,
+    encoder_bound: float,
+    noise_bound: float | None = None,
+    rates: str = "instantaneous",
+) -> Turns:
+    """The pieces of a bench record whose rests are averaged.
+
+    Parameters
+    ----------
+    record : PositionRecord
+        of rests, made from a BenchRecord
+    mounting, earth : (3, 3), (3,) array
+        Q; Earth's rotation in axes of the base [rad/s]
+    encoder_bound : float
+        of an encoder's error, what is constant left out [rad]
+    noise_bound : float or None
+        of a gyro's mean over one second [rad/s]; over T it falls as 1/√T; None: from the rests
+    rates : str
+        what a rate in the record means
+
+    Raises
+    ------
+    InputError
+        fewer than two rests, or noise that the rests do not tell
+    """
+    raw = record.raw
+    assert isinstance(raw, BenchRecord)
+    gyros = raw.gyros
+    sampling = sampling_of(gyros)
+    used = [rest for rest in record.rests if rest.refused is None]
+    if len(used) < 2:
+        raise InputError(f"{raw.path}: has {len(used)} rest that can be used; turns go from one rest to another")
+    time = raw.time_s
+    alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
+    angle = np.zeros((len(time), 3))
+    taken = raw.increment[1:] if raw.increment is not None else mean_rates(gyros, rates) * np.diff(time)[:, None]
+    np.cumsum(taken, axis=0, out=angle[1:])
+    sums = integrated_angles(time, alpha, beta)
+    swung = np.cumsum([_motion(values, encoder_bound) for values in (alpha, beta)], axis=1)
+    ends = [_within(rest) for rest in used]
+    for (_, begin), (end, _) in pairwise(list(ends)):
+        ends.append((begin, end))
+        if (cut := _steady_row(time, alpha, beta, begin, end)) is not None:
+            ends += [(begin, cut), (cut, end)]
+    broken = np.cumsum(sampling.broken)
+    gap = np.cumsum(np.append(False, np.diff(time) > 1.5 * sampling.period))
+    limits = sampling.limits.of("w")
+    clipped = np.cumsum(limits)
+    kept = [(a, b) for a, b in ends if all(c[a] == c[b] for c in (broken, gap, clipped))]
+    first, last = np.array(kept, dtype=int).T
+    slope = _slopes(sums, time)
+    seconds = time[last] - time[first]
+    per_root_second, basis = noise_bound, "given"
+    if per_root_second is None:
+        noise = _noise(gyros, sampling, seconds)
+        basis = "Allan deviation of the gyros at rest"
+    else:
+        noise = per_root_second * np.sqrt(seconds)
+    path = np.abs(swung[:, last] - swung[:, first])
+    ends_off, way = 2.0 * encoder_bound, encoder_bound * path.sum(axis=0)
+    moment = sampling.jitter_max * (np.abs(slope[last]) + np.abs(slope[first]))
+    swept = np.stack([ends_off + way + moment[:, 2], ends_off + way + moment[:, 2], ends_off + moment[:, 3]], axis=1)
+    return Turns(
+        first,
+        last,
+        angle[last] - angle[first],
+        sums[last] - sums[first],
+        slope[last] - slope[first],
+        noise,
+        swept,
+        np.asarray(mounting),
+        np.asarray(earth),
+        basis,
+    )
+
+
+def _noise(gyros: StrapdownRecord, sampling: Sampling, seconds: NDArray) -> NDArray[np.float64]:
+    """Bounds (S,) of the gyros' noise over pieces [rad], from what they do within rests."""
+    found = rest_noise(rates_of(gyros), gyros.time_s, find_rests(gyros, sampling), sampling.period)
+    if found is None:
+        raise InputError(
+            f"{gyros.path}: its rests are too few or too short to tell the gyros' noise; give --gyro-noise, the bound "
+            "of a mean over one second [rad/s]"
+        )
+    return factor_for(3 * len(seconds)) * np.sqrt(found.angle_square(seconds))
+
+
+def _within(rest: Rest) -> tuple[int, int]:
+    """First and last row of a rest about which the table stands, as long as what lags may lag."""
+    margin = min(2 * BESIDE, (rest.kept_last - rest.kept_first) // 6)
+    return rest.kept_first + margin, rest.kept_last - margin
+
+
+def _motion(angle: NDArray, bound: float) -> NDArray[np.float64]:
+    """How far an axis has gone since the row before (N,) [rad]; what an encoder's error may make is none."""
+    gone, at = np.zeros(len(angle)), angle[0]
+    far = np.flatnonzero(np.abs(np.diff(angle, prepend=at)) > 0.0)
+    for k in far.tolist():
+        if abs(angle[k] - at) > SEEN * bound:
+            gone[k], at = abs(angle[k] - at), angle[k]
+    return gone
+
+
+def _slopes(sums: NDArray, time: NDArray) -> NDArray[np.float64]:
+    """How fast the moments grow at each row (N, 13) [1/s]."""
+    rows = np.arange(len(time))
+    low, high = np.maximum(rows - BESIDE, 0), np.minimum(rows + BESIDE, len(time) - 1)
+    return (sums[high] - sums[low]) / (time[high] - time[low])[:, None]
+
+
+def _steady_row(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: int) -> int | None:
+    """A row between two rests, near the middle of what is turned steadily; None where nothing is."""
+    rows = np.arange(begin + 4 * BESIDE, end - 4 * BESIDE)
+    if not len(rows):
+        return None
+
+    def rate(shift: int) -> NDArray:
+        low, high = rows + shift - BESIDE, rows + shift + BESIDE
+        return np.stack([(a[high] - a[low]) / (time[high] - time[low]) for a in (alpha, beta)])
+
+    here, changes = rate(0), np.abs(rate(2 * BESIDE) - rate(-2 * BESIDE)).max(axis=0)
+    fast = np.abs(here).max(axis=0)
+    good = rows[(changes <= STEADY * fast) & (fast > 0.5 * fast.max())]
+    return int(good[len(good) // 2]) if len(good) else None
+
+
+@dataclass(frozen=True)
+class WithTurns(Linearisation):
+    """A linearisation of accelerometers' readings and, behind them, of gyros' integrals, with the gyros' parameters.
+
+    `point`, `jacobian` and `span` count the gyros' `GYRO_PARAMETERS` behind those of the bench.
+    """
+
+    turns: Turns
+
+    @property
+    def own(self) -> int:
+        """How many parameters are those of the bench and the accelerometers."""
+        return len(self.parametrisation.symbols)
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return (*self.parametrisation.symbols, *GYRO_PARAMETERS)
+
+    def residual_at(self, point: NDArray) -> NDArray:
+        """Exact residuals of readings [g] and integrals [rad] at another point."""
+        x = point[: self.own]
+        left = self.turns.residual(self.parametrisation.selection[0] @ x, point[self.own :])
+        return np.append(super().residual_at(x), left)
+
+    def jacobian_at(self, point: NDArray) -> NDArray:
+        """Exact derivatives at another point."""
+        return _joined(super().jacobian_at(point[: self.own]), self, point)
+
+
+def _joined(of_readings: NDArray, here: WithTurns, point: NDArray) -> NDArray:
+    selection = here.parametrisation.selection[0]
+    turned = here.turns.jacobian(selection @ point[: here.own], point[here.own :])
+    columns = np.hstack([turned[:, : len(selection)] @ selection, turned[:, len(selection) :]])
+    return np.vstack([np.pad(of_readings, ((0, 0), (0, len(GYRO_PARAMETERS)))), columns])
+
+
+def with_turns(here: Linearisation, turns: Turns, where: str) -> WithTurns:
+    """Readings and integrals fitted together by least squares, and linearised at the fit.
+
+    An InputError that begins with `where` for gyros that do not follow the table.
+    """
+    selection, count = here.parametrisation.selection[0], len(here.point)
+    point = np.append(here.point, np.zeros(len(GYRO_PARAMETERS)))
+    values = {own.name: getattr(here, own.name) for own in fields(here)}
+    found = WithTurns(**values, turns=turns)
+    for _ in range(ROUNDS):
+        bound = np.append(here.bound, turns.bound(selection @ point[:count], point[count:]))
+        residual, jacobian = found.residual_at(point), found.jacobian_at(point)
+        span = _determined(jacobian / bound[:, None], np.append(np.full(count, 1e-2), PLAUSIBLE))
+        found = WithTurns(
+            **values | {"point": point, "bound": bound, "residual": residual, "jacobian": jacobian, "span": span},
+            turns=turns,
+        )
+        step = span @ np.linalg.lstsq(jacobian @ span / bound[:, None], residual / bound, rcond=None)[0]
+        point = point + step
+        matrix = point[count:][MATRIX]
+        if np.abs(matrix).max() > LARGEST:
+            worst = int(np.argmax(np.abs(matrix)))
+            raise InputError(
+                f"{where}: gyro {worst // 3 + 1} does not follow the table: it reads "
+                f"{digits(float(matrix[worst] + (worst % 4 == 0)), 2)} times the turn about axis {worst % 3 + 1}; give "
+                "order, signs or units by --channels, as w=2,1,-3 or w=deg"
+            )
+        if np.abs(step / np.append(np.full(count, 1e-2), PLAUSIBLE)).max() < 1e-10:
+            break
+    return found
+
+
+def _determined(rows: NDArray, sizes: NDArray) -> NDArray:
+    """Basis (n, rank) of what rows (M, n) over their bounds determine of parameters of these sizes (n,).
+
+    The identity where they determine everything.
+    """
+    _, values, directions = np.linalg.svd(rows * sizes, full_matrices=False)
+    kept = values > 1.0
+    if kept.all() and len(values) == len(sizes):
+        return np.eye(len(sizes))
+    return np.linalg.qr(directions[kept].T / sizes[:, None])[0]
