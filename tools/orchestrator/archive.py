@@ -25,6 +25,8 @@ MOST_DESCRIPTION_BYTES, MOST_ELEMENTS = 32 << 20, 300_000
 DESCRIBING = (".ssd", ".ssv", ".ssm", ".ssb")
 MOST_TIMES, SMALL = 200, 64 << 20
 """What unpacks to so many times its size and to more than so many bytes is made to fill a disk or a memory."""
+TOLERANCE = 1e-6
+"""Of a solver, relative, where nothing says another."""
 LONGEST_SHOWN = 80
 DAMAGE = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError)
 _LOADED = 1
@@ -37,7 +39,7 @@ class UnpackedFmu:
 
     `label` is as the user wrote it, `sha256` is of the archive; where the FMU is one of PythonFMU's, its script is a
     module of the name `python_module`. A `guest` runs in a process of its own, where no call may take longer than
-    `call_limit_s`.
+    `call_limit_s`; there an FMU of model exchange has a solver, whose `tolerance` may be another than it says.
     """
 
     label: str
@@ -48,6 +50,22 @@ class UnpackedFmu:
     python_module: str | None
     guest: bool = False
     call_limit_s: float | None = None
+    tolerance: float | None = None
+
+    @property
+    def exchange(self) -> tuple[int, int, float] | None:
+        """Of an FMU of model exchange: its states, its event indicators, and the relative tolerance of its solver.
+
+        An InputError where its description says no number for the tolerance.
+        """
+        if self.description.coSimulation is not None:
+            return None
+        said = getattr(self.description.defaultExperiment, "tolerance", None)
+        try:
+            tolerance = self.tolerance or float(said or TOLERANCE)
+        except ValueError as error:
+            raise InputError(f"{self.label}: modelDescription.xml, DefaultExperiment, tolerance: {error}") from error
+        return self.description.numberOfContinuousStates, self.description.numberOfEventIndicators, tolerance
 
     @property
     def version(self) -> int:
@@ -187,23 +205,27 @@ def _described(xml: bytes, label: str) -> ModelDescription:
         if isinstance(error, KeyError):
             reason = f"it refers to {error.args[0]!r}, which is not there"
         raise InputError(f"{name} cannot be used ({reason})") from error
-    if description.coSimulation is None:
-        only = "model exchange" if description.modelExchange is not None else "scheduled execution"
-        raise InputError(f"{label}: is for {only} only; export it for co-simulation")
-    if not description.coSimulation.modelIdentifier:
-        raise InputError(f"{name} gives no modelIdentifier for co-simulation")
+    kind = description.coSimulation or description.modelExchange
+    if kind is None:
+        scheduled = getattr(description, "scheduledExecution", None) is not None
+        what = "scheduled execution only" if scheduled else "neither co-simulation nor model exchange"
+        raise InputError(f"{label}: is for {what}; export it for co-simulation")
+    if not kind.modelIdentifier:
+        what = "co-simulation" if kind is description.coSimulation else "model exchange"
+        raise InputError(f"{name} gives no modelIdentifier for {what}")
     return description
 
 
 def _library(names: set[str], description: ModelDescription, label: str) -> str:
     """The member that holds the library for this platform."""
-    assert description.coSimulation is not None
+    kind = description.coSimulation or description.modelExchange
+    assert kind is not None
     # fmpy.platform says linux64 on every 64-bit processor; only the tuple tells ARM from Intel.
     platforms = [fmpy.platform_tuple]
     if str(description.fmiVersion).startswith("2") and (fmpy.architecture != "aarch64" or fmpy.system == "darwin"):
         platforms.insert(0, fmpy.platform)
     for platform in platforms:
-        member = f"binaries/{platform}/{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        member = f"binaries/{platform}/{kind.modelIdentifier}{fmpy.sharedLibraryExtension}"
         if member in names:
             return member
     there = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
@@ -214,7 +236,8 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
 def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:
     """Check an FMU archive and unpack it into the folder for its SHA-256, which is made when all checks are passed.
 
-    An InputError where it is missing, damaged, unsafe, not co-simulation of FMI 2.0 or 3.0, or not for this platform.
+    An InputError where it is missing, damaged, unsafe, neither co-simulation nor model exchange of FMI 2.0 or 3.0, or
+    not for this platform.
     """
     content = bytes_of(path, "give an .fmu file", label=label, archive=True)
     sha256 = hashlib.sha256(content).hexdigest()

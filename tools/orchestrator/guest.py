@@ -92,7 +92,8 @@ class Guest:
         where = resources.as_uri() if fmu.version == 2 else f"{resources}/" if resources.is_dir() else ""
         logger = "" if fmu.python_module else _logger()
         try:
-            found = self._ask(("load", str(fmu.library), fmu.version, name, fmu.token, where, logger, str(progress)))
+            loading = ("load", str(fmu.library), fmu.version, name, fmu.token, where, logger, str(progress))
+            found = self._ask((*loading, fmu.exchange))
             if not found:
                 raise RuntimeError(NO_INSTANCE)
         except LostError as error:

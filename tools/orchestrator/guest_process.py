@@ -5,7 +5,7 @@ its reply what each gave until one failed, and what the FMU logged: values of Py
 
 | operation | gives |
 |---|---|
-| load, library, version, name, token, resources, library of FMPy's logger or "", file of progress | instance |
+| load, library, version, name, token, resources, library of FMPy's logger or "", progress, exchange | instance |
 | has, function | whether the library has it |
 | call, function, arguments | status |
 | define, number, function, references, values, bytes of a value: an access, for set and get | |
@@ -15,6 +15,8 @@ its reply what each gave until one failed, and what the FMU logged: values of Py
 | state, function, state | status, state |
 | status, function, kind | status, value |
 | follow, numbers | |
+
+`exchange` is None for co-simulation, of model exchange the numbers of states and event indicators, and a tolerance.
 """
 
 import ctypes
@@ -27,6 +29,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from importlib import util
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +39,7 @@ TEXT = 0
 """Bytes of a value that is a string of C."""
 _TYPES = {"i": ctypes.c_int, "b": ctypes.c_bool, "d": ctypes.c_double}
 _ARGUMENTS = {"fmi2SetupExperiment": "iddid", "fmi3EnterInitializationMode": "bddbd"}
-_COSIMULATION = 1
+_MODEL_EXCHANGE, _COSIMULATION = range(2)
 _STEP_RETURNS = 16
 """Bytes that fmi3DoStep writes: three flags and, from the eighth on, the last successful time."""
 _LOG_2 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
@@ -60,6 +63,9 @@ class Host:
 
     def __init__(self) -> None:
         self.log: list[tuple[int, str]] = []
+        self.solver: Any = None
+        """Of an FMU of model exchange: what makes its steps."""
+        self._start = 0.0
         self.follows: list[int] = []
         self.progress: Any = bytearray(1)
         """Which operation of a request is being made."""
@@ -70,8 +76,13 @@ class Host:
     def _hear(self, status: int, text: bytes | None) -> None:
         self.log.append((status, " ".join((text or b"").decode("utf-8", "replace").split())))
 
-    def load(self, library: str, version: int, name: str, token: str, resources: str, logger: str, file: str) -> int:
+    def load(
+        self, library: str, version: int, name: str, token: str, resources: str, logger: str, file: str,
+        exchange: tuple[int, int, float] | None,
+    ) -> int:  # fmt: skip
         """Load the library and make the instance; 0 where it gives none."""
+        if exchange is not None:
+            self.solver = _solver()(version, *exchange, self._plainly, self.log)
         with Path(file).open("r+b") as opened:
             self.progress = mmap.mmap(opened.fileno(), 1)
         here = Path.cwd()
@@ -94,12 +105,17 @@ class Host:
                 proxy.argtypes, proxy.restype = [ctypes.c_void_p], None
                 proxy(ctypes.byref(callbacks))
             make = self._function("fmi2Instantiate", ctypes.c_void_p)
-            given = who, _COSIMULATION, what, where, ctypes.byref(callbacks), 0, 1
+            kind = _COSIMULATION if exchange is None else _MODEL_EXCHANGE
+            given = who, kind, what, where, ctypes.byref(callbacks), 0, 1
         else:
             self._log = _LOG_3(lambda _, status, __, text: self._hear(status, text))
-            flags = [ctypes.c_bool(on) for on in (False, True, False, False)]
-            make = self._function("fmi3InstantiateCoSimulation", ctypes.c_void_p)
-            given = who, what, where, *flags, None, ctypes.c_size_t(0), None, self._log, None
+            visible, logging, events, early = (ctypes.c_bool(on) for on in (False, True, False, False))
+            if exchange is None:
+                make = self._function("fmi3InstantiateCoSimulation", ctypes.c_void_p)
+                more = events, early, None, ctypes.c_size_t(0), None, self._log, None
+            else:
+                make, more = self._function("fmi3InstantiateModelExchange", ctypes.c_void_p), (None, self._log)
+            given = who, what, where, visible, logging, *more
         self.instance = ctypes.c_void_p(make(*given))
         return self.instance.value or 0
 
@@ -110,15 +126,24 @@ class Host:
         return self._functions[name]
 
     def has(self, name: str) -> bool:
-        """Whether the library has a function."""
-        return hasattr(self.library, name)
+        """Whether the library has a function, or a solver stands in for it."""
+        return hasattr(self.library, name) or (self.solver is not None and name.endswith(("DoStep", "Status")))
+
+    def _plainly(self, name: str, *arguments: Any) -> int:
+        """Call a function with values of C."""
+        return self._function(name)(self.instance, *arguments)
 
     def call(self, name: str, arguments: Sequence[Any]) -> int:
         """Call a function of plain arguments."""
         kinds = _ARGUMENTS.get(name, "")
         function = self._function(name, None if name.endswith("FreeInstance") else ctypes.c_int)
         given = [_TYPES[kind](value) for kind, value in zip(kinds, arguments, strict=True)]
-        return function(self.instance, *given) or 0
+        if name in _ARGUMENTS:
+            self._start = arguments[2]
+        status = function(self.instance, *given) or 0
+        if self.solver is not None and status <= 1 and name.endswith("ExitInitializationMode"):
+            return self.solver.enter(self._start)
+        return status
 
     def define(self, number: int, name: str, references: bytes, count: int, size: int) -> int:
         """Lay ready what an access needs, whose values are `count` of so many bytes."""
@@ -148,6 +173,13 @@ class Host:
 
     def step(self, name: str, begin: float, length: float, flag: int) -> tuple[int, bytes]:
         """Make a step."""
+        if self.solver is not None:
+            status, reached = self.solver.step(begin, length)
+            # Of FMI 3.0: whether it ends the run, whether before the end of the step, and when.
+            returned = struct.pack(
+                "=???xxxxxd", False, self.solver.ended is not None, reached < begin + length, reached
+            )
+            return status, returned if name.startswith("fmi3") else b""
         function, given = self._function(name), (ctypes.c_double(begin), ctypes.c_double(length))
         if name.startswith("fmi2"):
             return function(self.instance, *given, flag), b""
@@ -163,6 +195,10 @@ class Host:
 
     def status(self, name: str, kind: int) -> tuple[int, bytes]:
         """What FMI 2.0 says of a step that was not made."""
+        if self.solver is not None:
+            ended = self.solver.ended
+            number = struct.pack("d", ended or 0.0) if "Real" in name else struct.pack("ii", ended is not None, 0)
+            return 0, number
         value = ctypes.create_string_buffer(8)
         return self._function(name)(self.instance, kind, value), value.raw
 
@@ -189,6 +225,17 @@ class Host:
         return found
 
 
+def _solver() -> Any:
+    """The class of solvers, from the file beside this one, which is no module of a package here."""
+    path = Path(__file__).with_name("guest_solver.py")
+    spec = util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.Solver
+
+
 def _end_with(parent: int) -> None:
     """End this process when the one that began it is gone, whatever the FMU is doing."""
     while os.getppid() == parent:
@@ -202,10 +249,10 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
     while head := read(HEAD.size):
         try:
             found, wrong = host.answer(marshal.loads(read(*HEAD.unpack(head)))), ""
-        except (OSError, AttributeError) as error:
+        except (OSError, AttributeError, ImportError) as error:
             found, wrong = [], " ".join(str(error).split()) or type(error).__name__
         reply = marshal.dumps((found, host.log, wrong))
-        host.log = []
+        host.log.clear()
         write(HEAD.pack(len(reply)) + reply)
         flush()
 

@@ -144,8 +144,12 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
             path = built[key]
         fmu = unpack(path, label, lambda sha256: folder / f"{sha256}-{len(loaded)}")
         # What this run has not built itself may do what it likes to its process.
-        guest = setting.fmu is not None and not scenario.run.in_process
-        fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s)
+        exchange = fmu.description.coSimulation is None
+        if setting.tolerance is not None and not exchange:
+            raise InputError(f"fmus.{name}.tolerance: is for FMUs of model exchange; {label} makes its steps itself")
+        # A solver stands beside the FMU.
+        guest = setting.fmu is not None and (not scenario.run.in_process or exchange)
+        fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s, tolerance=setting.tolerance)
         interface = interface_of(name, label, fmu.description)
         if fmu.says("canBeInstantiatedOnlyOncePerProcess") and not guest:
             if fmu.sha256 in single:

@@ -168,7 +168,7 @@ class _Loop:
     def __init__(self, program: Program, grid: Grid, blocks: Blocks | None = None, *, compiled: bool = False) -> None:
         self.program, self.grid, self.blocks = program, grid, blocks
         self.state = np.zeros(op.CURSORS + program.cursors, dtype=np.int64)
-        self.clock = np.array([grid.start, grid.step, 0.0])
+        self.clock = np.array([grid.start, 0.0])
         self.state[op.EVERY] = grid.steps + 1 if blocks is None else blocks.every
         self.state[op.ROWS], self.state[op.AT] = len(program.rows), -1
         records = np.zeros((0, 3), dtype=np.int64) if blocks is None else blocks.records

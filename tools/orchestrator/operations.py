@@ -12,7 +12,7 @@ the first to the last, for every step; what is recorded has a table of its own.
 | CONVERT | target, source, type of the target, of the source | factor, offset |
 | CALL4 | function, instance, references, their number, values: FMI 2.0's get and set | |
 | CALL5 | function, instance, references, their number, values, their number: FMI 3.0's | |
-| STEP2, STEP3 | fmi2DoStep or fmi3DoStep, instance, final, place of what it returns, steps since its begin | length |
+| STEP2, STEP3 | fmi2DoStep or fmi3DoStep, instance, final, place of returns, steps since its begin, in all | length |
 | FINITE | first of so many real numbers, their number | |
 | STATE | function of a state (get or free), instance, place of the state | |
 | BEGIN | a new loop of connections: the first iteration | |
@@ -38,8 +38,8 @@ STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, AT, NEXT, CURSO
 value that changed most, row of the call that failed (-1: none), row to begin a step with, first cursor of a feed."""
 
 # What both loops keep in real numbers.
-START, LENGTH, CHANGE = range(3)
-"""Start and step [s], the largest change of a value in the last iteration, against what is allowed."""
+START, CHANGE = range(2)
+"""Start [s], the largest change of a value in the last iteration, against what is allowed."""
 
 NOT_FINITE, NOT_SETTLED, ENDED, EARLY = 100, 101, 102, 103
 """Statuses beside FMI's: a value that is not finite, a loop that does not settle, an FMU that asks for the end of the
@@ -71,7 +71,7 @@ def loop_of(on: Any) -> Callable[..., int]:
     call2, call4, call5, step2, step3 = on.call2, on.call4, on.call5, on.step2, on.step3
 
     def march(operations, numbers, records, state, clock):
-        rows, length, every = state[ROWS], clock[LENGTH], state[EVERY]
+        rows, every = state[ROWS], state[EVERY]
         step = state[STEP]
         row = state[ROW]
         while step < state[LAST_STEP]:
@@ -89,10 +89,12 @@ def loop_of(on: Any) -> Callable[..., int]:
                 elif code == CALL5:
                     status = call5(a, b, c, d, e, operations[at + 6])
                 elif code == STEP2:
-                    status = step2(a, b, clock[START] + (step - e) * length, numbers[2 * pc], c)
+                    size = numbers[2 * pc]
+                    status = step2(a, b, clock[START] + (step - e) // operations[at + 6] * size, size, c)
                 elif code == STEP3:
-                    time = clock[START] + (step - e) * length
-                    status = step3(a, b, time, numbers[2 * pc], c, d, d + 1, d + 2, d + 8)
+                    size = numbers[2 * pc]
+                    time = clock[START] + (step - e) // operations[at + 6] * size
+                    status = step3(a, b, time, size, c, d, d + 1, d + 2, d + 8)
                     if status <= WARNING and load_byte(d + 1) != 0:
                         status = ENDED
                     elif status <= WARNING and load_byte(d + 2) != 0:

@@ -141,7 +141,7 @@ class Program:
         slave = self._slaves[name]
         code, place = (STEP2, 0) if slave.prefix == "fmi2" else (STEP3, self._reserve(2))
         function = f"{slave.prefix}DoStep"
-        row = (code, slave.address(function), slave.component, int(final), place, pace.back)
+        row = (code, slave.address(function), slave.component, int(final), place, pace.back, pace.stride)
         self._add(Place(name, function), *row, numbers=(pace.length, 0.0))
         self.add_gets(name)
 

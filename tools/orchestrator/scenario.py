@@ -131,7 +131,10 @@ class Asked:
 
 
 class FmuSetting(Section):
-    """One FMU of the scenario: a component of ours or a file, its effects and its parameters, its own step [s]."""
+    """One FMU of the scenario: a component of ours or a file, its effects and its parameters, its own step [s].
+
+    `tolerance` is of the solver that an FMU of model exchange is given, relative.
+    """
 
     component: str | None = None
     flavour: Literal["native", "python"] | None = None
@@ -140,6 +143,7 @@ class FmuSetting(Section):
     parameters: dict[str, Plain] = Field(default_factory=dict)
     effects: list[dict[str, Any]] = Field(default_factory=list)
     step_s: Positive | None = None
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
 
     @model_validator(mode="after")
     def _one_origin(self) -> "FmuSetting":

@@ -97,7 +97,7 @@ BAD_ARCHIVES = {
     "FMI 4": ([_description('fmiVersion="4.0"')], "is FMI 4.0; export as FMI 2.0 or 3.0"),
     "FMI 1": ([_description('fmiVersion="1.0"')], "is FMI 1.0; export as FMI 2.0 or 3.0"),
     "no version": ([_description("")], "of no stated version"),
-    "model exchange": ([_description(inside='<ModelExchange modelIdentifier="m"/>')], "model exchange only"),
+    "nothing to run": ([_description(inside="")], "is for neither co-simulation nor model exchange"),
     "no binary": ([GOOD], "has no binary for this platform"),
     "another's binary": ([GOOD, ("binaries/vax/m.so", b"")], "has no binary for this platform"),
 }

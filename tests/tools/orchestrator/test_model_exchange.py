@@ -1,0 +1,101 @@
+"""An FMU of model exchange is given a solver: inputs, events of state and of time, failures; solved exactly, too."""
+
+import math
+import re
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+
+from scenario_runs import ACCUMULATOR, CLOCK, GAIN, refusal, run, wires
+
+SOURCE = Path(__file__).resolve().parents[2] / "foreign_fmus" / "exchanged.c"
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Exchanged" guid="e" numberOfEventIndicators="1">
+<ModelExchange modelIdentifier="exchanged"/>
+<ModelVariables>
+{}</ModelVariables>
+<ModelStructure><Derivatives><Unknown index="6"/></Derivatives></ModelStructure>
+</fmiModelDescription>"""
+VARIABLES = {
+    "u": 'causality="input" variability="continuous"><Real start="0"/>',
+    "x": 'causality="output" variability="continuous"><Real/>',
+    "n": 'causality="output" variability="discrete"><Real/>',
+    "m": 'causality="output" variability="discrete"><Real/>',
+    "way": 'causality="parameter" variability="fixed"><Integer start="0"/>',
+    "der": 'variability="continuous"><Real derivative="2"/>',
+}
+PLANT = {"fmu": "Exchanged.fmu", "tolerance": 1e-9}
+
+
+@pytest.fixture(scope="module")
+def plants(tmp_path_factory: pytest.TempPathFactory, foreign: Path) -> Path:
+    """A folder with the FMU, and foreign ones for co-simulation."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("needs a C compiler named cc")
+    folder = tmp_path_factory.mktemp("exchanged")
+    library = folder / f"exchanged{fmpy.sharedLibraryExtension}"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    subprocess.run([compiler, "-shared", "-fPIC", "-w", f"-I{headers}", SOURCE, "-o", library], check=True)
+    with zipfile.ZipFile(folder / "Exchanged.fmu", "w") as archive:
+        said = enumerate(VARIABLES.items())
+        lines = [f'<ScalarVariable name="{n}" valueReference="{k}" {v}</ScalarVariable>\n' for k, (n, v) in said]
+        archive.writestr("modelDescription.xml", DESCRIPTION.format("".join(lines)))
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+    for name in ("Gain", "Clock", "Accumulator"):
+        shutil.copy(foreign / f"{name}.fmu", folder)
+    return folder
+
+
+def test_a_driven_plant_with_events_of_state_and_of_time(plants: Path) -> None:
+    """x' = u - x with u = 1 to 1 s, then 0: exactly solved; in a scenario, one FMU of it reads time, another adds."""
+    fmus = {"gain": {**GAIN, "parameters": {"gain": 1.0}}, "plant": PLANT, "sum": ACCUMULATOR}
+    rows = {"table": {"time_s": [0.0, 1.0], "u": [1.0, 0.0]}, "columns": {"gain.u[1]": "u"}}
+    wired = wires("gain.y[1] -> plant.u", "plant.x -> sum.increment")
+    for here in (False, True):
+        setting = {"stop_s": 2.0, "step_s": 0.1, "in_process": here}
+        table = run(plants, fmus, run=setting, connections=wired, stimuli=[rows]).table
+        times = table["time_s"].to_numpy()
+        top = 1.0 - math.exp(-1.0)
+        expected = np.where(times <= 1.0, 1.0 - np.exp(-times), top * np.exp(1.0 - times))
+        assert np.abs(table["plant.x"].to_numpy() - expected).max() < 1e-8
+        assert table["plant.n"].to_list() == [float(t > math.log(2.0)) for t in times]
+        assert table["plant.m"].to_list() == [float(t >= 0.35) for t in times]
+        assert table["sum.total"][-1] == pytest.approx(expected[1:].sum(), abs=1e-7)
+
+
+def test_the_tolerance_decides_the_error(plants: Path) -> None:
+    errors = []
+    for tolerance in (1e-3, 1e-5, 1e-7):
+        fmus = {"plant": {**PLANT, "tolerance": tolerance, "parameters": {"u": 1.0}}}
+        table = run(plants, fmus, run={"stop_s": 2.0, "step_s": 2.0}).table
+        errors.append(abs(table["plant.x"][-1] - (1.0 - math.exp(-2.0))))
+    assert errors[0] > 10.0 * errors[1] > 100.0 * errors[2] > 0.0
+    assert errors[2] < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("way", "says"),
+    [
+        (1, r"FMU 'plant' \(Exchanged.fmu\): fmi2DoStep at 0.2 s .*: fmi2GetDerivatives ended with status 3"),
+        (2, r"FMU 'plant' \(Exchanged.fmu\): fmi2DoStep at 0.2 s ended with Error: "),
+        (3, r"FMU 'plant' \(Exchanged.fmu\): fmi2DoStep at 0.2 s crashed \(SIGABRT\)"),
+        (4, r"fmi2DoStep at 0.2 s ended with Error: an event at 0.3 s does not come to its end"),
+    ],
+)
+def test_its_failures_are_named(plants: Path, way: int, says: str) -> None:
+    said = refusal(plants, {"plant": {**PLANT, "parameters": {"way": way, "u": 1.0}}, "clock": CLOCK})
+    assert re.search(says, said), said
+
+
+def test_what_does_not_go_with_it_is_refused(plants: Path) -> None:
+    said = refusal(plants, {"clock": {**CLOCK, "tolerance": 1e-3}})
+    assert said == "fmus.clock.tolerance: is for FMUs of model exchange; Clock.fmu makes its steps itself"
+    fmus, around = {"plant": PLANT, "gain": GAIN}, wires("plant.x -> gain.u[1]", "gain.y[1] -> plant.u")
+    said = refusal(plants, fmus, connections=around, run={"stop_s": 1.0, "step_s": 0.1, "coupling": "iterate"})
+    assert "'plant' (Exchanged.fmu) cannot get and set its state" in said
