@@ -39,7 +39,8 @@ class UnpackedFmu:
 
     `label` is as the user wrote it, `sha256` is of the archive; where the FMU is one of PythonFMU's, its script is a
     module of the name `python_module`. A `guest` runs in a process of its own, where no call may take longer than
-    `call_limit_s`; there an FMU of model exchange has a solver, whose `tolerance` may be another than it says.
+    `call_limit_s`; there an FMU of model exchange has a solver, whose `tolerance` may be another than it
+    says, and events are handled of one that is used in `event_mode`.
     """
 
     label: str
@@ -51,15 +52,16 @@ class UnpackedFmu:
     guest: bool = False
     call_limit_s: float | None = None
     tolerance: float | None = None
+    event_mode: bool = False
 
     @property
-    def exchange(self) -> tuple[int, int, float] | None:
-        """Of an FMU of model exchange: its states, its event indicators, and the relative tolerance of its solver.
+    def handled(self) -> tuple[()] | tuple[int, int, float] | None:
+        """What an FMU whose events we handle needs: of model exchange its states, event indicators, and a tolerance.
 
-        An InputError where its description says no number for the tolerance.
+        None where it handles them itself. An InputError where its description says no number for the tolerance.
         """
         if self.description.coSimulation is not None:
-            return None
+            return () if self.event_mode else None
         said = getattr(self.description.defaultExperiment, "tolerance", None)
         try:
             tolerance = self.tolerance or float(said or TOLERANCE)

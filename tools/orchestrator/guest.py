@@ -93,7 +93,7 @@ class Guest:
         logger = "" if fmu.python_module else _logger()
         try:
             loading = ("load", str(fmu.library), fmu.version, name, fmu.token, where, logger, str(progress))
-            found = self._ask((*loading, fmu.exchange))
+            found = self._ask((*loading, fmu.handled))
             if not found:
                 raise RuntimeError(NO_INSTANCE)
         except LostError as error:

@@ -5,7 +5,7 @@ its reply what each gave until one failed, and what the FMU logged: values of Py
 
 | operation | gives |
 |---|---|
-| load, library, version, name, token, resources, library of FMPy's logger or "", progress, exchange | instance |
+| load, library, version, name, token, resources, library of FMPy's logger or "", progress, handled | instance |
 | has, function | whether the library has it |
 | call, function, arguments | status |
 | define, number, function, references, values, bytes of a value: an access, for set and get | |
@@ -16,10 +16,12 @@ its reply what each gave until one failed, and what the FMU logged: values of Py
 | status, function, kind | status, value |
 | follow, numbers | |
 
-`exchange` is None for co-simulation, of model exchange the numbers of states and event indicators, and a tolerance.
+`handled` is None where an FMU handles its events itself; of model exchange it has the numbers of states and of event
+indicators, and a tolerance; else it is empty.
 """
 
 import ctypes
+import importlib
 import marshal
 import mmap
 import os
@@ -28,8 +30,8 @@ import struct
 import sys
 import threading
 import time
+import types
 from collections.abc import Callable, Sequence
-from importlib import util
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +65,8 @@ class Host:
 
     def __init__(self) -> None:
         self.log: list[tuple[int, str]] = []
-        self.solver: Any = None
-        """Of an FMU of model exchange: what makes its steps."""
+        self.events: Any = None
+        """Of an FMU whose events are handled here: what makes its steps."""
         self._start = 0.0
         self.follows: list[int] = []
         self.progress: Any = bytearray(1)
@@ -78,11 +80,14 @@ class Host:
 
     def load(
         self, library: str, version: int, name: str, token: str, resources: str, logger: str, file: str,
-        exchange: tuple[int, int, float] | None,
+        handled: tuple[Any, ...] | None,
     ) -> int:  # fmt: skip
         """Load the library and make the instance; 0 where it gives none."""
-        if exchange is not None:
-            self.solver = _solver()(version, *exchange, self._plainly, self.log)
+        exchanged = bool(handled)
+        if exchanged:
+            self.events = _beside("guest_solver").Solver(version, self._plainly, self.log, *handled)
+        elif handled is not None:
+            self.events = _beside("guest_events").Events(version, self._plainly, self.log)
         with Path(file).open("r+b") as opened:
             self.progress = mmap.mmap(opened.fileno(), 1)
         here = Path.cwd()
@@ -105,12 +110,13 @@ class Host:
                 proxy.argtypes, proxy.restype = [ctypes.c_void_p], None
                 proxy(ctypes.byref(callbacks))
             make = self._function("fmi2Instantiate", ctypes.c_void_p)
-            kind = _COSIMULATION if exchange is None else _MODEL_EXCHANGE
+            kind = _MODEL_EXCHANGE if exchanged else _COSIMULATION
             given = who, kind, what, where, ctypes.byref(callbacks), 0, 1
         else:
             self._log = _LOG_3(lambda _, status, __, text: self._hear(status, text))
-            visible, logging, events, early = (ctypes.c_bool(on) for on in (False, True, False, False))
-            if exchange is None:
+            own = handled is not None
+            visible, logging, events, early = (ctypes.c_bool(on) for on in (False, True, own, own))
+            if not exchanged:
                 make = self._function("fmi3InstantiateCoSimulation", ctypes.c_void_p)
                 more = events, early, None, ctypes.c_size_t(0), None, self._log, None
             else:
@@ -126,8 +132,8 @@ class Host:
         return self._functions[name]
 
     def has(self, name: str) -> bool:
-        """Whether the library has a function, or a solver stands in for it."""
-        return hasattr(self.library, name) or (self.solver is not None and name.endswith(("DoStep", "Status")))
+        """Whether the library has a function, or something here stands in for it."""
+        return hasattr(self.library, name) or (self.events is not None and name.endswith(("DoStep", "Status")))
 
     def _plainly(self, name: str, *arguments: Any) -> int:
         """Call a function with values of C."""
@@ -141,8 +147,8 @@ class Host:
         if name in _ARGUMENTS:
             self._start = arguments[2]
         status = function(self.instance, *given) or 0
-        if self.solver is not None and status <= 1 and name.endswith("ExitInitializationMode"):
-            return self.solver.enter(self._start)
+        if self.events is not None and status <= 1 and name.endswith("ExitInitializationMode"):
+            return self.events.enter(self._start)
         return status
 
     def define(self, number: int, name: str, references: bytes, count: int, size: int) -> int:
@@ -173,11 +179,11 @@ class Host:
 
     def step(self, name: str, begin: float, length: float, flag: int) -> tuple[int, bytes]:
         """Make a step."""
-        if self.solver is not None:
-            status, reached = self.solver.step(begin, length)
+        if self.events is not None:
+            status, reached = self.events.step(begin, length)
             # Of FMI 3.0: whether it ends the run, whether before the end of the step, and when.
             returned = struct.pack(
-                "=???xxxxxd", False, self.solver.ended is not None, reached < begin + length, reached
+                "=???xxxxxd", False, self.events.ended is not None, reached < begin + length, reached
             )
             return status, returned if name.startswith("fmi3") else b""
         function, given = self._function(name), (ctypes.c_double(begin), ctypes.c_double(length))
@@ -195,8 +201,8 @@ class Host:
 
     def status(self, name: str, kind: int) -> tuple[int, bytes]:
         """What FMI 2.0 says of a step that was not made."""
-        if self.solver is not None:
-            ended = self.solver.ended
+        if self.events is not None:
+            ended = self.events.ended
             number = struct.pack("d", ended or 0.0) if "Real" in name else struct.pack("ii", ended is not None, 0)
             return 0, number
         value = ctypes.create_string_buffer(8)
@@ -225,15 +231,11 @@ class Host:
         return found
 
 
-def _solver() -> Any:
-    """The class of solvers, from the file beside this one, which is no module of a package here."""
-    path = Path(__file__).with_name("guest_solver.py")
-    spec = util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.Solver
+def _beside(name: str) -> Any:
+    """A module that stands beside this file, which is here in no package."""
+    package = sys.modules.setdefault("guests", types.ModuleType("guests"))
+    package.__path__ = [str(Path(__file__).parent)]
+    return importlib.import_module(f"guests.{name}")
 
 
 def _end_with(parent: int) -> None:

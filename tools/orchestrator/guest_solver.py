@@ -1,37 +1,18 @@
-"""An FMU of model exchange as one that steps: SUNDIALS' CVODE integrates it in its guest's process, events are met.
-
-Between steps it is in event mode: inputs change there as at an event, and the integration begins anew. It is loaded by
-`guest_process.py`, from its file.
-"""
+"""An FMU of model exchange as one that steps: SUNDIALS' CVODE integrates it, in its guest's process."""
 
 import ctypes
-import math
 from collections.abc import Callable
 from typing import Any
 
 from fmpy.sundials import CVodeSolver
 from fmpy.sundials.libraries import sundials_cvode
 
+from .guest_events import ERROR, Events, FailedError
+
 _set_stop = sundials_cvode.CVodeSetStopTime
 _set_stop.argtypes, _set_stop.restype = [ctypes.c_void_p, ctypes.c_double], ctypes.c_int
-
-OK, DISCARD, ERROR = 0, 2, 3
-MOST_EVENTS = 10_000
-"""In one step, and rounds of one event."""
 MOST_STEPS = 100_000
 """Of the solver from event to event."""
-CLOSE = 1e-13
-"""Times that differ by less, relative to the step and the time, are one."""
-
-
-class _EventInfo(ctypes.Structure):
-    """What fmi2NewDiscreteStates says."""
-
-    _fields_ = (*((f"flag{k}", ctypes.c_int) for k in range(5)), ("next", ctypes.c_double))
-
-
-class FailedError(Exception):
-    """A call of the FMU, or the solver, has failed: its status and what is to be said."""
 
 
 class _Cvode(CVodeSolver):
@@ -65,27 +46,17 @@ class _Inputs:
         """Change nothing."""
 
 
-class Solver:
-    """The FMU's steps; `ended` is when it asked for the end of the run."""
+class Solver(Events):
+    """The FMU's steps, by a solver with a relative tolerance."""
+
+    begins = "EnterContinuousTimeMode"
 
     def __init__(
-        self, version: int, states: int, indicators: int, tolerance: float, call: Callable[..., int], log: list[Any]
+        self, version: int, call: Callable[..., int], log: list[Any], states: int, indicators: int, tolerance: float
     ) -> None:
-        self._version, self._states, self._indicators = version, states, indicators
-        self._tolerance, self._plain, self._log = tolerance, call, log
-        self._next = math.inf
-        self.ended: float | None = None
-        self._time = 0.0
+        super().__init__(version, call, log)
+        self._states, self._indicators, self._tolerance = states, indicators, tolerance
         self._cvode: _Cvode | None = None
-
-    def _call(self, name: str, *arguments: Any) -> None:
-        """Call a function of the FMU; FailedError where it gives more than a warning."""
-        said = len(self._log)
-        status = self._plain(f"fmi{self._version}{name}", *arguments)
-        if status > 1:
-            words = [text for _, text in self._log[said:] if text]
-            own = f": {words[-1]}" if words else ""
-            raise FailedError(status, f"fmi{self._version}{name} ended with status {status}{own}")
 
     def _several(self, name: str, values: Any, count: int) -> None:
         """Get or set numbers."""
@@ -94,44 +65,13 @@ class Solver:
     def _set_time(self, time: float) -> None:
         self._call("SetTime", ctypes.c_double(time))
 
-    def enter(self, time: float) -> int:
-        """Make the event with which the initialisation ends; its status."""
-        self._time = time
-        try:
-            self._update()
-        except FailedError as error:
-            return self._told(error)
-        return OK
+    def step(self, begin: float, length: float) -> tuple[int, float]:
+        """Make a step; its status, and up to when it was made."""
+        status = self._plain(f"fmi{self._version}SetTime", ctypes.c_double(begin))
+        return (status, begin) if status > 1 else super().step(begin, length)
 
-    def _told(self, error: FailedError) -> int:
-        """The status of a failure, which is told."""
-        status, said = error.args
-        self._log.append((status, said))
-        return status
-
-    def _update(self) -> None:
-        """Update discrete states until they no longer change."""
-        for _ in range(MOST_EVENTS):
-            if self._version == 2:
-                info = _EventInfo()
-                self._call("NewDiscreteStates", ctypes.byref(info))
-                again, terminate, defined = info.flag0, info.flag1, info.flag4
-                following = info.next
-            else:
-                flags, place = (ctypes.c_bool * 5)(), ctypes.c_double()
-                self._call("UpdateDiscreteStates", *(ctypes.byref(flags, k) for k in range(5)), ctypes.byref(place))
-                again, terminate, defined, following = flags[0], flags[1], flags[4], place.value
-            self._next = following if defined else math.inf
-            if terminate:
-                self.ended = self._time
-                return
-            if not again:
-                return
-        raise FailedError(ERROR, f"an event at {self._time:.9g} s does not come to its end")
-
-    def _integrate(self) -> None:
-        """Leave event mode for an integration from here on."""
-        self._call("EnterContinuousTimeMode")
+    def _begin(self) -> None:
+        """Begin an integration from here on."""
         if self._cvode is None:
             get, put = ("GetContinuousStates", "SetContinuousStates")
             rates = "GetDerivatives" if self._version == 2 else "GetContinuousStateDerivatives"
@@ -152,7 +92,7 @@ class Solver:
         else:
             self._cvode.reset(self._time)
 
-    def _advance(self, goal: float) -> bool:
+    def _integrate(self, goal: float) -> bool:
         """Integrate towards a time; whether CVODE says where it has stopped, at a state event or there."""
         assert self._cvode is not None
         # Beyond the event, or the end of the step, other equations may hold.
@@ -163,30 +103,11 @@ class Solver:
             raise self._cvode.failed or FailedError(ERROR, f"CVODE: {error.args[0].rpartition(': ')[2]}") from error
         return bool(met)
 
-    def step(self, begin: float, length: float) -> tuple[int, float]:
-        """Make a step; its status, and up to when it was made."""
-        end, self._time = begin + length, begin
-        close = CLOSE * (length + abs(end))
-        try:
-            self._set_time(begin)
-            self._update()
-            for _ in range(MOST_EVENTS):
-                if self.ended is not None:
-                    return DISCARD if self._version == 2 else OK, self.ended
-                if self._time >= end - close:
-                    return OK, end
-                self._integrate()
-                self._until(end, close)
-                self._call("EnterEventMode")
-                self._update()
-            raise FailedError(ERROR, f"more than {MOST_EVENTS} events between {begin:.9g} s and {end:.9g} s")
-        except FailedError as error:
-            return self._told(error), self._time
-
-    def _until(self, end: float, close: float) -> None:
+    def _advance(self, end: float, close: float) -> None:
         """Integrate to the next event, or to the end of the step."""
+        self._begin()
         goal = min(end, max(self._next, self._time))
-        met = self._advance(goal) if goal - self._time > close else False
+        met = self._integrate(goal) if goal - self._time > close else False
         if not met:
             self._time = goal
         self._set_time(self._time)

@@ -147,9 +147,12 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
         exchange = fmu.description.coSimulation is None
         if setting.tolerance is not None and not exchange:
             raise InputError(f"fmus.{name}.tolerance: is for FMUs of model exchange; {label} makes its steps itself")
-        # A solver stands beside the FMU.
-        guest = setting.fmu is not None and (not scenario.run.in_process or exchange)
+        if setting.event_mode and (exchange or not fmu.says("hasEventMode")):
+            raise InputError(f"fmus.{name}.event_mode: {label} does not say hasEventMode for co-simulation (FMI 3.0)")
+        # What handles its events stands beside the FMU.
+        guest = setting.fmu is not None and (not scenario.run.in_process or exchange or bool(setting.event_mode))
         fmu = replace(fmu, guest=guest, call_limit_s=scenario.run.call_limit_s, tolerance=setting.tolerance)
+        fmu = replace(fmu, event_mode=bool(setting.event_mode))
         interface = interface_of(name, label, fmu.description)
         if fmu.says("canBeInstantiatedOnlyOncePerProcess") and not guest:
             if fmu.sha256 in single:

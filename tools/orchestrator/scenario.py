@@ -133,7 +133,8 @@ class Asked:
 class FmuSetting(Section):
     """One FMU of the scenario: a component of ours or a file, its effects and its parameters, its own step [s].
 
-    `tolerance` is of the solver that an FMU of model exchange is given, relative.
+    `tolerance` is of the solver that an FMU of model exchange is given, relative. In `event_mode` (of FMI 3.0) an FMU
+    returns at its events, which are handled, and takes its inputs as at an event.
     """
 
     component: str | None = None
@@ -144,6 +145,7 @@ class FmuSetting(Section):
     effects: list[dict[str, Any]] = Field(default_factory=list)
     step_s: Positive | None = None
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
+    event_mode: bool | None = None
 
     @model_validator(mode="after")
     def _one_origin(self) -> "FmuSetting":
@@ -151,6 +153,8 @@ class FmuSetting(Section):
             raise ValueError('give either component = "..." or fmu = "...", one of the two')
         if self.flavour is not None and self.component is None:
             raise ValueError("flavour belongs to a component, not to an fmu file")
+        if self.event_mode and self.component is not None:
+            raise ValueError("event_mode belongs to an fmu file; our components have none")
         if self.effects and self.component is None:
             raise ValueError("effects can be added to a component only, not to an fmu file")
         return self

@@ -103,6 +103,20 @@ def test_all_in_one_scenario_each_with_its_own_step(in_process: bool) -> None:
         assert difference == 0.0
 
 
+def test_in_event_mode_they_are_the_same() -> None:
+    """They return before the end of a step, their events are handled, and the step is made to its end."""
+    names = ("BouncingBall", "Feedthrough", "Stair")
+    fmus = {n: {"fmu": f"fmi3/{n}.fmu", "step_s": STEPS[n], "event_mode": True} for n in names}
+    done = run(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01})
+    assert "'Stair' (fmi3/Stair.fmu) ended the run at 9 s (fmi3DoStep asked for it)" in done.ended
+    for name in names:
+        rows, expected = done.table[:: round(STEPS[name] / 0.01)], published(f"fmi3/{name}")
+        height = min(rows.height, expected.height)
+        assert largest_difference(rows[:height], expected[:height], name) == 0.0
+    said = refusal(HERE, {"x": {"fmu": "fmi3/VanDerPol.fmu", "event_mode": True}})
+    assert said.startswith("fmus.x.event_mode: fmi3/VanDerPol.fmu does not say hasEventMode")
+
+
 def test_model_exchange_by_a_solver(tmp_path: Path) -> None:
     """Those of which nothing is left but model exchange, of both versions, against solutions that are known."""
 
