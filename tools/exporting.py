@@ -70,12 +70,18 @@ class Exported(Result):
         return pl.DataFrame([fmu.to_json() | {"platforms": ", ".join(fmu.platforms)} for fmu in self.fmus])
 
 
-def _described(path: Path, flavour: str, fmi: int) -> ExportedFmu:
+def _described(path: Path, out: Path, flavour: str, fmi: int) -> ExportedFmu:
+    """What is said of an FMU at a path, which will stand in the folder `out`."""
     with zipfile.ZipFile(path) as archive:
         folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return ExportedFmu(
-        component=path.stem, file=str(path), fmi=fmi, flavour=flavour, platforms=sorted(folders), sha256=digest
+        component=path.stem,
+        file=str(out / path.name),
+        fmi=fmi,
+        flavour=flavour,
+        platforms=sorted(folders),
+        sha256=digest,
     )
 
 
@@ -130,9 +136,9 @@ def export_components(
                 build(name, beside, own, flavour=flavour, fmi=fmi, platform="host" if platform is None else platform)
                 if flavour == "native":
                     write_reference(extend(table[name], own), beside, fmi)
+            described = [_described(beside / f"{name}.fmu", out, flavour, fmi) for name in chosen]
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
-    described = [_described(out / f"{name}.fmu", flavour, fmi) for name in chosen]
     return Exported(effects=list(effects), fmus=described)
 
 

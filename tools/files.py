@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -22,37 +22,30 @@ OPEN_DOCUMENT = b"META-INF/manifest.xml"
 """A part that documents of LibreOffice have (.ods is the one with tables)."""
 
 
-_PENDING: ContextVar[list[tuple[Path, Path]] | None] = ContextVar("_PENDING", default=None)
-"""What is written beside its place, and its place, where a block keeps files together."""
+Placed = tuple[Path, Path, Sequence[Path]]
+"""What is written beside its place, its place, and what goes when it is there."""
+_PENDING: ContextVar[list[Placed] | None] = ContextVar("_PENDING", default=None)
+"""What a block has written that keeps files together."""
 
 
 @contextmanager
 def together() -> Iterator[None]:
-    """Let the files and folders that are written in the block appear at its end, all of them or none."""
-    pending: list[tuple[Path, Path]] = []
+    """Let the files and folders that are written in the block appear at its end, all of them or none.
+
+    Within another such block they appear at the end of that one.
+    """
+    if _PENDING.get() is not None:
+        yield
+        return
+    pending: list[Placed] = []
     token = _PENDING.set(pending)
     try:
         yield
         _place(pending)
     finally:
         _PENDING.reset(token)
-        for beside, _ in pending:
+        for beside, _, _ in pending:
             _take_away(beside)
-
-
-@contextmanager
-def with_written(files: Sequence[Path]) -> Iterator[None]:
-    """Let files and folders that the block writes appear together; without them go those that were written before."""
-    try:
-        with together():
-            yield
-    except BaseException:
-        for path in files:
-            path.unlink(missing_ok=True)
-        for folder in {path.parent for path in files}:
-            with suppress(OSError):
-                folder.rmdir()
-        raise
 
 
 @contextmanager
@@ -65,13 +58,14 @@ def at_once() -> Iterator[None]:
         _PENDING.reset(token)
 
 
-def _place(pending: Sequence[tuple[Path, Path]]) -> None:
+def _place(pending: Sequence[Placed]) -> None:
     """Move all that was written beside its place into it, the files of a folder into that one; or none of it.
 
     Where one cannot be moved, what stood in the places of the others comes back.
     """
+    placed: set[Path] = set()
     with ExitStack() as tidy, ExitStack() as undo:
-        for beside, path in pending:
+        for beside, path, _ in pending:
             with said_writable(path):
                 if beside.is_dir() and not path.is_dir():
                     path.mkdir()
@@ -86,7 +80,10 @@ def _place(pending: Sequence[tuple[Path, Path]]) -> None:
                     elif not place.exists():
                         undo.callback(_take_away, place)
                     new.replace(place)
+                    placed.add(place)
         undo.pop_all()
+    for stale in {path for _, _, gone in pending for path in gone} - placed:
+        _take_away(stale)
 
 
 def _second_name(path: Path, name: Path) -> None:
@@ -105,16 +102,16 @@ def _take_away(beside: Path) -> None:
 
 
 @contextmanager
-def _beside(beside: Path, path: Path) -> Iterator[Path]:
+def _beside(beside: Path, path: Path, gone: Sequence[Path] = ()) -> Iterator[Path]:
     """What is to be filled beside its place, where it lands when the block ends without an error, or all do."""
     pending = _PENDING.get()
     done = False
     try:
         yield beside
         if pending is None:
-            _place([(beside, path)])
+            _place([(beside, path, gone)])
         else:
-            pending.append((beside, path))
+            pending.append((beside, path, gone))
             done = True
     finally:
         if not done:
@@ -165,11 +162,12 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def whole_folder(path: Path, gone: Sequence[str] = ()) -> Iterator[Path]:
     """Give a folder beside `path` to fill; its files are moved into `path` when the block ends without an error.
 
-    Files of the same name in an existing `path` are replaced, others are left alone; an InputError where the folder
-    cannot be written.
+    Files of the same name in an existing `path` are replaced, others are left alone but for those `gone`, files or
+    folders in `path` that are taken away then where the block has not made them; an InputError where the folder cannot
+    be written.
     """
     path = Path(path)
     with said_writable(path):
@@ -178,7 +176,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
             raise InputError(f"{path}: is a file; give the name of a folder")
         made = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
         # What is written in it appears with it.
-        with _beside(made, path) as beside, at_once():
+        with _beside(made, path, [path / name for name in gone]) as beside, at_once():
             yield beside
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...fmus.parameters import GRAVITIES
-from ...models.bench import SYMMETRIC_PAIRS, admissible
+from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError, said_of
 from ..records import PositionRecord
@@ -60,6 +60,8 @@ from .targets import (
 STANDARD_BOUNDS = (3e-3, 1e-2)
 SCALE_FACTORS = (0.5, 1.5)
 """What an accelerometer may read of its input: beyond that it is dead or reversed, or the units are wrong."""
+DEAD = 0.01
+"""The part of what the inputs span that an accelerometer's readings span at the least."""
 NOISE_BOUNDS = (1e-12, 1e-2)
 """Noise bounds that can be used: above rounding, and small enough that the model is smooth on their scale."""
 ROUNDING = 2e-15
@@ -237,11 +239,13 @@ def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked(
     index = [0] * len(record.position) if record.mounting is None else [names.index(name) for name in record.mounting]
     positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
     p = parametrise(matrices, symmetric=asked.baseline == "symmetric")
-    if said := channels_advice(record, np.asarray(record.specific_force) / gravity, p, positions):
+    reading = np.asarray(record.specific_force) / gravity
+    _refuse_dead(record, reading, nominal_input(positions.alpha, positions.beta, p.matrices[positions.mounting]))
+    if said := channels_advice(record, reading, p, positions):
         raise InputError(said)
     extent = parameter_limits(p.symbols, bounds, asked_priors(asked.priors, p, bounds))
     with said_of(str(record.path)):
-        return fit(p, positions, np.asarray(record.specific_force) / gravity, noise_bound, bounds, extent)
+        return fit(p, positions, reading, noise_bound, bounds, extent)
 
 
 def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
@@ -276,13 +280,25 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) 
             continue
         if 1.0 + estimate.high >= least and 1.0 + estimate.low <= most:
             continue
-        factor = round(1.0 + (estimate.low + estimate.high) / 2.0, 3) + 0.0
-        hint = "is its sign, or that of an angle, reversed" if factor < -least else "is it dead"
-        hint = hint if factor < least else "are --gravity and the unit right"
-        raise InputError(
-            f"{record.path}: column f{axis}_mps2: reads {digits(factor, 4)} times what the table "
-            f"gives, where {exactly(least)} to {exactly(most)} is possible; {hint}, or is --mounting another?"
-        )
+        raise InputError(_no_scale_factor(record, axis, 1.0 + (estimate.low + estimate.high) / 2.0))
+
+
+def _refuse_dead(record: PositionRecord, reading: NDArray, given: NDArray) -> None:
+    """Refuse readings (N, 3) that stand still where inputs (N, 3) do not, both over g: their fit would lead nowhere."""
+    for axis in np.flatnonzero(np.ptp(reading, axis=0) < DEAD * np.ptp(given, axis=0)):
+        raise InputError(_no_scale_factor(record, int(axis) + 1, 0.0))
+
+
+def _no_scale_factor(record: PositionRecord, axis: int, factor: float) -> str:
+    """One line on a scale factor that no accelerometer has."""
+    least, most = SCALE_FACTORS
+    factor = round(factor, 3) + 0.0
+    hint = "is its sign, or that of an angle, reversed" if factor < -least else "is it dead"
+    hint = hint if factor < least else "are --gravity and the unit right"
+    return (
+        f"{record.path}: column f{axis}_mps2: reads {digits(factor, 4)} times what the table "
+        f"gives, where {exactly(least)} to {exactly(most)} is possible; {hint}, or is --mounting another?"
+    )
 
 
 def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:

@@ -7,9 +7,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ..orchestrator.archive import temporary_folder
 from ..orchestrator.load import Loaded, Sources, load, resolve_parameters
 from ..orchestrator.recorded import resolve_columns
-from ..orchestrator.run import temporary_folder
 from ..orchestrator.scenario import RunSetting, Scenario, Stimulus
 from ..orchestrator.stimuli import check_single_sources, resolve_stimuli
 from ..orchestrator.wiring import Wire, check_states, paces_of, resolve_connections, stepping_groups

@@ -19,7 +19,7 @@ from cyclopts import CycloptsError, Parameter
 
 from .. import document
 from ..errors import InputError, full
-from ..files import json_text, ordinary_file, ordinary_folder, write_text
+from ..files import json_text, ordinary_file, ordinary_folder, together, write_text
 
 Command = TypeVar("Command", bound=Callable[..., object])
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
@@ -72,13 +72,16 @@ def answer(
 def say(command: Callable[[], object], *, quiet: bool) -> int:
     """Run a command, print its answer, which may be no `Answer` where it has printed itself, and give its exit status.
 
+    Its files appear together when it is done, or none of them.
+
     `quiet`: print nothing but what was asked for by name: no text, no bars, no warnings.
     """
     with ExitStack() as silent:
         if quiet:
             silent.enter_context(redirect_stdout(StringIO()))
             silent.enter_context(redirect_stderr(StringIO()))
-        said = command()
+        with together():
+            said = command()
     if not isinstance(said, Answer):
         return 0
     if said.text and (said.wanted or not quiet):

@@ -24,7 +24,7 @@ from .. import (
     trials,
 )
 from ..errors import InputError, one_line
-from ..files import ordinary_file, ordinary_folder, together, with_written, write_text
+from ..files import at_once, ordinary_file, ordinary_folder, write_text
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -55,7 +55,7 @@ def installed_version() -> str:
 def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     out, own, plot = (options.pop(name, None) for name in ("out", "effects_from", "plot"))
-    distinct_files({"the scenario": scenario, "--json": json, "--plot": plot})
+    distinct_files({"the scenario": scenario, "--out": out, "--json": json, "--plot": plot})
     asked = orchestrator.Asked(**options)
     with own_effects.with_effects_of(own), ssp.opened(scenario, asked) as (checked, ignored):
         if ignored:
@@ -172,20 +172,18 @@ def calibrate(
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
         joint = measured.calibrate_together(record, *others, **asked, **options)
-        with together():
-            if report is not None:
-                reports.write_report(report, joint)
-            return answer(joint, json)
+        if report is not None:
+            reports.write_report(report, joint)
+        return answer(joint, json)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
     bench = calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
     result = measured.calibrate(run, bench=bench, **options)
-    with together():
-        if report is not None:
-            reports.write_report(report, result, run)
-        if ssv is not None:
-            calibrations.write_parameter_set(result, ssv)
-        return answer(result, json)
+    if report is not None:
+        reports.write_report(report, result, run)
+    if ssv is not None:
+        calibrations.write_parameter_set(result, ssv)
+    return answer(result, json)
 
 
 def _of_several(options: dict[str, Any], *, several: bool) -> dict[str, Any]:
@@ -225,10 +223,9 @@ def apply(
     text = str(result) if by_diagnosis else "\n".join(reports.application_lines(result, latitude_deg))
     if out is not None and result.record is None:
         raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
-    with together():
-        if out is not None:
-            records.write_record(result.record, out)
-        return answer(text, json, result.to_json())
+    if out is not None:
+        records.write_record(result.record, out)
+    return answer(text, json, result.to_json())
 
 
 @takes(measured.diagnose, measured.diagnose_together)
@@ -265,18 +262,16 @@ def diagnose(
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
         several = measured.diagnose_together(record, *others, **asked, **options, progress=True)
-        with together():
-            if report is not None:
-                reports.write_report(report, several)
-            return answer(several, json)
+        if report is not None:
+            reports.write_report(report, several)
+        return answer(several, json)
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
     result = measured.diagnose(run, **options, progress=True)
-    with together():
-        if report is not None:
-            reports.write_report(report, result, run)
-        files = [] if export is None else diagnosis.export_extended(result, export)
-        return answer(result, json, files=files)
+    if report is not None:
+        reports.write_report(report, result, run)
+    files = [] if export is None else diagnosis.export_extended(result, export)
+    return answer(result, json, files=files)
 
 
 @takes(measured.inspect)
@@ -292,12 +287,11 @@ def inspect(
     """
     distinct_files({"the record": record, "--json": json, "--allan": allan, "--plot": plot})
     found = measured.inspect(record, **options)
-    with together():
-        if plot is not None:
-            reports.write_plot(plot, record.name, f"{len(found.record)} rows as measured.", found.record.to_polars())
-        if allan is not None:
-            write_text(allan, reports.allan_picture(found))
-        return answer(found, json)
+    if plot is not None:
+        reports.write_plot(plot, record.name, f"{len(found.record)} rows as measured.", found.record.to_polars())
+    if allan is not None:
+        write_text(allan, reports.allan_picture(found))
+    return answer(found, json)
 
 
 @takes(measured.attitude_of_record)
@@ -318,25 +312,23 @@ def attitude(
     compare
         Run every algorithm and show them side by side.
     """
-    distinct_files({"the record": record, "--json": json, "--plot": plot})
+    distinct_files({"the record": record, "--out": out, "--json": json, "--plot": plot})
     if compare and plot is not None:
         raise InputError("--plot: is of one algorithm; it does not go with --compare")
     source = records.read_record(record, records.StrapdownRecord, channels=options.pop("channels", ()))
     if compare:
         options.pop("algorithm", None)
         compared = motion.compare_algorithms(source, **options, progress=True)
-        with together():
-            if out is not None:
-                write_text(out / "comparison.csv", compared.to_polars().write_csv())
-            return answer(compared, json, complaint=reports.distrust(compared, source.path.name))
-    run = measured.attitude_of_record(source, **options, out=out, progress=True)
-    with with_written(run.files):
         if out is not None:
-            write_text(out / "attitude.csv", run.to_polars().write_csv())
-        if plot is not None:
-            said = f"{len(run.time_s)} attitudes by {run.algorithm}."
-            reports.write_plot(plot, record.name, said, run.to_polars())
-        return answer(run, json, complaint=reports.distrust(run, source.path.name))
+            write_text(out / "comparison.csv", compared.to_polars().write_csv())
+        return answer(compared, json, complaint=reports.distrust(compared, source.path.name))
+    run = measured.attitude_of_record(source, **options, out=out, progress=True)
+    if out is not None:
+        write_text(out / "attitude.csv", run.to_polars().write_csv())
+    if plot is not None:
+        said = f"{len(run.time_s)} attitudes by {run.algorithm}."
+        reports.write_plot(plot, record.name, said, run.to_polars())
+    return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 
 def fmpy_input(
@@ -405,8 +397,7 @@ def import_(
         if not is_there:
             raise InputError(f"--set {answer_}: write KEY=VALUE, as units.force=g")
         said[key.strip()] = text
-    with together():
-        return answer(measured.import_record(file, out=out, mapping=mapping, answers=said), json)
+    return answer(measured.import_record(file, out=out, mapping=mapping, answers=said), json)
 
 
 @takes(library.new)
@@ -450,7 +441,8 @@ def demo(
     from ..demo import run_demo
 
     trials.check_seed(seed)
-    with redirect_stdout(StringIO() if json == STANDARD_OUTPUT else sys.stdout):
+    # It reads what it has written.
+    with at_once(), redirect_stdout(StringIO() if json == STANDARD_OUTPUT else sys.stdout):
         page = run_demo(out, seed=seed, show=show)
     files = sorted(str(path) for path in out.rglob("*") if path.is_file())
     return answer("", json, {"schema": "trihedron.demo/1", "page": str(page), "seed": seed, "files": files})

@@ -7,7 +7,7 @@ from cyclopts import App, Parameter
 
 from .. import instrument as folders
 from .. import reports
-from ..files import json_text, together, write_text
+from ..files import json_text, write_text
 from .answer import Answer, File, JsonFile, ReportFile, answer, distinct_files
 
 instrument = App(name="instrument", help="An instrument's folder of calibrations and diagnoses: plain JSON.")
@@ -47,11 +47,8 @@ def add(
         Its serial number.
     """
     distinct_files({"the result": result, "--record": record, "--json": json})
-    with together():
-        entry = folders.add_to_instrument(
-            folder, result, record=record, date=date, temperature=temperature, serial=serial
-        )
-        return answer(entry, json, files=[folder / entry.file])
+    entry = folders.add_to_instrument(folder, result, record=record, date=date, temperature=temperature, serial=serial)
+    return answer(entry, json, files=[folder / entry.file])
 
 
 @instrument.command(name="list")
@@ -98,10 +95,9 @@ def show(
     """
     distinct_files({"--out": out, "--json": json})
     entry = folders.nearest_of_instrument(folder, date=date, temperature=temperature, kind=kind)
-    with together():
-        if out is not None:
-            write_text(out, json_text(entry.result))
-        return answer(entry, json)
+    if out is not None:
+        write_text(out, json_text(entry.result))
+    return answer(entry, json)
 
 
 @instrument.command
@@ -117,7 +113,6 @@ def trend(folder: Path, /, *, json: JsonFile = None, report: ReportFile = None) 
     """
     distinct_files({"--json": json, "--report": report})
     found = folders.trend_of_instrument(folder)
-    with together():
-        if report is not None:
-            reports.write_report(report, found)
-        return answer(found, json)
+    if report is not None:
+        reports.write_report(report, found)
+    return answer(found, json)

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from .. import campaign as campaigns
 from .. import document, library, own_effects, planning, reports, trials
 from ..errors import InputError
-from ..files import made_folder, together, write_text
+from ..files import at_once, made_folder, write_text
 from ..rounding import exactly
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
 
@@ -98,12 +98,11 @@ def plan(
         raise InputError("--picture: is of one target; give one --target")
     step = None if continuum else 1.0 if grid is None else grid
     plans = library.plan(*targets, grid=step, **options, progress=True)
-    with together():
-        if report is not None:
-            document.write_page(report, reports.plan_page(plans))
-        if picture is not None:
-            write_text(picture, reports.plan_picture(plans[0]))
-        return answer(plans, json)
+    if report is not None:
+        document.write_page(report, reports.plan_page(plans))
+    if picture is not None:
+        write_text(picture, reports.plan_picture(plans[0]))
+    return answer(plans, json)
 
 
 def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None:
@@ -134,18 +133,16 @@ def _positions(
 ) -> Answer:
     dwell_s = planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
     found = planning.plan_positions(count, request, progress=True)
-    with together():
-        files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
-        if page is not None:
-            document.write_page(page, reports.operator_page(found, dwell_s))
-        return answer(found, json, files=files)
+    files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
+    if page is not None:
+        document.write_page(page, reports.operator_page(found, dwell_s))
+    return answer(found, json, files=files)
 
 
 def _curve(ends: tuple[int, int], request: "planning.Request", out: Path | None, json: Path | None) -> Answer:
     curve = planning.plan_curve(*ends, request, progress=True)
-    with together():
-        files = reports.write_curve(curve, out) if out is not None else []
-        return answer(curve, json, files=files)
+    files = reports.write_curve(curve, out) if out is not None else []
+    return answer(curve, json, files=files)
 
 
 def _check(file: Path | None, request: "planning.Request", noise_bound: float | None, json: Path | None) -> Answer:
@@ -248,11 +245,10 @@ def hidden(
             else:
                 chosen = () if clean else effect or None
                 case = trials.draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
-            with together():
-                trials.write_hidden_record(case, record, secret, progress=True)
-                return answer(
-                    str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed}
-                )
+            trials.write_hidden_record(case, record, secret, progress=True)
+            return answer(
+                str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed}
+            )
         many = (
             "--cases of many; give one of the two" if strapdown else "--cases and --suite of many; give one of the two"
         )
@@ -292,7 +288,9 @@ def _records_folder(out: Path | None) -> Path | None:
 def campaign(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s"""
     distinct_files({"the campaign": campaign, "--json": json})
-    done = library.run_campaign(campaign, out, **options, progress=True)
+    # What is computed is kept as it comes, and --resume goes on with it.
+    with at_once():
+        done = library.run_campaign(campaign, out, **options, progress=True)
     folder = done.folder or Path()
     return answer(done, json, files=[folder / "runs", folder / "summary.json", folder / "index.html"])
 

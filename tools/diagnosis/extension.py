@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ..errors import InputError
+from ..files import whole_folder
 from .cause import Finding
 from .result import Diagnosis
 
@@ -26,6 +27,8 @@ def export_extended(result: Diagnosis, folder: Path, flavour: str = "python") ->
     said = "found of a record: " + " and ".join(place.title for place in effects)
     try:
         evidence = result.evidence.including(finding.fit.places)
-        return evidence.extension(finding.fit, effects).write(folder, said, flavour)
+        with whole_folder(folder) as beside:
+            written = evidence.extension(finding.fit, effects).write(beside, said, flavour)
+        return [folder / path.name for path in written]
     except ValueError as error:
         raise InputError(f"--export {folder}: {error}") from error

@@ -19,12 +19,12 @@ from .sheet import Sheet
 
 MOST_MEMBERS = 5000
 """Parts of a workbook."""
-MOST_BYTES = 600_000_000
+MOST_BYTES = 400_000_000
 """Bytes of the parts of a workbook that a table needs, unpacked."""
-MOST_CELLS = 12_000_000
-"""Cells of a sheet: rows times columns up to its last."""
-MEMORY = 6 << 30
-"""Bytes that the process that reads a workbook may take, where the system can limit it."""
+MOST_CELLS = 8_000_000
+"""Cells of a sheet: rows times columns up to its last. All rows that a sheet can have, of seven columns, are fewer."""
+MEMORY = 5 << 29
+"""Bytes that the process that reads a workbook may take, where the system can limit it: so many cells take half."""
 NEEDED = re.compile(
     r"\[Content_Types\]\.xml|_rels/.*|xl/(workbook|styles|sharedStrings)\.(xml|bin)|xl/(_rels|worksheets)/.*"
     r"|mimetype|content\.xml|styles\.xml|META-INF/manifest\.xml"

@@ -5,9 +5,11 @@ import io
 import re
 import stat
 import struct
+import sys
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from xml.parsers import expat
@@ -17,6 +19,7 @@ from fmpy.model_description import ModelDescription
 
 from ..errors import InputError, full
 from ..files import bytes_of
+from ..locks import own_folder
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 2 << 30
@@ -233,6 +236,20 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
     there = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
     has = f"it has {', '.join(there)}" if there else "it has none at all"
     raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); {has}")
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """A folder for unpacked FMUs; what their scripts left of it in Python's search path and modules goes too."""
+    with own_folder() as folder:
+        name = str(folder)
+        try:
+            yield folder
+        finally:
+            sys.path[:] = [entry for entry in sys.path if not str(entry).startswith(name)]
+            for module, loaded in list(sys.modules.items()):
+                if str(getattr(loaded, "__file__", None)).startswith(name):
+                    del sys.modules[module]
 
 
 def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:

@@ -8,28 +8,29 @@ needs no more memory than a short one.
 import ctypes
 import platform
 import shutil
-import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import cached_property
 from importlib.metadata import version
 from multiprocessing.util import Finalize
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import polars as pl
 from pydantic import Field
 
 from ..errors import InputError, one_line
-from ..files import json_text, make_folders, said_writable, whole_folder
-from ..locks import own_folder
+from ..files import at_once, json_text, make_folders, said_writable, whole_folder
 from ..progress import progress_bar
 from ..records import PositionRecord, RawRecord, read_record, write_record
 from ..records.read import read_written
 from ..records.rests import position_record_of
 from ..result import ABSENT, Result
+from .archive import temporary_folder
 from .load import Loaded, Sources, interfaces_of, load, resolve_parameters
 from .loops import Assembly, run_fmus
 from .ports import Ports
@@ -42,7 +43,7 @@ SCHEMA = "trihedron.run/1"
 RAW_COLUMNS = {"time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"}
 MOST_ROWS = 20_000_000
 """A raw record of more rows is not averaged: it is read whole."""
-INCOMPLETE = "run.incomplete"
+INCOMPLETE, POSITIONS = "run.incomplete", "positions.csv"
 FLUSH_SECONDS = 5.0
 WHOLE_BYTES = 256 << 20
 """A record of at most so many bytes is written in one go."""
@@ -95,6 +96,8 @@ class Simulation(Result):
     """The record; None where it is too long for memory and only in the file."""
     units: dict[str, str] = Field(default={}, exclude=True, repr=False)
     """Column -> unit of its variable, where that is recorded as it is."""
+    beside: Path | None = Field(default=None, exclude=True, repr=False)
+    """Folder where the files are until they appear."""
 
     @cached_property
     def table(self) -> pl.DataFrame:
@@ -105,7 +108,9 @@ class Simulation(Result):
         """The same, read as far as it is needed."""
         if self.held is not None:
             return self.held.lazy()
-        return (pl.scan_csv if self.files[0].suffix == ".csv" else pl.scan_parquet)(self.files[0])
+        waiting = self.files[0] if self.beside is None else self.beside / self.files[0].name
+        data = waiting if waiting.exists() else self.files[0]
+        return (pl.scan_csv if data.suffix == ".csv" else pl.scan_parquet)(data)
 
     @property
     def positions(self) -> PositionRecord | None:
@@ -197,20 +202,6 @@ class PreparedScenario:
         return pl.concat(tables)
 
 
-@contextmanager
-def temporary_folder() -> Iterator[Path]:
-    """A folder for unpacked FMUs; what their scripts left of it in Python's search path and modules goes too."""
-    with own_folder() as folder:
-        name = str(folder)
-        try:
-            yield folder
-        finally:
-            sys.path[:] = [entry for entry in sys.path if not str(entry).startswith(name)]
-            for module, loaded in list(sys.modules.items()):
-                if str(getattr(loaded, "__file__", None)).startswith(name):
-                    del sys.modules[module]
-
-
 def default_folder(scenario: Scenario) -> Path:
     """Where a run is written when nothing else is asked for: `<scenario>-run` in the current folder."""
     stem = scenario.source.stem if scenario.source is not None else "scenario"
@@ -247,11 +238,17 @@ def simulate(
     KeyboardInterrupt
         Ctrl-C; what was recorded until then is written, and run.json says that it is not complete
     """
+    with _prepared(scenario) as prepared:
+        return _recorded(prepared, Journal(out), lambda run: run, marks, progress=progress, compiled=compiled)
+
+
+@contextmanager
+def _prepared(scenario: Scenario) -> Iterator[PreparedScenario]:
+    """A scenario that is run once; what goes wrong is said of it."""
     try:
         prepared = PreparedScenario(scenario)
         try:
-            folder = None if out is None else Path(out)
-            return _recorded(prepared, folder, marks, progress=progress, compiled=compiled)
+            yield prepared
         finally:
             prepared.close()
     except InputError as error:
@@ -262,13 +259,18 @@ def simulate(
 
 
 def _recorded(
-    prepared: PreparedScenario, out: Path | None, marks: Sequence[pl.Expr], *, progress: bool, compiled: bool
+    prepared: PreparedScenario,
+    journal: "Journal",
+    also: Callable[[Simulation], Simulation],
+    marks: Sequence[pl.Expr] = (),
+    *,
+    progress: bool,
+    compiled: bool = True,
 ) -> Simulation:
-    """The run, its rows in the journal block by block."""
+    """The run, its rows in the journal block by block; `also` adds to it, and to the folder beside the run's own."""
     assembly, scenario = prepared.assemble({}), prepared.scenario
     grid, every, form = assembly.grid, scenario.record.every, scenario.record.format
-    provenance = _provenance(prepared, assembly)
-    journal = Journal(out, provenance)
+    journal.provenance = _provenance(prepared, assembly)
     reached, last, ended = 0, grid.steps // every * every, ""
 
     def keep(rows: pl.DataFrame, tick: int) -> None:
@@ -282,12 +284,29 @@ def _recorded(
             journal.drop()
             return ""
         so_far = {"complete": reached == last, "steps": reached, "final_time_s": grid.time(reached), **more}
-        _, files = journal.finish(form, so_far)
-        return f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""
+        # A command that ends so leaves nothing else.
+        with at_once(), journal.finished(form, so_far) as (_, files, _):
+            return f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""
 
     try:
         with progress_bar("simulating", grid.steps, show=progress) as shown:
             ended = run_fmus(assembly, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
+        so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended} if ended else {}
+        with journal.finished(form, so_far) as (table, files, beside):
+            run = Simulation(
+                title=scenario.title,
+                rows=reached // every + 1,
+                columns=["time_s", *(c.name for c in assembly.columns), *(mark.meta.output_name() for mark in marks)],
+                final_time_s=grid.time(reached) if ended else journal.provenance["final_time_s"],
+                ended=ended,
+                files=files,
+                scenario=scenario,
+                provenance={**journal.provenance, **so_far},
+                held=table,
+                beside=beside,
+                units={c.name: c.variable.unit for c in assembly.columns if c.variable.unit and c.factor == 1.0},
+            )
+            return also(run)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted{kept_so_far()}") from None
     except InputError as error:
@@ -295,20 +314,6 @@ def _recorded(
     except BaseException:
         journal.drop()
         raise
-    so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended} if ended else {}
-    table, files = journal.finish(form, so_far)
-    return Simulation(
-        title=scenario.title,
-        rows=reached // every + 1,
-        columns=["time_s", *(c.name for c in assembly.columns), *(mark.meta.output_name() for mark in marks)],
-        final_time_s=grid.time(reached) if ended else provenance["final_time_s"],
-        ended=ended,
-        files=files,
-        scenario=scenario,
-        provenance={**provenance, **so_far},
-        held=table,
-        units={c.name: c.variable.unit for c in assembly.columns if c.variable.unit and c.factor == 1.0},
-    )
 
 
 def _provenance(prepared: PreparedScenario, assembly: Assembly) -> dict[str, Any]:
@@ -335,33 +340,41 @@ def simulate_table(
 
     Parameters are those of `simulate`; `ignored` goes into the result.
     """
-    run = simulate(scenario, out, progress=progress)
-    if out is not None:
-        # Averages of an earlier run would not be those of this one.
-        (out / "positions.csv").unlink(missing_ok=True)
-    found: dict[str, Any] = {"ignored_parameters": ignored}
-    if set(run.columns) >= RAW_COLUMNS:
-        try:
-            if run.rows > MOST_ROWS:
-                raise InputError(f"{run.rows} rows are too many to average here; raise record.every")
-            raw = read_written(run.files[0]) if run.files else read_record(run.table)
-            if not isinstance(raw, RawRecord):
-                raise InputError("the run is not a raw record of a table")
-            positions = position_record_of(raw)
-            found |= {"averages": positions, "rests": len(positions)}
-        except InputError as error:
-            found["no_positions"] = str(error)
-    if out is not None and "averages" in found:
-        write_record(found["averages"], out / "positions.csv")
-        found["files"] = (*run.files, out / "positions.csv")
-    return run.model_copy(update=found)
+
+    def averaged(run: Simulation) -> Simulation:
+        found: dict[str, Any] = {"ignored_parameters": ignored}
+        if set(run.columns) >= RAW_COLUMNS:
+            try:
+                positions = _averages(run)
+                found |= {"averages": positions, "rests": len(positions)}
+            except InputError as error:
+                found["no_positions"] = str(error)
+        if run.beside is not None and "averages" in found:
+            write_record(found["averages"], run.beside / POSITIONS)
+            found["files"] = (*run.files, run.files[0].with_name(POSITIONS))
+        return run.model_copy(update=found)
+
+    with _prepared(scenario) as prepared:
+        return _recorded(prepared, Journal(out), averaged, progress=progress)
+
+
+def _averages(run: Simulation) -> PositionRecord:
+    """The averaged rests of a run, whose file stands beside its place where it has one."""
+    if run.rows > MOST_ROWS:
+        raise InputError(f"{run.rows} rows are too many to average here; raise record.every")
+    raw = read_record(run.table) if run.beside is None else read_written(run.beside / run.files[0].name)
+    if not isinstance(raw, RawRecord):
+        raise InputError("the run is not a raw record of a table")
+    return position_record_of(raw if run.beside is None else replace(raw, path=run.files[0]))
 
 
 class Journal:
     """The rows of a run: in its folder with a run.json that says its provenance, without a folder in memory."""
 
-    def __init__(self, out: Path | None, provenance: Mapping[str, Any]) -> None:
-        self._out, self._provenance = out, provenance
+    provenance: Mapping[str, Any] = MappingProxyType({})
+
+    def __init__(self, out: Path | None) -> None:
+        self._out = None if out is None else Path(out)
         self._tables: list[pl.DataFrame] = []
         self._parts = self._bytes = 0
         self._made: list[Path] = []
@@ -413,7 +426,7 @@ class Journal:
             shutil.rmtree(folder, ignore_errors=True)
             make_folders(folder)
             self._made = missing
-            (folder / "run.json").write_text(json_text({**self._provenance, "complete": False}), encoding="utf-8")
+            (folder / "run.json").write_text(json_text({**self.provenance, "complete": False}), encoding="utf-8")
 
     def _wait(self) -> None:
         """Wait for the part that is being written."""
@@ -425,47 +438,58 @@ class Journal:
     def drop(self) -> None:
         """Forget the run: nothing of it is left on disk."""
         self._writer.shutdown(wait=True)
+        self._tables.clear()
         if self._parts:
             shutil.rmtree(self.folder, ignore_errors=True)
-            for folder in self._made:
-                if folder != self.folder and folder.is_dir() and not any(folder.iterdir()):
+            for folder in self._made[1:]:
+                with suppress(OSError):
                     folder.rmdir()
+        self._parts = 0
 
-    def finish(self, form: str, more: Mapping[str, Any]) -> tuple[pl.DataFrame | None, tuple[Path, ...]]:
-        """Write the run whole into its folder, as "parquet" or "csv", with run.json, which says `more` too.
+    @contextmanager
+    def finished(
+        self, form: str, more: Mapping[str, Any]
+    ) -> Iterator[tuple[pl.DataFrame | None, tuple[Path, ...], Path | None]]:
+        """Write the run whole, as "parquet" or "csv", with run.json, which says `more` too; it appears after the block.
 
-        Gives the rows, unless they are too many to be in memory, and the files.
+        Gives the rows, unless they are too many to be in memory, the files, and the folder beside their own where they
+        are until then. A block that is interrupted leaves the rows to the journal.
         """
-        if self._out is None:
-            return pl.concat(self._tables, rechunk=True), ()
+        interrupted = False
         try:
+            if self._out is None:
+                yield pl.concat(self._tables, rechunk=True), (), None
+                return
+            data = self._out / f"run.{form}"
             self._wait()
-            with said_writable(self._out, pl.exceptions.PolarsError):
-                table = self._write(self._out, form, {**self._provenance, **more})
-            # Of this run, or of one that was killed here.
-            shutil.rmtree(self.folder, ignore_errors=True)
+            # Those of an earlier run would not be of the one that run.json describes.
+            with (
+                said_writable(self._out, pl.exceptions.PolarsError),
+                whole_folder(self._out, gone=(INCOMPLETE, "run.csv", "run.parquet", POSITIONS)) as beside,
+            ):
+                table = self._write(beside / data.name)
+                said = json_text({**self.provenance, **more})
+                (beside / "run.json").write_text(said, encoding="utf-8", newline="\n")
+                yield table, (data, self._out / "run.json"), beside
+        except KeyboardInterrupt:
+            interrupted = True
+            raise
         finally:
-            self.drop()
-        # A run of another form that stood here would not be the one that run.json describes.
-        for stale in {"run.csv", "run.parquet"} - {f"run.{form}"}:
-            (self._out / stale).unlink(missing_ok=True)
-        return table, (self._out / f"run.{form}", self._out / "run.json")
+            if not interrupted:
+                self.drop()
 
-    def _write(self, out: Path, form: str, provenance: dict[str, Any]) -> pl.DataFrame | None:
+    def _write(self, data: Path) -> pl.DataFrame | None:
         parts = [self.folder / f"{n:08d}.parquet" for n in range(self._parts)]
-        with whole_folder(out) as beside:
-            data, table = beside / f"run.{form}", None
-            if self._bytes <= WHOLE_BYTES:
-                table = pl.concat([*(pl.read_parquet(part) for part in parts), *self._tables], rechunk=True)
-                table.write_csv(data) if form == "csv" else table.write_parquet(data)
-            else:
-                rows = pl.concat([*(pl.scan_parquet(part) for part in parts), *(t.lazy() for t in self._tables)])
-                if form == "csv":
-                    rows.sink_csv(data, maintain_order=True)
-                else:
-                    rows.sink_parquet(data, row_group_size=ROW_GROUP, maintain_order=True)
-            (beside / "run.json").write_text(json_text(provenance), encoding="utf-8", newline="\n")
-        return table
+        if self._bytes <= WHOLE_BYTES:
+            table = pl.concat([*(pl.read_parquet(part) for part in parts), *self._tables], rechunk=True)
+            table.write_csv(data) if data.suffix == ".csv" else table.write_parquet(data)
+            return table
+        rows = pl.concat([*(pl.scan_parquet(part) for part in parts), *(t.lazy() for t in self._tables)])
+        if data.suffix == ".csv":
+            rows.sink_csv(data, maintain_order=True)
+        else:
+            rows.sink_parquet(data, row_group_size=ROW_GROUP, maintain_order=True)
+        return None
 
 
 def _write_part(rows: pl.DataFrame, part: Path) -> None:

@@ -232,3 +232,19 @@ def test_a_dead_or_reversed_accelerometer_is_refused(factor, said, baseline):
         calibrate(
             record(reading, ALPHA, BETA), noise_bound=1e-2 if baseline == "symmetric" else 1e-5, baseline=baseline
         )
+
+
+@pytest.mark.parametrize("baseline", ["asymmetric", "symmetric"])
+def test_an_accelerometer_that_stands_still_is_said_to_be_dead_whatever_the_noise_bound(baseline):
+    """With one scale factor for each, the fit went where its misfit is infinite, and the noise bound was blamed."""
+    reading = simulated(random_bench(np.random.default_rng(1))).specific_force / GRAVITY * [1.0, 0.0, 1.0]
+    with pytest.raises(InputError, match=r"column f2_mps2: reads 0 times what the table gives.*dead"):
+        calibrate(record(reading, ALPHA, BETA), noise_bound=1e-5, baseline=baseline)
+
+
+@pytest.mark.parametrize("seed", [28, 45, 81])
+def test_a_step_so_long_that_its_misfit_is_infinite_is_halved_without_a_warning(seed):
+    """Readings of chance alone: the fit comes to where a square is no number any more."""
+    reading = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(ALPHA), 3))
+    with pytest.raises(InputError, match=r"does not converge|noise-bound"):
+        calibrate(record(reading, ALPHA, BETA), noise_bound=1e-5, baseline="symmetric")

@@ -12,6 +12,8 @@ import pytest
 
 from command_table import QUICK, Command, files
 from forked_commands import ForkedCommands, with_temporary_folder
+from trihedron.tools import cli
+from trihedron.tools.errors import InputError
 
 
 def can_mount() -> bool:
@@ -27,6 +29,10 @@ LOCK = "campaign.lock"
 """A lock is never taken away: another process may wait for it."""
 SHORT = ("simulate run.toml", "export AccelerometerBlock", "export-ssp run.toml", "new scenario")
 """Commands that a full disk is tried on in each run of the tests."""
+KEPT = ("campaign campaign.toml", "instrument show")
+"""What is kept as it comes, and what writes its object to `--out`."""
+ONCE = ("new", "instrument", "completion")
+"""What is not done twice in one place."""
 WRITING = [c for c in QUICK if c.arguments[0] not in ("doctor",)]
 FULL = """
 set -e
@@ -62,6 +68,36 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
     assert "No space left" in error.splitlines()[-1]
     assert "Traceback" not in error
     assert set((result / "left").read_text(encoding="utf-8").split()) <= {f"./out/{LOCK}"}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(c, marks=[] if c.title in SHORT else [pytest.mark.acceptance])
+        for c in WRITING
+        if "out.json" in c.arguments
+    ],
+    ids=lambda c: c.title,
+)
+def test_an_object_that_cannot_be_written_leaves_nothing_else(
+    command: Command, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Only what `--json` names is on a disk that is full; what an earlier run has left stays."""
+
+    def full(path: Path, text: str) -> None:
+        raise InputError(f"{path}: cannot be written (No space left on device)")
+
+    for earlier in (False, True):
+        before = files(here)
+        with monkeypatch.context() as patch:
+            patch.setattr("trihedron.tools.cli.answer.write_text", full)
+            assert cli.main([*command.arguments, "--quiet"]) == 2
+        assert capsys.readouterr().err == "trihedron: out.json: cannot be written (No space left on device)\n"
+        assert files(here) == before
+        if not earlier and command.arguments[0] not in ONCE:
+            assert cli.main([*command.arguments, "--quiet"]) == 0
+        else:
+            return
 
 
 @pytest.fixture(scope="module")
