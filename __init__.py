@@ -4,6 +4,7 @@
 see ``dir(th)``. Nothing is imported before it is used. Frames and symbols stand in `trihedron.models`.
 """
 
+from functools import cache
 from typing import Any
 
 from . import tools
@@ -37,22 +38,36 @@ def __getattr__(name: str) -> Any:
     if name in _HOME:
         from importlib import import_module
 
-        return getattr(import_module(f"trihedron.tools.{_HOME[name]}"), name)
+        found = getattr(import_module(f"trihedron.tools.{_HOME[name]}"), name)
+        return found if name in _TYPES else _in_python(found)
     raise AttributeError(f"module 'trihedron' has no attribute '{name}'")
+
+
+@cache
+def _in_python(function: Any) -> Any:
+    """A function that looks at its arguments."""
+    from .tools.arguments import in_python
+
+    return in_python(function)
 
 
 def __dir__() -> list[str]:
     return [*__all__, *(name for name in globals() if name.startswith("__"))]
 
 
-def _shown(result: Any, medium: str) -> str | None:
-    """What a person sees of a result: text, or the page of a notebook; None of a part of one, which has its fields."""
+def _shown(result: Any, medium: str, *given: Any) -> Any:
+    """What a person sees of a result: see `tools.shown`."""
     from .tools.document.blocks import notebook, text
-    from .tools.reports import MAKERS, document_of
+    from .tools.reports import MAKERS, document_of, figures, write_report
 
-    if type(result).__name__ not in MAKERS:
+    maker = MAKERS.get(type(result).__name__)
+    if maker is None:
         return None
-    return (text if medium == "text" else notebook)(document_of(result))
+    if medium in ("text", "notebook"):
+        return (text if medium == "text" else notebook)(document_of(result))
+    if maker[2] is None:
+        raise TypeError(f"a {type(result).__name__} has no page")
+    return write_report(given[0], result, given[1]) if medium == "page" else figures(result, *given)
 
 
 tools.shown = _shown

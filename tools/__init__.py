@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-shown: Callable[[Any, str], str | None] | None = None
-"""(result, "text" or "notebook") -> what a person sees of it, None of a part that has no document of its own; set by
-`trihedron`, as results know nothing of it."""
+shown: Callable[..., Any] | None = None
+"""(result, "text" or "notebook") -> what a person sees of it, None of a part of one that has no document of its own;
+(result, "page", path, record) writes its page, (result, "figures", record) gives the pictures on it by their names;
+set by `trihedron`, as results know nothing of it."""

@@ -74,6 +74,8 @@ def simulate(
     >>> run = th.simulate("scenarios/table-attitude.toml")
     >>> run["q0"].max()
     """
+    if not isinstance(scenario, str | Path | Mapping | orchestrator.Scenario):
+        raise InputError(f"a scenario is a path, or what its file says, not {type(scenario).__name__}")
     asked = orchestrator.Asked(start, stop, step, coupling, in_process, call_limit)
     with own_effects.with_effects_of(effects_from), ssp.opened(scenario, asked) as (checked, ignored):
         folder = None if out is None else Path(out)

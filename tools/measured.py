@@ -91,7 +91,7 @@ def inspect(record: "records.Source", *, gravity: float = 9.80665, channels: Seq
 
     Parameters
     ----------
-    record : path, DataFrame or record
+    record : path, table in memory or record
         Strapdown record, CSV or Parquet.
     gravity : float
         Model value of gravity [m/s²].
@@ -126,7 +126,7 @@ def attitude_of_record(
 
     Parameters
     ----------
-    record : path, DataFrame or record
+    record : path, table in memory or record
         Strapdown record, CSV or Parquet.
     algorithm : str
         Name of the attitude algorithm; with --compare every one is run.
@@ -181,7 +181,7 @@ def calibrate(
 
     Parameters
     ----------
-    record : path, DataFrame, record or Simulation
+    record : path, table in memory, record or Simulation
         Position record, raw record or bench record, CSV or Parquet.
     noise_bound : float, optional
         σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.
@@ -221,7 +221,7 @@ def calibrate(
     rests = records.read_record(record, records.PositionRecord, channels=channels)
     asked = {"noise_bound": noise_bound, "gravity": gravity, "convention": convention, "baseline": baseline}
     asked |= {"bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
-    return calibrations.calibrate_whole(rests, bench, **asked)
+    return calibrations.calibrate_whole(rests, bench, **asked).model_copy(update={"made_of": rests})
 
 
 def calibrate_together(
@@ -241,7 +241,7 @@ def calibrate_together(
 
     Parameters
     ----------
-    first, others : path, DataFrame or record
+    first, others : path, table in memory or record
         Position records or raw records, two at least.
     noise_bound, gravity, baseline, bounds, mounting, channels
         As of `calibrate`, the same for all.
@@ -338,7 +338,7 @@ def diagnose(
 
     Parameters
     ----------
-    record : path, DataFrame, record or Simulation
+    record : path, table in memory, record or Simulation
         Position record, raw record or strapdown record, CSV or Parquet.
     noise_bound : float, optional
         σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell. The bounds of a
@@ -394,7 +394,8 @@ def diagnose(
         reference_bound=reference_bound,
     )
     with own_effects.with_effects_of(effects_from):
-        return diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **asked)
+        found = diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **asked)
+    return found.model_copy(update={"made_of": run})
 
 
 def _asked(
@@ -427,10 +428,19 @@ def diagnose_together(
     first: "records.Source",
     /,
     *others: "records.Source",
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    reference_bound: float | None = None,
+    effects_from: str | Path | None = None,
+    extend: bool = False,
     shared: Sequence[str] = (),
     own: Sequence[str] = (),
     progress: bool = False,
-    **options: Any,
 ) -> "diagnosis.Several":
     """Say what several records of one instrument have in common, and what is of one run alone.
 
@@ -439,9 +449,11 @@ def diagnose_together(
 
     Parameters
     ----------
-    first, others : path, DataFrame or record
+    first, others : path, table in memory or record
         Records of one instrument, all of positions (or raw) or all strapdown, two at least. Files are called by their
         names, others by their numbers.
+    noise_bound, gravity, baseline, bounds, mounting, channels, rates, reference_bound, effects_from, extend
+        As of `diagnose`, the same for all records.
     shared : sequence of str
         Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
         X16; a star stands for anything; may be repeated.
@@ -450,8 +462,6 @@ def diagnose_together(
         misalignment-*; may be repeated.
     progress : bool
         Show a bar on standard error, where that is a terminal.
-    options
-        As of `diagnose`, the same for all records; no hypotheses.
 
     Raises
     ------
@@ -463,13 +473,11 @@ def diagnose_together(
     >>> import trihedron as th
     >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    if options.pop("hypotheses", ()):
-        raise InputError("--hypothesis: is of one record; give one")
-    kinds = (records.PositionRecord, records.StrapdownRecord)
-    named = _several((first, *others), kinds, options.pop("channels", ()))
-    effects_from, extend = options.pop("effects_from", None), options.pop("extend", False)
+    named = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels)
+    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
+    asked |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):
-        evidence = {label: diagnosis.evidence_of(run, **_asked(run, **options)) for label, run in named.items()}
+        evidence = {label: diagnosis.evidence_of(run, **_asked(run, **asked)) for label, run in named.items()}
         diagnosis.check_asked(evidence, shared, own)
         alone = {
             label: diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
@@ -478,9 +486,7 @@ def diagnose_together(
         unsure = {
             label: "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
             for label, run in named.items()
-            if options.get("noise_bound") is None
-            and isinstance(run, records.PositionRecord)
-            and not records.tells_noise(run)
+            if noise_bound is None and isinstance(run, records.PositionRecord) and not records.tells_noise(run)
         }
         digests = {label: run.sha256 for label, run in named.items()}
         return diagnosis.diagnosed_together(

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias, TypeVar, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ from pydantic_core import CoreSchema
 from .. import tools
 from .errors import InputError, nearest
 from .files import json_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array: TypeAlias = Annotated[
     NDArray[np.float64],
@@ -93,6 +96,53 @@ class Result(BaseModel):
     def json_text(self) -> str:
         """`to_json` as the text of a file."""
         return json_text(self.to_json())
+
+    def __eq__(self, other: object) -> bool:
+        """Whether all that is published is the same."""
+        return self is other or (type(self) is type(other) and self.to_json() == cast(Result, other).to_json())
+
+    def __hash__(self) -> int:
+        return hash(self.json_text())
+
+    def report(self, path: str | Path, record: Any = None) -> Path:
+        """Write the page of the result, as its command's `--report` does.
+
+        Parameters
+        ----------
+        path : path
+            .html, or .pdf
+        record : PositionRecord, StrapdownRecord, optional
+            What the result was made from: pages of calibrations and diagnoses show more of it.
+
+        Raises
+        ------
+        InputError
+            where the file cannot be written, or the page not be printed
+        TypeError
+            where a result of this kind has no page
+        """
+        self._shown("page", Path(path), record)
+        return Path(path)
+
+    def figures(self, record: Any = None) -> "dict[str, Figure]":
+        """The pictures of the page, as figures of matplotlib, by the titles of their sections in lower case.
+
+        A TypeError where a result of this kind has no page.
+        """
+        return self._shown("figures", record)
+
+    def figure(self, name: str, record: Any = None) -> "Figure":
+        """One of `figures`, by its name or a part that no other has; an InputError where there is none."""
+        known = self.figures(record)
+        found = [name] if name in known else [title for title in known if name.lower() in title]
+        if len(found) != 1:
+            raise InputError(f"{name}: no picture has this name alone; known: {', '.join(known)}")
+        return known[found[0]]
+
+    def _shown(self, *how: Any) -> Any:
+        if tools.shown is None:
+            raise TypeError("nothing shows results; import trihedron")
+        return tools.shown(self, *how)
 
     def __str__(self) -> str:
         said = None if tools.shown is None else tools.shown(self, "text")

@@ -8,6 +8,7 @@ from typing_extensions import TypedDict
 
 from ...fmus import version
 from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, GRAVITIES
+from ..errors import InputError, nearest
 from ..result import Result
 from .estimates import FeasibleSet
 from .model import Linearisation
@@ -256,6 +257,7 @@ class Calibration(_Part):
     warnings: list[str] = Field(default=[])
     linearised: Linearisation = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
     feasible: FeasibleSet | None = Field(default=None, exclude=True)
+    made_of: Any = Field(default=None, exclude=True)
 
     @model_validator(mode="before")
     @classmethod
@@ -275,6 +277,15 @@ class Calibration(_Part):
         if self.verdict != "insufficient":
             absent |= {"missing", "next_positions"}
         return {key: value for key, value in content.items() if key not in absent}
+
+    def __getitem__(self, target: str) -> Estimate:
+        """A target by its symbol, as X4, or its name, as bias-1; an InputError where there is none."""
+        found = next((e for e in self.parameters if target in (e.symbol, e.name)), None)
+        if found is None:
+            raise InputError(
+                f"{target}: no target of this calibration; {nearest(target, [e.symbol for e in self.parameters])}"
+            )
+        return found
 
     def to_polars(self) -> "DataFrame":
         """A row for each target, with the fields of `Estimate`."""

@@ -261,6 +261,8 @@ def diagnose(
     if others:
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
+        if options.pop("hypotheses", ()):
+            raise InputError("--hypothesis: is of one record; give one")
         several = measured.diagnose_together(record, *others, **asked, **options, progress=True)
         if report is not None:
             reports.write_report(report, several)

@@ -425,6 +425,7 @@ class Diagnosis(Told):
     warnings: tuple[str, ...] = ()
 
     evidence: Any = Field(default=None, exclude=True)
+    made_of: Any = Field(default=None, exclude=True)
     findings: tuple[Any, ...] = Field(default=(), exclude=True)
     unshown: tuple[Any, ...] = Field(default=(), exclude=True)
     tried: tuple[tuple[str, float], ...] = Field(default=(), exclude=True)

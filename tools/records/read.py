@@ -10,7 +10,7 @@ import io
 import math
 import re
 import shlex
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar, overload, runtime_checkabl
 
 import numpy as np
 import polars as pl
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..files import bytes_of, is_workbook
@@ -78,8 +79,20 @@ class Recorded(Protocol):
         ...
 
 
-Source: TypeAlias = str | Path | pl.DataFrame | Record | Recorded
-"""What holds a record: a file, a table in memory, a record, a simulation."""
+class Tabular(Protocol):
+    """A table of another library, of pandas say: columns by their names."""
+
+    @property
+    def columns(self) -> Any:
+        """Their names."""
+        ...
+
+    def __getitem__(self, name: Any, /) -> Any: ...
+
+
+Source: TypeAlias = str | Path | pl.DataFrame | Mapping[str, ArrayLike] | NDArray[np.void] | Tabular | Record | Recorded
+"""What holds a record: a file, a table in memory (polars, pandas, a mapping of columns, a structured array), a record,
+a simulation."""
 
 
 @overload
@@ -95,7 +108,7 @@ def read_record(source: Source, *wanted: Any, channels: Sequence[str] = ()) -> A
 
     Parameters
     ----------
-    source : path, DataFrame, record or Simulation
+    source : path, table in memory, record or Simulation
         the kind of record is recognised by its columns, the kind of file by its first bytes
     wanted : PositionRecord, StrapdownRecord
         which kinds will do; without any, every kind does. Where a PositionRecord does, what has the angles of a table
@@ -133,10 +146,26 @@ def read_written(path: Path) -> Record:
     return _parsed(path, KINDS, trusted=True)
 
 
-def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind], *, trusted: bool = False) -> Record:
+def _table(source: object) -> pl.DataFrame:
+    """A table in memory, of whatever library; an InputError for what is none."""
     if isinstance(source, pl.DataFrame):
+        return source
+    named = getattr(getattr(source, "dtype", None), "names", None) or getattr(source, "columns", None)
+    names = list(source) if isinstance(source, Mapping) else [] if named is None else [str(name) for name in named]
+    try:
+        return pl.DataFrame({name: np.asarray(source[name]).tolist() for name in names})  # type: ignore[index]
+    except (TypeError, ValueError, KeyError, pl.exceptions.PolarsError) as error:
+        raise InputError(f"a table in memory cannot be used: {str(error).splitlines()[0]}") from error
+
+
+def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Record:
+    in_memory = not isinstance(source, str | Path)
+    if in_memory:
         path, written = Path("table"), io.BytesIO()
-        source.write_parquet(written)
+        if not (table := _table(source)).width:
+            what = "a path, or a table with columns (polars, pandas, a mapping, a structured array)"
+            raise InputError(f"a record is {what}, not {type(source).__name__}")
+        table.write_parquet(written)
         data = written.getvalue()
     else:
         path = Path(source)
@@ -146,7 +175,7 @@ def _parsed(source: str | Path | pl.DataFrame, kinds: Sequence[Kind], *, trusted
         if path.suffix.lower() == ".parquet" and not data.startswith(MAGIC):
             raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
     # a table in memory cannot be corrupt
-    found = all_faults(path, data, kinds, trusted=trusted or isinstance(source, pl.DataFrame))
+    found = all_faults(path, data, kinds, trusted=trusted or in_memory)
     try:
         raise next(found)
     except StopIteration as done:

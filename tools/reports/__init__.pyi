@@ -7,6 +7,7 @@ from .lines import write_plot as write_plot
 from .lines import write_plot_of_run as write_plot_of_run
 from .makers import MAKERS as MAKERS
 from .makers import document_of as document_of
+from .makers import figures as figures
 from .makers import write_report as write_report
 from .papers import write_reproduction as write_reproduction
 from .pictures.records import allan_picture as allan_picture

@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...fmus import version
-from ..document.blocks import Document
+from ..document.blocks import Document, Page
 from ..document.notation import minus
 from ..document.page import write_page
+from ..errors import InputError
 from ..result import Result
 from ..rounding import digits
+from .pictures import keeping
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..check import Check
     from ..exporting import Exported
     from ..foreign import Imported
@@ -53,15 +57,26 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
 
 
 def document_of(result: Result, record: Any = None) -> Document:
-    """What a result has to say; the record that it was made from stands on its page."""
+    """What a result has to say; the record that it was made from, its own if none is given, stands on its page."""
     module, lines, page = MAKERS[type(result).__name__]
     makers = import_module(f"{__package__}.{module}")
-    given = () if record is None else (record,)
+    made_of = getattr(result, "made_of", None) if record is None else record
+
+    def its_page() -> Page:
+        given = (made_of,) if type(result).__name__ in OF_RECORDS else ()
+        if given == (None,) and type(result).__name__ == "Calibration":
+            raise InputError("the page of a calibration from a file needs the record that it was made from")
+        return getattr(makers, str(page))(result, *given)
+
     return Document(
         getattr(makers, lines)(result),
         getattr(result, "to_polars", lambda: None),
-        None if page is None else lambda: getattr(makers, page)(result, *given),
+        None if page is None else its_page,
     )
+
+
+OF_RECORDS = ("Calibration", "Diagnosis")
+"""Results whose pages show the record, too."""
 
 
 def write_report(path: Path, result: Result, record: Any = None) -> None:
@@ -75,6 +90,15 @@ def write_report(path: Path, result: Result, record: Any = None) -> None:
     page = document_of(result, record).page
     assert page is not None
     write_page(path, page())
+
+
+def figures(result: Result, record: Any = None) -> "dict[str, Figure]":
+    """The pictures on the page of a result, as figures, by the titles of their sections in lower case."""
+    page = document_of(result, record).page
+    assert page is not None
+    with keeping() as kept:
+        sections = [section for section in page().sections if section.svg in kept]
+    return {section.title.lower(): kept[str(section.svg)] for section in sections}
 
 
 def check_lines(result: "Check") -> list[str]:

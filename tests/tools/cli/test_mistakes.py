@@ -91,14 +91,17 @@ def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path,
         (lambda: th.calibrate("missing.csv"), "missing.csv: no such file"),
         (lambda: th.calibrate(pl.DataFrame({"time_s": [1.0]})), "missing for a"),
         (lambda: th.plan("X44"), "X44"),
-        (lambda: th.plan_positions(6, starts=0), "--starts 0: must be from 1"),
+        (lambda: th.plan_positions(6, starts=0), "starts 0: must be from 1"),
         (lambda: th.inspect(th.hide(1).record.to_polars()), "a strapdown record"),
         (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
-        (lambda: th.export("AccelerometerBlock", flavour="rust"), "--flavour rust: must be python or native"),  # type: ignore[arg-type]
-        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "--fmi 1: must be 2 or 3"),  # type: ignore[arg-type]
-        (lambda: th.hide(1, baseline="symmetrc"), "must be asymmetric or symmetric"),  # type: ignore[arg-type]
+        (
+            lambda: th.export("AccelerometerBlock", flavour="rust"),
+            "flavour: should be 'python' or 'native', not 'rust'",
+        ),  # type: ignore[arg-type]
+        (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "fmi: should be 2 or 3, not 1"),  # type: ignore[arg-type]
+        (lambda: th.hide(1, baseline="symmetrc"), "baseline: should be 'asymmetric' or 'symmetric'"),  # type: ignore[arg-type]
         (lambda: th.diagnose(th.hide(1).record, noise_bound=1e-5, rates="averaged"), "has no rates"),
-        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "must be two numbers"),  # type: ignore[arg-type]
+        (lambda: th.plan("X4", bounds=(1e-3, 1e-3, 1e-3)), "bounds: should be"),  # type: ignore[arg-type]
         (lambda: th.new("scenari"), "did you mean 'scenario'?"),
         (lambda: th.simulate({"run": {"step_s": 1.0}}), "fmus: is missing"),
         (lambda: th.calibrate(th.simulate(SCENARIOS / "table-attitude.toml")), "no position record"),

@@ -122,7 +122,7 @@ def test_a_name_that_no_parameter_has_is_refused_before_any_diagnosis(monkeypatc
 
     monkeypatch.setattr(procedure, "diagnosed", unwanted)
     records = of_one_instrument(21, 2, positions=(20, 20))
-    with pytest.raises(InputError, match=r"^--own X99: no parameter of these records"):
+    with pytest.raises(InputError, match=r"^own X99: no parameter of these records"):
         th.diagnose_together(*records, noise_bound=SIGMA, own=["X99"])
 
 
@@ -251,5 +251,5 @@ def test_what_the_true_attitude_errs_by_is_stated_for_all_records(monkeypatch):
 
 
 def test_a_bound_of_the_true_attitude_is_refused_of_records_of_a_table():
-    with pytest.raises(InputError, match="--reference-bound 1: is of a strapdown record"):
+    with pytest.raises(InputError, match="reference_bound 1: is of a strapdown record"):
         th.diagnose_together(*of_one_instrument(21, 2, positions=(20, 20)), reference_bound=1.0)

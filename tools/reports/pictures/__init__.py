@@ -205,9 +205,26 @@ def drawn(draw: "Callable[P, Drawn]") -> Callable[P, str]:
     @wraps(draw)
     def made(*arguments: P.args, **options: P.kwargs) -> str:
         with drawing():
-            return svg_text(*draw(*arguments, **options))
+            figure, label = draw(*arguments, **options)
+            text = svg_text(figure, label)
+        if _kept:
+            _kept[-1][text] = figure
+        return text
 
     return made
+
+
+_kept: "list[dict[str, Figure]]" = []
+
+
+@contextmanager
+def keeping() -> "Iterator[dict[str, Figure]]":
+    """Within it, the figures of pictures that are `drawn`, by their SVG."""
+    _kept.append({})
+    try:
+        yield _kept[-1]
+    finally:
+        _kept.pop()
 
 
 def sheet(height: float, rows: int = 1, columns: int = 1, **shared: Any) -> "tuple[Figure, NDArray[Any]]":

@@ -1,0 +1,125 @@
+"""In Python as on the command line: arguments are named, tables of any library taken, pages and pictures made."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import trihedron as th
+from simulated_bench import random_bench, simulated
+from trihedron.tools.arguments import in_python
+from trihedron.tools.errors import InputError
+from trihedron.tools.records import PositionRecord
+
+SIGMA = 1e-5
+LOOSE: Any = th
+"""As one calls it who checks no types."""
+
+
+@pytest.fixture(scope="module")
+def record() -> PositionRecord:
+    rng = np.random.default_rng(3)
+    return simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
+
+
+@pytest.fixture(scope="module")
+def calibration(record):
+    return th.calibrate(record, noise_bound=SIGMA)
+
+
+class Pandas:
+    """A table as pandas has it: column names that are an index, columns that go to NumPy."""
+
+    def __init__(self, columns: dict[str, list[float]]) -> None:
+        self.columns, self._column = np.array(list(columns), dtype=object), columns
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return np.array(self._column[name])
+
+
+def test_a_table_of_any_library_gives_the_same_record(record):
+    columns = record.to_polars().to_dict(as_series=False)
+    rows = np.array(list(zip(*columns.values(), strict=True)), dtype=[(name, float) for name in columns])
+    for source in (columns, Pandas(columns), rows):
+        read = th.read_record(source)
+        assert np.array_equal(read.specific_force, record.specific_force)
+        assert np.allclose(read.alpha, record.alpha, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda r: LOOSE.calibrate(5), "a record is a path, or a table with columns .*, not int"),
+        (lambda r: LOOSE.calibrate({"alpha_deg": [3.0], "beta_deg": [1.0, 2.0]}), "a table in memory cannot be used"),
+        (lambda r: LOOSE.calibrate(np.zeros((4, 5))), "a record is a path, or a table with columns .*, not ndarray"),
+        (lambda r: LOOSE.calibrate(r, noise_bound="x"), "noise_bound: should be a valid number.*, not 'x'"),
+        (lambda r: LOOSE.calibrate(r, noise_bound=-1), "noise_bound -1: must be a fraction of g"),
+        (lambda r: LOOSE.calibrate(r, bounds=3), "bounds: should be a valid tuple, not 3"),
+        (lambda r: LOOSE.calibrate(r, noise_bound=SIGMA, targets=["X4-"]), "targets 'X4-': ends too early"),
+        (
+            lambda r: LOOSE.calibrate(r, baseline="round"),
+            "baseline: should be 'asymmetric' or 'symmetric', not 'round'",
+        ),
+        (
+            lambda r: LOOSE.diagnose(r, noise_bound=SIGMA, hypotheses=["f2 +="]),
+            "hypotheses 'f2 \\+=': must be written",
+        ),
+        (lambda r: LOOSE.diagnose(r, rates="averaged"), "rates averaged: is of a strapdown record"),
+        (lambda r: LOOSE.simulate(3), "a scenario is a path, or what its file says, not int"),
+        (lambda r: LOOSE.check(3), "file: should be"),
+    ],
+)
+def test_what_is_wrong_is_said_of_the_argument_and_not_of_an_option(record, call, said):
+    with pytest.raises(InputError, match=f"^{said}") as caught:
+        call(record)
+    assert "--" not in str(caught.value)
+
+
+def test_numbers_and_arrays_of_numpy_are_numbers_and_sequences(record, calibration):
+    again = LOOSE.calibrate(record, noise_bound=np.float64(SIGMA), bounds=np.array([3e-3, 1e-2]))
+    assert again == calibration
+
+
+def test_a_function_keeps_its_own_name_and_words():
+    def doubled(number: float, *, keep_out: float = 0.0) -> float:
+        """Twice a number."""
+        if keep_out:
+            raise InputError(f"--keep-out {keep_out:g}: and --other")
+        return 2.0 * number
+
+    wrapped: Any = in_python(doubled)
+    assert (wrapped.__name__, wrapped.__doc__, wrapped(2)) == ("doubled", "Twice a number.", 4.0)
+    with pytest.raises(InputError, match=r"^keep_out 1: and --other$"):
+        wrapped(2, keep_out=1)
+    with pytest.raises(TypeError, match="unexpected"):
+        wrapped(2, other=1)
+
+
+def test_results_are_equal_where_all_that_is_published_is(record, calibration):
+    assert calibration == type(calibration).model_validate_json(calibration.json_text())
+    assert {calibration: 1}[th.calibrate(record, noise_bound=SIGMA)] == 1
+    assert calibration != th.calibrate(record, noise_bound=2 * SIGMA)
+    assert calibration != 3
+
+
+def test_a_target_is_had_by_its_symbol_or_its_name(calibration):
+    assert calibration["X16"] is calibration["bias-1"]
+    assert calibration["X16"].unit == "g"
+    with pytest.raises(InputError, match=r"^X44: no target of this calibration; did you mean 'X4'\?"):
+        calibration["X44"]
+
+
+def test_the_page_and_its_pictures(record, calibration, tmp_path):
+    page = calibration.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    known = calibration.figures()
+    assert all(isinstance(figure, Figure) for figure in known.values())
+    assert len(known) == page.count('class="trihedron-picture"')
+    assert calibration.figure("residuals").axes[0].lines
+    with pytest.raises(InputError, match=r"^nothing: no picture has this name alone; known: "):
+        calibration.figure("nothing")
+    again = type(calibration).model_validate_json(calibration.json_text())
+    with pytest.raises(InputError, match="needs the record"):
+        again.report(tmp_path / "again.html")
+    with pytest.raises(TypeError, match="has no page"):
+        th.check(tmp_path / "page.html").report(tmp_path / "check.html")
