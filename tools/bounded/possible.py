@@ -38,6 +38,10 @@ class Steps:
         """How far weights'x (n,) can go; infinite where nothing bounds it; at most `least` where it goes no farther."""
         raise NotImplementedError
 
+    def bounded(self, weights: NDArray) -> float:
+        """How far weights'x (n,) can go at most, by what is known already; infinite where nothing is."""
+        raise NotImplementedError
+
     def ends(self, column: int) -> Interval:
         """Least and largest step of one column."""
         reach = self.among(np.array([column]))
@@ -146,7 +150,7 @@ class Possible(Steps):
 class AnyOf(Steps):
     """The union of sets of steps of the same columns."""
 
-    def __init__(self, sets: Sequence[Possible]) -> None:
+    def __init__(self, sets: Sequence[Steps]) -> None:
         self.count, self._sets, self._first = sets[0].count, sets, 0
 
     def reach(self, weights: NDArray, least: float = -math.inf) -> float:

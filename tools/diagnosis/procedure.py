@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.possible import AnyOf, Proofs, Steps, largest_length
+from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..errors import InputError
@@ -356,7 +356,7 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     for place, columns in evidence.beside(fit):
         # What bounds an effect beside one way of the others bounds it beside the next one nearly as well.
         proofs: Proofs = {}
-        possible = AnyOf([one.possible(room, columns, evidence.most_rows, proofs) for one in (fit, *fit.also)])
+        possible = fit.possible_in_any(room, columns, evidence.most_rows, proofs)
         parameters = place.definition.parameters
         sizes = [largest_coefficient(possible, count + k, parameter.name) for k, parameter in enumerate(parameters)]
         ends = evidence.told(place, [(0.0, size) for size in sizes])
@@ -374,8 +374,8 @@ def largest_coefficient(possible: Steps, column: int, name: str) -> float:
         return np.inf
     if name.endswith("amplitude"):
         return largest_length(possible.among(np.array([column, column + 1])))
-    low, high = possible.ends(column)
-    return max(high, -low)
+    reach = possible.among(np.array([column]))
+    return reach(np.ones(1), reach(-np.ones(1)))
 
 
 def residual_structure(channels: Sequence[Channel]) -> tuple[dict[str, Any], ...]:

@@ -13,25 +13,25 @@ from ...models.effects import EffectPlace
 from ...models.effects.definition import all_coefficients
 from ...models.effects.last_stage import variant
 from ..bounded.sets import Work
+from ..bounded.sweep import Rows, Swept
 from ..motion.carry import GyroModel, Motion
 from ..motion.inspect import Inspection
 from ..motion.norm import inputs_of
 from .carried_pairs import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over
 from .fit import Fit, coefficient_count, coefficient_limits
-from .onsets import ROUNDS, STRETCHES, TIMES_AT_ONCE, Acting, Fading, Onsets, refused
+from .onsets import ROUNDS, STRETCHES, Acting, Fading, Onsets, refused
 from .pairs import Pair
 from .references import Gravity, Truth, force_columns, has_truth
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 LONG = 1_000_000
 """A record of more rows is long."""
-SLICES = 7
-"""Time constants of those that stand at which the sizes of what fades are stated, at least."""
-EVERY, CLOSE = 3, 8
-"""Of so many stretches one is tried; the ends of the time constants that stand are found but for so many of them."""
+MOST_TRIED = 12
+"""After so many rows of a stretch that stands its least radius is no longer sought."""
 MOST_WITH_ONSET = 1
 """Sets of more effects have none that sets in at a time: each such pair costs tens of programmes."""
+Standing = tuple[tuple[int, int], list[tuple[Fit, int]], list[Swept]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,83 +213,73 @@ class CarriedRun(CarriedRecord):
             return super().mended(places, work)
         (place,) = setting_in
         others, acting = [p for p in places if p != place], self.acting[place]
-        ends, found = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, others, work)
+        ends, found, swept = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, others, work)
         if not found:
             return []
         start, end = self.onsets.ends(acting, *ends)
         best = sorted(found, key=lambda one: one[0].radius)
         first, *also = (setting_in_at(fit, place, self.onsets.value(acting, row), (start, end)) for fit, row in best)
-        return [replace(first, also=tuple(also))]
+        return [replace(first, also=tuple(also), swept=tuple(swept))]
 
-    def _setting_in(
-        self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
-    ) -> tuple[tuple[int, int], list[tuple[Fit, int]]]:
-        """Ends of the rows at which an effect beside others can set in, and fits at some of them.
-
-        The sizes depend on where in its piece an effect sets in: the hull of all that are possible takes several rows.
-        """
-        found = []
+    def _setting_in(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
+        """Ends of the rows at which an effect beside others can set in, fits at some of them, and all of them."""
+        found, every, ends = [], [], []
         for begin, end in self._stretches(place, others, work):
-            fit, row = self._within(place, others, (begin, end), work)
-            if fit.radius > self.limit:
-                continue
-            found.append((fit, row, begin, end))
-            for other in np.setdiff1d(np.linspace(begin, end - 1, SLICES).round().astype(int), row).tolist():
-                work.programme(len(self.residual), self.nominal.shape[1] + 3 * (1 + len(others)))
-                fit = self.with_onset(place, other).refit([*others, place])
-                if fit.radius <= self.limit:
-                    found.append((fit, other, begin, end))
+            swept = self._swept(place, others, (begin, end))
+            fits = self._searched(swept, [*others, place], begin, work)
+            if fits:
+                found, every, ends = [*found, fits[0]], [*every, swept], [*ends, begin, end]
         if not found:
-            return (0, 0), []
+            return (0, 0), [], []
         # One that acts from the first row on would do as well.
         always = self.with_onset(place, 0).refit([*others, place]).radius <= self.limit
-        earliest = 0 if always else min(begin for *_, begin, _ in found)
-        return (earliest, max(end for *_, end in found)), [(fit, row) for fit, row, *_ in found]
+        return (0 if always else min(ends), max(ends)), found, every
 
-    def _fading(
-        self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
-    ) -> tuple[tuple[int, int], list[tuple[Fit, int]]]:
-        """Numbers of time constants next to all with which an effect beside others can fade, and fits evenly between.
-
-        The sizes of what fades depend on its time constant: the hull of all that are possible takes several of them.
-        More stretches are not refused than stand, so some are tried, and the neighbourhood of the best is searched.
-        """
-        tried: dict[int, Fit] = {}
-
-        def stands(number: int) -> bool:
-            if number not in tried:
-                work.programme(len(self.residual), self.nominal.shape[1] + 3 * (1 + len(others)))
-                tried[number] = self.with_onset(place, number).refit([*others, place])
-            return tried[number].radius <= self.limit
-
+    def _fading(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
+        """Numbers of time constants next to all with which an effect beside others can fade, and fits, as above."""
         stretches = list(self._stretches(place, others, work))
         if not stretches:
-            return (0, 0), []
-        least, most = min(begin for begin, _ in stretches), max(end for _, end in stretches)
-        standing = [
-            number
-            for begin, end in (stretches[EVERY // 2 :: EVERY] or stretches)
-            if stands(number := (begin + end) // 2)
+            return (0, 0), [], []
+        begin, end = min(begin for begin, _ in stretches), max(end for _, end in stretches)
+        swept = self._swept(place, others, (begin, end))
+        left = np.zeros(len(swept.proven), dtype=bool)
+        for low, high in stretches:
+            left[low - begin : high - begin + 1] = True
+        swept.proven[~left] = np.inf
+        found = self._searched(swept, [*others, place], begin, work)
+        if not found:
+            return (0, 0), [], []
+        # The first and the last that are not refused stand.
+        for side in (0, -1):
+            while swept.tried(int(np.flatnonzero(~swept.refused)[side])) > self.limit:
+                work.programme(*swept.rows.fixed.shape)
+        numbers = begin + np.flatnonzero(~swept.refused)
+        last = int(self.onsets.edges_of(self.acting[place])[-1])
+        return (max(0, int(numbers[0]) - 1), min(last, int(numbers[-1]) + 1)), found, [swept]
+
+    def _swept(self, place: EffectPlace, others: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
+        """An effect beside others at every row, or with every time constant, between two."""
+        fixed, moving, ways = self.onsets.swept(self.acting[place], *ends)
+        rows = [
+            np.concatenate([rows_over(c, part.bound) for c, part in zip(columns, self.parts, strict=True)])
+            for columns in (fixed, moving)
         ]
-        step = EVERY * TIMES_AT_ONCE // 2
-        while not standing and step:
-            best = min(tried, key=lambda number: tried[number].radius)
-            near = (max(least, best - step), min(most, best + step))
-            standing, step = [number for number in near if stands(number)], step // 2
-        if not standing:
-            return (0, 0), []
-        reached = []
-        for inner, end in ((min(standing), least), (max(standing), most)):
-            failed = [number for number in tried if (number - inner) * (end - inner) > 0 and not stands(number)]
-            outer = min((*failed, end), key=lambda number: abs(number - inner))
-            while abs(outer - inner) > CLOSE:
-                middle = (outer + inner) // 2
-                outer, inner = (outer, middle) if stands(middle) else (middle, inner)
-            reached.append((outer, inner))
-        (before, first), (after, last) = reached
-        if sum(map(stands, tried)) < SLICES:
-            standing += [n for n in map(int, np.linspace(first, last, SLICES).round()) if stands(n)]
-        return (before, after), [(fit, number) for number, fit in tried.items() if stands(number)]
+        matrix = np.hstack([self.matrix(others), rows[0]])
+        own = np.arange(matrix.shape[1] - rows[0].shape[1], matrix.shape[1])
+        every = Rows(matrix, rows[1], ways, own, self.residual, self.bound)
+        return Swept(every, self.limit, np.zeros(matrix.shape[1]))
+
+    def _searched(self, swept: Swept, places: Sequence[EffectPlace], begin: int, work: Work) -> list[tuple[Fit, int]]:
+        """The fit of a set of effects that mends the record at a value next to the best, with its number; or none."""
+        for count, _ in enumerate(swept.search()):
+            work.programme(*swept.rows.fixed.shape)
+            if swept.refused.all() or (count >= MOST_TRIED and min(r for r, _ in swept.radii.values()) <= self.limit):
+                break
+        best, radius = min(((way, radius) for way, (radius, _) in swept.radii.items()), key=lambda one: one[1])
+        if radius > self.limit:
+            return []
+        fit = self.with_onset(places[-1], begin + best).refit(places)
+        return [(fit, begin + best)] if fit.radius <= self.limit else []
 
     def _stretches(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
@@ -320,29 +310,6 @@ class CarriedRun(CarriedRecord):
             known = np.concatenate([rows_over(c, part.bound) for c, part in zip(within, self.parts, strict=True)])
             self.stretches[place, begin, end] = known
         return known
-
-    def _within(
-        self, place: EffectPlace, others: Sequence[EffectPlace], rows: tuple[int, int], work: Work
-    ) -> tuple[Fit, int]:
-        """A fit at a row of a stretch at which an effect beside others sets in, with which the model stands.
-
-        The one of the least radius that was found, where it stands with none; and the row.
-        """
-        tried: dict[int, Fit] = {}
-
-        def at(row: int) -> Fit:
-            if row not in tried:
-                work.programme(len(self.residual), self.nominal.shape[1] + 3 * (1 + len(others)))
-                tried[row] = self.with_onset(place, row).refit([*others, place])
-            return tried[row]
-
-        begin, end = rows[0], rows[1] - 1
-        while at((begin + end) // 2).radius > self.limit and end - begin > 2:
-            third = max(1, (end - begin) // 3)
-            lower, upper = at(begin + third), at(end - third)
-            begin, end = (begin, end - third) if lower.radius < upper.radius else (begin + third, end)
-        row = min(tried, key=lambda row: tried[row].radius)
-        return tried[row], row
 
 
 def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float, float]) -> Fit:

@@ -17,7 +17,7 @@ from ...fmus.component import can_extend
 from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
-from ..bounded.possible import ROOM, Possible, Proofs, Reach, grown_rows, polar_intervals
+from ..bounded.possible import ROOM, AnyOf, Possible, Proofs, Reach, Steps, grown_rows, polar_intervals
 from ..bounded.programmes import (
     SAME_SPACE,
     Growth,
@@ -27,6 +27,7 @@ from ..bounded.programmes import (
     column_space,
     same_space,
 )
+from ..bounded.sweep import Swept
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 
@@ -54,7 +55,7 @@ class Fit:
     are parameters and coefficients of least squares, `stated` (K,) the coefficients that are said to be found, both
     those of one possible point where the fit is `centred`; `variants` the ways in which effects act that are not
     linear; `also` are fits of the same effects in their other ways with which the record stands: what is possible is
-    what is possible with any of them.
+    what is possible with any of them. Where an effect has a way for each value of a number, `swept` are all of these.
     """
 
     places: tuple[EffectPlace, ...]
@@ -70,6 +71,7 @@ class Fit:
     variants: tuple[Variant | None, ...] = ()
     growths: tuple[Growth, ...] = ()
     also: tuple["Fit", ...] = ()
+    swept: tuple[Swept, ...] = ()
 
     @property
     def point(self) -> NDArray[np.float64]:
@@ -157,6 +159,20 @@ class Fit:
             growths = [growth.beside(further.shape[1]) for growth in growths]
         return Possible(jacobian, self.left, self.bound + room, most_rows, growths, proofs)
 
+    def possible_in_any(
+        self,
+        room: float = 0.0,
+        further: NDArray | None = None,
+        most_rows: int | None = None,
+        proofs: Proofs | None = None,
+    ) -> Steps:
+        """As `possible`, in any of the ways in which the effects act."""
+        if not self.swept:
+            return AnyOf([one.possible(room, further, most_rows, proofs) for one in (self, *self.also)])
+        count, shared = len(self.residual), {} if proofs is None else proofs
+        rows = np.linspace(0, count - 1, min(count, most_rows or count)).round().astype(int)
+        return AnyOf([swept.beside(self.step, rows, room, further, shared) for swept in self.swept])
+
     def centred(self, room: float = 0.0, most_rows: int | None = None) -> "Fit":
         """The fit that states one possible point: the centre of what the bounds and `room` leave, sizes possible.
 
@@ -201,17 +217,17 @@ class Fit:
 
     def ends(self, room: float = 0.0, most_rows: int | None = None) -> NDArray[np.float64]:
         """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it."""
-        possible = self.possible(room, None, most_rows)
+        possible = self.possible_in_any(room, None, most_rows) if self.swept else self.possible(room, None, most_rows)
         own = np.array([np.add(possible.ends(k), self.central[k]) for k in range(len(self.point))]).reshape(-1, 2)
-        return hull([own, *(other.ends(room, most_rows) for other in self.also)])
+        return hull([own, *(other.ends(room, most_rows) for other in self.also if not self.swept)])
 
     def intervals(self, room: float = 0.0, most_rows: int | None = None) -> tuple[tuple[Interval, ...], ...]:
         """Ends of the values that each parameter of each effect can have; infinite where nothing bounds it.
 
         Arguments as for `possible`.
         """
-        possible, count = self.possible(room, None, most_rows), len(self.point)
-        found = []
+        possible = self.possible_in_any(room, None, most_rows) if self.swept else self.possible(room, None, most_rows)
+        found, count = [], len(self.point)
         for place, block, variant in self.ways:
             columns = count + np.arange(block.start, block.stop)
             middle, step = self.central[columns], possible.among(columns)
@@ -220,7 +236,7 @@ class Fit:
                 return float(direction @ middle + step(direction))
 
             found.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
-        others = [other.intervals(room, most_rows) for other in self.also]
+        others = [other.intervals(room, most_rows) for other in self.also if not self.swept]
         return (
             tuple(
                 tuple((float(low), float(high)) for low, high in hull([np.array(mine) for mine in same]))

@@ -35,6 +35,9 @@ TIMES_AT_ONCE = 80
 """Time constants of the least stretches."""
 SPACING, LEAST_SIZE = 40, 1e-6
 """Of the time constants of a stretch that hold all others; what is less, relatively, is left away."""
+DEGREE, HELD = 7, 1e-9
+"""Of the polynomials between these; of what they add less, relatively, is left away than of what a stretch holds."""
+Columns = list[NDArray[np.float64]]
 FEWEST = 2
 """So many moves, or windows of the least length, are wholly before an onset, and so many after."""
 
@@ -196,6 +199,44 @@ class Onsets:
             found[k] = np.concatenate([found[k], turn, mean], axis=2)
         return found
 
+    def swept(self, acting: Acting | Fading, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
+        """What the effect does at every row from one to another, or with every time constant between two numbers.
+
+        Columns (S, d, K) of each part, columns (S, d, t) that move, and of each value the ways (R, t, K) in which they
+        are added. Of time constants the latter hold what is done to a part of 1e-6.
+        """
+        if isinstance(acting, Fading):
+            return self._swept_times(acting, begin, end)
+        rows = slice(begin, end + 1)
+        ways = [acting.integral[end] - acting.integral[rows]]
+        moving = [
+            turns * ((pieces.first <= begin) & (pieces.last >= end))[:, None, None]
+            for pieces, turns in zip(self.pieces, self.turns, strict=True)
+        ]
+        if self.bias is not None:
+            ways.append(acting.at_rest[rows] - acting.at_rest[end])
+            moving = [np.concatenate(both, axis=2) for both in zip(moving, self.bias, strict=True)]
+        return self.columns(acting, end)[0], moving, np.concatenate(ways, axis=1)
+
+    def _swept_times(self, acting: Fading, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
+        """As `swept`, of what fades: the ways are polynomials of the logarithm of the time constant."""
+        first, last = max(0, begin - TIMES_AT_ONCE), min(len(acting.times) - 1, end + TIMES_AT_ONCE)
+        numbers = np.arange(first, last + 1, SPACING)
+        every = [self._sample(acting, int(number)) for number in numbers]
+        stacked = np.array([np.concatenate([c.reshape(-1, c.shape[2]) for c in one]) for one in every])
+        count, rows, own = stacked.shape
+        basis, sizes, parts = np.linalg.svd(stacked.transpose(1, 0, 2).reshape(rows, -1), full_matrices=False)
+        held = sizes > HELD * sizes[0]
+        at = parts[held].reshape(-1, count, own).transpose(1, 0, 2)
+        wanted = np.arange(begin, end + 1)
+        nearest = np.clip((wanted - first) // SPACING - DEGREE // 2, 0, max(0, count - DEGREE - 1))
+        nodes = nearest[:, None] + np.arange(min(DEGREE + 1, count))
+        ways = np.einsum("rj,rjtk->rtk", lagrange((wanted - first) / SPACING, nodes), at[nodes])
+        ends = np.cumsum([c[..., 0].size for c in every[0]])[:-1]
+        moving = np.split((basis * sizes)[:, held], ends)
+        moving = [mine.reshape(*c.shape[:2], -1) for mine, c in zip(moving, every[0], strict=True)]
+        return [np.zeros_like(c) for c in every[0]], moving, ways
+
     def _sample(self, acting: Fading, number: int) -> list[NDArray[np.float64]]:
         """Columns with a time constant, kept for the stretches that share it."""
         known = acting.samples.get(number)
@@ -216,6 +257,16 @@ class Onsets:
         ends = np.cumsum([c[..., 0].size for c in every[0]])[:-1]
         parts = zip(np.split(held, ends), every[0], strict=True)
         return [mine.reshape(*c.shape[:2], held.shape[1]) for mine, c in parts]
+
+
+def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
+    """What the values at nodes (R, j) count in the polynomials through them at some numbers (R,)."""
+    found = np.ones(nodes.shape)
+    for one in range(nodes.shape[1]):
+        for other in range(nodes.shape[1]):
+            if other != one:
+                found[:, one] *= (at - nodes[:, other]) / (nodes[:, one] - nodes[:, other])
+    return found
 
 
 def refused(matrix: NDArray, residual: NDArray, limit: float) -> bool:

@@ -154,3 +154,40 @@ def test_what_is_refused_has_no_fit():
     beyond = inside + 3.0 * np.sign(rng.normal(size=400))
     assert refused(matrix, beyond, 1.0)
     assert not refused(matrix[:0], inside[:0], 1.0)
+
+
+@pytest.mark.parametrize(("filmed", "place"), [(True, STEP), (False, STEP), (True, SCALE_STEP), (True, WARM_UP)])
+def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, place):
+    """Noise fills the bounds; what sets in does so anywhere in a window, what fades has any time constant between."""
+    clean, rng = made(filmed=filmed), np.random.default_rng(11)
+    acting = clean.acting[place]
+    low, high = (1000, 2400) if isinstance(acting, Fading) else (clean.onsets.edges[2], clean.onsets.edges[-3])
+    for _ in range(3):
+        there = clean.with_onset(place, int(rng.integers(low, high)))
+        unit = there.columns_of([place])
+        sizes = rng.normal(size=3)
+        sizes *= 8.0 / np.abs(unit @ sizes).max()
+        steps = 0.1 * rng.normal(size=clean.nominal.shape[1]) / np.abs(clean.nominal).max(axis=0)
+        noise = np.sign(rng.normal(size=len(unit))) * 0.999
+        evidence = clean.with_errors(clean.split(unit @ sizes + clean.nominal @ steps + noise))
+        (fit,) = evidence.mended([place], Work())
+        intervals, ends = fit.intervals(most_rows=evidence.most_rows)[0], fit.ends(0.0, evidence.most_rows)
+        for true, (least, most) in zip((*sizes, there.set_in[place]), intervals, strict=True):
+            assert least <= true <= most
+        assert ((ends[:, 0] <= evidence.point + steps) & (evidence.point + steps <= ends[:, 1])).all()
+
+
+@pytest.mark.parametrize("at", [0.23, pytest.param(0.5, marks=pytest.mark.acceptance)])
+def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_stand(at):
+    evidence = made(filmed=True, step=2e-3, at=at)
+    (fit,) = evidence.mended([STEP], Work())
+    (intervals,) = fit.intervals()
+    start, end = (np.searchsorted(evidence.onsets.hours, hour) for hour in intervals[-1])
+    single = [evidence.with_onset(STEP, int(row)).refit([STEP]) for row in range(start, end)]
+    reached = []
+    for one in single:
+        if one.radius <= evidence.limit:
+            possible = one.possible()
+            reached.append([np.add(possible.ends(k), one.central[k]) for k in range(3)])
+    low, high = np.min(reached, axis=0)[:, 0], np.max(reached, axis=0)[:, 1]
+    assert np.array(intervals)[:3].ravel() == pytest.approx(np.stack((low, high), axis=1).ravel(), abs=1e-9)

@@ -1,0 +1,85 @@
+"""The union of what is possible over all values of a number is what a programme at each of them says."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from trihedron.tools.bounded.possible import Possible
+from trihedron.tools.bounded.programmes import chebyshev_radius
+from trihedron.tools.bounded.sweep import Rows, Swept
+
+LIMIT = 1.0 + 1e-7
+
+
+def drawn(seed: int, spread: float) -> Rows:
+    """Rows of three columns, and two that change with 60 values of a number along a curve; noise within bounds."""
+    rng = np.random.default_rng(seed)
+    fixed, moving, bound = rng.normal(size=(80, 5)), np.zeros((80, 2)), rng.uniform(0.5, 1.5, 80)
+    moving[:30] = rng.normal(size=(30, 2))
+    part = np.linspace(-1.0, 1.0, 60)[:, None, None]
+    ways = spread * (part * rng.normal(size=(2, 2)) + part**2 * rng.normal(size=(2, 2)))
+    rows = Rows(fixed, moving, ways, np.array([3, 4]), np.zeros(80), bound)
+    true = rows.matrix(int(rng.integers(60))) @ rng.normal(size=5)
+    return Rows(fixed, moving, ways, rows.own, true + bound * rng.uniform(-1.0, 1.0, 80), bound)
+
+
+def every(rows: Rows) -> dict[int, tuple[Possible, NDArray]]:
+    """A set for each value that stands, with its centre."""
+    found = {}
+    for way in range(len(rows.ways)):
+        radius, x, _ = chebyshev_radius(rows.matrix(way), rows.residual, rows.bound)
+        if radius <= LIMIT:
+            found[way] = Possible(rows.matrix(way), rows.residual - rows.matrix(way) @ x, rows.bound), x
+    return found
+
+
+@pytest.mark.parametrize("spread", [0.1, 1.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_union_reaches_as_far_as_the_farthest_of_its_values(seed: int, spread: float) -> None:
+    rows = drawn(seed, spread)
+    swept, single = Swept(rows, LIMIT, np.zeros(5)), every(rows)
+    for way, radius in swept.search():
+        assert (radius <= LIMIT) == (way in single)
+    assert not swept.refused[list(single)].any()
+    other = swept.beside(np.zeros(5), np.arange(80), 0.0, None, {})
+    for weights in np.vstack((np.eye(5), -np.eye(5), [[1.0, -0.5, 0.2, 0.7, 0.3]])):
+        most = max(possible.reach(weights) + weights @ x for possible, x in single.values())
+        for union in (swept, other):
+            assert union.bounded(weights) >= most - 1e-6
+            assert union.reach(weights) == pytest.approx(most, abs=1e-6)
+            assert union.reach(weights, most + 1.0) == pytest.approx(most + 1.0)
+            assert union.bounded(weights) == pytest.approx(most, abs=1e-5)
+    assert len(swept.radii) < 40
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_further_columns_it_holds_what_each_value_leaves_of_them(seed: int) -> None:
+    rows, further = drawn(seed, 0.3), np.random.default_rng(seed).normal(size=(80, 1))
+    swept = Swept(rows, LIMIT, np.zeros(5))
+    assert swept.tried(30) <= LIMIT or any(radius <= LIMIT for _, radius in swept.search())
+    enclosing = swept.beside(np.zeros(5), np.arange(80), 0.0, further, {})
+    low, high = enclosing.ends(5)
+    for way, (_, x) in every(rows).items():
+        matrix = np.hstack((rows.matrix(way), further))
+        one = Possible(matrix, rows.residual - matrix @ np.append(x, 0.0), rows.bound)
+        assert low - 1e-6 <= one.ends(5)[0] <= one.ends(5)[1] <= high + 1e-6
+
+
+def test_what_no_value_explains_is_refused_by_a_few_of_them() -> None:
+    rows = drawn(1, 0.3)
+    beyond = Rows(
+        rows.fixed,
+        rows.moving,
+        rows.ways,
+        rows.own,
+        rows.residual + 9.0 * rows.bound * (-1.0) ** np.arange(80),
+        rows.bound,
+    )
+    swept = Swept(beyond, LIMIT, np.zeros(5))
+    for _ in swept.search():
+        if swept.refused.all():
+            break
+    assert swept.refused.all()
+    assert len(swept.radii) <= 12
+    radii = [chebyshev_radius(beyond.matrix(way), beyond.residual, beyond.bound)[0] for way in range(60)]
+    assert (swept.proven <= np.array(radii) * (1.0 + 1e-6)).all()

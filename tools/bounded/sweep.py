@@ -1,0 +1,212 @@
+"""What bounds on errors leave possible where columns depend on one number: the union over all its values, exactly.
+
+An effect that sets in after a row has other columns for each row. The union of what is possible with any of them is
+asked for a direction: of few values a programme is solved, and its duals are moved to all other values at once. What
+they prove there is proven whatever their source: how far the direction goes at most, or that nothing is possible. The
+value of which least is proven is next, until nothing can go farther.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .possible import ROOM, Possible, Proofs, Steps
+from .programmes import EXACT, chebyshev_radius
+
+SURELY = 1e-8
+"""A value is refused where a radius is proven that is so much, relatively, above the limit."""
+SAME = 1e-9
+"""Of two that differ by less, relatively, neither goes farther."""
+SET_FREE = 6
+"""At most so many columns that move are set free where a set is only to be held."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Errors |residual − (fixed + moving ways[r], in columns `own`) x| ≤ bound, for R values r of a number.
+
+    `fixed` (M, n), where the columns `own` (k,) are those of no value; `moving` (M, t), `ways` (R, t, k).
+    """
+
+    fixed: NDArray[np.float64]
+    moving: NDArray[np.float64]
+    ways: NDArray[np.float64]
+    own: NDArray[np.int_]
+    residual: NDArray[np.float64]
+    bound: NDArray[np.float64]
+
+    def matrix(self, way: int) -> NDArray[np.float64]:
+        """The columns (M, n) of one value."""
+        found = self.fixed.copy()
+        found[:, self.own] += self.moving @ self.ways[way]
+        return found
+
+    @cached_property
+    def scale(self) -> NDArray[np.float64]:
+        """Sizes (n,) of the columns, of the value in the middle for those that move."""
+        found = np.abs(self.matrix(len(self.ways) // 2)).max(axis=0, initial=0.0)
+        return np.where(found > 0.0, found, 1.0)
+
+    def moved(self, duals: NDArray, way: int, direction: NDArray, *, weighted: bool) -> tuple[NDArray, NDArray]:
+        """Numbers (u,) of the rows of duals (M,) of one value, and duals (R, u) of all that add up to a direction (n,).
+
+        NaN where they cannot be moved. `weighted`: the sum of bound·|duals| stays as it is, too.
+        """
+        used = np.flatnonzero(duals)
+        start, weights = self.matrix(way)[used] / self.scale, direction / self.scale
+        if weighted:
+            signed = self.bound[used] * np.sign(duals[used])
+            start, weights = np.column_stack((start, signed)), np.append(weights, duals[used] @ signed)
+        inverse = np.linalg.pinv(start, rcond=EXACT)
+        own = inverse[self.own] / self.scale[self.own, None]
+        moving, apart = self.moving[used], self.ways - self.ways[way]
+        # Columns that change by a few directions: the inverse of each follows from that of one.
+        grown = np.eye(len(own)) + (own @ moving) @ apart
+        first, size = weights @ inverse, np.abs(duals).sum()
+        found = np.tile(first, (len(apart), 1))
+        with np.errstate(all="ignore"):
+            for _ in range(2):
+                missed = weights - found @ start
+                missed[:, self.own] -= np.einsum("rt,rtk->rk", found @ moving, apart) / self.scale[self.own]
+                if (np.abs(missed).max(axis=1) <= EXACT * size).all():
+                    break
+                step = missed @ inverse
+                more = np.einsum("rt,rtk->rk", step @ moving, apart)
+                found += step - _solved(grown, more) @ own
+            missed = weights - found @ start
+            missed[:, self.own] -= np.einsum("rt,rtk->rk", found @ moving, apart) / self.scale[self.own]
+        found[~(np.abs(missed).max(axis=1) <= EXACT * np.abs(found).sum(axis=1))] = np.nan
+        return used, found
+
+
+def _solved(matrices: NDArray, rows: NDArray) -> NDArray[np.float64]:
+    """y (R, k) with y M = row for each of matrices (R, k, k) and rows (R, k); NaN for those that have none."""
+    good = np.abs(np.linalg.det(matrices)) > EXACT
+    found = np.full(rows.shape, np.nan)
+    found[good] = np.linalg.solve(matrices[good].transpose(0, 2, 1), rows[good][..., None])[..., 0]
+    return found
+
+
+@dataclass(eq=False)
+class Swept(Steps):
+    """Steps x (n,) from a point that are possible with any value of a number, and which values are possible.
+
+    A value stands with a radius up to `limit`. `radii` are those of values that were tried, with a centre (n,);
+    `proven` (R,) is what the radius of each is at least. `proofs` of sets with the same rows are used, and added to.
+    """
+
+    rows: Rows
+    limit: float
+    origin: NDArray[np.float64]
+    radii: dict[int, tuple[float, NDArray[np.float64]]] = field(default_factory=dict)
+    proofs: Proofs = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.count = self.rows.fixed.shape[1]
+        self.proven = np.zeros(len(self.rows.ways))
+        self._sets: dict[int, Possible] = {}
+        self._known: dict[bytes, NDArray[np.float64]] = {}
+
+    def tried(self, way: int) -> float:
+        """The radius of one value; what proves it is moved to all others."""
+        if way not in self.radii:
+            rows = self.rows
+            radius, x, duals = chebyshev_radius(rows.matrix(way), rows.residual, rows.bound)
+            self.radii[way] = radius, x
+            used, moved = rows.moved(duals, way, np.zeros(self.count), weighted=True)
+            with np.errstate(all="ignore"):
+                least = np.abs(moved @ rows.residual[used]) / (np.abs(moved) @ rows.bound[used])
+            self.proven = np.fmax(self.proven, least)
+            self.proven[way] = radius
+        return self.radii[way][0]
+
+    @property
+    def refused(self) -> NDArray[np.bool_]:
+        """Values (R,) that are proven not to stand."""
+        return self.proven > self.limit * (1.0 + SURELY)
+
+    def search(self) -> Iterator[tuple[int, float]]:
+        """Values that are tried, with their radii: the one of which least is proven is next.
+
+        It ends where no value that is left can have a radius below the least that was found, or stand where none does.
+        """
+        way = len(self.proven) // 2
+        while True:
+            yield way, self.tried(way)
+            least = min(radius for radius, _ in self.radii.values())
+            left = np.where(self.proven < least * (1.0 - SURELY), self.proven, np.inf)
+            left[[*self.radii]] = np.inf
+            way = int(left.argmin())
+            if left[way] == math.inf:
+                return
+
+    def beside(self, origin: NDArray, chosen: NDArray, room: float, further: NDArray | None, proofs: Proofs) -> Steps:
+        """The same about a point (n,), of some of the rows and with more room.
+
+        With further columns (M, m) it is a set that holds them all: the columns that move, if few, count by themselves.
+        """
+        rows, more = self.rows, np.zeros((len(self.rows.bound), 0)) if further is None else further
+        bound = (rows.bound * self.limit * (1.0 + ROOM) + room)[chosen]
+        kept = {way: x for way, (radius, x) in self.radii.items() if radius <= self.limit}
+        if further is not None and kept and rows.moving.shape[1] <= SET_FREE:
+            way, x = next(iter(kept.items()))
+            matrix = rows.matrix(way)
+            left = (rows.residual - matrix @ x)[chosen]
+            return Possible(np.hstack((matrix, further, rows.moving))[chosen], left, bound, proofs=proofs)
+        none, fixed = np.zeros(more.shape[1]), np.hstack((rows.fixed, more))[chosen]
+        own = Rows(fixed, rows.moving[chosen], rows.ways, rows.own, rows.residual[chosen], bound)
+        known = {way: (1.0, np.append(x, none)) for way, x in kept.items()}
+        return Swept(own, 1.0, np.append(origin, none), known, proofs)
+
+    def bounded(self, weights: NDArray) -> float:
+        """How far weights'x (n,) can go at most, by the proofs of other sets."""
+        return float(self._most(weights).max()) - float(weights @ self.origin)
+
+    def reach(self, weights: NDArray, least: float = -math.inf) -> float:
+        """As for every set of steps."""
+        most, shift = self._most(weights), float(weights @ self.origin)
+        farthest, way = least + shift, int(most.argmax())
+        if most[way] == math.inf:
+            # One that stands is known to reach somewhere.
+            way = next((w for w, (radius, _) in self.radii.items() if radius <= self.limit), way)
+        while most[way] > farthest:
+            most[way] = -math.inf
+            if self.tried(way) <= self.limit:
+                reached, duals = self._reach(way, weights)
+                most[way], farthest = reached, max(farthest, reached)
+                if reached == math.inf:
+                    return math.inf
+                self._prove(most, duals, way, weights)
+            most[self.refused] = -math.inf
+            way = int(most.argmax())
+            if most[way] - farthest <= SAME * abs(farthest - shift):
+                break
+        return farthest - shift
+
+    def _most(self, weights: NDArray) -> NDArray[np.float64]:
+        """How far each value (R,) goes at most in a direction (n,), as far as it is known."""
+        key = weights.tobytes()
+        if key not in self._known:
+            self._known[key] = np.full(len(self.proven), np.inf)
+            if (duals := self.proofs.get((0, key))) is not None:
+                self._prove(self._known[key], duals, len(self.proven) // 2, weights)
+        return self._known[key]
+
+    def _prove(self, most: NDArray, duals: NDArray, way: int, weights: NDArray) -> None:
+        """Say of each value (R,) what duals (M,) prove when they are moved to it by way of one."""
+        rows = self.rows
+        used, moved = rows.moved(duals, way, weights, weighted=False)
+        most[:] = np.fmin(most, moved @ rows.residual[used] + np.abs(moved) @ rows.bound[used])
+
+    def _reach(self, way: int, weights: NDArray) -> tuple[float, NDArray[np.float64]]:
+        """How far one value goes, and the duals (M,) that prove it."""
+        rows, centre = self.rows, self.radii[way][1]
+        if way not in self._sets:
+            matrix = rows.matrix(way)
+            self._sets[way] = Possible(matrix, rows.residual - matrix @ centre, rows.bound, proofs=self.proofs)
+        step = self._sets[way].reach(weights)
+        return step + float(weights @ centre), self.proofs.get((0, weights.tobytes()), np.zeros(len(rows.bound)))
