@@ -180,7 +180,8 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path,
             f"{min(plain):.2f}, bare C {min(bare):.3f}, orchestrator {min(ours):.3f}, to disk {min(disk):.3f}, each "
             f"in a process of its own {min(guests):.1f}; "
             f"plain/ours {min(plain) / min(ours):.1f}, ours/bare {min(ours) / min(bare):.2f}, "
-            f"disk/memory {min(disk) / min(ours):.2f}"
+            f"disk/memory {min(disk) / min(ours):.2f}, guests/plain {min(guests) / min(plain):.1f}, "
+            f"a guest {(min(guests) - min(ours)) / len(NAMES):.0f} us a step"
         )
     assert min(ours) / min(bare) < 1.5
 
