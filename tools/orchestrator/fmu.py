@@ -5,7 +5,7 @@ import math
 import os
 import sys
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..locks import PREFIX
 from .archive import UnpackedFmu
 from .guest import NO_INSTANCE, Guest
-from .interface import Interface, Value, Variable
+from .interface import Interface, Value, Variable, block_of, bytes_at, in_memory
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 WARNING, DISCARD, FATAL = 1, 2, 4
@@ -57,6 +57,31 @@ _LOGGER_3 = fmi3.fmi3LogMessageCallback(lambda at, status, _, text: _listen(at, 
 _NO_UPDATE = fmi3.fmi3IntermediateUpdateCallback()
 
 
+_BINARY = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_size_t] * 5)
+
+
+def _binary(function: Any, *, setting: bool) -> Callable[..., int]:
+    """fmi3GetBinary or fmi3SetBinary on blocks of memory, as the loop has them, in place of sizes and addresses."""
+    kept: dict[int, list[Any]] = {}
+
+    def called(instance: int, references: int, several: int, values: int, count: int) -> int:
+        blocks, sizes, places = ((ctypes.c_size_t * count)() for _ in range(3))
+        if setting:
+            ctypes.memmove(blocks, values, 8 * count)
+            sizes[:] = [len(bytes_at(block)) for block in blocks]
+            places[:] = [block + 8 if block else 0 for block in blocks]
+        given = [ctypes.c_void_p(instance), ctypes.c_void_p(references), ctypes.c_size_t(several)]
+        status = function(*given, sizes, places, ctypes.c_size_t(count))
+        if not setting and status <= WARNING:
+            found = [ctypes.string_at(at, size) if at else b"" for at, size in zip(places, sizes, strict=True)]
+            made = kept[values] = [block_of(content) for content in found]
+            blocks[:] = [ctypes.addressof(block) for block in made]
+            ctypes.memmove(values, blocks, 8 * count)
+        return status
+
+    return called
+
+
 class Library:
     """The library of an FMU of FMI 2.0 in this process, with one instance."""
 
@@ -65,6 +90,7 @@ class Library:
 
     def __init__(self, slave: "Slave", fmu: UnpackedFmu) -> None:
         LISTENING[id(slave)] = slave
+        self._binaries: dict[str, Any] = {}
         forget_script(fmu)
         here = Path.cwd()
         try:
@@ -120,8 +146,11 @@ class Library:
         return 0
 
     def address(self, name: str) -> int:
-        """Where a C function of the library is; an AttributeError where there is none."""
-        found = ctypes.cast(self._fmu.dll[name], ctypes.c_void_p).value
+        """Where a C function of the library is, or one of ours that calls it; an AttributeError where there is none."""
+        function = self._fmu.dll[name]
+        if name.endswith("Binary"):
+            function = self._binaries[name] = _BINARY(_binary(function, setting="Set" in name))
+        found = ctypes.cast(function, ctypes.c_void_p).value
         assert found is not None
         return found
 
@@ -227,8 +256,8 @@ class Slave:
         # Its prototype is FMPy's, which knows no memory of numpy.
         words = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, *[ctypes.c_size_t] * len(sizes))
         function = ctypes.CFUNCTYPE(ctypes.c_int, *words)(self.address(name))
-        if variable.kind == "String":
-            values = [ctypes.create_string_buffer(str(value).encode()) for value in values]
+        if variable.value_type.by_address:
+            values = [in_memory(variable.kind, str(value)) for value in values]
             memory = np.array([ctypes.addressof(text) for text in values], dtype=np.uint64)
         else:
             memory = np.array(values, dtype=variable.value_type.dtype)

@@ -25,8 +25,8 @@ from typing import Any
 import fmpy
 
 from .archive import UnpackedFmu
-from .guest_process import HEAD, TEXT
-from .interface import VALUE_TYPES
+from .guest_process import BINARY, HEAD, TEXT
+from .interface import VALUE_TYPES, block_of, bytes_at
 
 NO_INSTANCE = "no instance"
 FAILED = 4
@@ -274,7 +274,7 @@ class Guest:
         """The function behind the address of a getter or a setter."""
         kind = name[len("fmi2Get") :]
         kind = "Boolean2" if name.startswith("fmi2") and kind == "Boolean" else kind
-        size = TEXT if kind == "String" else VALUE_TYPES[kind].dtype().itemsize
+        size = {"String": TEXT, "Binary": BINARY}.get(kind) or VALUE_TYPES[kind].dtype().itemsize
 
         def number_of(references: int, several: int, count: int) -> int:
             key = (name, ctypes.string_at(references, 4 * several), count)
@@ -287,9 +287,12 @@ class Guest:
         def setter(_: int, references: int, several: int, values: int, count: int | None = None) -> int:
             count = several if count is None else count
             number = number_of(references, several, count)
-            given: Any = ctypes.string_at(values, size * count)
             if size == TEXT:
-                given = [text or b"" for text in (ctypes.c_char_p * count).from_address(values)]
+                given: Any = [text or b"" for text in (ctypes.c_char_p * count).from_address(values)]
+            elif size == BINARY:
+                given = [bytes_at(block) for block in (ctypes.c_size_t * count).from_address(values)]
+            else:
+                given = ctypes.string_at(values, size * count)
             if not self._stepping:
                 return self._ask(("set", number, given))
             self._pending.append(("set", number, given))
@@ -306,8 +309,9 @@ class Guest:
             if not isinstance(found, tuple):
                 return found
             status, read = found
-            if size == TEXT:
-                kept = self._texts[number] = [ctypes.create_string_buffer(text) for text in read]
+            if size in (TEXT, BINARY):
+                made = ctypes.create_string_buffer if size == TEXT else block_of
+                kept = self._texts[number] = [made(text) for text in read]
                 read = b"".join(ctypes.addressof(text).to_bytes(8, sys.byteorder) for text in kept)
             ctypes.memmove(values, read, len(read))
             return status

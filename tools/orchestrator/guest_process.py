@@ -37,8 +37,8 @@ from typing import Any
 
 HEAD = struct.Struct("<Q")
 """Length of a message."""
-TEXT = 0
-"""Bytes of a value that is a string of C."""
+TEXT, BINARY = -1, -2
+"""In place of the bytes of a value: it is a string of C, or bytes of any number."""
 _TYPES = {"i": ctypes.c_int, "b": ctypes.c_bool, "d": ctypes.c_double}
 _ARGUMENTS = {"fmi2SetupExperiment": "iddid", "fmi3EnterInitializationMode": "bddbd"}
 _MODEL_EXCHANGE, _COSIMULATION = range(2)
@@ -155,24 +155,35 @@ class Host:
         """Lay ready what an access needs, whose values are `count` of so many bytes."""
         function = self.library[name]
         sizes = (ctypes.c_size_t,) if name.startswith("fmi3") else ()
-        function.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.c_void_p, *sizes]
+        places = (ctypes.c_void_p,) * (2 if size == BINARY else 1)
+        function.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, *places, *sizes]
         self._accesses[number] = function, references, len(references) // 4, count, size
         return 0
 
-    def _access(self, number: int, memory: Any) -> int:
+    def _access(self, number: int, *memory: Any) -> int:
         function, references, several, count, _ = self._accesses[number]
         more = () if len(function.argtypes) == 4 else (count,)
-        return function(self.instance, references, several, memory, *more)
+        return function(self.instance, references, several, *memory, *more)
 
     def set(self, number: int, values: Any) -> int:
         """Set values: bytes, or strings."""
-        if self._accesses[number][-1] == TEXT:
-            values = (ctypes.c_char_p * len(values))(*values)
+        size = self._accesses[number][-1]
+        if size in (TEXT, BINARY):
+            several = len(values)
+            sizes = (ctypes.c_size_t * several)(*map(len, values))
+            values = (ctypes.c_char_p * several)(*values)
+            if size == BINARY:
+                return self._access(number, sizes, values)
         return self._access(number, values)
 
     def get(self, number: int) -> tuple[int, Any]:
         """Get values: bytes, or strings."""
         count, size = self._accesses[number][-2:]
+        if size == BINARY:
+            sizes, places = (ctypes.c_size_t * count)(), (ctypes.c_void_p * count)()
+            status = self._access(number, sizes, places)
+            pairs = zip(places, sizes, strict=True) if status <= 1 else ()
+            return status, [ctypes.string_at(at, length) if at else b"" for at, length in pairs]
         memory: Any = (ctypes.c_char_p * count)() if size == TEXT else ctypes.create_string_buffer(count * size)
         status = self._access(number, memory)
         return status, [text or b"" for text in memory] if size == TEXT else memory.raw

@@ -1,6 +1,9 @@
 """What an FMU lets through: variables found by name, their types and units, arrays of `name[1]`, `name[2]`, ..."""
 
+import ctypes
 import math
+import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,9 +31,10 @@ _NUMBERS: dict[str, Any] = {
 
 
 class ValueType(NamedTuple):
-    """A type as `fmi2Get...` and `fmi3Get...` name it: Real, Integer, Boolean or String, and what it takes in memory.
+    """A type as `fmi2Get...` and `fmi3Get...` name it, and what it takes in memory.
 
-    The value of a String is the address of its bytes.
+    Its kind is Real, Integer, Boolean, String or Binary. The value of a String is the address of its bytes, that of a
+    Binary the address of a `block_of` them.
     """
 
     kind: str
@@ -40,6 +44,11 @@ class ValueType(NamedTuple):
     def code(self) -> int:
         """How a program's operations name it."""
         return [*_NUMBERS.values()].index(self.dtype)
+
+    @property
+    def by_address(self) -> bool:
+        """Whether the value is an address."""
+        return self.kind in ("String", "Binary")
 
     @property
     def whole_span(self) -> tuple[int, int]:
@@ -54,8 +63,24 @@ VALUE_TYPES = {
     "Integer": ValueType("Integer", np.int32),
     "Boolean2": ValueType("Boolean", np.int32),
     "String": ValueType("String", np.uint64),
+    "Binary": ValueType("Binary", np.uint64),
 }
 """Every type by its name; FMI 2.0's Boolean, which is an int, is Boolean2."""
+
+
+def block_of(content: bytes) -> Any:
+    """The memory of a Binary: the number of its bytes, then they."""
+    return ctypes.create_string_buffer(len(content).to_bytes(8, sys.byteorder) + content, 8 + len(content))
+
+
+def in_memory(kind: str, value: str) -> Any:
+    """The memory to whose address a String's or a Binary's value points."""
+    return block_of(bytes.fromhex(value)) if kind == "Binary" else ctypes.create_string_buffer(value.encode())
+
+
+def bytes_at(address: int) -> bytes:
+    """The bytes of a Binary; none where it has no address yet."""
+    return ctypes.string_at(address + 8, ctypes.c_size_t.from_address(address).value) if address else b""
 
 
 def scale_of(exponents: Mapping[str, int], factor: float = 1.0, offset: float = 0.0) -> Unit:
@@ -138,11 +163,11 @@ class Variable:
     """One scalar variable, or one element of an array of FMI 3.0.
 
     Name, causality, variability, start, and minimum and maximum in its `unit` are as the description has them; the
-    name of an array's element ends with its number. `kind` is Real, Integer, Boolean, String or Enumeration, or Binary
-    or Clock, which the orchestrator does not pass on; `access`, a key of `VALUE_TYPES`, says which of FMI's getters and
-    setters serves it by its value `reference`. `items` are the values of an enumeration with their names; `place` says
-    which of the `size` elements of its array it is; `relative`: a difference, to which the offset of its unit does not
-    apply.
+    name of an array's element ends with its number. `kind` is Real, Integer, Boolean, String, Binary (written in
+    hexadecimal digits) or Enumeration, or Clock, which the orchestrator does not pass on; `access`, a key of
+    `VALUE_TYPES`, says which of FMI's getters and setters serves it by its value `reference`. `items` are the values of
+    an enumeration with their names; `place` says which of the `size` elements of its array it is; `relative`: a
+    difference, to which the offset of its unit does not apply.
     """
 
     name: str
@@ -350,9 +375,17 @@ def checked(value: Value, variable: Variable) -> Value:
         low, high = value_type.whole_span
         if not low <= value <= high:
             raise InputError(f"{variable.name} = {value} does not fit {(high - low).bit_length()} bits")
+    elif kind == "Binary" and isinstance(value, str):
+        if not re.fullmatch(r"([0-9A-Fa-f]{2})*", value):
+            raise InputError(f"{variable.name} = {value!r} must be hexadecimal digits, two for each byte")
     elif not (kind == "Boolean" and isinstance(value, bool)) and not (kind == "String" and isinstance(value, str)):
         shown = str(value).lower() if isinstance(value, bool) else repr(value)
-        wanted = {"Real": "a number", "Boolean": "true or false", "String": "a text"}.get(kind, "a whole number")
+        wanted = {
+            "Real": "a number",
+            "Boolean": "true or false",
+            "String": "a text",
+            "Binary": "hexadecimal digits",
+        }.get(kind, "a whole number")
         raise InputError(f"{variable.name} = {shown} must be {wanted}: it is {kind}")
     if number and not isinstance(value, str):
         low, high = variable.minimum, variable.maximum

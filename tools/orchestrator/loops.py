@@ -42,7 +42,7 @@ from .wiring import Group, Pace
 CALL_SECONDS = 0.05
 """About so long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
 _C_TYPES: dict[int, Any] = {
-    t.code: np.ctypeslib.as_ctypes_type(t.dtype) for t in VALUE_TYPES.values() if t.kind != "String"
+    t.code: np.ctypeslib.as_ctypes_type(t.dtype) for t in VALUE_TYPES.values() if not t.by_address
 }
 
 

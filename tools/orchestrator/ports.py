@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from .interface import VALUE_TYPES, Interface, Value, Variable
+from .interface import VALUE_TYPES, Interface, Value, Variable, in_memory
 from .operations import BLEND, CONVERT, MOVE8, SUM
 from .stimuli import Drive
 from .wiring import Pace, Wire
@@ -72,7 +72,7 @@ class Ports:
     inputs that change come first, constants last; outputs that are recorded come first, `recorded` is their number.
     `feeds` are copied into the inputs from stimuli, `moves` and `conversions` (rows with their numbers) from the
     outputs of each FMU; `sums` are made of its outputs when it has stepped. An InputError for a variable of a type that
-    the orchestrator does not pass on, or a String of an FMU that steps ahead.
+    the orchestrator does not pass on, or a String or Binary of an FMU that steps ahead.
     """
 
     def __init__(
@@ -102,19 +102,19 @@ class Ports:
         first, reading = _whole(interface, recorded), _whole(interface, [*recorded, *feeding])
         kinds = list(dict.fromkeys(v.access for v in setting + reading if v.value_type))
         # An FMU may reuse the memory of its strings at the next call: they are read last.
-        for access in sorted(kinds, key="String".__eq__):
+        for access in sorted(kinds, key=lambda access: VALUE_TYPES[access].by_address):
             sets, gets = ([v for v in each if v.access == access] for each in (setting, reading))
             if sets:
                 self.inputs[access] = port = Port(access, tuple(sets), sum(v.access == access for v in changing))
-                if access != "String":
+                if not VALUE_TYPES[access].by_address:
                     port.values[:] = [start_value(v) or 0 for v in sets]
             if gets:
                 self.outputs[access] = port = Port(access, tuple(gets), len(gets))
                 if pace.ahead:
                     port.shown = port.values.copy()
-                if pace.ahead and access == "String":
+                if pace.ahead and VALUE_TYPES[access].by_address:
                     said = "which is no longer there when others may have it; record other columns"
-                    raise InputError(f"'{interface.name}' is interpolated and has a String '{gets[0].name}', {said}")
+                    raise InputError(f"'{interface.name}' is interpolated and has a {access} '{gets[0].name}', {said}")
                 self.recorded[access] = sum(v.access == access for v in first)
         for drive in drives:
             self._feed(drive)
@@ -146,8 +146,8 @@ class Ports:
 
     def _encoded(self, access: str, rows: Any) -> np.ndarray:
         """Rows of values as a port holds them."""
-        if access == "String":
-            buffers = [[ctypes.create_string_buffer(str(value).encode()) for value in row] for row in rows]
+        if VALUE_TYPES[access].by_address:
+            buffers = [[in_memory(access, str(value)) for value in row] for row in rows]
             self._kept.append(buffers)
             rows = [[ctypes.addressof(buffer) for buffer in row] for row in buffers]
         return np.ascontiguousarray(rows, dtype=VALUE_TYPES[access].dtype)

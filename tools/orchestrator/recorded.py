@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from ..errors import InputError, said_of
-from .interface import VALUE_TYPES, Interface, Variable, conversion, refer, suffix_for
+from .interface import VALUE_TYPES, Interface, Variable, bytes_at, conversion, refer, suffix_for
 from .ports import Ports
 from .stimuli import Grid
 
@@ -30,7 +30,7 @@ class Column:
 
     def series(self, values: Any) -> pl.Series:
         """The column from the recorded values of its variable, in the variable's own unit."""
-        if self.variable.kind == "String":
+        if self.variable.value_type.by_address:
             return pl.Series(self.name, values, dtype=pl.String)
         if self.variable.kind == "Boolean":
             return pl.Series(self.name, np.asarray(values) != 0, dtype=pl.Boolean)
@@ -86,7 +86,7 @@ class Blocks:
         self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
         self._tick = self.row = 0
         recorded = [(n, p.outputs[a], count) for n, p in ports.items() for a, count in p.recorded.items() if count]
-        numbers = [(name, port, count) for name, port, count in recorded if port.access != "String"]
+        numbers = [(name, port, count) for name, port, count in recorded if not VALUE_TYPES[port.access].by_address]
         width = sum(count * port.values.itemsize for _, port, count in numbers)
         self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
         self._values: dict[tuple[str, str], np.ndarray] = {}
@@ -97,9 +97,9 @@ class Blocks:
             copies.append((table.ctypes.data, port.shown.ctypes.data, count * table.itemsize))
             self._values |= {(name, v.name): table[:, at] for at, v in enumerate(port.variables[:count])}
         for name, port, count in recorded:
-            for at, variable in enumerate(port.variables[:count] if port.access == "String" else ()):
+            for at, variable in enumerate(port.variables[:count] if VALUE_TYPES[port.access].by_address else ()):
                 texts = self._texts[name, variable.name] = []
-                self._addresses.append((texts, port.shown, at))
+                self._addresses.append((texts, port, at))
         self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
         self.has_text = bool(self._texts)
 
@@ -112,9 +112,12 @@ class Blocks:
 
     def keep_texts(self) -> None:
         """Keep the strings of a row."""
-        for texts, addresses, at in self._addresses:
-            address = int(addresses[at])
-            texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
+        for texts, port, at in self._addresses:
+            address = int(port.shown[at])
+            if port.access == "Binary":
+                texts.append(bytes_at(address).hex())
+            else:
+                texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
 
     def advance(self, row: int) -> None:
         """So many rows of the block are recorded; a full block is handed on."""

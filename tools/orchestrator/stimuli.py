@@ -232,8 +232,8 @@ def resolve_rows(
         interface, variables = refer_to("input", text, interfaces)
         if len(variables) != 1:
             raise InputError(f"columns.'{text}' is an array; name each element: '{text}[1]' = \"...\"")
-        if variables[0].kind == "String":
-            raise InputError(f"columns.'{text}' is a String; rows are numbers")
+        if variables[0].value_type.by_address:
+            raise InputError(f"columns.'{text}' is a {variables[0].kind}; rows are numbers")
         ends.append((interface, variables[0], column, conversion(variables[0].unit, column, interface.scales)))
     table = read(["time_s", *(column for _, _, column, _ in ends)])
     increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in ends)

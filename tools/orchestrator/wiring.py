@@ -123,8 +123,9 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
         sorter.done(members)
         inside = [w for w in wires if w.source in members and w.target in members]
         for wire in inside:
-            if wire.output.kind == "String":
-                raise InputError(f"'{wire.source}.{wire.output.name}' goes around in a cycle; a String cannot")
+            if wire.output.value_type.by_address:
+                said = f"'{wire.source}.{wire.output.name}' goes around in a cycle"
+                raise InputError(f"{said}; a {wire.output.kind} cannot")
         groups.append(Group(members, bool(inside), tuple(dict.fromkeys((w.source, w.output) for w in inside))))
     return groups
 

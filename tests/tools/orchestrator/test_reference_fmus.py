@@ -175,6 +175,25 @@ def test_what_one_puts_out_another_passes_on_to_the_bit() -> None:
     assert table["through.String_output"][-1] == "Set me!"
 
 
+@pytest.mark.parametrize("in_process", [True, False])
+def test_binaries_go_in_along_and_out(in_process: bool) -> None:
+    """Bytes with a zero among them, and none at all, through the other process or not; by the compiled loop, too."""
+    setting = {"stop_s": 1.0, "step_s": 0.1, "in_process": in_process}
+    connections = wires(
+        "a.Binary_output -> b.Binary_input", "a.Float64_continuous_output -> b.Float64_continuous_input"
+    )
+    for content in ("00fF10", ""):
+        parameters = {"Binary_input": content, "Float64_continuous_input": 2.5}
+        fmus = {"a": {"fmu": "fmi3/Feedthrough.fmu", "parameters": parameters}, "b": {"fmu": "fmi3/Feedthrough.fmu"}}
+        table = run(HERE, fmus, connections=connections, run=setting).table
+        assert set(table["b.Binary_output"]) == {content.lower()}
+        columns = {"columns": {"x": "b.Float64_continuous_output"}}
+        assert set(run(HERE, fmus, connections=connections, run=setting, record=columns).table["x"]) == {2.5}
+    fmus["a"]["parameters"]["Binary_input"] = "0x1"
+    said = refusal(HERE, fmus, run=setting)
+    assert said == "fmus.a.parameters: Binary_input = '0x1' must be hexadecimal digits, two for each byte"
+
+
 @pytest.fixture(scope="module")
 def state_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with StateSpace, mended: as it is published its setter of structural parameters counts a value twice."""
