@@ -28,7 +28,7 @@ from .records import PositionRecord, StrapdownRecord, read_record
 from .reports.bench import run_section
 from .reports.beyond import sections as band_sections
 from .reports.calibration import calibration_section
-from .reports.diagnosis import sections_of
+from .reports.diagnosis import answer_of, sections_of
 from .reports.inspection import attitude_lines, attitude_section
 from .rounding import digits
 from .trials.bench import NOISE_BOUND, true_elementary
@@ -108,7 +108,8 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
             f"the record alone. What had been hidden: {hidden}.",
             files=[measured, answer_file],
         ),
-        *sections_of(diagnosis, [out / "diagnosis.json", *extended]),
+        *answer_of(diagnosis, [out / "diagnosis.json", *extended]),
+        *sections_of(diagnosis),
         Section(
             "A record whose cause is in no catalogue",
             "A third bench, simulated, whose outer encoder errs by up to 41 arcsec about 115°, over some 70°: no "

@@ -98,6 +98,8 @@ class Page:
     """what the results rest on: versions, content hashes; no time of day, so that the page repeats"""
     sources: Sequence[str] = ()
     """where the methods that were used are published"""
+    answer: int = 0
+    """so many sections say the answer, and stand above the list of contents"""
 
 
 @dataclass(frozen=True)

@@ -33,14 +33,14 @@ TONES: dict[str, Tone] = {"consistent": "good"}
 
 
 def page(result: Calibration, record: PositionRecord) -> Page:
-    """Verdict, record, model, residuals, targets, evidence, what next, provenance."""
+    """Verdict, targets and residuals; record, model, evidence, what next, provenance."""
+    answer = [target_section(result), gyro_section(result), residual_section(result, record.position)]
+    answer = [section for section in answer if section is not None]
     sections = [
+        *answer,
         bench.measured_section(record, result),
         bench.bench_section(result, bench.calibrated_values(result)),
-        residual_section(result, record.position),
-        target_section(result),
         beside_section(result),
-        gyro_section(result),
         bench.proof_section(result, record.position),
         bench.next_section(result.linearised, result.next_positions),
         levelling_section(result),
@@ -51,6 +51,7 @@ def page(result: Calibration, record: PositionRecord) -> Page:
         f"Calibration of {record.path.name}",
         verdict_sentence(result),
         [section for section in sections if section is not None],
+        answer=len(answer),
         tone=TONES.get(result.verdict, "attention"),
         key=bench.key_figures(result),
         provenance=bench.provenance(result),

@@ -236,7 +236,7 @@ def _why_lines(result: Diagnosis) -> list[str]:
 
 
 def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
-    """Verdict, record (given where it is one of positions), model, residuals, causes, evidence, gain, what next."""
+    """Verdict, cause, gain and residuals; record (given where it is one of positions), model, evidence, what next."""
     named = result.causes if result.verdict == "explained" else ()
     if of_bench(result):
         assert record is not None
@@ -258,10 +258,12 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
         first = record_sections(result.evidence.found, result.warnings, forces=forces, told=bool(result.missing))
         first += [carried_section(result)] if result.evidence.parts else []
         key, rests_on = _key_of_carried(result), _provenance_of_carried(result)
+    answer = [*beyond.sections(result), *answer_of(result)]
     return Page(
         f"Diagnosis of {name}",
         verdict_sentence(result),
-        [*beyond.sections(result), *first, *sections_of(result)],
+        [*answer, *first, *sections_of(result)],
+        answer=len(answer),
         tone=TONES.get(result.verdict, "attention"),
         key=key,
         provenance=rests_on,
@@ -296,21 +298,31 @@ def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
     return given | versions()
 
 
-def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
-    """From the residuals to what is excluded and what to measure next; `files` belong to the cause."""
+def _errors(result: Diagnosis) -> list[Section]:
+    """Residuals of readings, or errors of pieces, with their pictures; the first is over the record."""
     if of_bench(result):
-        errors = evidence.residual_sections(result)
+        return evidence.residual_sections(result)
+    bias = list(map(sentence, bias_lines(result)))
+    return evidence.error_sections(result, bias) if result.evidence.parts else []
+
+
+def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
+    """The cause with its size, what it gains, and the residuals; `files` belong to the cause."""
+    told = [cause_section(result, files or []), gain_section(result), *_errors(result)[:1]]
+    return [section for section in told if section is not None]
+
+
+def sections_of(result: Diagnosis) -> list[Section]:
+    """What stands behind the answer: further pictures of residuals, evidence, what is excluded, what is next."""
+    if of_bench(result):
         values = evidence.target_section(result) or calibration.target_section(result.evidence.calibration)
         proof = bench.proof_section(result.evidence.calibration, result.evidence.numbers)
         after = bench.next_section(result.evidence.calibration.linearised, result.next_positions or ())
     else:
-        bias = list(map(sentence, bias_lines(result)))
-        errors = evidence.error_sections(result, bias) if result.evidence.parts else []
         values, proof = evidence.parameter_section(result), None
         after = Section("What to measure next", list(map(sentence, result.next))) if result.next else None
     told = [
-        *errors,
-        cause_section(result, files or []),
+        *_errors(result)[1:],
         hypothesis_section(result),
         beyond.level_section(result),
         values,
@@ -318,7 +330,6 @@ def sections_of(result: Diagnosis, files: list[Path] | None = None) -> list[Sect
         evidence.ranking_section(result),
         evidence.confusion_section(result),
         evidence.length_section(result),
-        gain_section(result),
         evidence.judgement_section(result),
         evidence.structure_section(result),
         *evidence.excluded_sections(result),

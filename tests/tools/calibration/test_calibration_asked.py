@@ -103,7 +103,7 @@ def test_names_and_units_of_what_is_asked():
     targets = asked_targets(["X9 - X10", "X6", "X16-X17", "X1+X16", "-X12"], ONE)
     assert [(t.symbol, t.name, t.unit) for t in targets] == [
         ("X9 - X10", "scale-factor-asymmetry-2", "1"),
-        ("X6", "linear-combination", "1"),
+        ("X6", "linear-combination", "rad"),
         ("X16-X17", "linear-combination", "g"),
         ("X1+X16", "linear-combination", "mixed"),
         ("-X12", "mounting-error-2", "rad"),

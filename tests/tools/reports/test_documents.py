@@ -29,19 +29,20 @@ from trihedron.tools.trials.bench import NOISE_BOUND
 MEASURED = ["What was measured", "What was simulated"]
 RANKED = ["Evidence: which effect mends it", "Evidence: what could be taken for what"]
 SECTIONS = {
-    "calibration, consistent": [*MEASURED, "Residuals before and after", "Targets", "What it bought"],
-    "calibration, falsified": [*MEASURED, "Targets", "Evidence: the readings that prove it"],
-    "calibration, insufficient": [*MEASURED, "Targets", "Where to measure next"],
-    "bench, consistent": [*MEASURED, "Residuals", "Targets", "Excluded: effects of the accelerometers"],
-    "bench, explained": [*MEASURED, "Residuals before and after", "Residuals against the inputs", "The cause",
+    "calibration, consistent": ["Targets", "Residuals before and after", *MEASURED, "What it bought"],
+    "calibration, falsified": ["Targets", *MEASURED, "Evidence: the readings that prove it"],
+    "calibration, insufficient": ["Targets", *MEASURED, "Where to measure next"],
+    "bench, consistent": ["Residuals", *MEASURED, "Targets", "Excluded: effects of the accelerometers"],
+    "bench, explained": ["The cause", "Residuals before and after", *MEASURED, "Residuals against the inputs",
                          "Targets, and what the effects do to them", *RANKED, "Left out, and shuffled"],
-    "bench, explained, with its gain": ["The cause", *RANKED, "The gain on what was not used"],
+    "bench, explained, with its gain": ["The cause", "The gain on what was not used", *MEASURED, *RANKED],
     "bench, ambiguous": ["Causes that remain", *RANKED, "Where to measure next"],
     "bench, unexplained": ["Targets", RANKED[0], "What the residual depends on"],
-    "bench, insufficient": [*MEASURED, "Residuals", "Targets"],
-    "block, explained": [*MEASURED, "Errors before and after", "The cause", "The block's own parameters", *RANKED,
-                         "The gain on what was not used", "Left out, and shuffled", "Excluded: effects of the gyros"],
-    "block, ambiguous": [*MEASURED, "Causes that remain", "The block's own parameters", "What to measure next"],
+    "bench, insufficient": ["Residuals", *MEASURED, "Targets"],
+    "block, explained": ["The cause", "The gain on what was not used", "Errors before and after", *MEASURED,
+                         "The block's own parameters", *RANKED, "Left out, and shuffled",
+                         "Excluded: effects of the gyros"],
+    "block, ambiguous": ["Causes that remain", *MEASURED, "The block's own parameters", "What to measure next"],
     "block, insufficient": MEASURED[:1],
     "plan": ["Guaranteed errors"],
     "plans": ["Guaranteed errors"],
@@ -108,6 +109,9 @@ def test_what_every_document_says(name):
         if part.table is not None:
             assert part.table.told() == part.table
             assert "1" not in [row.get("unit") for row in rows_of(name, part.title)]
+    # Who reads on finds what there is behind the answer.
+    if "<nav" in html:
+        assert html[: html.index("<nav")].count("<h2>") == page.answer
     addresses = re.findall(r'(?:href|src)="([^"]*)"', html)
     assert all(address.startswith(("#", "data:")) for address in addresses)
     ids = re.findall(r' id="([^"]*)"', html)
