@@ -1,11 +1,16 @@
 """FMUs that are none of ours: PythonFMU scripts, which the tests build."""
 
 import re
+import shutil
+import subprocess
 import sys
 import warnings
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+import fmpy
+import pytest
 
 HERE = Path(__file__).parent
 
@@ -35,6 +40,33 @@ def rewritten(fmu: Path, target: Path, change: Callable[[str, bytes], tuple[str,
             if changed is not None:
                 new.writestr(*changed)
     return target
+
+
+def compile_foreign(source: str, folder: Path, variables: Mapping[str, str], kind: str, more: str = "", end: str = ""):
+    """Compile a C file of this folder as an FMU of FMI 2.0 (skipped where there is no cc), as `Name.fmu`.
+
+    `variables` are attributes and type of each, by the order of their value references; `kind` is the element that says
+    what it is for, `more` are further attributes of the description, `end` what stands in its structure.
+    """
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("needs a C compiler named cc")
+    library = folder / f"{source}{fmpy.sharedLibraryExtension}"
+    headers = Path(fmpy.__file__).parent / "c-code"
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-w", f"-I{headers}", HERE / f"{source}.c", "-o", library], check=True
+    )
+    said = enumerate(variables.items())
+    lines = [f'<ScalarVariable name="{n}" valueReference="{k}" {v}</ScalarVariable>' for k, (n, v) in said]
+    name = source.capitalize()
+    described = [
+        f'<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="g" {more}>',
+        f'<{kind} modelIdentifier="{source}"/><ModelVariables>{"".join(lines)}</ModelVariables>',
+        f"<ModelStructure>{end}</ModelStructure></fmiModelDescription>",
+    ]
+    with zipfile.ZipFile(folder / f"{name}.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", "".join(described))
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
 
 
 def declaring(fmu: Path, target: Path, attributes: dict[str, str]) -> Path:

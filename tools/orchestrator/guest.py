@@ -268,6 +268,14 @@ class Guest:
                 return found
 
             return status, (_WORD, ctypes.c_int, _WORD)
+        if name.endswith("InputDerivatives"):
+
+            def derivatives(_: int, references: int, several: int, orders: int, values: int) -> int:
+                sizes = (references, 4 * several), (orders, 4 * several), (values, 8 * several)
+                self._pending.append(("derivatives", name, *(ctypes.string_at(*size) for size in sizes)))
+                return 0
+
+            return derivatives, [_WORD] * 5
         return self._accessor(name), [_WORD] * (4 if name.startswith("fmi2") else 5)
 
     def _accessor(self, name: str) -> Callable[..., int]:

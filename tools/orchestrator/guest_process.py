@@ -11,6 +11,7 @@ its reply what each gave until one failed, and what the FMU logged: values of Py
 | define, number, function, references, values, bytes of a value: an access, for set and get | |
 | set, number, values | status |
 | get, number | status, values |
+| derivatives, function, references, orders, values | status |
 | step, function, time, step, flag | status, what fmi3DoStep returns; then what each of `follow` gets |
 | state, function, state | status, state |
 | status, function, kind | status, value |
@@ -187,6 +188,10 @@ class Host:
         memory: Any = (ctypes.c_char_p * count)() if size == TEXT else ctypes.create_string_buffer(count * size)
         status = self._access(number, memory)
         return status, [text or b"" for text in memory] if size == TEXT else memory.raw
+
+    def derivatives(self, name: str, references: bytes, orders: bytes, values: bytes) -> int:
+        """Tell the derivatives of inputs."""
+        return self._function(name)(self.instance, references, ctypes.c_size_t(len(orders) // 4), orders, values)
 
     def step(self, name: str, begin: float, length: float, flag: int) -> tuple[int, bytes]:
         """Make a step."""

@@ -21,6 +21,7 @@ the first to the last, for every step; what is recorded has a table of its own.
 | REPEAT | row to go back to while a value changes, most iterations | |
 | SKIP | every so manyth step, its number of them, row to go on with in the others | |
 | BLEND | target, value before so many steps, after them, its type, their number, how many are added | |
+| SLOPE | real number: it becomes what it was before, place of that, place of its derivative | length |
 | SUM | target, source, type of the source: a real number is added | |
 """
 
@@ -30,7 +31,7 @@ from typing import Any
 
 WIDTH = 8
 FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)
-SKIP, BLEND, SUM = range(14, 17)
+SKIP, BLEND, SUM, SLOPE = range(14, 18)
 
 # What both loops keep in whole numbers.
 STEP, LAST_STEP, ROW, EVERY, ROWS, RECORDS, ITERATION, CHANGING, AT, NEXT, CURSORS = range(11)
@@ -126,6 +127,11 @@ def loop_of(on: Any) -> Callable[..., int]:
                     store_real(a, old + part * (new - old) if part < 1.0 else new)
                 elif code == SUM:
                     store_real(a, load_real(a) + real_of(c, b))
+                elif code == SLOPE:
+                    value = load_real(a)
+                    store_real(a, load_real(b))
+                    store_real(c, (value - load_real(b)) / numbers[2 * pc])
+                    store_real(b, value)
                 elif code == STATE:
                     status = call2(a, b, c)
                 elif code == BEGIN:

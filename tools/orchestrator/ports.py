@@ -71,8 +71,9 @@ class Ports:
     An input holds its `start_value` before anything is passed on. `inputs` and `outputs` are the ports of each type:
     inputs that change come first, constants last; outputs that are recorded come first, `recorded` is their number.
     `feeds` are copied into the inputs from stimuli, `moves` and `conversions` (rows with their numbers) from the
-    outputs of each FMU; `sums` are made of its outputs when it has stepped. An InputError for a variable of a type that
-    the orchestrator does not pass on, or a String or Binary of an FMU that steps ahead.
+    outputs of each FMU; `sums` are made of its outputs when it has stepped, `slopes` are inputs whose derivatives are
+    told. An InputError for a variable of a type that the orchestrator does not pass on, or a String or Binary of an FMU
+    that steps ahead.
     """
 
     def __init__(
@@ -92,6 +93,7 @@ class Ports:
         self.moves: dict[str, list[Move]] = {}
         self.conversions: dict[str, list[Operation]] = {}
         self.sums: dict[str, list[Operation]] = {}
+        self.slopes: list[Variable] = []
         self._kept: list[Any] = []
         """Memory that addresses point to."""
         driven = [v for drive in drives if drive.begins is not None for v in drive.variables]
@@ -163,6 +165,8 @@ class Ports:
             old, code = source.address_of(wire.output, shown=shown), wire.output.value_type.code
             between = None if mine.stride == theirs.stride else wire.between
             laid = self.conversions.setdefault(wire.source, [])
+            if wire.between == "interpolate" and mine.linear and wire.input.kind == "Real":
+                self.slopes.append(wire.input)
             if between in ("interpolate", "sum"):
                 self._kept.append(np.zeros(1))
                 place = self._kept[-1].ctypes.data

@@ -4,6 +4,7 @@ import ctypes
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from .operations import (
     REPEAT,
     RESTORE,
     SKIP,
+    SLOPE,
     STATE,
     STEP2,
     STEP3,
@@ -55,6 +57,7 @@ class Program:
         self.numbers: list[tuple[float, float]] = []
         self.places: list[Place] = []
         self._kept: list[np.ndarray] = []
+        self._held: list[Any] = []
         self.cursors = 0
 
     def pace_of(self, name: str) -> Pace:
@@ -130,6 +133,23 @@ class Program:
             if port.values.dtype == np.float64:
                 self._add(Place(name, port=port), FINITE, port.address, len(port.variables))
 
+    def _add_derivatives(self, name: str) -> None:
+        """Begin inputs that are interpolated with what they were, and tell their derivatives."""
+        ports, pace = self._ports[name], self._ports[name].pace
+        inputs = [(v, ports.inputs[v.access].address_of(v)) for v in ports.slopes]
+        told = self._reserve(len(inputs))
+        for k, (_, at) in enumerate(inputs):
+            before = self._reserve(1)
+            # As it is when the initialisation has ended.
+            ctypes.memmove(before, at, 8)
+            self._add(Place(name), SLOPE, at, before, told + 8 * k, numbers=(pace.length, 0.0))
+        self.add_sets(name, constants=False)
+        references = (ctypes.c_uint * len(inputs))(*(v.reference for v, _ in inputs))
+        orders = (ctypes.c_int * len(inputs))(*[1] * len(inputs))
+        self._held += [references, orders]
+        row = (ctypes.addressof(references), len(inputs), ctypes.addressof(orders), told)
+        self._add_call(name, CALL5, "fmi2SetRealInputDerivatives", *row)
+
     def add_member(self, name: str, sources: Collection[str], *, final: bool) -> None:
         """Stimuli and outputs of others in, step, outputs out; `final`: no state from before will be set again."""
         pace = self._ports[name].pace
@@ -137,7 +157,10 @@ class Program:
             self._add(Place(name), FEED, *feed, self.cursors)
             self.cursors += 1
         self.add_transfers(name, sources, pace.stride if pace.ahead else 1)
-        self.add_sets(name, constants=False)
+        if self._ports[name].slopes and final:
+            self._add_derivatives(name)
+        else:
+            self.add_sets(name, constants=False)
         slave = self._slaves[name]
         code, place = (STEP2, 0) if slave.prefix == "fmi2" else (STEP3, self._reserve(2))
         function = f"{slave.prefix}DoStep"

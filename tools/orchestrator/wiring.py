@@ -33,11 +33,15 @@ class Wire:
 
 @dataclass(frozen=True)
 class Pace:
-    """How an FMU steps: with every `stride`-th step of the run, each `length` [s] long, and `ahead` or not."""
+    """How an FMU steps: with every `stride`-th step of the run, each `length` [s] long, and `ahead` or not.
+
+    One that is `linear` is told the derivatives of its inputs that are interpolated.
+    """
 
     length: float
     stride: int = 1
     ahead: bool = False
+    linear: bool = False
 
     @property
     def back(self) -> int:
@@ -180,8 +184,11 @@ def paces_of(
         if wire.between == "sum" and wire.target in ahead and strides[wire.source] < strides[wire.target]:
             said = f"'{wire.source}.{wire.output.name}' -> '{wire.target}.{wire.input.name}'"
             raise InputError(f"{said}: outputs of '{wire.target}' are interpolated, so it steps before there is a sum")
-    paces = {n: Pace(scenario.fmus[n].step_s or scenario.run.step_s, strides[n], n in ahead) for n in loaded}
+    paces = {}
     for name, entry in loaded.items():
+        length = scenario.fmus[name].step_s or scenario.run.step_s
+        linear = entry.fmu.version == 2 and entry.fmu.says("canInterpolateInputs")
+        paces[name] = Pace(length, strides[name], name in ahead, linear)
         _check_inside(name, entry, paces[name].length, scenario)
     return paces
 

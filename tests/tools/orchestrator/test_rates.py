@@ -1,5 +1,7 @@
 """FMUs of different steps: held, interpolated, summed, exact where it can be; against the same at one rate."""
 
+import shutil
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +9,7 @@ import polars as pl
 import pytest
 from pydantic import ValidationError
 
+from foreign_fmus import compile_foreign
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, SCENARIOS, refusal, run, scenario, wires
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
@@ -194,3 +197,22 @@ def test_a_slow_one_that_fails_or_ends_the_run_is_named_at_its_own_time(foreign:
         fmus["bad"]["parameters"]["way"] = 3
         said = refusal(foreign, fmus, run=SECONDS, connections=wired)
         assert said == "FMU 'bad' (Failing.fmu): y is nan at 1.5 s"
+
+
+def test_one_that_can_interpolate_is_told_the_derivative(foreign: Path, tmp_path: Path) -> None:
+    """x' = t: exact at one rate and at two, where the end of each step would give too much."""
+    inside = {"u": 'causality="input"><Real start="0"/>', "x": 'causality="output"><Real/>'}
+    compile_foreign("linear", tmp_path, inside, 'CoSimulation canInterpolateInputs="true"')
+    shutil.copy(foreign / "Clock.fmu", tmp_path)
+    columns = {"columns": {"x": "it.x"}}
+    for compiled, here, step in product((True, False), (True, False), (BASE, SLOW)):
+        fmus, setting = {"it": {"fmu": "Linear.fmu"}, "clock": slow(CLOCK, step)}, {**SECONDS, "in_process": here}
+        for way, coupling, expected in (
+            ("interpolate", None, 0.5 * T**2),
+            ("interpolate", "delayed", 0.5 * np.maximum(T - BASE, 0.0) ** 2),
+            ("hold", None, BASE * np.cumsum(T if step == BASE else HELD)),
+        ):
+            given = {"connections": between(way, "clock.ended -> it.u"), "record": columns}
+            setting["coupling"] = coupling
+            table = run(tmp_path, fmus, run=setting, compiled=compiled, **given).table
+            np.testing.assert_allclose(table["x"], expected, rtol=1e-14)

@@ -3,24 +3,14 @@
 import math
 import re
 import shutil
-import subprocess
-import zipfile
 from pathlib import Path
 
-import fmpy
 import numpy as np
 import pytest
 
+from foreign_fmus import compile_foreign
 from scenario_runs import ACCUMULATOR, CLOCK, GAIN, refusal, run, wires
 
-SOURCE = Path(__file__).resolve().parents[2] / "foreign_fmus" / "exchanged.c"
-DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="Exchanged" guid="e" numberOfEventIndicators="1">
-<ModelExchange modelIdentifier="exchanged"/>
-<ModelVariables>
-{}</ModelVariables>
-<ModelStructure><Derivatives><Unknown index="6"/></Derivatives></ModelStructure>
-</fmiModelDescription>"""
 VARIABLES = {
     "u": 'causality="input" variability="continuous"><Real start="0"/>',
     "x": 'causality="output" variability="continuous"><Real/>',
@@ -35,18 +25,9 @@ PLANT = {"fmu": "Exchanged.fmu", "tolerance": 1e-9}
 @pytest.fixture(scope="module")
 def plants(tmp_path_factory: pytest.TempPathFactory, foreign: Path) -> Path:
     """A folder with the FMU, and foreign ones for co-simulation."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("needs a C compiler named cc")
     folder = tmp_path_factory.mktemp("exchanged")
-    library = folder / f"exchanged{fmpy.sharedLibraryExtension}"
-    headers = Path(fmpy.__file__).parent / "c-code"
-    subprocess.run([compiler, "-shared", "-fPIC", "-w", f"-I{headers}", SOURCE, "-o", library], check=True)
-    with zipfile.ZipFile(folder / "Exchanged.fmu", "w") as archive:
-        said = enumerate(VARIABLES.items())
-        lines = [f'<ScalarVariable name="{n}" valueReference="{k}" {v}</ScalarVariable>\n' for k, (n, v) in said]
-        archive.writestr("modelDescription.xml", DESCRIPTION.format("".join(lines)))
-        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+    states = '<Derivatives><Unknown index="6"/></Derivatives>'
+    compile_foreign("exchanged", folder, VARIABLES, "ModelExchange", 'numberOfEventIndicators="1"', states)
     for name in ("Gain", "Clock", "Accumulator"):
         shutil.copy(foreign / f"{name}.fmu", folder)
     return folder
