@@ -80,6 +80,17 @@ QUANTITIES = {
         f"w{p}": Quantity("rate", p - 1, f"rate[{p - 1}]", {"rad": 1, "s": -1}, f"ω_{p}", f"rate about axis {p}, rad/s")
         for p in (1, 2, 3)
     },
+    **{
+        f"dw{p}": Quantity(
+            "acceleration",
+            p - 1,
+            f"((rate[{p - 1}] - context[PREVIOUS_RATE + {p - 1}]) / context[STEP_LENGTH])",
+            {"rad": 1, "s": -2},
+            f"dω_{p}/dt",
+            f"angular acceleration about axis {p}, rad/s²",
+        )
+        for p in (1, 2, 3)
+    },
     "alpha": Quantity("alpha", None, "context[ALPHA]", {}, "α", "true angle of the outer axis, rad"),
     "beta": Quantity("beta", None, "context[BETA]", {}, "β", "true angle of the inner axis, rad"),
     "hours": Quantity("hours", None, "context[HOURS]", {"h": 1}, "t", "since the first row"),
@@ -108,6 +119,7 @@ ALIASES = {"t": "hours", "T": "temperature"}
 """As formulas on pages write them."""
 ALWAYS = ("hours", "time_s", "temperature")
 INPUTS, RATES, ANGLES = ("n1", "n2", "n3"), ("w1", "w2", "w3"), ("alpha", "beta")
+GROWTHS = ("dw1", "dw2", "dw3")
 OF_TABLE = (*ANGLES, "sense1", "sense2", "sense3")
 """What a record of a block that is carried does not have."""
 
@@ -161,7 +173,7 @@ TARGETS = {
             "GyroBlock",
             "reading_effects",
             p - 1,
-            (*RATES, *INPUTS, *ALWAYS),
+            (*RATES, *GROWTHS, *INPUTS, *ALWAYS),
             {"rad": 1, "s": -1},
             f"Δω_{p} =",
             f"the reading of gyro {p}, in rad/s,",

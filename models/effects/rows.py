@@ -119,6 +119,11 @@ class MotionRows:
     period: float = 0.0
     gravity: float = 9.80665
 
+    @property
+    def acceleration(self) -> NDArray[np.float64]:
+        """Angular accelerations (N, 3) from the steps before to these [rad/s²]."""
+        return (self.rate - self.rate_before) / self.step[:, None]
+
 
 @dataclass(frozen=True)
 class Variant:

@@ -52,7 +52,9 @@ def test_its_signature_is_the_derivative_of_what_the_components_read(text):
         assert np.abs(columns[:, k]).max() > 1e-3
 
 
-@pytest.mark.parametrize("text", ["w1 += c*w1**3", "w2 += c*w1*n3 + d*exp(-time_s)*abs(w2)", "w3 += c*hours"])
+@pytest.mark.parametrize(
+    "text", ["w1 += c*w1**3", "w2 += c*w1*n3 + d*exp(-time_s)*abs(w2)", "w3 += c*hours", "w1 += c*dw1 + d*abs(dw2)*dw3"]
+)
 def test_that_of_a_gyro_too(text):
     place, rows = Formula.of(text).place, lively_motion()
     columns, clean = place.definition.signature(place, rows), gyro_readings([], rows)
@@ -88,6 +90,7 @@ def test_it_is_written_in_one_way_and_named_by_its_entry():
         ("f1 += c*(n1**2 - 0.5*n1)", ["g"]),
         ("w1 += c*w1**3", ["s2/rad2"]),
         ("w1 += c*n1*n2 + d/time_s", ["rad/s/g2", "rad"]),
+        ("w1 += c*dw1 + d*dw2**2", ["s", "s3/rad"]),
         ("alpha += c*hours*sin(alpha)", ["rad/h"]),
         ("f2 += c*sqrt(n1**2 + n2**2)", ["1"]),
     ],
@@ -167,6 +170,7 @@ WRONG = {
     "f2 += c*9**9**9": "a power is a whole number",
     "f2 += c*alhpa": "did you mean alpha",
     "f2 += c*n4": "'n4' is not known here",
+    "f2 += c*dw1": "dw1 is not known to what adds to f2",
     "f2 += c*w1": "w1 is not known to what adds to f2",
     "alpha += c*n1": "n1 is not known to what adds to alpha",
     "f2 += c*f2": "'f2' is not known here",

@@ -26,7 +26,7 @@ from ..result import finite_or_none
 from ..rounding import digits, downwards, exactly, residual, upwards
 from .carried_run import BIAS, LONG, CarriedRun
 from .evidence import Evidence, ReadOff, Trial, rms_size
-from .extension import Extension, Sized, Start
+from .extension import Extension, Sized, Start, takes
 from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of
 from .power import powers_of_record
 from .references import Gravity, Truth, all_rows, rotation_vectors, turned
@@ -275,8 +275,8 @@ class Carried(CarriedRun):
         if not (least <= most and least * most > 0.0 and (low[beside] <= 0.0).all() and (high[beside] >= 0.0).all()):
             return ()
         percent = 50.0 * (least + most)
-        long = "long" if percent > 0 else "short"
-        return (f"time stamps that are {exactly(abs(percent), 2)} % too {long} would do the same",)
+        changed = f"{exactly(abs(percent), 2)} % too {'long' if percent > 0 else 'short'}"
+        return (f"time stamps that are {changed} would do the same",)
 
     def objections(self) -> tuple[str, ...]:
         """Parameters that no instrument has, gyros that wander at rest, errors that all effects together leave."""
@@ -360,8 +360,8 @@ class Carried(CarriedRun):
             parts.append(replace(part, columns=columns))
         return replace(self, parts=tuple(parts))
 
-    def gain(self, fit: Fit) -> Gain:
-        """Errors of pieces that were not used, in arcminutes; the quoted kind first.
+    def gain(self, fit: Fit) -> Gain | None:
+        """Errors of pieces that were not used, in arcminutes, the quoted kind first; None: values that no gyro has.
 
         For each block in time the parameters are estimated on the others, without the effects and with them; the
         exported FMUs are run with these; the errors of the block's own pieces count.
@@ -378,6 +378,9 @@ class Carried(CarriedRun):
                 errors = [np.full(made.parts[k].error.shape, np.nan) for k in made.scored]
                 for fold in range(of_rows.max() + 1):
                     solution = estimated(matrix[of_rows != fold], made.residual[of_rows != fold])
+                    gyros = made.gyros_with(places, solution)
+                    if not takes("GyroCompensation", gyros.parameters, gyros.effects):
+                        return None
                     held = [np.flatnonzero(folds[k] == fold) for k in made.scored]
                     for error, at, mine in zip(errors, held, made.simulated(fmus, places, solution, held), strict=True):
                         error[at] = mine
@@ -386,8 +389,7 @@ class Carried(CarriedRun):
             gain_of(before, after, ARCMIN, over=made.parts[k].label, pieces=len(before))
             for k, before, after in zip(made.scored, *results, strict=True)
         ]
-        quoted = made.scored.index(made.quoted)
-        first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - quoted))
+        first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - made.scored.index(made.quoted)))
         return first.model_copy(update={"others": others})
 
     def applied(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64]:
@@ -434,11 +436,8 @@ class Carried(CarriedRun):
         """Parameters of the components with the model's (P,); the gyros' bias (3,) [rad/s] where it is none."""
         x, own = np.split(vector, [self.of_forces])
         scale = own[3:] if SCALE in self.own else self.model.scale_misalignment
-        gyros: Parameters = {
-            "gravity": self.found.gravity,
-            "bias": (own[:3] if self.own else bias).tolist(),
-            "scale_misalignment": scale.tolist(),
-        }
+        gyros: Parameters = {"gravity": self.found.gravity}
+        gyros |= {"bias": (own[:3] if self.own else bias).tolist(), "scale_misalignment": scale.tolist()}
         found: dict[str, Parameters] = {"GyroBlock": gyros, "GyroCompensation": gyros, "AttitudeComputer": {}}
         if len(x):
             gamma: dict[str, float] = dict(zip(NAMES, x.tolist(), strict=True))

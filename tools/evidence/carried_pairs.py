@@ -81,7 +81,7 @@ class GyroPairs:
         """Pairs of one gyro; what is not the gyro's own has a number before its name."""
         rows, rate, force = self.seen, f"w{p + 1}", f"n{p + 1}"
         turn, own = f"a{p + 1}", rows.rate[:, p]
-        growing = (rows.rate - rows.rate_before)[:, p] / rows.step
+        growing = rows.acceleration[:, p]
         yield "rate", self.pair(p, rate, own)
         yield "acceleration", self.pair(p, turn, growing)
         yield "force", self.pair(p, force, rows.specific_force[:, p])

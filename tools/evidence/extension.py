@@ -1,5 +1,6 @@
 """Components that start with what was found of a record, and scenarios with which they give the record again."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,16 @@ class Start:
                 name = parameter_name(place, parameter.name)
                 own[name], possible[name] = float(size), interval
         return Start(f"{component}{ending}", started(extend(nominal, list(mine)), own), own, possible)
+
+
+def takes(component: str, values: Parameters, effects: Mapping[EffectPlace, Sequence[float]]) -> bool:
+    """Whether a component takes values of its parameters and of its effects."""
+    sized = {place: (own, [(-math.inf, math.inf)] * len(own)) for place, own in effects.items()}
+    try:
+        Start.of(component, values, {}, sized)
+    except ValueError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)

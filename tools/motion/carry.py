@@ -133,6 +133,11 @@ class GyroModel:
         """(I + Γ)⁻¹ (3, 3)."""
         return np.asarray(np.linalg.inv(np.eye(3) + self.scale_misalignment.reshape(3, 3)), dtype=np.float64)
 
+    @property
+    def parameters(self) -> dict[str, list[float]]:
+        """Bias and Γ as parameters of a component."""
+        return {"bias": self.bias.tolist(), "scale_misalignment": self.scale_misalignment.tolist()}
+
 
 Driven: TypeAlias = dict[str, tuple[str, NDArray]]
 """Input of an FMU -> the name of its column, and its value in each interval."""
@@ -175,11 +180,7 @@ def carried_attitude(
     be given in place of the one that is built here.
     """
     fmus = fmus or {}
-    block = {
-        "gravity": gravity,
-        "bias": model.bias.tolist(),
-        "scale_misalignment": model.scale_misalignment.tolist(),
-    }
+    block = {"gravity": gravity, **model.parameters}
     settings = {
         "compensation": _setting("GyroCompensation", fmus, block, effect_entries(model.effects, "GyroBlock")),
         "computer": _setting("AttitudeComputer", fmus, {}, effect_entries(model.effects, "AttitudeComputer")),

@@ -41,7 +41,8 @@ def test_the_union_reaches_as_far_as_the_farthest_of_its_values(seed: int, sprea
     for way, radius in swept.search():
         assert (radius <= LIMIT) == (way in single)
     assert not swept.refused[list(single)].any()
-    other = swept.beside(np.zeros(5), np.arange(80), 0.0, None, {})
+    shared = {}
+    other = swept.beside(np.zeros(5), np.arange(80), 0.0, None, shared)
     for weights in np.vstack((np.eye(5), -np.eye(5), [[1.0, -0.5, 0.2, 0.7, 0.3]])):
         most = max(possible.reach(weights) + weights @ x for possible, x in single.values())
         for union in (swept, other):
@@ -49,6 +50,8 @@ def test_the_union_reaches_as_far_as_the_farthest_of_its_values(seed: int, sprea
             assert union.reach(weights) == pytest.approx(most, abs=1e-6)
             assert union.reach(weights, most + 1.0) == pytest.approx(most + 1.0)
             assert union.bounded(weights) == pytest.approx(most, abs=1e-5)
+        third = swept.beside(np.zeros(5), np.arange(80), 0.0, None, dict(shared))
+        assert third.reach(weights, most - 0.02) == pytest.approx(most, abs=1e-6)
     assert len(swept.radii) < 40
 
 

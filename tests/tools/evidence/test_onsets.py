@@ -191,3 +191,11 @@ def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_sta
             reached.append([np.add(possible.ends(k), one.central[k]) for k in range(3)])
     low, high = np.min(reached, axis=0)[:, 0], np.max(reached, axis=0)[:, 1]
     assert np.array(intervals)[:3].ravel() == pytest.approx(np.stack((low, high), axis=1).ravel(), abs=1e-9)
+
+
+def test_a_gain_that_needs_gyros_that_nobody_has_is_none():
+    """Beyond the limits of the components nothing can be run."""
+    evidence = made(filmed=True, step=2e-3)
+    fit = evidence.refit([DRIFT])
+    assert evidence.gain(fit) is not None
+    assert evidence.with_errors([1e6 * part.error for part in evidence.parts]).gain(fit) is None
