@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from ..calibration.targets import NAMES
 from ..campaign.file import Campaign
 from ..campaign.store import PAGE, Store, open_result
 from ..campaign.summary import CHANCE, CampaignResult, Comparison, Results, rate, summarise
 from ..document.blocks import Page, Section, Table
-from ..document.notation import Cell, minus
+from ..document.notation import Cell, minus, unit_text
 from ..document.page import write_page
 from ..files import write_text
 from ..rounding import digits, exactly, interval, upwards
 from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Suite, cases_csv, confusion, named_suite
+from .bench import physical_words
 from .makers import versions
 from .pictures import suites
 
@@ -279,16 +281,51 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     found = item["result"]
     there = {name: entry for name, entry in found.items() if entry["runs"]}
     at = next((entry["quantiles"] for entry in there.values()), [])
-    header = ["scalar", "runs", "mean", *(f"{exactly(round(100.0 * q['at'], 9))} %" for q in at), "largest"]
+    header = [
+        "scalar",
+        "meaning",
+        "unit",
+        "runs",
+        "mean",
+        *(f"{exactly(round(100.0 * q['at'], 9))} %" for q in at),
+        "largest",
+    ]
     rows: list[list[Cell]] = []
     for name, entry in there.items():
         figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]))
-        rows.append([name, entry["runs"], *(digits(figure, 4) for figure in figures), upwards(entry["largest"], 4)])
-    columns = {name: np.asarray(results.numbers(name)) for name in there}
-    marks = {name: [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
+        numbers = [*(digits(figure, 4) for figure in figures), upwards(entry["largest"], 4)]
+        rows.append([name, *scalar_words(name), entry["runs"], *numbers])
+    columns = {scalar_words(name): np.asarray(results.numbers(name)) for name in there}
+    marks = {scalar_words(name): [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
     svg = suites.distributions_picture(columns, marks)
-    return Section(title, svg=svg, caption="Dashed lines are the quantiles.", table=Table(header, rows))
+    return Section(
+        title, svg=svg, caption="Runs over values; dashed lines are the quantiles.", table=Table(header, rows).told()
+    )
+
+
+OF_TARGETS = {
+    "error": "error of {}",
+    "bound": "bound of the error of {}",
+    "guaranteed": "guaranteed error of {}",
+    "width": "width of the interval of {}",
+}
+SAID = {
+    "misses": "true values outside their intervals",
+    "radius": "least largest residual, over its bound",
+    "worst_error_ratio": "largest error of an estimate, over its bound",
+}
+SUFFIXES = {"rad": "rad", "radps": "rad/s", "mps2": "m/s²", "deg": "deg", "g": "g", "h": "h", "s": "s", "degC": "°C"}
+
+
+def scalar_words(name: str) -> tuple[str, str]:
+    """A scalar or a parameter of a campaign in words, and its unit where the name tells it."""
+    symbol, _, what = name.rpartition("_")
+    if symbol in NAMES and what in OF_TARGETS:
+        known, unit = NAMES[symbol]
+        return OF_TARGETS[what].format(physical_words(known)), unit_text(unit)
+    unit = SUFFIXES.get(what, "")
+    return SAID.get(name, (symbol if unit else name).replace("_", " ")), unit
 
 
 # Suites

@@ -175,6 +175,15 @@ def test_the_band_of_chance_holds_95_of_100_rank_correlations_of_nothing():
 
 
 def test_a_scalar_that_never_changes_is_told_and_not_drawn():
-    svg = distributions_picture({"misses": np.zeros(20), "radius": np.linspace(0.1, 0.5, 20)}, {"misses": [0.0]})
+    svg = distributions_picture(
+        {
+            ("misses", ""): np.zeros(20),
+            ("radius", ""): np.linspace(0.1, 0.5, 20),
+            ("error of X1", "rad"): np.linspace(2.671e-7, 2.694e-7, 20),
+        },
+        {("misses", ""): [0.0]},
+    )
+    assert "mathdefault" not in svg
+    assert {"10⁻⁷ rad", "2.69", "runs"} <= set(texts(svg))
     assert "always 0" in texts(svg)
     assert "−0.50" not in svg

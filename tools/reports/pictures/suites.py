@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...document.notation import short
+from ...document.notation import minus, raised, short
 from ...papers.attitude import TABLES
 from ...papers.reproduction import Reproduction
 from ...rounding import digits, exactly
@@ -96,28 +97,33 @@ MOST_DRAWN = 12
 
 
 @drawn
-def distributions_picture(columns: Mapping[str, NDArray], marks: Mapping[str, Sequence[float]]) -> Drawn:
-    """A histogram of the finite values of each scalar, with lines at some marks, its quantiles."""
+def distributions_picture(
+    columns: Mapping[tuple[str, str], NDArray], marks: Mapping[tuple[str, str], Sequence[float]]
+) -> Drawn:
+    """A histogram of the finite values of each scalar, in words and with its unit, with lines at its quantiles."""
     names = list(columns)[:MOST_DRAWN]
     rows = max(-(-len(names) // 2), 1)
-    figure, panels = sheet(0.5 + 1.55 * rows, rows, 2 if len(names) > 1 else 1)
+    figure, panels = sheet(0.5 + 1.75 * rows, rows, 2 if len(names) > 1 else 1)
     for axes in panels.flat[len(names) :]:
         axes.set_axis_off()
     for axes, name in zip(panels.flat, names, strict=False):
+        words, unit = name
         values = columns[name][np.isfinite(columns[name])]
-        axes.set(title=short(name, 44), yticks=[])
+        axes.set(title="\n".join(wrap(words, 46)), ylabel="runs")
         axes.grid(visible=False)
         if not len(values):
             say_empty(axes)
             continue
         low, high = float(values.min()), float(values.max())
         if low == high:
-            axes.set_xticks([])
-            say_empty(axes, f"always {digits(low, 4)}")
+            axes.set(xticks=[], yticks=[])
+            say_empty(axes, f"always {digits(low, 4)} {unit}".rstrip())
             continue
         wide = low > 0.0 and math.log10(high / low) > DECADES
         edges = np.geomspace(low, high, BINS + 1) if wide else np.linspace(low, high, BINS + 1)
         axes.hist(values, bins=edges, color=FIRST.light, alpha=0.75, linewidth=0)
+        axes.locator_params(axis="y", nbins=3, integer=True)
+        scale = 0
         if wide:
             axes.set_xscale("log")
             axes.minorticks_off()
@@ -126,11 +132,14 @@ def distributions_picture(columns: Mapping[str, NDArray], marks: Mapping[str, Se
             axes.set_xticks(10.0**shown, [power_of_ten(10.0**d) for d in shown])
         else:
             axes.locator_params(axis="x", nbins=5)
-            if 0.0 < max(abs(low), abs(high)) < 1e-2:
-                axes.ticklabel_format(axis="x", style="sci", scilimits=(0, 0), useMathText=True)
+            largest = max(abs(low), abs(high))
+            if not 1e-2 <= largest < 1e4:
+                scale = math.floor(math.log10(largest))
+                axes.xaxis.set_major_formatter(lambda value, _, scale=scale: minus(f"{value / 10.0**scale:.6g}"))
+        axes.set_xlabel(" ".join(part for part in (raised(scale) if scale else "", unit) if part))
         for mark in marks.get(name, ()):
             axes.axvline(mark, color=SECOND.light, linewidth=0.9, linestyle=(0, (4, 2)))
-    return figure, f"Distribution of {', '.join(names)}; dashed lines are quantiles"
+    return figure, f"Distribution of {', '.join(words for words, _ in names)}; dashed lines are quantiles"
 
 
 @drawn
