@@ -6,6 +6,7 @@ import shlex
 import shutil
 import signal
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -24,6 +25,18 @@ settings.register_profile("no deadlines", deadline=None)
 settings.load_profile("no deadlines")
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of a test's cases that are `first(n)`, those after the first n are of the long suites."""
+    taken = Counter[str]()
+    for item in items:
+        for marker in item.iter_markers("first"):
+            name = item.nodeid.partition("[")[0]
+            taken[name] += 1
+            if taken[name] > marker.args[0]:
+                item.add_marker(pytest.mark.acceptance)
+
+
 def pytest_collection_finish() -> None:
     """Modules and tests stay to the end: the collector of cycles need not go through them again and again."""
     gc.collect()
@@ -40,10 +53,17 @@ def _ctrl_c_is_heard() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Binaries of native FMUs are kept for this run, for all its workers, unless a cache is named."""
+    """Binaries are kept from run to run, by the hash of all that they follow from, unless a cache is named.
+
+    Where others could put files beside them they are kept for this run, for all its workers.
+    """
+    from trihedron.fmus.cache import others_can_write
+
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
-    os.environ.setdefault("TRIHEDRON_CACHE", str(shared / "cache"))
+    build = Path(__file__).resolve().parents[1] / "build"
+    folder = shared if others_can_write(build) else build
+    os.environ.setdefault("TRIHEDRON_CACHE", str(folder / "test-cache"))
 
 
 @pytest.fixture(scope="session")

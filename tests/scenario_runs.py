@@ -6,22 +6,39 @@ from typing import Any
 import pytest
 
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import Simulation, simulate
+from trihedron.tools.orchestrator import Asked, Simulation, read_scenario, simulate, simulate_table
 from trihedron.tools.orchestrator.scenario import Scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+ONE_SECOND = {"stop_s": 1.0, "step_s": 0.1}
 CLOCK, GAIN, ACCUMULATOR, FAILING = ({"fmu": f"{name}.fmu"} for name in ("Clock", "Gain", "Accumulator", "Failing"))
 
 
 def scenario(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
     """A scenario of one second in ten steps, where its sections say nothing else."""
-    data = {"run": {"stop_s": 1.0, "step_s": 0.1}, "fmus": fmus, **sections}
+    data = {"run": ONE_SECOND, "fmus": fmus, **sections}
     return Scenario.model_validate({**data, "base_folder": folder})
 
 
+def here(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
+    """The same in this process: for what is no matter of where an FMU runs, as a process for each takes long."""
+    own = {"in_process": True, **sections.pop("run", ONE_SECOND)}
+    return scenario(folder, fmus, run=own, **sections)
+
+
 def run(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:
-    """Its run."""
+    """Its run in this process."""
+    return simulate(here(folder, fmus, **sections), compiled=compiled)
+
+
+def run_of_guests(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:
+    """Its run, each FMU from a file in a process of its own."""
     return simulate(scenario(folder, fmus, **sections), compiled=compiled)
+
+
+def run_of_file(path: Path) -> Simulation:
+    """The run of a scenario's file in this process, with its averaged rests."""
+    return simulate_table(Asked(in_process=True).over(read_scenario(path)))
 
 
 def refusal(folder: Path, fmus: dict[str, dict], **sections: Any) -> str:

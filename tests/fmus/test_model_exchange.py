@@ -149,6 +149,7 @@ def test_events_come_where_a_move_changes_and_where_a_rest_begins(fmi, tmp_path)
     assert table.complete()
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", EXCHANGED)
 def test_a_time_that_was_tried_changes_nothing(name, fmi, tmp_path):

@@ -94,6 +94,7 @@ def global_orders(algorithm: Algorithm) -> tuple[float, float | None]:
     return float(mpmath.log(errors[0] / errors[1], 2)), norm
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda a: a.name)
 def test_observed_orders_are_those_that_are_stated(algorithm: Algorithm) -> None:
     assert local_order(algorithm) == pytest.approx(algorithm.order + 1, abs=0.05)

@@ -377,6 +377,7 @@ def test_a_call_that_no_process_survives_is_said_where_nothing_stands_for_it(wor
     assert workers.calls.count(("abs", 3)) == 4
 
 
+@pytest.mark.acceptance
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_main_process_that_is_killed_leaves_no_workers_and_can_go_on(tmp_path, unbroken, workers):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"

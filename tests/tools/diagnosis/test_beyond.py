@@ -9,6 +9,7 @@ import pytest
 
 from independent_bench import SIGMA
 from outside_shapes import outside_case
+from scenario_runs import run_of_file
 from simulated_bench import GRAVITY, random_bench, simulated
 from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
@@ -20,8 +21,6 @@ from trihedron.tools.diagnosis.band import Possible
 from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import NEAR, dependence
 from trihedron.tools.evidence.bench import Bench, bench_evidence
-from trihedron.tools.orchestrator.run import simulate_table
-from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
@@ -171,7 +170,7 @@ def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_
     for (low, high), part in zip(found.intervals, (np.sin(1.0), np.cos(1.0)), strict=True):
         assert low <= -1.5e-4 * part <= high
     export_extended(result, tmp_path)
-    again = simulate_table(read_scenario(tmp_path / "scenario.toml")).position_record()
+    again = run_of_file(tmp_path / "scenario.toml").position_record()
     assert np.abs(again.specific_force - record.specific_force).max() <= GRAVITY * NOISE_BOUND * result.evidence.limit
 
 
@@ -219,7 +218,7 @@ def test_it_is_exported_and_run_gives_the_record_again(tmp_path: Path):
     record, result = of_bump()
     files = export_extended(result, tmp_path)
     assert {file.suffix for file in files} >= {".fmu", ".ssv", ".toml"}
-    again = simulate_table(read_scenario(tmp_path / "scenario.toml")).position_record()
+    again = run_of_file(tmp_path / "scenario.toml").position_record()
     assert np.abs(again.specific_force - record.specific_force).max() <= GRAVITY * NOISE_BOUND * result.evidence.limit
 
 

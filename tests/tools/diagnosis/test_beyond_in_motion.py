@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 from outside_gyros import OutsideGyro, outside_gyro
+from scenario_runs import run_of_file
 from strapdown_records import G
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
@@ -19,8 +20,6 @@ from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.evidence.power import PIECES
 from trihedron.tools.evidence.references import Gravity, turned
-from trihedron.tools.orchestrator.run import simulate_table
-from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import StrapdownRecord, read_record
 
 HUMP = 9
@@ -59,7 +58,7 @@ def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
     assert found.gain is not None
     assert found.gain.held_out_rms_after < 0.25 * found.gain.held_out_rms_before
     export_extended(result, tmp_path, "native")
-    table = simulate_table(read_scenario(tmp_path / "scenario.toml")).table
+    table = run_of_file(tmp_path / "scenario.toml").table
     attitude = table.select("q0", "q1", "q2", "q3").to_numpy()
     force = table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:] / G
     evidence = result.evidence

@@ -321,6 +321,7 @@ def test_a_rival_is_a_table_of_knots_with_which_the_exact_model_stands(tmp_path:
     )
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("saturates", "size"), [(True, 2.2e-4), (False, 2e-3)])
 def test_an_odd_quadratic_is_said_alone_only_where_an_input_that_saturates_is_excluded(
     saturates: bool, size: float, tmp_path: Path

@@ -69,6 +69,7 @@ def other(time, rate):
     return 3.0 * np.abs(rate[:, 2])
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("p", "function", "quantity", "record_of"),
     [

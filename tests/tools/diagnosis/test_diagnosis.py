@@ -36,6 +36,7 @@ def result_places(result) -> list[EffectPlace]:
     return [place for finding in result.findings for place in finding.places]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_named_on_a_clean_record(seed):
     record = draw_alone(seed, effects=[], symmetric=seed % 5 == 0).measured()

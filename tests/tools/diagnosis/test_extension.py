@@ -11,6 +11,7 @@ from fmpy.ssp.ssd import read_ssv
 
 from bench_cases import bench_case
 from parameter_intervals import intervals_in
+from scenario_runs import run_of_file
 from simulated_bench import ALPHA, BETA, random_bench
 from simulated_bench import record as position_record
 from strapdown_records import strapdown_record
@@ -28,7 +29,6 @@ from trihedron.tools.evidence.bench_scenario import HALF_REST
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.references import Gravity, turned
-from trihedron.tools.orchestrator.run import simulate_table
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.trials.bench import NOISE_BOUND
 
@@ -65,6 +65,7 @@ LONG = ("thermal-lag", "mounting-slip", "warm-up", "bias-drift")
 """Effects that take long to be found, or that another test here has too; `make acceptance` exports them as well."""
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("place", "values"),
     [pytest.param(*d, marks=[pytest.mark.acceptance] if d[0].effect in LONG else []) for d in DRAWN],
@@ -75,7 +76,7 @@ def test_the_exported_scenario_gives_the_record_again(place, values, tmp_path):
     record = bench_case(17, place, values).measured()
     result = found(bench_evidence(record, noise_bound=NOISE_BOUND), place)
     export_extended(result, tmp_path)
-    run = simulate_table(read_scenario(tmp_path / "scenario.toml"))
+    run = run_of_file(tmp_path / "scenario.toml")
     again = run.position_record()
     assert len(again) == len(record)
     # Noise at a step of quantisation: no simulation tells to which side a reading was rounded.
@@ -110,7 +111,7 @@ def test_a_record_in_two_mountings_has_a_run_for_each(tmp_path):
     export_extended(result, tmp_path)
     assert record.mounting is not None
     for scenario, name in (("scenario.toml", "first"), ("scenario-2.toml", "second")):
-        again = simulate_table(read_scenario(tmp_path / scenario)).position_record()
+        again = run_of_file(tmp_path / scenario).position_record()
         own = record.selected(np.flatnonzero(np.array(record.mounting) == name))
         assert beyond_noise(own, again).max() <= 1.0
     second = read_ssv(str(tmp_path / "TurntableMotion-2.ssv"))
@@ -124,7 +125,7 @@ def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
     runs = {}
     for flavour in ("native", "python"):
         export_extended(result, tmp_path / flavour, flavour)
-        runs[flavour] = simulate_table(read_scenario(tmp_path / flavour / "scenario.toml")).table
+        runs[flavour] = run_of_file(tmp_path / flavour / "scenario.toml").table
     assert runs["native"].equals(runs["python"])
     scenario, folder = read_scenario(tmp_path / "native" / "scenario.toml"), tmp_path / "native"
     rows, times = pl.read_csv(folder / "scenario-rows.csv"), runs["native"]["time_s"].to_numpy()
@@ -174,6 +175,7 @@ def test_start_values_and_parameter_sets_hold_values_and_intervals(tmp_path):
         assert set(ends) <= set(set_values)
 
 
+@pytest.mark.acceptance
 def test_a_strapdown_record_is_carried_again(tmp_path):
     """Gravity where the accelerometers say it is after every move, within the bounds; the same bits both ways."""
     place = EffectPlace("gyro-g-sensitivity", "gyro-block")
@@ -186,7 +188,7 @@ def test_a_strapdown_record_is_carried_again(tmp_path):
     runs = {}
     for flavour in ("native", "python"):
         export_extended(result, tmp_path / flavour, flavour)
-        runs[flavour] = simulate_table(read_scenario(tmp_path / flavour / "scenario.toml")).table
+        runs[flavour] = run_of_file(tmp_path / flavour / "scenario.toml").table
     table = runs["native"]
     assert table.equals(runs["python"])
     attitude = table.select("q0", "q1", "q2", "q3").to_numpy()

@@ -7,13 +7,12 @@ import pytest
 
 from hypothesis_records import TRUE, check_answers, place_of, record_with
 from independent_bench import SIGMA
+from scenario_runs import run_of_file
 from trihedron.tools import cli
 from trihedron.tools.diagnosis.hypothesis import places_of
 from trihedron.tools.diagnosis.procedure import answered
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.orchestrator.run import simulate_table
-from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
 
 
@@ -55,7 +54,7 @@ def test_it_is_told_printed_shown_and_exported(tmp_path, monkeypatch, capsys):
     assert (first["answer"], second["answer"]) == ("stands", "refuted")
     assert first["gain"]["held_out_rms_after"] < 0.5 * first["gain"]["held_out_rms_before"]
     assert "Hypotheses" in (tmp_path / "d.html").read_text(encoding="utf-8")
-    run = simulate_table(read_scenario(tmp_path / "out" / "scenario.toml")).position_record()
+    run = run_of_file(tmp_path / "out" / "scenario.toml").position_record()
     measured = read_record(tmp_path / "r.positions.csv")
     assert np.abs(run.specific_force - measured.specific_force).max() / 9.80665 <= SIGMA
 
@@ -69,7 +68,7 @@ def test_an_angle_reaches_the_block_of_what_is_exported(tmp_path):
     assert one.gain.held_out_rms_after < SIGMA < one.gain.held_out_rms_before
     folder = evidence.extension(one.finding.fit, {c.place: (c.values, c.intervals) for c in one.finding.causes})
     folder.write(tmp_path / "out", "a formula", "python")
-    run = simulate_table(read_scenario(tmp_path / "out" / "scenario.toml")).position_record()
+    run = run_of_file(tmp_path / "out" / "scenario.toml").position_record()
     assert np.abs(run.specific_force - record.specific_force).max() / 9.80665 <= SIGMA
 
 

@@ -97,7 +97,9 @@ THREE: Effects = {CUBIC_1: (6e-4,), WOBBLE: (4e-4, 0.7), DRIFT_2: (2e-3,)}
         # The second order of 3e-3 rad is half a σ: with a signature alone the right name would be refused.
         ({SAG: (3e-3, 0.4)}, 5),
         pytest.param({TWICE: (2e-3, 1.0, 3e-3, -2.0)}, 5, marks=pytest.mark.acceptance),
-        ({CUBIC_1: (8e-4,), place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,)}, 9),
+        pytest.param(
+            {CUBIC_1: (8e-4,), place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,)}, 9, marks=pytest.mark.acceptance
+        ),
     ],
     ids=["three", "large sag", "large wobble", "two outliers and an effect"],
 )

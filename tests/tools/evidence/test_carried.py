@@ -113,6 +113,7 @@ def test_latency_is_named_in_samples_beside_the_true_attitude_and_nothing_where_
     assert (found.verdict, found.causes) == ("consistent", ())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("reference", ["gravity", "truth"])
 def test_signatures_are_what_the_exported_components_do(reference):
     """An effect of a small size in the compensation turns the errors as its columns say, to a few per cent."""

@@ -31,6 +31,7 @@ def named(result: Diagnosis) -> list[EffectPlace]:
     return [cause.place for cause in result.causes]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("axis", "level"), [(0, 0.95), (1, 0.8), (2, 0.75), (1, 0.9)])
 def test_an_accelerometer_that_saturates_in_rests_is_named_with_its_level(axis, level):
     """Clipped in the two rests where it points up or down, whatever the noise; the level is in its interval."""

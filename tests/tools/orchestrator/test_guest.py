@@ -13,7 +13,7 @@ import pytest
 from campaign_runs import children, command_of
 from foreign_fmus import rewritten
 from foreign_fmus.hostile import assert_named_and_kept, build_hostile, hostile_scenario, outcome
-from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, run, scenario, wires
+from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, run_of_guests, scenario, wires
 from trihedron.tools import library
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
@@ -90,7 +90,9 @@ def test_a_guest_gives_the_same_bits(foreign: Path) -> None:
     fmus = {"clock": CLOCK, "one": GAIN, "sum": ACCUMULATOR, "fails": FAILING}
     connections = wires("clock.ended -> one.u[1]", "one.y[1] -> sum.increment")
     tables = [
-        run(foreign, fmus, connections=connections, run={"stop_s": 5.0, "step_s": 0.01, "in_process": here}).table
+        run_of_guests(
+            foreign, fmus, connections=connections, run={"stop_s": 5.0, "step_s": 0.01, "in_process": here}
+        ).table
         for here in (True, False)
     ]
     assert tables[0].equals(tables[1])
@@ -118,4 +120,4 @@ def test_a_value_reference_that_is_none(hostile: Path, tmp_path: Path, reference
 
     rewritten(hostile / "Hostile.fmu", tmp_path / "Hostile.fmu", change)
     with pytest.raises(InputError, match=rf"variable 'Real_in': its value reference {reference} does not fit 32 bits"):
-        run(tmp_path, {"x": {"fmu": "Hostile.fmu"}})
+        run_of_guests(tmp_path, {"x": {"fmu": "Hostile.fmu"}})

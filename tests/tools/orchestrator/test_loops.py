@@ -16,7 +16,7 @@ import pytest
 
 import foreign_fmus
 from foreign_fmus import rewritten
-from scenario_runs import ACCUMULATOR, GAIN, refusal, run, scenario, wires
+from scenario_runs import ACCUMULATOR, GAIN, here, refusal, run, scenario, wires
 from trihedron.fmus import build
 from trihedron.fmus.native.compile import host_compiler
 from trihedron.tools.errors import InputError
@@ -45,7 +45,7 @@ def bench(folder: Path, flavours: tuple[str, ...]) -> Scenario:
     table, block, computer = (f"{flavour}/{name}.fmu" for flavour, name in zip(flavours, NAMES, strict=True))
     positions = {"alpha_deg": [20.0, 65.0], "beta_deg": [30.0, -40.0]}
     temperatures = {"time_s": [0.0, 1.0, 3.01], "t_degC": [20.0, 25.0, 18.0]}
-    return scenario(
+    return here(
         folder,
         {
             "sum": ACCUMULATOR,
@@ -53,7 +53,7 @@ def bench(folder: Path, flavours: tuple[str, ...]) -> Scenario:
             "block": {"fmu": block, "parameters": {"noise_bound": 1e-5, "seed": 3}},
             "table": {"fmu": table, "parameters": {"kappa": 1e-3, "encoder_fluctuation_bound": 4.8e-6}},
         },
-        run={"stop_s": 8.0, "step_s": 0.02},
+        run={"stop_s": 4.0, "step_s": 0.02},
         connections=wires(
             "table.specific_force -> block.specific_force",
             "table.dwell -> block.dwell",
@@ -70,12 +70,12 @@ def bench(folder: Path, flavours: tuple[str, ...]) -> Scenario:
 
 def test_every_mixture_gives_the_same_bits_in_both_loops(folder: Path) -> None:
     reference = simulate(bench(folder, ("python",) * 3), compiled=False).table
-    assert reference.height == 134
-    assert reference["sum.total"].n_unique() > 100
+    assert reference.height == 67
+    assert reference["sum.total"].n_unique() > 50
     for flavours in product(("native-2", "native-3"), repeat=3):
-        for compiled in (True, False):
-            found = simulate(bench(folder, flavours), compiled=compiled).table
-            assert found.equals(reference), (flavours, compiled)
+        assert simulate(bench(folder, flavours)).table.equals(reference), flavours
+    for flavours in (("native-2", "native-3", "native-2"), ("native-3", "native-2", "native-3")):
+        assert simulate(bench(folder, flavours), compiled=False).table.equals(reference), flavours
     for flavours in (("python",) * 3, ("python", "native-3", "native-2"), ("native-3", "python", "native-2")):
         assert simulate(bench(folder, flavours)).table.equals(reference), flavours
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from foreign_fmus import compile_foreign
-from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, SCENARIOS, refusal, run, scenario, wires
+from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, SCENARIOS, refusal, run_of_guests, scenario, wires
 from trihedron.tools.orchestrator import simulate
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 
@@ -36,7 +36,7 @@ def test_a_fast_one_hears_a_slow_one_held_or_interpolated(foreign: Path, compile
     setting = {**SECONDS, "in_process": here}
     for way, expected in (("hold", HELD), ("interpolate", T)):
         wired = between(way, "slow.ended -> fast.u[1]")
-        table = run(foreign, fmus, run=setting, connections=wired, compiled=compiled).table
+        table = run_of_guests(foreign, fmus, run=setting, connections=wired, compiled=compiled).table
         assert table["fast.y[1]"].to_list() == expected.tolist()
         # The record is of its own times, whether it is ahead or not.
         assert table["slow.ended"].to_list() == HELD.tolist()
@@ -52,7 +52,7 @@ def test_a_slow_one_hears_what_a_fast_one_put_out_last_or_the_sum(foreign, compi
     fmus = {"last": slow(GAIN), "all": slow(ACCUMULATOR), "fast": CLOCK}
     wired = between("hold", "fast.ended -> last.u[1]") + between("sum", "fast.step -> all.increment")
     setting = {**SECONDS, **({"coupling": coupling} if coupling else {})}
-    table = run(foreign, fmus, run=setting, connections=wired, compiled=compiled).table
+    table = run_of_guests(foreign, fmus, run=setting, connections=wired, compiled=compiled).table
     expected = HELD if coupling is None else np.maximum(HELD - SLOW, 0.0)
     assert table["last.y[1]"].to_list() == expected.tolist()
     assert table["all.total"].to_list() == expected.tolist()
@@ -66,7 +66,7 @@ def test_slow_through_slow_to_fast(foreign: Path, coupling: str | None) -> None:
     wired += between("interpolate", "slowest.ended -> mid.u[2]") + between("hold", "slowest.ended -> fast.u[2]")
     setting = {**SECONDS, **({"coupling": coupling} if coupling else {})}
     columns = {name: name for name in ("fast.y[1]", "fast.y[2]", "mid.y[2]")}
-    table = run(foreign, fmus, run=setting, connections=wired, record={"columns": columns}).table
+    table = run_of_guests(foreign, fmus, run=setting, connections=wired, record={"columns": columns}).table
     if coupling is None:
         assert table["fast.y[1]"].to_list() == T.tolist()
         assert table["mid.y[2]"].to_list() == HELD.tolist()
@@ -92,7 +92,7 @@ def integral(foreign: Path, way: str, stride: int, coupling: str | None) -> floa
         fmus = {"sum": ACCUMULATOR, "source": slow(GAIN, factor * base)}
         wired = between(way, "source.y[1] -> sum.increment")
         record = {"columns": {"total": "sum.total"}}
-        table = run(foreign, fmus, run=setting, connections=wired, stimuli=[rows], record=record).table
+        table = run_of_guests(foreign, fmus, run=setting, connections=wired, stimuli=[rows], record=record).table
         found.append(base * table["total"][-1])
     return abs(found[1] - found[0])
 
@@ -146,12 +146,12 @@ def test_rows_and_programmes_are_laid_on_the_steps_of_whom_they_drive(foreign: P
     """Increments stand once in each of its steps, not once in each of the run's."""
     times = SLOW * np.arange(1, 9)
     rows = {"table": {"time_s": times, "u_rad": 0.01 * times}, "columns": {"adder.increment": "u_rad"}, "stamp": "end"}
-    table = run(foreign, {"adder": slow({"fmu": "Adder.fmu"})}, run=SECONDS, stimuli=[rows]).table
+    table = run_of_guests(foreign, {"adder": slow({"fmu": "Adder.fmu"})}, run=SECONDS, stimuli=[rows]).table
     assert table["adder.total"][::4].to_list() == pytest.approx([0.0, *np.cumsum(0.01 * times)], rel=1e-15)
     said = refusal(foreign, {"adder": {"fmu": "Adder.fmu"}}, run=SECONDS, stimuli=[rows])
     assert "an increment would be applied again" in said
     begins = {"table": {"time_s": [0.0, 0.6, 1.0], "u": [1.0, 2.0, 3.0]}, "columns": {"gain.u[1]": "u"}}
-    table = run(foreign, {"gain": slow(GAIN)}, run={**SECONDS, "stop_s": 2.0}, stimuli=[begins]).table
+    table = run_of_guests(foreign, {"gain": slow(GAIN)}, run={**SECONDS, "stop_s": 2.0}, stimuli=[begins]).table
     assert table["gain.y[1]"].to_list() == [1.0] * 12 + [3.0] * 5
 
 
@@ -214,5 +214,5 @@ def test_one_that_can_interpolate_is_told_the_derivative(foreign: Path, tmp_path
         ):
             given = {"connections": between(way, "clock.ended -> it.u"), "record": columns}
             setting["coupling"] = coupling
-            table = run(tmp_path, fmus, run=setting, compiled=compiled, **given).table
+            table = run_of_guests(tmp_path, fmus, run=setting, compiled=compiled, **given).table
             np.testing.assert_allclose(table["x"], expected, rtol=1e-14)

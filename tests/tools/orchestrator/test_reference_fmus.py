@@ -16,7 +16,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from foreign_fmus import rewritten
-from scenario_runs import refusal, run, wires
+from scenario_runs import refusal, run_of_guests, wires
 from trihedron.tools import library
 
 FOLDERS = [*map(Path, filter(None, [os.environ.get("TRIHEDRON_DATA")]))]
@@ -79,7 +79,7 @@ def test_alone_by_its_default_experiment(name: str, tmp_path: Path) -> None:
 def test_together_each_in_its_process_or_all_in_ours() -> None:
     fmus = {key: {"fmu": f"{name}.fmu"} for key, name in COUPLED.items()}
     for here in (False, True):
-        found = run(HERE, fmus, run={"stop_s": 3.0, "step_s": 0.01, "in_process": here})
+        found = run_of_guests(HERE, fmus, run={"stop_s": 3.0, "step_s": 0.01, "in_process": here})
         for key, name in COUPLED.items():
             expected = published(name)[:301]
             for column in expected.columns[1:]:
@@ -92,7 +92,7 @@ def test_all_in_one_scenario_each_with_its_own_step(in_process: bool) -> None:
     """To when Stair asks for the end; what each has done until then it has done alone."""
     names = {name.replace("/", "_"): name for name in WITH_RESULTS}
     fmus = {key: {"fmu": f"{name}.fmu", "step_s": STEPS[name.partition("/")[2]]} for key, name in names.items()}
-    done = run(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01, "in_process": in_process})
+    done = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01, "in_process": in_process})
     assert "ended the run at 9 s" in done.ended
     for key, name in names.items():
         rows = done.table[:: round(STEPS[name.partition("/")[2]] / 0.01)]
@@ -107,7 +107,7 @@ def test_in_event_mode_they_are_the_same() -> None:
     """They return before the end of a step, their events are handled, and the step is made to its end."""
     names = ("BouncingBall", "Feedthrough", "Stair")
     fmus = {n: {"fmu": f"fmi3/{n}.fmu", "step_s": STEPS[n], "event_mode": True} for n in names}
-    done = run(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01})
+    done = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01})
     assert "'Stair' (fmi3/Stair.fmu) ended the run at 9 s (fmi3DoStep asked for it)" in done.ended
     for name in names:
         rows, expected = done.table[:: round(STEPS[name] / 0.01)], published(f"fmi3/{name}")
@@ -129,7 +129,7 @@ def test_model_exchange_by_a_solver(tmp_path: Path) -> None:
     fmus = {f"{name}{fmi}": {"fmu": f"{name}{fmi}.fmu", "tolerance": 1e-8} for name in models for fmi in (2, 3)}
     for key, fmu in fmus.items():
         rewritten(HERE / f"fmi{key[-1]}" / f"{key[:-1]}.fmu", tmp_path / fmu["fmu"], exchange_only)
-    done = run(tmp_path, fmus, run={"stop_s": 10.0, "step_s": 0.1})
+    done = run_of_guests(tmp_path, fmus, run={"stop_s": 10.0, "step_s": 0.1})
     assert "ended the run at 9 s" in done.ended
     table, times = done.table, done.table["time_s"].to_numpy()
     assert times[-1] == pytest.approx(9.0)
@@ -169,7 +169,7 @@ def bounces(times: np.ndarray) -> np.ndarray:
 def test_what_one_puts_out_another_passes_on_to_the_bit() -> None:
     fmus = {"ball": {"fmu": "fmi2/BouncingBall.fmu"}, "through": {"fmu": "fmi3/Feedthrough.fmu"}}
     connections = wires("ball.h -> through.Float64_continuous_input")
-    table = run(HERE, fmus, connections=connections, run={"stop_s": 3.0, "step_s": 0.1}).table
+    table = run_of_guests(HERE, fmus, connections=connections, run={"stop_s": 3.0, "step_s": 0.1}).table
     height = next(c for c in table.columns if c.startswith("ball.h"))
     assert table["through.Float64_continuous_output"].to_list() == table[height].to_list()
     assert table["through.String_output"][-1] == "Set me!"
@@ -244,7 +244,7 @@ def test_structural_parameters_say_how_long_arrays_are(state_space: Path) -> Non
         expected.append(float(c @ x))
     for here in (False, True):
         space = {"s": {"fmu": "StateSpace.fmu", "parameters": parameters}}
-        table = run(state_space, space, run={**setting, "in_process": here}).table
+        table = run_of_guests(state_space, space, run={**setting, "in_process": here}).table
         assert table.columns == ["time_s", "s.y[1]"]
         assert table["s.y[1]"].to_list() == pytest.approx(expected, rel=1e-14)
     said = refusal(state_space, {"s": {"fmu": "StateSpace.fmu", "parameters": {"n": 9}}}, run=setting)

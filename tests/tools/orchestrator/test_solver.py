@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from foreign_fmus import compile_foreign
-from scenario_runs import ACCUMULATOR, CLOCK, GAIN, refusal, run, wires
+from scenario_runs import ACCUMULATOR, CLOCK, GAIN, refusal, run_of_guests, wires
 
 VARIABLES = {
     "u": 'causality="input" variability="continuous"><Real start="0"/>',
@@ -40,7 +40,7 @@ def test_a_driven_plant_with_events_of_state_and_of_time(plants: Path) -> None:
     wired = wires("gain.y[1] -> plant.u", "plant.x -> sum.increment")
     for here in (False, True):
         setting = {"stop_s": 2.0, "step_s": 0.1, "in_process": here}
-        table = run(plants, fmus, run=setting, connections=wired, stimuli=[rows]).table
+        table = run_of_guests(plants, fmus, run=setting, connections=wired, stimuli=[rows]).table
         times = table["time_s"].to_numpy()
         top = 1.0 - math.exp(-1.0)
         expected = np.where(times <= 1.0, 1.0 - np.exp(-times), top * np.exp(1.0 - times))
@@ -54,7 +54,7 @@ def test_the_tolerance_decides_the_error(plants: Path) -> None:
     errors = []
     for tolerance in (1e-3, 1e-5, 1e-7):
         fmus = {"plant": {**PLANT, "tolerance": tolerance, "parameters": {"u": 1.0}}}
-        table = run(plants, fmus, run={"stop_s": 2.0, "step_s": 2.0}).table
+        table = run_of_guests(plants, fmus, run={"stop_s": 2.0, "step_s": 2.0}).table
         errors.append(abs(table["plant.x"][-1] - (1.0 - math.exp(-2.0))))
     assert errors[0] > 10.0 * errors[1] > 100.0 * errors[2] > 0.0
     assert errors[2] < 1e-5

@@ -15,6 +15,7 @@ def two_rows(monkeypatch):
     monkeypatch.setattr(papers, "reproduce_attitude", lambda **options: every((12, 56), **options))
 
 
+@pytest.mark.acceptance
 def test_reproduce_attitude(two_rows, tmp_path, capsys):
     out, document = tmp_path / "out", tmp_path / "result.json"
     assert main(["reproduce", "attitude", "--out", str(out), "--json", str(document)]) == 0

@@ -45,13 +45,14 @@ def test_a_knock_is_read_and_said_with_its_row(tmp_path):
     refused(read, "\n".join([RAW_HEADER, "1,0,0,0,0,9.8", "2,0,0,0,0,1e30"]), "row 3, column f3_mps2")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("where", "force"),
     [
-        (0, 120.0),
         (1, 9e4),
-        pytest.param(0, 9e4, marks=pytest.mark.acceptance),
-        pytest.param(1, 120.0, marks=pytest.mark.acceptance),
+        (0, 120.0),
+        (0, 9e4),
+        (1, 120.0),
     ],
 )
 def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, force):

@@ -138,6 +138,7 @@ def setting() -> SettingCheck:
     return check_settings(tables_task(), places, places.at(places.angle + moved), 1e-5)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_lines_show_no_bound_better_than_it_is(kind):
     result, watched = KINDS[kind](), Watched()

@@ -47,6 +47,7 @@ def read(
     return Block(reference, motion, instruments, jitter=jitter).measured(0, 1, hidden)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("schedule", [BETWEEN_RESTS, BEFORE_A_CAMERA], ids=["gravity", "truth"])
 def test_the_motion_is_one(schedule):
     """Increments, rates, attitude and gravity agree; it rests where it should, and turns about every axis."""
@@ -153,6 +154,7 @@ def test_cases_do_not_depend_on_each_other_and_have_both_references():
     assert other.attitude is not None
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("index", [0, 1])
 def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
     """An effect of the size of sure detection, and the noise within its bounds, is more than the model can take."""
