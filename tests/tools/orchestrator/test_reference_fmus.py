@@ -185,10 +185,10 @@ def test_binaries_go_in_along_and_out(in_process: bool) -> None:
     for content in ("00fF10", ""):
         parameters = {"Binary_input": content, "Float64_continuous_input": 2.5}
         fmus = {"a": {"fmu": "fmi3/Feedthrough.fmu", "parameters": parameters}, "b": {"fmu": "fmi3/Feedthrough.fmu"}}
-        table = run(HERE, fmus, connections=connections, run=setting).table
+        table = run_of_guests(HERE, fmus, connections=connections, run=setting).table
         assert set(table["b.Binary_output"]) == {content.lower()}
         columns = {"columns": {"x": "b.Float64_continuous_output"}}
-        assert set(run(HERE, fmus, connections=connections, run=setting, record=columns).table["x"]) == {2.5}
+        assert set(run_of_guests(HERE, fmus, connections=connections, run=setting, record=columns).table["x"]) == {2.5}
     fmus["a"]["parameters"]["Binary_input"] = "0x1"
     said = refusal(HERE, fmus, run=setting)
     assert said == "fmus.a.parameters: Binary_input = '0x1' must be hexadecimal digits, two for each byte"
