@@ -158,6 +158,20 @@ class Errors:
     seed: int = 1
 
 
+def _turned_block(truth: Truth, time: np.ndarray, angle: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Block axes (N, 3, 3) from those of the base, and from inertial ones, in which the base turns with the Earth."""
+    inner = about(2, angle[:, 1]) @ about(1, truth.epsilon) @ about(0, angle[:, 0] - truth.alpha_offset)
+    in_base = turned(truth.turn) @ q @ inner @ about(1, truth.kappa)
+    level = EARTH * math.cos(LATITUDE)
+    earth = np.array([level * math.cos(AZIMUTH), level * math.sin(AZIMUTH), EARTH * math.sin(LATITUDE)])
+    return in_base, in_base @ turned(time[:, None] * earth)
+
+
+def attitudes_of(truth: Truth, record: BenchRecord) -> np.ndarray:
+    """Block axes (N, 3, 3) from inertial ones at a record's rows, by the angles that it has."""
+    return _turned_block(truth, record.time_s, np.stack([record.alpha, record.beta], axis=1), np.eye(3))[1]
+
+
 def bench_record(
     truth: Truth, programme: Programme = PROGRAMME, errors: Errors = Errors(), mounting=None
 ) -> BenchRecord:
@@ -165,15 +179,8 @@ def bench_record(
     rng = np.random.default_rng(errors.seed)
     q = np.eye(3) if mounting is None else np.asarray(mounting)
     angle = programme.angles()
-    alpha, beta = angle[:, 0] - truth.alpha_offset, angle[:, 1]
     time = programme.step / FINE * np.arange(len(angle))
-    in_base = (
-        turned(truth.turn) @ q @ about(2, beta) @ about(1, truth.epsilon) @ about(0, alpha) @ about(1, truth.kappa)
-    )
-    level = EARTH * math.cos(LATITUDE)
-    earth = np.array([level * math.cos(AZIMUTH), level * math.sin(AZIMUTH), EARTH * math.sin(LATITUDE)])
-    # The base itself turns with the Earth: attitude against inertial space.
-    attitude = in_base @ turned(time[:, None] * earth)
+    in_base, attitude = _turned_block(truth, time, angle, q)
     rate = small_turns(attitude[1:] @ np.swapaxes(attitude[:-1], 1, 2)) / (programme.step / FINE)
     middle = 0.5 * (time[1:] + time[:-1])
     lagging = np.stack([np.interp(middle - truth.lag, middle, rate[:, k]) for k in range(3)], axis=1)

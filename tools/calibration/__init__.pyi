@@ -1,3 +1,4 @@
+from .attitudes import strapdown_by_table as strapdown_by_table
 from .calibration import calibrate as calibrate
 from .calibration import fit_record as fit_record
 from .correction import Application as Application

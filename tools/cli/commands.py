@@ -128,6 +128,7 @@ def calibrate(
     rates: Literal["instantaneous", "averaged"] = "instantaneous",
     json: JsonFile = None,
     ssv: File = None,
+    strapdown: File = None,
     report: ReportFile = None,
     **options: Any,
 ) -> Answer:
@@ -153,9 +154,12 @@ def calibrate(
         What a rate in a bench record means.
     ssv
         Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
+    strapdown
+        Of a bench record: write gyros and accelerometers with the true attitude by the calibrated table (CSV).
     """
     named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)} if others else {}
-    distinct_files({**(named or {"the record": record}), "--json": json, "--ssv": ssv, "--report": report})
+    written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report}
+    distinct_files({**(named or {"the record": record}), **written})
     asked = _of_several(options, several=bool(others))
     if others:
         of_one = {
@@ -165,6 +169,7 @@ def calibrate(
             "--encoder-bound": encoder_bound,
             "--rates": None if rates == "instantaneous" else rates,
             "--ssv": ssv,
+            "--strapdown": strapdown,
             **{f"--{name.rstrip('s')}": options.pop(name, ()) for name in OF_ONE},
         }
         if wrong := next((name for name, value in of_one.items() if value not in (None, ())), None):
@@ -183,6 +188,8 @@ def calibrate(
         reports.write_report(report, result, run)
     if ssv is not None:
         calibrations.write_parameter_set(result, ssv)
+    if strapdown is not None:
+        records.write_record(calibrations.strapdown_by_table(result, run, bench), strapdown)
     return answer(result, json)
 
 

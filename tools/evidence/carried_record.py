@@ -34,9 +34,11 @@ from .references import (
     gravity_pieces,
     has_truth,
     integrals,
+    is_inertial,
     means_at_rest,
     truth_scatter,
     truth_windows,
+    without_earth,
 )
 from .rows import Part, Pieces
 
@@ -56,8 +58,9 @@ MOST_OF_IT = 3.0
 JUMP, ROUNDS_OF_JUMPS = 12.0, 6
 """A window with so many times the median error that all effects leave is a jump; jumps are dropped in rounds."""
 RECORD_NOISE = "the noise of gyros and accelerometers at rest (Allan deviation), and Earth's rate"
-WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest, and Earth's rate"
-AS_STATED = "the noise of the gyros at rest, Earth's rate, and the true attitude's error at a row, as stated: {} arcmin"
+WITH_TRUTH = "the noise of the gyros and the scatter of the true attitude at rest{earth}"
+AS_STATED = "the noise of the gyros at rest{earth}, and the true attitude's error at a row, as stated: {stated} arcmin"
+AND_EARTH = ", and Earth's rate"
 
 
 def carried_evidence(
@@ -85,7 +88,7 @@ def carried_evidence(
     """
     if baseline not in (None, *BASELINES):
         raise InputError(f"baseline '{baseline}' is not one of a strapdown record: calibrated or nominal")
-    found = inspect_record(record, gravity=gravity)
+    found = without_earth(inspect_record(record, gravity=gravity))
     if reference_bound is not None:
         check_reference_bound(reference_bound, found)
     check_record(found)
@@ -187,8 +190,9 @@ def truth_reference(found: Inspection) -> Truth:
     noise = gyro_noise(found.record, found.rests, found.sampling.period, up)
     attitude, time_s, windows = found.record.attitude, found.record.time_s, truth_windows(found)
     seconds = [float(np.median(mine.durations(time_s))) for mine in windows]
-    scatter = [truth_scatter(attitude, found.rests, found.sampling.period, length) for length in seconds]
-    return Truth(time_s, found.rests, noise, windows, attitude, np.array(scatter))
+    inertial, period = is_inertial(found.record), found.sampling.period
+    scatter = [truth_scatter(attitude, found.rests, period, length, inertial=inertial) for length in seconds]
+    return Truth(time_s, found.rests, noise, windows, attitude, np.array(scatter), inertial=inertial)
 
 
 def rest_mean(found: Inspection) -> NDArray[np.float64]:
@@ -315,7 +319,7 @@ def judged(made: Carried) -> Carried:
     """
     if isinstance(made.reference, Gravity):
         return replace(made, bounds_from=RECORD_NOISE)
-    made = replace(made, bounds_from=WITH_TRUTH)
+    made = replace(made, bounds_from=WITH_TRUTH.format(earth="" if is_inertial(made.found.record) else AND_EARTH))
     if made.refit(made.places).radius <= made.limit or any(made.mended([p], Work()) for p in made.starting):
         return made
     made = without_jumps(made)
@@ -344,7 +348,8 @@ def as_stated(made: Carried, stated: float) -> Carried:
     after = replace(before, stated=stated)
     more = after.of_windows - before.of_windows
     bounds = [part.bound + mine for part, mine in zip(made.parts, more, strict=True)]
-    said = AS_STATED.format(exactly(stated / ARCMIN, 12))
+    earth = "" if before.inertial else AND_EARTH.replace(" and", "")
+    said = AS_STATED.format(earth=earth, stated=exactly(stated / ARCMIN, 12))
     made = replace(made.with_bounds(bounds), reference=after, bounds_from=said)
     least = made.refit(made.places).radius
     return replace(made, least_radius=None if least <= made.limit else least)

@@ -20,6 +20,7 @@ from ..motion.norm import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equati
 from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
 from ..motion.rests import GAP, Rests
 from ..records import StrapdownRecord
+from ..records.comments import INERTIAL
 from ..records.noise import SCATTER_FACTOR
 from .fit import coefficient_count
 from .rows import Part, Pieces
@@ -55,10 +56,11 @@ def force_deviation(found: Inspection) -> NDArray[np.float64]:
     return deviation if noise is None else np.maximum(deviation, np.sqrt(noise.rate_square(lengths)))
 
 
-def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float) -> float:
+def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float, *, inertial: bool) -> float:
     """Largest turn of the true attitude (N, 4) between rows so far apart at rest [rad]; 0 where it is not known there.
 
-    Of a shorter rest its ends: the errors of a reference do not grow with the time between.
+    Of a shorter rest its ends: the errors of a reference do not grow with the time between. Against inertial space the
+    steady turn of each rest is Earth's.
     """
     largest = 0.0
     for rows in rests.rows:
@@ -66,6 +68,8 @@ def truth_scatter(attitude: NDArray, rests: Rests, period: float, seconds: float
         first = np.arange(rows.start, rows.stop - apart)
         first = first[np.isfinite(attitude[[first, first + apart]]).all(axis=(0, 2))]
         turns = rotation_vectors(turned(Pieces("rests", "rest", first, first + apart), attitude))
+        if inertial and len(turns):
+            turns = turns - turns.mean(axis=0)
         largest = max(largest, float(np.abs(turns).max(initial=0.0)))
     return largest
 
@@ -344,12 +348,14 @@ class Truth(Reference):
     """The true attitude (N, 4) is the reference, NaN where it is not known, over windows of several lengths.
 
     `scatter` (L,): for each length, the largest turn of the true attitude between rows so far apart at rest [rad];
-    `stated`: what a person says that it errs by at most, at any row [rad]; None where it is taken to err as at rest.
+    `stated`: what a person says that it errs by at most, at any row [rad]; None where it is taken to err as at rest;
+    `inertial`: whether it is against inertial space, so that Earth's rotation is in it.
     """
 
     attitude: NDArray[np.float64]
     scatter: NDArray[np.float64]
     stated: float | None = None
+    inertial: bool = False
 
     @property
     def at_rest(self) -> float:
@@ -381,7 +387,8 @@ class Truth(Reference):
             limit = np.zeros(len(windows))
             if self.noise is not None:
                 seconds = windows.durations(self.time_s)
-                limit = factor * np.sqrt(self.spread(windows)) + EARTH_IN_MOTION * EARTH_RATE * seconds + of_truth
+                earth = 0.0 if self.inertial else EARTH_IN_MOTION * EARTH_RATE
+                limit = factor * np.sqrt(self.spread(windows)) + earth * seconds + of_truth
             error = self.errors(number, turned(windows, run.attitude), x, x)
             bound, columns = np.repeat(limit[:, None], 3, axis=1), run.columns(windows)
             parts.append(Part(windows, error, bound, columns[..., : run.own], columns[..., run.own :], scored=True))
@@ -398,6 +405,25 @@ def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
 def has_truth(found: Inspection) -> bool:
     """Whether a record holds the true attitude anywhere."""
     return len(known_rows(found.record)) > 0
+
+
+def is_inertial(record: StrapdownRecord) -> bool:
+    """Whether a record says that its true attitude is against inertial space."""
+    key, value = INERTIAL
+    return record.attitude is not None and record.about.get(key) == value
+
+
+def without_earth(found: Inspection) -> Inspection:
+    """What was found in a record whose attitude is inertial, the gyros' means at rest less how it truly turns there."""
+    record, rests = found.record, found.rests
+    if not is_inertial(record) or not len(rests):
+        return found
+    assert record.attitude is not None
+    ends = Pieces("rests", "rests", *_ends_of(rests))
+    true = rotation_vectors(turned(ends, record.attitude)) / ends.durations(record.time_s)[:, None]
+    known = np.isfinite(true)
+    rate = np.where(known, rests.rate - np.where(known, true, 0.0), rests.rate)
+    return found.model_copy(update={"rests": rests.model_copy(update={"rate": rate})})
 
 
 def truth_windows(found: Inspection) -> tuple[Pieces, ...]:

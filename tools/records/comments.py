@@ -1,7 +1,7 @@
 """What stands in the comment lines of a record: `# key: value`, who measured what with which instrument.
 
-Here, and nowhere else, such lines are read and written. Four keys are the record's own: what its numbers cannot say any
-more once they are averaged or in other units.
+Here, and nowhere else, such lines are read and written. Some keys are the record's own: what its numbers cannot say, as
+once they are averaged or in other units.
 """
 
 import math
@@ -13,6 +13,8 @@ RESOLUTION = {"resolution_mps2": "resolution", "resolution_deg": "angle", "resol
 """Half a last digit of what was written, where numbers come from another file: key -> field of `Comments`."""
 SCATTER = "scatter_mps2"
 """Standard error of a row's mean of each accelerometer, where several readings were averaged: three numbers."""
+INERTIAL = ("attitude_reference", "inertial")
+"""Key and value that say of a true attitude that it is against inertial space: Earth's rotation is in it."""
 MOST = 200
 """Lines that are kept."""
 LONGEST = 400

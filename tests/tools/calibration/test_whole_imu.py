@@ -5,19 +5,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import trihedron as th
-from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, bench_record
+from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, attitudes_of, bench_record
 from scenario_runs import SCENARIOS
 from trihedron.models.bench import TARGETS
 from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings
 from trihedron.tools.bounded.programmes import Polytope
-from trihedron.tools.calibration import Bench, Calibration, calibrate, calibrate_whole
+from trihedron.tools.calibration import Bench, Calibration, calibrate, calibrate_whole, strapdown_by_table
 from trihedron.tools.calibration.result import GyroCalibration
 from trihedron.tools.calibration.turns import Turns, turns_of, with_turns
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.carried import Carried
+from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.rests import position_record_of
@@ -214,3 +217,36 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     assert "misalignment of gyro 1 towards axis 2" in {row[1] for row in section.table.rows}
     assert main(["apply", "imu.json", "bench.csv", "--out", "better.csv"]) == 0
     assert isinstance(read_record(tmp_path / "better.csv"), BenchRecord)
+
+
+def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, truth, tmp_path):
+    """Any two rows are turned against each other as the exact bench is, within what is stated."""
+    strapdown = strapdown_by_table(result, position_record_of(record), PLACE)
+    exact = Rotation.from_matrix(np.swapaxes(attitudes_of(truth, record), 1, 2))
+    told = Rotation.from_quat(strapdown.attitude, scalar_first=True)
+    rows = np.random.default_rng(2).integers(0, len(record), (2, 400))
+    off = (told[rows[0]].inv() * told[rows[1]]) * (exact[rows[0]].inv() * exact[rows[1]]).inv()
+    bound = np.radians(float(strapdown.about["attitude_bound_arcmin"]) / 60.0)
+    assert off.magnitude().max() <= 2.0 * bound
+    assert bound < 6e-5
+    write_record(strapdown, tmp_path / "strapdown.csv")
+    assert read_record(tmp_path / "strapdown.csv").about["attitude_reference"] == "inertial"
+    with pytest.raises(InputError, match="no table tells a true attitude"):
+        strapdown_by_table(result.model_copy(update={"verdict": "falsified"}), position_record_of(record), PLACE)
+
+
+def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
+    """The bounds of an attitude that has Earth's rotation in it are those of noise and reference: far smaller."""
+    places = tuple((90.0 * k, 90.0 * (k % 3)) for k in range(14))
+    none = replace(truth, sensitivity=np.zeros((3, 3)), lag=0.0)
+    short = bench_record(none, replace(PROGRAMME, positions=places, step=0.02, dwell=5.0), Errors(rate=5e-5))
+    exact = Rotation.from_matrix(np.swapaxes(attitudes_of(none, short), 1, 2)).as_quat(scalar_first=True)
+    within = {}
+    for said in ({}, {"attitude_reference": "inertial"}):
+        known = replace(short.gyros, attitude=exact, about=said)
+        made = carried_evidence(known, baseline="calibrated", reference_bound=0.01)
+        assert isinstance(made, Carried)
+        assert made.baseline_radius < made.limit
+        within[len(said)] = made.stated_bound
+        assert ("Earth" in made.bounds_from) == (not said)
+    assert within[1] < 0.2 * within[0]
