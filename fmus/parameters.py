@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..models.bench import SYMMETRIC_PAIRS, TARGETS, checked_rotation
+from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
 from .component import Component
 from .units import Unit, base_unit, number, unit_named
 
@@ -61,7 +62,7 @@ def bench_parameters(calibration: Any) -> dict[str, Parameters]:
         raise ValueError(f"mounting '{name}': {error}") from error
     with _complete():
         gravity = _gravity(content)
-        return component_parameters(target_estimates(content), gravity, mounting)
+        return component_parameters(target_estimates(content), gravity, mounting) | _gyros(content, gravity)
 
 
 def component_parameters(targets: Mapping[str, float], gravity: float, mounting: ArrayLike) -> dict[str, Parameters]:
@@ -227,6 +228,22 @@ def _block(targets: Mapping[str, float], gravity: float) -> Parameters:
         "gamma_23": 0.0,
         "bias": [targets["X16"], targets["X17"], targets["X18"]],
     }
+
+
+def _gyros(content: Mapping[str, Any], gravity: float) -> dict[str, Parameters]:
+    """Of a calibration of the whole IMU the parameters of gyros and of their compensation, where it has them all."""
+    if content.get("gyros") is None:
+        return {}
+    try:
+        known = {entry["symbol"]: entry["estimate"] for entry in content["gyros"]["parameters"]}
+    except (KeyError, TypeError) as error:
+        raise ValueError("the calibration's gyros are not as its schema says") from error
+    wanted = {"scale_misalignment": GYRO_PARAMETERS[MATRIX], "bias": GYRO_PARAMETERS[BIAS]}
+    if any(known[symbol] is None for symbols in wanted.values() for symbol in symbols):
+        return {}
+    own: Parameters = {"gravity": gravity}
+    own |= {name: [checked_number(known[s], s) for s in symbols] for name, symbols in wanted.items()}
+    return {"GyroBlock": own, "GyroCompensation": dict(own)}
 
 
 def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str, *, a_priori: bool) -> None:

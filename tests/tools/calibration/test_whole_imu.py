@@ -31,6 +31,26 @@ PLACE = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
 ERRORS = Errors(rate=5e-5, encoder=2e-6)
 
 
+COMPENSATION = """
+[fmus.compensation]
+component = "GyroCompensation"
+parameters_from = "imu.json"
+
+[[connections]]
+from = "gyros.increment_reading"
+to = "compensation.increment_reading"
+
+[[connections]]
+from = "table.specific_force"
+to = "compensation.specific_force"
+
+[[stimuli]]
+to = "compensation.temperature"
+constant = 20.0
+
+"""
+
+
 def told(record: BenchRecord, bench: Bench = PLACE) -> Calibration:
     return calibrate_whole(position_record_of(record), bench, noise_bound=SIGMA)
 
@@ -168,6 +188,17 @@ def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
         assert e.high is not None
         assert e.low <= value <= e.high, e.symbol
     assert {gain.symbol for gain in gyros_of(found).gains} >= {"X3"}
+    (tmp_path / "imu.json").write_text(found.json_text(), encoding="utf-8")
+    compensated = short.replace("[record]", COMPENSATION + "[record]").replace(
+        "step_s = 0.02", "step_s = 0.02\nstop_s = 40.0"
+    )
+    columns = [f'{n}{k}_rad = "{n}.increment[{k}]"' for n in ("table", "compensation") for k in (1, 2, 3)]
+    (tmp_path / "compensated.toml").write_text("\n".join([compensated, *columns]), encoding="utf-8")
+    table = th.simulate(tmp_path / "compensated.toml").table
+    sums = {n: np.array([table[f"{n}{k}_rad"].sum() for k in (1, 2, 3)]) for n in ("table", "compensation", "dtheta")}
+    true, made, read = sums.values()
+    assert np.abs(read - true).max() > 5e-3
+    assert np.abs(made - true).max() < 2e-4
 
 
 def test_exchanged_gyros_are_refused_with_the_option(record):
