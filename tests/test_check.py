@@ -73,6 +73,28 @@ def test_a_scenario_with_many_mistakes_has_each_with_its_line(tmp_path: Path):
         assert any(line is not None and at - 2 <= line <= at for line in near), (said, at, near)
 
 
+def test_steps_of_different_lengths_are_checked_each_at_its_line(tmp_path: Path):
+    text = """schema = "trihedron.scenario/1"
+[run]
+stop_s = 3.0
+step_s = 0.1
+[fmus.table]
+component = "TurntableMotion"
+step_s = 0.2
+[fmus.block]
+component = "AccelerometerBlock"
+step_s = 0.25
+[[connections]]
+from = "table.specific_force"
+to = "block.specific_force"
+"""
+    multiple = (10, "fmus.block.step_s = 0.25 is no whole multiple of run.step_s = 0.1")
+    said = "'table.specific_force[1]' -> 'block.specific_force[1]': 'table' steps less often; say between"
+    problems = found(written(tmp_path, text))
+    assert multiple in problems
+    assert [message.startswith(said) for line, message in problems if (line, message) != multiple] == [True]
+
+
 def test_effects_and_files_of_a_scenario_are_checked(tmp_path: Path):
     text = STATIC.read_text(encoding="utf-8").replace(
         "[fmus.block]\n",

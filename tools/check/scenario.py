@@ -81,6 +81,7 @@ class _System:
     def check(self, scenario: Scenario, folder: Path) -> None:
         """Load the FMUs one by one, then resolve connections, stimuli and columns one by one."""
         found, sources, coupling = self.found, Sources(scenario.base_folder), scenario.run.coupling
+        scenario = self.right_steps(scenario)
         for number, name in enumerate(scenario.fmus):
             loaded = self.load(scenario, name, sources, folder / str(number))
             if loaded is None:
@@ -104,6 +105,16 @@ class _System:
             if self.present(text):
                 with found.of(("record", "columns", name)):
                     resolve_columns({name: text}, interfaces)
+
+    def right_steps(self, scenario: Scenario) -> Scenario:
+        """The scenario without steps of FMUs that are no multiples of its own."""
+        right = {}
+        for name, setting in scenario.fmus.items():
+            right[name] = setting.model_copy(update={"step_s": None})
+            with self.found.of(("fmus", name, "step_s")):
+                scenario.stride(name)
+                right[name] = setting
+        return scenario.model_copy(update={"fmus": right})
 
     def present(self, *named: str) -> bool:
         """Whether the FMUs of all these variables (`fmu.name`) are there."""

@@ -263,18 +263,14 @@ class Scenario(Section):
                 raise ValueError(f"'{name}' cannot name an FMU; use letters, digits, _ and -")
         return fmus
 
-    @model_validator(mode="after")
-    def _steps_are_multiples(self) -> "Scenario":
-        for name, fmu in self.fmus.items():
-            step, base = fmu.step_s, self.run.step_s
-            if step is not None and abs(step / base - self.stride(name)) > 1e-9 * self.stride(name):
-                raise ValueError(f"fmus.{name}.step_s = {step!r} is no whole multiple of run.step_s = {base!r}")
-        return self
-
     def stride(self, name: str) -> int:
-        """With every so manyth step of the run an FMU steps."""
-        step = self.fmus[name].step_s
-        return 1 if step is None else max(1, min(round(step / self.run.step_s), MOST_STEPS))
+        """With every so manyth step of the run an FMU steps; an InputError where its step is no whole multiple."""
+        step, base = self.fmus[name].step_s, self.run.step_s
+        ratio = 1.0 if step is None else step / base
+        stride = round(ratio) if ratio < MOST_STEPS else 0
+        if stride < 1 or abs(ratio - stride) > 1e-9 * stride:
+            raise InputError(f"fmus.{name}.step_s = {step!r} is no whole multiple of run.step_s = {base!r}")
+        return stride
 
 
 def read_scenario(path: Path | str) -> Scenario:
