@@ -24,11 +24,10 @@ from .commands import (
     inspect,
     installed_version,
     new,
-    reproduce,
     simulate,
 )
 from .folder import instrument
-from .studies import campaign, campaign_report, hidden, plan
+from .studies import campaign, campaign_report, hidden, plan, reproduce
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     # Matrices are small here, and threads would only wait for each other; numpy reads this when it is imported.

@@ -17,7 +17,6 @@ from .. import (
     motion,
     orchestrator,
     own_effects,
-    papers,
     records,
     reports,
     ssp,
@@ -43,7 +42,6 @@ Typed = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 """A number that need not be given."""
 OF_ONE = ("targets", "priors")
 """Options of a calibration of one record."""
-reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
 
 
 def installed_version() -> str:
@@ -455,41 +453,6 @@ def demo(
         page = run_demo(out, seed=seed, show=show)
     files = sorted(str(path) for path in out.rglob("*") if path.is_file())
     return answer("", json, {"schema": "trihedron.demo/1", "page": str(page), "seed": seed, "files": files})
-
-
-@reproduce.command
-def calibration(*, json: JsonFile = None) -> Answer:
-    """Compute the published calibration tables again, and say where they are wrong.
-
-    Example: trihedron reproduce calibration
-    """
-    return answer(papers.check_published_calibration(), json)
-
-
-@reproduce.command(name="attitude")
-def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
-    """Run every published row of the attitude algorithms again: published, reproduced, ratio, true method error.
-
-    Example: trihedron reproduce attitude --out reproduced
-
-    Parameters
-    ----------
-    out
-        Folder for attitude.csv and attitude.svg.
-    """
-    written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
-    distinct_files({**written, "--json": json})
-    result = papers.reproduce_attitude(progress=True)
-    return answer(result, json, files=() if out is None else reports.write_reproduction(result, out))
-
-
-@reproduce.command
-def word_length(*, json: JsonFile = None) -> Answer:
-    """Show what 32-bit arithmetic and 32-bit increments cost the update (22), and what mends it.
-
-    Example: trihedron reproduce word-length
-    """
-    return answer(papers.word_length_errors(progress=True), json)
 
 
 def add_completion(app: App) -> None:

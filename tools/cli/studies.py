@@ -1,14 +1,14 @@
-"""The commands that plan measurements, hide effects and carry out campaigns: each has several uses."""
+"""The commands that plan measurements, hide effects, carry out campaigns and reproduce the papers' tables."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
 
 from .. import campaign as campaigns
-from .. import document, library, own_effects, planning, reports, trials
+from .. import document, library, own_effects, papers, planning, reports, trials
 from ..errors import InputError
 from ..files import at_once, made_folder, write_text
 from ..rounding import exactly
@@ -336,3 +336,41 @@ def campaign_report(
     worse = comparison.of("worse") if gate else ()
     complaint = f"{folder}: {len(worse)} worse than {against}, beyond chance" if worse else ""
     return answer(comparison, json, files=[page], complaint=complaint, status=WORSE)
+
+
+reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")
+
+
+@reproduce.command
+def calibration(*, json: JsonFile = None) -> Answer:
+    """Compute the published calibration tables again, and say where they are wrong.
+
+    Example: trihedron reproduce calibration
+    """
+    return answer(papers.check_published_calibration(), json)
+
+
+@reproduce.command(name="attitude")
+def published_attitude(*, out: Folder = None, json: JsonFile = None) -> Answer:
+    """Run every published row of the attitude algorithms again: published, reproduced, ratio, true method error.
+
+    Example: trihedron reproduce attitude --out reproduced
+
+    Parameters
+    ----------
+    out
+        Folder for attitude.csv and attitude.svg.
+    """
+    written = {f"--out (attitude.{form})": out and out / f"attitude.{form}" for form in ("csv", "svg")}
+    distinct_files({**written, "--json": json})
+    result = papers.reproduce_attitude(progress=True)
+    return answer(result, json, files=() if out is None else reports.write_reproduction(result, out))
+
+
+@reproduce.command
+def word_length(*, json: JsonFile = None) -> Answer:
+    """Show what 32-bit arithmetic and 32-bit increments cost the update (22), and what mends it.
+
+    Example: trihedron reproduce word-length
+    """
+    return answer(papers.word_length_errors(progress=True), json)

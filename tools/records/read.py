@@ -82,17 +82,13 @@ class Recorded(Protocol):
 class Tabular(Protocol):
     """A table of another library, of pandas say: columns by their names."""
 
-    @property
-    def columns(self) -> Any:
-        """Their names."""
-        ...
+    columns: Any
 
     def __getitem__(self, name: Any, /) -> Any: ...
 
 
 Source: TypeAlias = str | Path | pl.DataFrame | Mapping[str, ArrayLike] | NDArray[np.void] | Tabular | Record | Recorded
-"""What holds a record: a file, a table in memory (polars, pandas, a mapping of columns, a structured array), a record,
-a simulation."""
+"""What holds a record: a file, a table in memory of any library, a record, a simulation."""
 
 
 @overload
