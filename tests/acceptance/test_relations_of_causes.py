@@ -138,6 +138,21 @@ def test_several_records_say_the_same(name, several):
     assert_together(together([one.table for one in changed], **changed[0].options), first)
 
 
+def test_several_records_of_renamed_axes_name_the_renamed_accelerometer(tmp_path):
+    """With one scale factor for each accelerometer, as for one record."""
+    tables = []
+    for seed in (11, 12):
+        write_hidden_record(tmp_path / "s.csv", seed, None, effects=("quadratic",), symmetric=True)
+        tables.append(pl.read_csv(tmp_path / "s.csv", comment_prefix="#"))
+    changed = [axes_renamed(table) for table in tables]
+    first = together(tables, baseline="symmetric")
+    other = together([one.table for one in changed], baseline="symmetric", **changed[0].options)
+    assert other["verdict"] == first["verdict"]
+    renamed = {f"accelerometer-{k}": f"accelerometer-{new}" for k, new in enumerate(changed[0].accelerometers, 1)}
+    titles = [" ".join(renamed.get(word, word) for word in title.split()) for title, _ in first["causes"]]
+    assert sorted(title for title, _ in other["causes"]) == sorted(titles)
+
+
 def test_several_records_have_no_order_and_no_kind_of_file(several, tmp_path):
     tables, first = several
     assert_together(together(tables[::-1]), first)
@@ -162,6 +177,18 @@ def test_a_run_read_from_memory_and_from_its_files_is_one_record(tmp_path):
     for one, other in zip(direct["parameters"], read["parameters"], strict=True):
         width = other["high"] - other["low"]
         assert [one["low"], one["high"]] == pytest.approx([other["low"], other["high"]], abs=1e-3 * width)
+
+
+def test_a_diagnosis_of_a_run_and_of_its_file_is_one(tmp_path):
+    """By itself, and with another record."""
+    run = library.simulate("scenarios/static-calibration.toml", out=tmp_path / "run")
+    file = tmp_path / "run" / "positions.csv"
+    direct, read = (measured.diagnose(one, noise_bound=SIGMA).to_json() for one in (run.positions, file))
+    assert direct["verdict"] == read["verdict"] == "consistent"
+    assert causes(direct) == causes(read) == []
+    assert direct["baseline"]["radius"] == pytest.approx(read["baseline"]["radius"], rel=1e-3)
+    other = hidden(tmp_path, "none")
+    assert_together(together([run.positions, other]), together([file, other]))
 
 
 def test_a_run_split_in_time_is_the_first_rows_of_the_whole_run(tmp_path):

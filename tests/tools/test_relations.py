@@ -13,10 +13,21 @@ import polars as pl
 import pytest
 
 from bench_cases import write_hidden_record
-from relations import EXACT, SAME, another_order, axes_renamed, differences, doubled, two_mountings, whole_turns
+from relations import (
+    EXACT,
+    READINGS,
+    SAME,
+    another_order,
+    axes_renamed,
+    differences,
+    doubled,
+    two_mountings,
+    whole_turns,
+)
 from strapdown_records import POSES, strapdown_record, true_motion
-from trihedron.tools import measured
+from trihedron.tools import library, measured
 from trihedron.tools.calibration import apply_calibration
+from trihedron.tools.planning import read_angles
 from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
@@ -196,6 +207,22 @@ def test_an_inspection_of_csv_and_of_parquet_are_the_same(moved, tmp_path):
     assert {k: v for k, v in csv.items() if k not in FILE} == {k: v for k, v in parquet.items() if k not in FILE}
 
 
+def test_an_inspection_of_renamed_axes_says_the_same_of_renamed_axes(moved):
+    """Axes 1, 2, 3 are called 3, 1, 2, of gyros and accelerometers alike."""
+    groups = (["w1_radps", "w2_radps", "w3_radps"], READINGS)
+    new = [pl.col(group[(k + 1) % 3]).alias(group[k]) for group in groups for k in range(3)]
+    first, other = inspected(moved), inspected(moved.with_columns(new))
+    order = [1, 2, 0]
+    for name in ("count", "time_s", "length_s"):
+        assert other["rests"][name] == first["rests"][name]
+    before, after = (np.array(found["rests"]["force_bound_mps2"]) for found in (first, other))
+    assert after == pytest.approx(before[:, order], rel=1e-9)
+    assert other["rate_rms_radps"] == pytest.approx([first["rate_rms_radps"][k] for k in order], rel=1e-9)
+    before, after = (np.array(found["turning"]["matrix"]) for found in (first, other))
+    assert after == pytest.approx(before[np.ix_(order, order)], abs=1e-3)
+    assert other["gyros_at_rest"]["verdict"] == first["gyros_at_rest"]["verdict"]
+
+
 def attitude(table: pl.DataFrame | Path, **options: Any) -> np.ndarray:
     """The attitude that the computer finds, (N, 4)."""
     return measured.attitude_of_record(table, **options).attitude
@@ -242,6 +269,51 @@ def semicolons(table: pl.DataFrame, path: Path) -> None:
 
 def packed(table: pl.DataFrame, path: Path) -> None:
     path.write_bytes(gzip.compress(table.write_csv().encode(), mtime=0))
+
+
+SYSTEM = """schema = "trihedron.scenario/1"
+[run]
+stop_s = 2.0
+step_s = 0.1
+{fmus}
+{wires}
+[record]
+format = "{form}"
+"""
+FMUS = (
+    '[fmus.table]\ncomponent = "HarmonicMotion"\n[fmus.table.parameters]\npsi_amplitude = [0.2, 0.1, 0.0, 0.0]\n',
+    '[fmus.block]\ncomponent = "GyroBlock"\n[fmus.block.parameters]\nnoise_bound = 1e-5\n',
+    '[fmus.computer]\ncomponent = "AttitudeComputer"\n',
+)
+WIRES = (
+    '[[connections]]\nfrom = "table.increment"\nto = "block.increment"\n',
+    '[[connections]]\nfrom = "block.increment_reading"\nto = "computer.increment"\n',
+)
+
+
+def simulated(folder: Path, fmus: str, wires: str, form: str) -> pl.DataFrame:
+    """What a run has written."""
+    (folder / "s.toml").write_text(SYSTEM.format(fmus=fmus, wires=wires, form=form), encoding="utf-8")
+    library.simulate(folder / "s.toml", out=folder / form)
+    return (pl.read_csv if form == "csv" else pl.read_parquet)(folder / form / f"run.{form}")
+
+
+def test_a_run_knows_no_order_of_components_and_connections_and_no_kind_of_file(tmp_path):
+    first = simulated(tmp_path, "".join(FMUS), "".join(WIRES), "parquet")
+    assert first.height == 21
+    other = simulated(tmp_path, "".join(FMUS[::-1]), "".join(WIRES[::-1]), "parquet")
+    assert other.select(first.columns).equals(first)
+    assert simulated(tmp_path, "".join(FMUS), "".join(WIRES), "csv").equals(first)
+
+
+def test_settings_in_other_columns_are_the_same_settings(tmp_path):
+    alpha, beta = np.array([10.0, 80.0, 200.0, 300.0, 120.0, 45.0]), np.array([20.0, 140.0, 260.0, 350.0, 75.0, 5.0])
+    angles = {"planned_alpha_deg": alpha, "planned_beta_deg": beta, "alpha_deg": alpha + 0.01, "beta_deg": beta - 0.01}
+    table = pl.DataFrame(angles)
+    table.write_csv(tmp_path / "a.csv")
+    table.select(table.columns[::-1]).write_csv(tmp_path / "b.csv")
+    for one, other in zip(read_angles(tmp_path / "a.csv"), read_angles(tmp_path / "b.csv"), strict=True):
+        assert np.array_equal(one.angle, other.angle)
 
 
 def test_an_imported_record_is_of_its_rows(clean, tmp_path):
