@@ -5,6 +5,7 @@ from .tools.foreign import Imported as Imported
 from .tools.installation import Installation as Installation
 from .tools.library import doctor as doctor
 from .tools.library import export as export
+from .tools.library import export_notebook as export_notebook
 from .tools.library import hide as hide
 from .tools.library import new as new
 from .tools.library import plan as plan

@@ -79,6 +79,7 @@ COMMANDS = (
     command("import foreign.csv --out out.csv --json out.json", "foreign.csv"),
     command("check run.toml --json out.json", "run.toml"),
     command("new scenario out.toml --json out.json"),
+    command("export-notebook clean.csv --noise-bound 1e-5 --out out.ipynb --json out.json", "clean.csv"),
     command("completion bash --json out.json"),
     command("campaign campaign.toml --jobs 1 --out out --json out.json", "campaign.toml"),
     command("campaign-report finished --report out.html --json out.json"),

@@ -384,6 +384,33 @@ def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> li
     return write(kind, file, positions=positions)
 
 
+def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_bound: float | None = None) -> Path:
+    """Write a notebook (.ipynb) with the calls that calibrate and diagnose a record, to go on from.
+
+    Parameters
+    ----------
+    record : path
+        Position, raw or strapdown record, CSV or Parquet.
+    out : path, optional
+        The notebook; the record's name with .ipynb in this folder without it.
+    noise_bound : float, optional
+        Bound of one averaged reading's error, a fraction of g, for the calls in it.
+
+    Raises
+    ------
+    InputError
+        for a record that cannot be read, or a notebook that is there already
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.export_notebook("monday.csv", noise_bound=1e-5)  # doctest: +SKIP
+    """
+    from .templates.notebook import export_notebook as write
+
+    return write(Path(record), None if out is None else Path(out), noise_bound=noise_bound)
+
+
 def doctor() -> "Installation":
     """Say what is installed and for which platforms FMUs can be exported, and try a run."""
     from .installation import doctor as look

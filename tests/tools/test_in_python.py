@@ -1,5 +1,7 @@
 """In Python as on the command line: arguments are named, tables of any library taken, pages and pictures made."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,7 @@ import trihedron as th
 from simulated_bench import random_bench, simulated
 from trihedron.tools.arguments import in_python
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import PositionRecord
+from trihedron.tools.records import PositionRecord, write_record
 
 SIGMA = 1e-5
 LOOSE: Any = th
@@ -123,3 +125,21 @@ def test_the_page_and_its_pictures(record, calibration, tmp_path):
         again.report(tmp_path / "again.html")
     with pytest.raises(TypeError, match="has no page"):
         th.check(tmp_path / "page.html").report(tmp_path / "check.html")
+
+
+def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_record(record, Path("monday.csv"))
+    made = th.export_notebook("monday.csv", noise_bound=SIGMA)
+    cells = json.loads(made.read_text(encoding="utf-8"))["cells"]
+    assert [cell["id"] for cell in cells] == [f"cell-{k}" for k in range(len(cells))]
+    names: dict[str, Any] = {}
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            exec(cell["source"], names)
+    assert names["calibration"].verdict == names["found"].verdict == "consistent"
+    assert {path.name for path in tmp_path.glob("*.html")} == {"calibration.html", "diagnosis.html"}
+    with pytest.raises(InputError, match="is there already"):
+        th.export_notebook("monday.csv")
+    with pytest.raises(InputError, match=r"a notebook is an \.ipynb file"):
+        th.export_notebook("monday.csv", out="monday.py")

@@ -18,6 +18,7 @@ from .commands import (
     diagnose,
     doctor,
     export,
+    export_notebook,
     export_ssp,
     fmpy_input,
     import_,
@@ -60,8 +61,8 @@ app = App(
 )
 
 for command in (
-    *(apply, attitude, calibrate, campaign, campaign_report, check, demo, diagnose, doctor, export, export_ssp),
-    *(fmpy_input, hidden, inspect, instrument, new, plan, reproduce, simulate),
+    *(apply, attitude, calibrate, campaign, campaign_report, check, demo, diagnose, doctor, export),
+    *(export_notebook, export_ssp, fmpy_input, hidden, inspect, instrument, new, plan, reproduce, simulate),
 ):
     app.command(command)
 app.command(import_, name="import")

@@ -418,6 +418,21 @@ def new(kind: str, file: File = None, /, *, json: JsonFile = None, **options: An
     return answer("\n".join(files), json, {"schema": "trihedron.new/1", "kind": kind, "files": files})
 
 
+@takes(library.export_notebook)
+def export_notebook(
+    record: Path,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name="--out", validator=ordinary_file)] = None,
+    json: JsonFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron export-notebook monday.csv --noise-bound 1e-5 --out monday.ipynb"""
+    distinct_files({"the record": record, "--out": out, "--json": json})
+    made = str(library.export_notebook(record, out=out, **options))
+    return answer(made, json, {"schema": "trihedron.notebook/1", "record": str(record), "file": made})
+
+
 @takes(library.doctor)
 def doctor(*, json: JsonFile = None) -> Answer:
     """Example: trihedron doctor"""
