@@ -18,7 +18,17 @@ _TYPES = {
     "Simulation": "orchestrator",
 }
 _FUNCTIONS = {
-    "library": ("doctor", "export", "export_notebook", "hide", "new", "plan", "plan_positions", "run_campaign", "simulate"),
+    "library": (
+        "doctor",
+        "export",
+        "export_notebook",
+        "hide",
+        "new",
+        "plan",
+        "plan_positions",
+        "run_campaign",
+        "simulate",
+    ),
     "measured": (
         *("apply", "attitude_of_record", "calibrate", "calibrate_together", "check"),
         *("diagnose", "diagnose_together", "import_record", "inspect", "read_record"),
