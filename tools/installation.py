@@ -13,6 +13,7 @@ from ..fmus.cache import cache_folder, others_can_write
 from ..fmus.native.compile import PLATFORMS, compiles, has_prebuilt, host_compiler, host_name, zig_version
 from .calibration import calibrate
 from .document.page import converter
+from .files import at_once
 from .locks import own_folder
 from .orchestrator.load import usual_flavour
 from .orchestrator.run import simulate_table
@@ -144,7 +145,8 @@ def _run() -> Finding:
     """A run of the whole chain, on a template's scenario."""
     subject = "a run"
     try:
-        with own_folder() as folder:
+        # It reads what it has written.
+        with own_folder() as folder, at_once():
             scenario = new("scenario", folder / "bench.toml", positions=POSITIONS)[0]
             text = scenario.read_text(encoding="utf-8")
             scenario.write_text(text.replace("dwell_s = 20.0", f"dwell_s = {DWELL_S}"), encoding="utf-8")

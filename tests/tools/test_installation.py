@@ -15,7 +15,7 @@ def test_doctor_tries_a_run(capsys):
 
 
 def test_doctor_says_what_does_not_work(monkeypatch, capsys):
-    monkeypatch.setattr("trihedron.tools.orchestrator.run.simulate", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr("trihedron.tools.installation.simulate_table", lambda *_, **__: 1 / 0)
     assert cli.main(["doctor"]) == 1
     said = capsys.readouterr()
     assert "NO  a run" in said.out

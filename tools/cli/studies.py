@@ -11,7 +11,6 @@ from .. import campaign as campaigns
 from .. import document, library, own_effects, papers, planning, reports, trials
 from ..errors import InputError
 from ..files import at_once, made_folder, write_text
-from ..rounding import exactly
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
 
 WORSE = 3
@@ -149,8 +148,6 @@ def _check(file: Path | None, request: "planning.Request", noise_bound: float | 
     assert file is not None
     planned, actual = planning.read_angles(file)
     noise = 1e-5 if noise_bound is None else noise_bound
-    if not 0.0 < noise < 1.0:
-        raise InputError(f"--noise-bound {exactly(noise)}: must be above 0 and below 1, a fraction of g")
     found = planning.check_settings(planning.task_of(request, progress=True), planned, actual, noise)
     return answer(found, json)
 

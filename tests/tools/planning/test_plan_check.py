@@ -87,3 +87,11 @@ def test_extra_positions_show_what_the_plan_hides() -> None:
 def test_effects_that_positions_cannot_show(name: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         detecting(tables_task(extra=1), stored(12), named_effects([name]))
+
+
+@pytest.mark.parametrize("noise", [4.9e-324, 1e-13, 0.5, float("nan")])
+def test_a_noise_bound_that_no_readings_have_is_refused(noise: float) -> None:
+    """A bias over σ would overflow."""
+    places = stored(12)
+    with pytest.raises(InputError, match=r"--noise-bound .*: must be a fraction of g from 1e-12 to 0\.01"):
+        check_settings(tables_task(), places, places, noise)
