@@ -116,7 +116,7 @@ class Programme:
     dwell: float = 6.0
     rate: float = 1.2
     ramp: float = 0.5
-    step: float = 0.01
+    step: float = 0.02
 
     def angles(self) -> np.ndarray:
         """Both true angles before any offset, on the fine grid (N, 2) [rad]."""

@@ -2,7 +2,8 @@
 
 A piece is a rest, a move from one rest to the next, or either part of a move that is cut where the table turns
 steadily: there, and only there, a lag of the gyros behind the encoders shows. Over a piece the integral of the readings
-errs by the gyros' noise, by what the encoders are off at its ends and on the way, and by a moment at its ends.
+errs by the gyros' noise, by what the encoders are off at its ends and on the way, by what both axes do between rows,
+and by a moment at its ends.
 """
 
 from dataclasses import dataclass, fields
@@ -147,8 +148,14 @@ def turns_of(
         noise = per_root_second * np.sqrt(seconds)
     path = np.abs(swung[:, last] - swung[:, first])
     ends_off, way = 2.0 * encoder_bound, encoder_bound * path.sum(axis=0)
+    bends = np.stack([_bends(values) for values in (alpha, beta)])
+    between = np.cumsum(_between_rows(np.stack([alpha, beta]), bends))
+    if rates == "instantaneous" and raw.rate is not None:
+        # Each of the eight corners of a move's rates is cut by an eighth of a bend at most.
+        noise = noise + [bends[:, a : b + 1].max(axis=1).sum() for a, b in zip(first, last, strict=True)]
     moment = sampling.jitter_max * (np.abs(slope[last]) + np.abs(slope[first]))
-    swept = np.stack([ends_off + way + moment[:, 2], ends_off + way + moment[:, 2], ends_off + moment[:, 3]], axis=1)
+    across = ends_off + way + between[last] - between[first] + moment[:, 2]
+    swept = np.stack([across, across, ends_off + moment[:, 3]], axis=1)
     return Turns(
         first,
         last,
@@ -188,6 +195,22 @@ def _motion(angle: NDArray, bound: float) -> NDArray[np.float64]:
         if abs(angle[k] - at) > SEEN * bound:
             gone[k], at = abs(angle[k] - at), angle[k]
     return gone
+
+
+def _bends(angle: NDArray) -> NDArray[np.float64]:
+    """By how much an angle (N,) bends about each row: the largest second difference there and beside it [rad]."""
+    second = np.abs(np.diff(angle, 2, prepend=angle[0], append=angle[-1]))
+    return np.maximum(second, np.maximum(np.append(second[1:], 0.0), np.append(0.0, second[:-1])))
+
+
+def _between_rows(angles: NDArray, bends: NDArray) -> NDArray[np.float64]:
+    """What the turn about an axis across may be off since the row before (N,) [rad], as axes speed up within a step.
+
+    That is the area between the way of both angles (2, N) and its chord: a twelfth of a bend times the other's step,
+    of one that begins within the step more.
+    """
+    step = np.abs(np.diff(angles, prepend=angles[:, :1]))
+    return (step[0] * bends[1] + step[1] * bends[0]) / 8.0
 
 
 def _slopes(sums: NDArray, time: NDArray) -> NDArray[np.float64]:

