@@ -223,6 +223,8 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bri
     import polars as pl
 
     record = records.read_record(path)
+    if isinstance(record, records.BenchRecord):
+        record = record.gyros
     care: dict[str, Any] = {}
     if isinstance(record, records.StrapdownRecord):
         component, name = "AttitudeComputer", "increment"

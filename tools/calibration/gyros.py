@@ -145,7 +145,7 @@ def _with_gyros(found: Calibration, record: PositionRecord, bench: Bench, target
         azimuth_deg=float(bench.azimuth_deg),
         parameters=estimates[count:],
         missing=[OpenTarget(symbol=e.symbol, name=e.name) for e in estimates[count:] if e.a_priori is None],
-        gains=_gains(found.parameters, of_bench),
+        gains=[] if contradicted else _gains(found.parameters, of_bench),
         witness=[_turn(here, raw.time_s, int(k) - behind) for k in proof if k >= behind],
     )
     changed: dict[str, Any] = {"radius": radius, "gyros": gyros}

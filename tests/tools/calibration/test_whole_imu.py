@@ -21,6 +21,7 @@ from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.exporting import write_fmpy_input
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.rests import position_record_of
@@ -146,6 +147,7 @@ def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(reco
     found = told(replace(record, increment=record.increment * more))
     assert found.verdict == "falsified"
     assert gyros_of(found).witness
+    assert gyros_of(found).gains == []
     assert all(e.estimate is None for e in gyros_of(found).parameters)
     assert {t.gyro for t in gyros_of(found).witness} <= {1, 2, 3}
 
@@ -224,6 +226,8 @@ def test_a_bench_record_is_known_by_its_columns(record, tmp_path):
     strapdown = read_record(tmp_path / "bench.csv", StrapdownRecord)
     assert strapdown.increment is not None
     assert np.array_equal(strapdown.increment, record.increment[first])
+    made = write_fmpy_input(tmp_path / "bench.csv", tmp_path / "input.csv", rates="instantaneous", bridge_gaps=0)
+    assert made.component == "AttitudeComputer"
     averaged = read_record(tmp_path / "bench.csv", PositionRecord)
     assert isinstance(averaged.raw, BenchRecord)
     table = again.to_polars().with_columns(w1_radps=0.0, w2_radps=0.0, w3_radps=0.0)
