@@ -245,8 +245,12 @@ def calibrate_together(
         Position records or raw records, two at least.
     noise_bound, gravity, baseline, bounds, mounting, channels
         As of `calibrate`, the same for all.
-    shared, own
-        As of `diagnose_together`.
+    shared : sequence of str
+        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
+        X16; a star stands for anything; may be repeated.
+    own : sequence of str
+        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
+        misalignment-*; may be repeated.
 
     Raises
     ------

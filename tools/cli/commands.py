@@ -114,7 +114,7 @@ def export_ssp(
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
-@takes(measured.calibrate, measured.diagnose_together)
+@takes(measured.calibrate, measured.calibrate_together)
 def calibrate(
     record: Path,
     /,
