@@ -1,17 +1,23 @@
-"""The same inputs give the same bytes, with one thread or two; numbers that are all but nothing are zeros."""
+"""The same inputs give the same bytes with one thread or two, by another Python, from another place."""
 
+import json
 import os
+import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
 import pytest
 
 from command_table import make_inputs
+from relations import differences
 from trihedron.tools import cli
 
 pytestmark = pytest.mark.acceptance
+ROOT = Path(cli.__file__).resolve().parents[2]
+PRODUCT = ("__init__.py", "__init__.pyi", "models", "fmus", "tools", "scenarios")
 COMMANDS = (
     "calibrate clean.csv --noise-bound 1e-5",
     "diagnose measured.csv --noise-bound 1e-5",
@@ -21,6 +27,7 @@ COMMANDS = (
     "plan --positions 8 --starts 2 --cuts 5",
     "campaign-report finished --report out.html",
 )
+HANDFUL = [line for line in COMMANDS if line.split()[0] in ("calibrate", "inspect", "attitude")]
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +65,39 @@ def test_denormal_numbers_are_zeros(least: float, inputs: Path, tmp_path: Path) 
         assert cli.main(["calibrate", str(path), "--noise-bound", "1e-2", "--json", str(out), "--quiet"]) == 0
         said.append([line for line in out.read_text().splitlines() if "sha256" not in line])
     assert said[0] == said[1]
+
+
+def said_by(program: Sequence[str | Path], line: str, inputs: Path, **more: str) -> bytes:
+    """What a command says on standard output, as JSON."""
+    command = [*program, "-m", "trihedron.tools.cli", *line.split(), "--quiet", "--json", "-"]
+    return subprocess.run(command, cwd=inputs, env={**os.environ, **more}, capture_output=True, check=True).stdout
+
+
+RELEASES = "from importlib.metadata import version; print(*map(version, ('numpy', 'scipy', 'highspy', 'polars')))"
+
+
+@pytest.mark.parametrize(("one", "other"), [("", "python3.12"), ("python3.12", "python3.13")])
+def test_another_python_gives_the_same_bytes(one: str, other: str, inputs: Path) -> None:
+    """With the same releases of what computes; with others, which may add in another order, the same numbers."""
+    programs = [ROOT / "build" / name / "bin" / "python" if name else Path(sys.executable) for name in (one, other)]
+    for program in programs:
+        if not program.exists():
+            pytest.skip(f"{program} is not there; `make pythons` installs the product for other Pythons where they are")
+    releases = {subprocess.run([p, "-c", RELEASES], capture_output=True, check=True).stdout for p in programs}
+    for line in HANDFUL:
+        first, second = (said_by([program], line, inputs) for program in programs)
+        assert len(first) > 100
+        assert differences(json.loads(first), json.loads(second), 1e-6) == [], line
+        assert first == second or len(releases) > 1, line
+
+
+def test_another_installation_gives_the_same_bytes(inputs: Path, tmp_path: Path) -> None:
+    """A copy of the product elsewhere, with nothing compiled yet."""
+    kept = {"__pycache__", *(path.name for path in ROOT.iterdir() if path.name not in PRODUCT)}
+    shutil.copytree(ROOT, tmp_path / "trihedron", ignore=lambda folder, names: kept & {*names}, symlinks=True)
+    more = {"PYTHONPATH": str(tmp_path), "TRIHEDRON_CACHE": str(tmp_path / "cache")}
+    where = [sys.executable, "-c", "import trihedron; print(trihedron.__file__)"]
+    found = subprocess.run(where, cwd=inputs, env={**os.environ, **more}, capture_output=True, check=True, text=True)
+    assert found.stdout.startswith(str(tmp_path))
+    for line in HANDFUL:
+        assert said_by([sys.executable], line, inputs, **more) == said_by([sys.executable], line, inputs), line
