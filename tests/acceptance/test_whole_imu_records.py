@@ -16,7 +16,7 @@ SIGMA = 1.2e-5
 
 def test_every_parameter_of_two_hundred_benches_is_inside_its_interval():
     place = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
-    outside, wider, gained = [], [], 0
+    outside, wider, not_better = [], [], []
     for seed in range(RECORDS):
         truth = Truth.drawn(np.random.default_rng([22, seed]))
         errors = Errors(rate=5e-5, encoder=2e-6, seed=seed)
@@ -38,8 +38,8 @@ def test_every_parameter_of_two_hundred_benches_is_inside_its_interval():
             assert before.high is not None
             if e.low < before.low or e.high > before.high:
                 wider.append((seed, e.symbol))
-        gained += "X3" in {gain.symbol for gain in both.gyros.gains}
+        if "X3" not in {gain.symbol for gain in both.gyros.gains}:
+            not_better.append(seed)
     assert outside == []
     assert wider == []
-    # How the axes lean is known better but where noise, which each record has to tell, comes out large.
-    assert gained > 0.9 * RECORDS
+    assert not_better == []

@@ -248,21 +248,25 @@ def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked(
         return fit(p, positions, reading, noise_bound, bounds, extent)
 
 
-def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
+def checked_noise_bound(given: float) -> float:
+    """A noise bound that readings can have; an InputError for another."""
     least, most = NOISE_BOUNDS
+    if not least <= given <= most:
+        said = f"must be a fraction of g from {exactly(least)} to {exactly(most)}, as 1e-5"
+        raise InputError(f"--noise-bound {exactly(given)}: {said}")
+    return float(given)
+
+
+def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
     if given is not None:
-        if not least <= given <= most:
-            raise InputError(
-                f"--noise-bound {exactly(given)}: must be a fraction of g from {exactly(least)} to {exactly(most)}, "
-                "as 1e-5"
-            )
-        return NoiseBound(float(given), "given")
+        return NoiseBound(checked_noise_bound(given), "given")
     found = noise_bound_from(record)
     if found is None:
         raise InputError(
             f"{record.path}: no position is repeated and no scatter is known, so the record does not say how large "
             "the noise is; give --noise-bound, a fraction of g, as 1e-5"
         )
+    least, most = NOISE_BOUNDS
     if not least <= found.value <= most:
         raise InputError(
             f"{record.path}: the noise bound taken from the record is {upwards(found.value, 3)} g ({found.basis}), "

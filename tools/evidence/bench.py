@@ -23,7 +23,7 @@ from ..calibration.calibration import (
 )
 from ..calibration.model import Linearisation, least_singular
 from ..calibration.targets import NAMES
-from ..records import PositionRecord
+from ..records import BenchRecord, PositionRecord
 from ..result import finite_or_none
 from ..rounding import exactly
 from .bench_left_out import FOLDS, Linear, trials
@@ -395,6 +395,12 @@ class Bench(Evidence):
         return trials(Linear(self.nominal, self.residual, self.bound), fit, self.named, self.numbers)
 
 
+GYROS_LEFT_OUT = (
+    "the gyros of this bench record are left out, its rests alone are diagnosed; `trihedron calibrate --strapdown` "
+    "writes the record by which a diagnosis of its gyros goes"
+)
+
+
 def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
     """The evidence of a position record.
 
@@ -402,6 +408,8 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
     `trihedron.tools.calibration.calibrate`.
     """
     asked, nominal = Asked(**options), calibrate(record, **options)
+    if isinstance(record.raw, BenchRecord):
+        nominal = nominal.model_copy(update={"warnings": [*nominal.warnings, GYROS_LEFT_OUT]})
     here, circumstances = nominal.linearised, circumstances_of(record)
     if nominal.verdict == "falsified":
         here = with_usual_signs(here, circumstances, nominal.noise_bound, asked.bounds)

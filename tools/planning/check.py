@@ -24,14 +24,13 @@ from pydantic import Field
 from ...models.bench import regressors
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
 from ..bounded.programmes import chebyshev_radius
-from ..calibration.calibration import NOISE_BOUNDS
+from ..calibration.calibration import checked_noise_bound
 from ..calibration.model import Positions
 from ..errors import InputError, nearest
 from ..evidence.bench_visits import Circumstances, Visits, is_linear, signature_columns
 from ..orchestrator.stimuli import read_table
 from ..records.columns import LIMITS
 from ..result import Result
-from ..rounding import exactly
 from .forms import x_from_targets
 from .positions import (
     NOT_DETERMINED,
@@ -133,10 +132,7 @@ def check_settings(task: Task, planned: Places, actual: Places, noise_bound: flo
     An InputError when the planned positions do not determine every target, for a noise bound that none has, a symmetric
     baseline or more than one mounting.
     """
-    p, (least, most) = task.parametrisation, NOISE_BOUNDS
-    if not least <= noise_bound <= most:
-        said = f"must be a fraction of g from {exactly(least)} to {exactly(most)}"
-        raise InputError(f"--noise-bound {exactly(noise_bound)}: {said}")
+    p, noise_bound = task.parametrisation, checked_noise_bound(noise_bound)
     if p.symmetric or len(p.mountings) != 1:
         raise InputError("--check: is for the asymmetric baseline and one mounting")
     plan = costs(task, planned)

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from ..calibration.calibration import checked_noise_bound
 from ..errors import InputError
 from ..files import write_text
 from ..records import StrapdownRecord, read_record
@@ -39,7 +40,7 @@ def export_notebook(record: Path, out: Path | None = None, *, noise_bound: float
     if strapdown and noise_bound is not None:
         raise InputError(f"--noise-bound {noise_bound:g}: is of a record of a table; a strapdown record tells its own")
     said = str(run).removeprefix(f"{record}: ")
-    bound = "" if noise_bound is None else f", noise_bound={noise_bound!r}"
+    bound = "" if noise_bound is None else f", noise_bound={checked_noise_bound(noise_bound)!r}"
     cells = [
         _cell(0, "markdown", f"# {record.name}\n\nMade by `trihedron export-notebook`; {said}."),
         _cell(1, "code", f"import trihedron as th\n\nrecord = th.read_record({str(record)!r})\nrecord.to_polars()"),

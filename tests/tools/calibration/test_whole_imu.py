@@ -19,6 +19,7 @@ from trihedron.tools.calibration.turns import Turns, turns_of, with_turns
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.exporting import write_fmpy_input
@@ -85,6 +86,11 @@ def record(truth) -> BenchRecord:
 @pytest.fixture(scope="module")
 def result(record) -> Calibration:
     return told(record)
+
+
+def test_a_diagnosis_of_the_rests_says_that_the_gyros_are_left_out(record):
+    said = bench_evidence(position_record_of(record), noise_bound=1e-5).head()["warnings"]
+    assert sum("the gyros of this bench record are left out" in text for text in said) == 1
 
 
 def test_the_model_gives_what_an_exact_bench_integrates(truth):
