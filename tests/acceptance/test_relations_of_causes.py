@@ -108,7 +108,7 @@ def test_a_part_of_a_record_contradicts_no_more_than_the_whole(case):
 SEVERAL = [(EffectPlace("quadratic", "accelerometer-2"), (4e-4,))]
 
 
-def together(tables: Sequence[pl.DataFrame | Path], **options: Any) -> dict:
+def together(tables: Sequence[Any], **options: Any) -> dict:
     """What several records say together: verdict, causes with whose they are, what is the instrument's, radius."""
     found = th.diagnose_together(*tables, noise_bound=SIGMA, **options)
     named = sorted((cause.title, cause.of) for cause in found.causes)
@@ -149,8 +149,8 @@ def test_several_records_of_renamed_axes_name_the_renamed_accelerometer(tmp_path
     other = together([one.table for one in changed], baseline="symmetric", **changed[0].options)
     assert other["verdict"] == first["verdict"]
     renamed = {f"accelerometer-{k}": f"accelerometer-{new}" for k, new in enumerate(changed[0].accelerometers, 1)}
-    titles = [" ".join(renamed.get(word, word) for word in title.split()) for title, _ in first["causes"]]
-    assert sorted(title for title, _ in other["causes"]) == sorted(titles)
+    titles = [" ".join(renamed.get(word, word) for word in str(title).split()) for title, _ in first["causes"]]
+    assert sorted(str(title) for title, _ in other["causes"]) == sorted(titles)
 
 
 def test_several_records_have_no_order_and_no_kind_of_file(several, tmp_path):
@@ -183,6 +183,7 @@ def test_a_diagnosis_of_a_run_and_of_its_file_is_one(tmp_path):
     """By itself, and with another record."""
     run = library.simulate("scenarios/static-calibration.toml", out=tmp_path / "run")
     file = tmp_path / "run" / "positions.csv"
+    assert run.positions is not None
     direct, read = (measured.diagnose(one, noise_bound=SIGMA).to_json() for one in (run.positions, file))
     assert direct["verdict"] == read["verdict"] == "consistent"
     assert causes(direct) == causes(read) == []

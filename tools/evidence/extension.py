@@ -49,11 +49,13 @@ class Start:
         return Start(f"{component}{ending}", started(extend(nominal, list(mine)), own), own, possible)
 
 
-def takes(component: str, values: Parameters, effects: Mapping[EffectPlace, Sequence[float]]) -> bool:
+def takes(
+    component: str, values: Mapping[str, float | list[float]], effects: Mapping[EffectPlace, Sequence[float]]
+) -> bool:
     """Whether a component takes values of its parameters and of its effects."""
     sized = {place: (own, [(-math.inf, math.inf)] * len(own)) for place, own in effects.items()}
     try:
-        Start.of(component, values, {}, sized)
+        Start.of(component, dict(values), {}, sized)
     except ValueError:
         return False
     return True

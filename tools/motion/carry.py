@@ -225,7 +225,7 @@ def carried_scenario(motion: Motion, effects: Iterable[EffectPlace], fmus: Mappi
     own = {"algorithm": algorithm_for(increments), "sample_period": motion.period, **computer.parameters}
     fmus = {**fmus, "computer": computer.model_copy(update={"parameters": own})}
     title, times = "the attitude of a record, carried by its gyros", motion.period * np.arange(len(motion))
-    link = Connection(**{"from": "compensation.increment", "to": "computer.increment"})
+    link = Connection.model_validate({"from": "compensation.increment", "to": "computer.increment"})
     return carrying(title, fmus, driven, times, motion.period, [link])
 
 

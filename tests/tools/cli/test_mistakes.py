@@ -95,9 +95,9 @@ def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path,
         (lambda: th.inspect(th.hide(1).record.to_polars()), "a strapdown record"),
         (lambda: th.export("AccelerometerBlok"), "did you mean 'AccelerometerBlock'?"),
         (
-            lambda: th.export("AccelerometerBlock", flavour="rust"),
+            lambda: th.export("AccelerometerBlock", flavour="rust"),  # type: ignore[arg-type]
             "flavour: should be 'python' or 'native', not 'rust'",
-        ),  # type: ignore[arg-type]
+        ),
         (lambda: th.export("AccelerometerBlock", flavour="native", fmi=1), "fmi: should be 2 or 3, not 1"),  # type: ignore[arg-type]
         (lambda: th.hide(1, baseline="symmetrc"), "baseline: should be 'asymmetric' or 'symmetric'"),  # type: ignore[arg-type]
         (lambda: th.diagnose(th.hide(1).record, noise_bound=1e-5, rates="averaged"), "has no rates"),
