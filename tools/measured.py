@@ -285,7 +285,7 @@ def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channel
 
 def apply(
     found: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
-    record: str | Path,
+    record: "records.Source",
     *,
     noise_bound: float = 0.0,
     channels: Sequence[str] = (),
@@ -299,7 +299,7 @@ def apply(
     ----------
     found : path, Calibration or Diagnosis
         The result of `trihedron calibrate --json` or `trihedron diagnose --json`.
-    record : path
+    record : path, table in memory or record
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
         Bound of the readings' own errors, a fraction of g, for the bound; of a diagnosis by default its own.
@@ -314,7 +314,7 @@ def apply(
     """
     named = (diagnosis.read_diagnosis(Path(found)) or found) if isinstance(found, str | Path) else found
     if not isinstance(named, diagnosis.Diagnosis):
-        applied = calibrations.apply_calibration(named, Path(record), noise_bound=noise_bound, channels=channels)
+        applied = calibrations.apply_calibration(named, record, noise_bound=noise_bound, channels=channels)
         said = checks.channels_warning(applied.record, applied.correction.mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)

@@ -16,7 +16,7 @@ from ...fmus import components
 from ...fmus.parameters import calibrated_block, calibrated_intervals, checked_number, parameter_set
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, whole_file
-from ..records import PositionRecord, RawRecord, StrapdownRecord, read_record
+from ..records import PositionRecord, RawRecord, Source, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
 from ..result import Result
 from ..rounding import exactly
@@ -267,7 +267,7 @@ class Application(Result):
 
 
 def apply_calibration(
-    calibration: str | Path | Calibration, record: Path, *, noise_bound: float = 0.0, channels: Sequence[str] = ()
+    calibration: str | Path | Calibration, record: Source, *, noise_bound: float = 0.0, channels: Sequence[str] = ()
 ) -> Application:
     """Correct the readings of a record by a calibration or its file; arguments and errors as of `trihedron.apply`.
 
@@ -287,7 +287,7 @@ def apply_calibration(
             at, still = "rests", average_rests(measured, rests)
     better = corrected(correction, measured.specific_force)
     if not np.isfinite(better).all():
-        raise InputError(f"{record}: the corrected readings are not finite")
+        raise InputError(f"{measured.path}: the corrected readings are not finite")
     gained = levelling(correction, still.specific_force / correction.gravity, noise_bound)
     before, after = gained.worst
     return Application(

@@ -150,7 +150,7 @@ def write_html(path: Path, page: str) -> None:
         source, made = folder / "page.html", folder / "page.pdf"
         source.write_text(page, encoding="utf-8", newline="\n")
         _print(program, source, made, path)
-        beside.write_bytes(without_times(made.read_bytes()))
+        beside.write_bytes(repeatable(made.read_bytes()))
 
 
 def _print(program: str, source: Path, made: Path, path: Path) -> None:
@@ -168,6 +168,11 @@ def _print(program: str, source: Path, made: Path, path: Path) -> None:
         raise InputError(f"{path}: {Path(program).name} did not print it; give a name in .html")
 
 
-def without_times(content: bytes) -> bytes:
-    """A PDF whose times of making are all the same, so that the same page gives the same bytes."""
-    return re.sub(rb"(?<=Date \(D:)\d{14}", b"20000101000000", content)
+def repeatable(content: bytes) -> bytes:
+    """A PDF with one time of making and nodes counted from 1: the same page gives the same bytes."""
+    names: dict[bytes, bytes] = {}
+
+    def counted(match: re.Match[bytes]) -> bytes:
+        return names.setdefault(match[0], b"node%08d" % (len(names) + 1))
+
+    return re.sub(rb"\bnode\d{8}\b", counted, re.sub(rb"(?<=Date \(D:)\d{14}", b"20000101000000", content))

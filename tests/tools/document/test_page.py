@@ -13,7 +13,7 @@ from page_text import html_of
 from trihedron.tools.cli import main
 from trihedron.tools.document.blocks import Page, Section, Table
 from trihedron.tools.document.notation import Cell
-from trihedron.tools.document.page import without_times, write_html
+from trihedron.tools.document.page import repeatable, write_html
 from trihedron.tools.errors import InputError
 from trihedron.tools.rounding import digits, upwards
 
@@ -190,4 +190,7 @@ def test_a_converter_that_fails_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_times_of_a_pdf_are_made_the_same():
-    assert without_times(b"/CreationDate (D:20261121054800+00'00')") == b"/CreationDate (D:20000101000000+00'00')"
+    assert repeatable(b"/CreationDate (D:20261121054800+00'00')") == b"/CreationDate (D:20000101000000+00'00')"
+    assert (
+        repeatable(b"(node00000278) (node00000300) (node00000278)") == b"(node00000001) (node00000002) (node00000001)"
+    )

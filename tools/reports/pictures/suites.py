@@ -135,7 +135,9 @@ def distributions_picture(
             largest = max(abs(low), abs(high))
             if not 1e-2 <= largest < 1e4:
                 scale = math.floor(math.log10(largest))
-                axes.xaxis.set_major_formatter(lambda value, _, scale=scale: minus(f"{value / 10.0**scale:.6g}"))
+                axes.xaxis.set_major_formatter(
+                    lambda value, _, scale=scale: minus(exactly(round(value / 10.0**scale, 9)))
+                )
         axes.set_xlabel(" ".join(part for part in (raised(scale) if scale else "", unit) if part))
         for mark in marks.get(name, ()):
             axes.axvline(mark, color=SECOND.light, linewidth=0.9, linestyle=(0, (4, 2)))
