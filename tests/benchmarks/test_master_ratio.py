@@ -53,7 +53,7 @@ def scenario(folder: Path, steps: int) -> Scenario:
     return Scenario.model_validate(
         {
             "base_folder": folder,
-            "run": {"stop_s": steps * STEP, "step_s": STEP},
+            "run": {"stop_s": steps * STEP, "step_s": STEP, "in_process": True},
             "fmus": {name: {"fmu": "Light.fmu"} for name in "abc"},
             "connections": [{"from": "a.y", "to": "b.u"}, {"from": "b.y", "to": "c.u"}],
             "stimuli": [{"to": "a.u", "constant": [1.0, 2.0, 3.0]}],

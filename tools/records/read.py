@@ -8,6 +8,7 @@ import csv
 import hashlib
 import io
 import math
+import os
 import re
 import shlex
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -155,8 +156,7 @@ def _table(source: object) -> pl.DataFrame:
 
 
 def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Record:
-    in_memory = not isinstance(source, str | Path)
-    if in_memory:
+    if in_memory := not isinstance(source, str | os.PathLike):
         path, written = Path("table"), io.BytesIO()
         if not (table := _table(source)).width:
             what = "a path, or a table with columns (polars, pandas, a mapping, a structured array)"
