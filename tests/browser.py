@@ -1,39 +1,30 @@
-"""A real browser without a window, driven over pipes: what a page looks like in it, and what it complains of."""
+"""A real browser without a window (Playwright on an installed Chromium): how a page looks, what it complains of."""
 
-import json
-import os
+from __future__ import annotations
+
 import shutil
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, ConsoleMessage, Page, Request
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 QUIET = (
-    "--headless",
     "--no-sandbox",
     "--disable-gpu",
-    "--disable-quic",
     "--disable-dev-shm-usage",
-    "--no-first-run",
-    "--disable-extensions",
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--no-first-run",
     "--force-color-profile=srgb",
-    "--hide-scrollbars",
 )
-
-LAUNCH = """
-import fcntl, os, sys
-ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]
-os.dup2(ends[0], 3)
-os.dup2(ends[1], 4)
-os.execv(sys.argv[3], sys.argv[3:])
-"""
-"""The protocol is spoken on the descriptors 3 and 4."""
+HERE = ("file:", "data:", "about:", "blob:", "http://127.0.0.1:", "http://localhost:")
+"""Addresses of this machine."""
 
 MEASURE = """(() => {
   const wide = document.documentElement.clientWidth;
@@ -56,107 +47,56 @@ MEASURE = """(() => {
 })()"""
 
 
-def browser_program() -> str | None:
-    """The browser of this machine, or None."""
-    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
-    return next((found for name in names if (found := shutil.which(name))), None)
-
-
-class Browser:
+class Window:
     """A page in a browser.
 
     Attributes
     ----------
+    page : playwright.sync_api.Page
+        to click and type in, and to print
     complaints : list of str
-        errors and warnings of the console, and addresses that could not be loaded
+        errors and warnings of the console, and addresses that could not be loaded or are not of this machine
     """
 
-    def __init__(self, to: int, back: int) -> None:
-        self._to, self._back = to, back
-        self._number, self._waiting = 0, b""
-        self._session: str | None = None
-        self._seen: set[str] = set()
+    def __init__(self, page: Page) -> None:
+        self.page = page
         self.complaints: list[str] = []
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Log", "Network"):
-            self.call(f"{domain}.enable")
+        page.on("console", self._said)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", self._asked)
+        page.on("requestfailed", lambda request: self.complaints.append(f"could not load {request.url}"))
 
-    def call(self, method: str, **arguments: Any) -> dict[str, Any]:
-        """A command of the browser's protocol, and its answer."""
-        self._number += 1
-        message: dict[str, Any] = {"id": self._number, "method": method, "params": arguments}
-        if self._session is not None:
-            message["sessionId"] = self._session
-        os.write(self._to, json.dumps(message).encode() + b"\0")
-        while True:
-            answer = self._next()
-            if answer.get("id") == self._number:
-                assert "error" not in answer, f"{method}: {answer['error']}"
-                return answer["result"]
+    def _said(self, message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning", "assert"):
+            self.complaints.append(message.text)
 
-    def _next(self) -> dict[str, Any]:
-        while b"\0" not in self._waiting:
-            part = os.read(self._back, 1 << 20)
-            assert part, "the browser has ended"
-            self._waiting += part
-        text, self._waiting = self._waiting.split(b"\0", 1)
-        event = json.loads(text)
-        self._note(event.get("method", ""), event.get("params", {}))
-        return event
+    def _asked(self, request: Request) -> None:
+        if not request.url.startswith(HERE):
+            self.complaints.append(f"asks the network for {request.url}")
 
-    def _note(self, method: str, told: dict[str, Any]) -> None:
-        self._seen.add(method)
-        if method == "Log.entryAdded" and told["entry"]["level"] in ("error", "warning"):
-            self.complaints.append(f"{told['entry']['text']} {told['entry'].get('url', '')}")
-        elif method == "Runtime.exceptionThrown":
-            self.complaints.append(told["exceptionDetails"]["text"])
-        elif method == "Runtime.consoleAPICalled" and told["type"] in ("error", "warning", "assert"):
-            self.complaints.append(str(told["args"]))
-        elif method == "Network.requestWillBeSent" and not told["request"]["url"].startswith(
-            ("file:", "data:", "about:")
-        ):
-            self.complaints.append(f"asks the network for {told['request']['url']}")
-        elif method == "Network.loadingFailed":
-            self.complaints.append(f"could not load: {told['errorText']}")
-
-    def open(self, page: Path, width: int, *, dark: bool = False, printed: bool = False) -> dict[str, Any]:
-        """Load a page at a width and measure it."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self.call("Emulation.setEmulatedMedia", media="print" if printed else "", features=[scheme])
-        self._seen.discard("Page.loadEventFired")
-        self.call("Page.navigate", url=page.resolve().as_uri())
-        while "Page.loadEventFired" not in self._seen:
-            self._next()
-        return self.call("Runtime.evaluate", expression=MEASURE, returnByValue=True)["result"]["value"]
+    def open(self, page: Path | str, width: int, *, dark: bool = False, printed: bool = False) -> dict[str, Any]:
+        """Load a file or an address at a width, in px, and measure it."""
+        self.page.set_viewport_size({"width": width, "height": 900})
+        self.page.emulate_media(media="print" if printed else "screen", color_scheme="dark" if dark else "light")
+        self.page.goto(page.resolve().as_uri() if isinstance(page, Path) else page)
+        return self.page.evaluate(MEASURE)
 
 
-@contextmanager
-def browser(program: str) -> Iterator[Browser]:
-    """A browser of its own, without a profile that stays."""
-    from_us, to = os.pipe()
-    back, from_browser = os.pipe()
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        options = [*QUIET, f"--user-data-dir={profile}", "--remote-debugging-pipe"]
-        process = subprocess.Popen(
-            [sys.executable, "-c", LAUNCH, str(from_us), str(from_browser), program, *options],
-            pass_fds=(from_us, from_browser),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        os.close(from_us)
-        os.close(from_browser)
-        try:
-            page = Browser(to, back)
-            yield page
-        finally:
-            os.close(to)
-            os.close(back)
-            try:
-                process.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    """The installed browser; where there is none, the test is skipped and says so."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    program = next((found for name in PROGRAMS if (found := shutil.which(name))), None)
+    if program is None:
+        pytest.skip(f"no browser on the path: {', '.join(PROGRAMS)}")
+    with sync_api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=program, args=list(QUIET))
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def window(chromium: Browser) -> Iterator[Window]:
+    """A window of its own, without a profile that stays."""
+    with chromium.new_context() as context:
+        yield Window(context.new_page())

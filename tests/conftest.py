@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+pytest_plugins = ("browser",)
+
 COMPILED_AS_SHIPPED = {
     *("acceptance", "benchmarks", "test_bits", "test_capabilities", "test_installation", "test_loops"),
     *("test_native_conformance", "test_native_platforms", "test_native_translation", "test_prebuilt"),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from browser import browser, browser_program
+from browser import Window
 from doc_blocks import ROOT, Reader, blocks_of, matches
 from reference import reference_page
 
@@ -116,16 +116,12 @@ def test_the_site_asks_nothing_of_the_network(site):
     assert asked == []
 
 
-@pytest.mark.skipif(browser_program() is None, reason="no Chromium or Chrome on the path")
-def test_pages_of_the_site_open_in_a_browser_from_the_disk(site):
-    program = browser_program()
-    assert program is not None
-    with browser(program) as window:
-        for name in ("index", "tutorial", "falsified", "commands", "reference"):
-            for width in (1280, 400):
-                seen = window.open(site / f"{name}.html", width)
-                assert (seen["scroll"], seen["outside"], seen["images"]) == (width, [], []), f"{name} at {width}"
-        assert window.complaints == []
+def test_pages_of_the_site_open_in_a_browser_from_the_disk(site, window: Window):
+    for name in ("index", "tutorial", "falsified", "commands", "reference"):
+        for width in (1280, 400):
+            seen = window.open(site / f"{name}.html", width)
+            assert (seen["scroll"], seen["outside"], seen["images"]) == (width, [], []), f"{name} at {width}"
+    assert window.complaints == []
 
 
 def test_commands_and_library_are_described_from_the_code(site):

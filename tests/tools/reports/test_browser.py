@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from browser import browser, browser_program
+from browser import Window
 from page_text import text_of
 from trihedron.tools.document.page import write_html
 
@@ -18,8 +18,6 @@ PAGES = (
     "block, explained",
     "plans",
 )
-PROGRAM = browser_program()
-needs_browser = pytest.mark.skipif(PROGRAM is None, reason="no Chromium or Chrome on the path")
 
 
 @pytest.fixture(scope="module")
@@ -32,44 +30,39 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     return found
 
 
-@needs_browser
-def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages):
-    assert PROGRAM is not None
-    with browser(PROGRAM) as window:
-        for name, page in pages.items():
-            for width, dark, printed in (
-                (1280, False, False),
-                (400, True, False),
-                (1280, True, False),
-                (720, False, True),
-            ):
-                seen = window.open(page, width, dark=dark, printed=printed)
-                where = f"{name} at {width}"
-                assert seen["client"] == width, where
-                assert seen["scroll"] == width, where
-                assert seen["outside"] == [], where
-                assert seen["images"] == [], where
-                assert seen["pictures"], where
-                assert all(w > 5 and h > 5 for w, h in seen["pictures"]), where
-                assert seen["height"] > 900, where
-        assert window.complaints == []
+def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages, window: Window):
+    for name, page in pages.items():
+        for width, dark, printed in ((1280, False, False), (400, True, False), (1280, True, False), (720, False, True)):
+            seen = window.open(page, width, dark=dark, printed=printed)
+            where = f"{name} at {width}"
+            assert seen["client"] == width, where
+            assert seen["scroll"] == width, where
+            assert seen["outside"] == [], where
+            assert seen["images"] == [], where
+            assert seen["pictures"], where
+            assert all(w > 5 and h > 5 for w, h in seen["pictures"]), where
+            assert seen["height"] > 900, where
+    assert window.complaints == []
 
 
-@needs_browser
-def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path):
-    assert PROGRAM is not None
+def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path, window: Window):
     page = pages["plans"].read_text(encoding="utf-8")
     page = page.replace("<main>", '<main><img src="missing.png" alt=""><p style="width: 2000px">wide</p>')
+    page += "<img src='http://192.0.2.1/far.png' alt=''>"
     (tmp_path / "bad.html").write_text(page, encoding="utf-8")
-    with browser(PROGRAM) as window:
-        seen = window.open(tmp_path / "bad.html", 400)
-        assert seen["scroll"] > 400
-        assert seen["outside"]
-        assert len(seen["images"]) == 1
-        assert window.complaints
+    window.page.route("http://**", lambda route: route.abort())
+    seen = window.open(tmp_path / "bad.html", 400)
+    assert seen["scroll"] > 400
+    assert seen["outside"]
+    assert len(seen["images"]) == 2
+    window.page.evaluate("setTimeout(() => { throw Error('thrown') })")
+    window.page.wait_for_timeout(50)
+    said = "\n".join(window.complaints)
+    expected = ("missing.png", "thrown", "asks the network for http://192.0.2.1")
+    assert [part for part in expected if part not in said] == []
 
 
-@needs_browser
+@pytest.mark.usefixtures("chromium")
 def test_a_report_as_pdf_is_the_same_each_time(pages, tmp_path):
     for name in ("a.pdf", "b.PDF"):
         write_html(tmp_path / name, pages["bench, insufficient"].read_text(encoding="utf-8"))
