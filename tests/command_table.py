@@ -63,6 +63,7 @@ def command(line: str, *inputs: str, slow: bool = False) -> Command:
 COMMANDS = (
     command("simulate run.toml --out out --json out.json --plot out.html", "run.toml"),
     command("calibrate clean.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "clean.csv"),
+    command("calibrate clean.csv --noise-bound 1e-5 --sheet out.html --about about.toml", "clean.csv", "about.toml"),
     command("calibrate clean.csv measured.csv --noise-bound 1e-5 --own * --json out.json", "clean.csv", "measured.csv"),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
@@ -104,6 +105,7 @@ def make_inputs(folder: Path) -> None:
     from trihedron.tools.records import PositionRecord, read_record
 
     (folder / "run.toml").write_text(SCENARIO, encoding="utf-8")
+    (folder / "about.toml").write_text('operator = "A. Person"\n', encoding="utf-8")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
     write_hidden_record(folder / "measured.csv", 5, None, effects=["quadratic"])
     write_hidden_record(folder / "clean.csv", 5, None, effects=())

@@ -1,6 +1,7 @@
 """What a calibration found: its published object, and what a file of it gives back."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
 from pydantic import ConfigDict, Field, model_serializer, model_validator
@@ -286,6 +287,26 @@ class Calibration(_Part):
                 f"{target}: no target of this calibration; {nearest(target, [e.symbol for e in self.parameters])}"
             )
         return found
+
+    def sheet(self, path: str | Path, *, about: Mapping[str, str] | None = None, record: Any = None) -> Path:
+        """Write one A4 page to sign: who measured what, the numbers, the correction, what they rest on.
+
+        Parameters
+        ----------
+        path : path
+            .html, or .pdf
+        about : mapping, optional
+            serial number, operator, bench, date, temperature, before what the record's comment lines say
+        record : PositionRecord, optional
+            What the result was made from, where it came from a file.
+
+        Raises
+        ------
+        InputError
+            where the file cannot be written, or the page not be printed
+        """
+        self._shown("sheet", Path(path), record, about)
+        return Path(path)
 
     def to_polars(self) -> "DataFrame":
         """A row for each target, with the fields of `Estimate`."""

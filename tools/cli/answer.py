@@ -172,6 +172,12 @@ def report_file(_: object, path: Path | None) -> None:
         document.report_file(path)
 
 
+def sheet_file(_: object, path: Path | None) -> None:
+    """Check the name of a sheet before anything is computed."""
+    if path is not None:
+        document.report_file(path, "--sheet")
+
+
 def plot_file(_: object, path: Path | None) -> None:
     """Check the name of a page of lines before anything is computed."""
     if path is not None:
@@ -192,6 +198,10 @@ JsonFile = Annotated[
 ReportFile = Annotated[
     Path | None,
     Parameter(name="--report", help="Write a page with pictures to this file, .html or .pdf.", validator=report_file),
+]
+SheetFile = Annotated[
+    Path | None,
+    Parameter(name="--sheet", help="Write one A4 page to sign, .html or .pdf.", validator=sheet_file),
 ]
 PlotFile = Annotated[
     Path | None,

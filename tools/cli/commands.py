@@ -33,6 +33,7 @@ from .answer import (
     Number,
     PlotFile,
     ReportFile,
+    SheetFile,
     answer,
     distinct_files,
     takes,
@@ -128,6 +129,8 @@ def calibrate(
     ssv: File = None,
     strapdown: File = None,
     report: ReportFile = None,
+    sheet: SheetFile = None,
+    about: Annotated[Path | None, Parameter(name="--about")] = None,
     **options: Any,
 ) -> Answer:
     """Example: trihedron calibrate positions.csv --noise-bound 1e-5 --json calibration.json
@@ -135,6 +138,8 @@ def calibrate(
     Example: trihedron calibrate bench.csv --noise-bound 1e-5 --latitude-deg 55.75 --azimuth-deg 20 --json imu.json
 
     Example: trihedron calibrate monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json together.json
+
+    Example: trihedron calibrate positions.csv --noise-bound 1e-5 --sheet sheet.pdf --about about.toml
 
     Parameters
     ----------
@@ -154,9 +159,12 @@ def calibrate(
         Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
     strapdown
         Of a bench record: write gyros and accelerometers with the true attitude by the calibrated table (CSV).
+    about
+        For the sheet, before the record's comment lines: serial_number, operator, bench, date, temperature (TOML).
     """
     named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)} if others else {}
-    written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report}
+    written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report, "--sheet": sheet}
+    written |= {"--about": about}
     distinct_files({**(named or {"the record": record}), **written})
     asked = _of_several(options, several=bool(others))
     if others:
@@ -168,6 +176,7 @@ def calibrate(
             "--rates": None if rates == "instantaneous" else rates,
             "--ssv": ssv,
             "--strapdown": strapdown,
+            "--sheet": sheet,
             **{f"--{name.rstrip('s')}": options.pop(name, ()) for name in OF_ONE},
         }
         if wrong := next((name for name, value in of_one.items() if value not in (None, ())), None):
@@ -178,12 +187,17 @@ def calibrate(
         if report is not None:
             reports.write_report(report, joint)
         return answer(joint, json)
+    if about is not None and sheet is None:
+        raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
+    known = {} if about is None else reports.read_about(about)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
     bench = calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
     result = measured.calibrate(run, bench=bench, **options)
     if report is not None:
         reports.write_report(report, result, run)
+    if sheet is not None:
+        reports.write_sheet(sheet, result, run, known)
     if ssv is not None:
         calibrations.write_parameter_set(result, ssv)
     if strapdown is not None:

@@ -100,6 +100,8 @@ class Page:
     """where the methods that were used are published"""
     answer: int = 0
     """so many sections say the answer, and stand above the list of contents"""
+    sheet: bool = False
+    """one A4 page to sign: what is empty at its head, and in tables, is room to write"""
 
 
 @dataclass(frozen=True)

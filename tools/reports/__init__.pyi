@@ -16,3 +16,5 @@ from .plan import operator_page as operator_page
 from .plan import plan_page as plan_page
 from .plan import write_curve as write_curve
 from .plan import write_plan as write_plan
+from .sheet import read_about as read_about
+from .sheet import write_sheet as write_sheet

@@ -63,6 +63,8 @@ def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch
         (["diagnose", "RECORD", "--json", "../FOLDER/measured.csv"], "is the record too"),
         (["diagnose", "RECORD", "--report", "../FOLDER/measured.csv"], "a page is .html or .pdf"),
         (["diagnose", "RECORD", "--json", "x.html", "--report", "x.html"], "--report x.html: is --json too"),
+        (["calibrate", "RECORD", "--about", "about.toml"], "is for a sheet; give --sheet, too"),
+        (["calibrate", "RECORD", "--sheet", "x.txt"], "--sheet x.txt: a page is .html or .pdf"),
         (["hidden", "new.csv", "--answer", "new.csv"], "--answer new.csv: is the record too"),
         (["calibrate", "loop", "--json", "x.json"], "loop: no such file"),
         (["new", "scenario", "bench.csv"], "is a .toml file"),

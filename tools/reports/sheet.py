@@ -1,0 +1,122 @@
+"""The sheet of a calibration, one A4 page to sign: who measured, the numbers, the correction, what they rest on."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..calibration import Calibration
+from ..calibration.correction import correction_of
+from ..document.blocks import Page, Section, Table
+from ..document.notation import Cell, equation, symbol_text, unit_text
+from ..document.page import write_page
+from ..errors import InputError, nearest
+from ..files import LARGEST_TEXT, bytes_of
+from ..instrument.folder import SAID
+from ..records import PositionRecord
+from ..rounding import digits, upwards
+from . import bench
+from .calibration import TONES, numbers_of, verdict_sentence
+
+HEAD: Mapping[str, tuple[str, ...]] = {
+    "serial number": SAID["serial"],
+    "operator": ("operator", "measured by"),
+    "bench": ("bench", "table"),
+    "date": SAID["date"],
+    "temperature": SAID["temperature"],
+}
+"""What stands at the head, and the keys of comment lines that say it."""
+
+
+def read_about(path: Path) -> dict[str, str]:
+    """What a TOML file says of a calibration: keys as of comment lines, texts or numbers; else an InputError."""
+    label = f"--about {path}"
+    try:
+        content = tomllib.loads(bytes_of(path, label=label, most=LARGEST_TEXT).decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{label}: is not TOML: {error}") from error
+    known = [key for keys in HEAD.values() for key in keys]
+    for key, value in content.items():
+        if key.casefold() not in known:
+            raise InputError(f"{label}: {key}: unknown key; {nearest(key, known)}")
+        if isinstance(value, bool | dict | list):
+            raise InputError(f"{label}: {key}: a text, a number or a date must stand there")
+    return {key: str(value) for key, value in content.items()}
+
+
+def sheet_page(result: Calibration, record: PositionRecord | None, about: Mapping[str, str]) -> Page:
+    """The sheet; `about` goes before the comment lines of the record, and what nobody says is left to write."""
+    measured = {} if record is None else {**(record.raw.about if record.raw is not None else {}), **record.about}
+    said = {key.casefold(): text for key, text in (*measured.items(), *about.items())}
+    head = {name: next((said[key] for key in keys if key in said), "") for name, keys in HEAD.items()}
+    if not head["temperature"] and record is not None and record.temperature is not None:
+        low, high = float(record.temperature.min()), float(record.temperature.max())
+        head["temperature"] = digits(low) if high - low < 0.05 else f"{digits(low)} to {digits(high)}"
+    if head["temperature"]:
+        head["temperature"] = f"{head['temperature'].removesuffix('°C').strip()} °C"
+    sections = [_numbers("Calibrated values", result)]
+    if result.verdict == "consistent":
+        terms = bench.correction_terms(correction_of(result.to_json(), "calibration"), result.noise_bound, "_")
+        sections.append(
+            Section(
+                "Equation of correction",
+                f"f are the readings in m/s², g = {digits(result.gravity, 9)} m/s²; g n are the corrected readings.",
+                equations=[
+                    equation(f"{n} = {of} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}")
+                    for n, of, plus, minus in terms
+                ],
+            )
+        )
+    evidence = {"evidence": f"{result.positions} positions, {result.measurements} readings"}
+    rests: list[list[Cell]] = [[name, str(text)] for name, text in (evidence | bench.provenance(result)).items()]
+    sections.append(Section("What it rests on", table=Table(["", ""], rests)))
+    if result.gyros is not None:
+        sections.append(_numbers("Gyros, in the accelerometers' axes", result, gyros=True))
+    signed = Table(["calibrated by: name, signature", "checked by: name, signature", "date"], [["", "", ""]])
+    return Page(
+        "Calibration sheet",
+        verdict_sentence(result),
+        [*sections, Section("Signed", table=signed)],
+        tone=TONES.get(result.verdict, "attention"),
+        key=head,
+        sheet=True,
+    )
+
+
+def _numbers(title: str, result: Calibration, *, gyros: bool = False) -> Section:
+    """Each target with its guaranteed error and interval; of a falsified model there is none."""
+    parameters = result.gyros.parameters if gyros and result.gyros is not None else result.parameters
+    if result.verdict == "falsified":
+        return Section(title, "No value is guaranteed: no parameters of the model explain the readings.")
+    rows: list[list[Cell]] = []
+    for e in parameters:
+        estimate, low, high, *_ = numbers_of(e)
+        named = e.symbol if gyros else symbol_text(e.symbol)
+        rows.append(
+            [named, bench.physical_words(e.name), estimate, upwards(e.error_bound), low, high, unit_text(e.unit) or "1"]
+        )
+    header = ["symbol", "quantity", "value", "guaranteed error", "at least", "at most", "unit"]
+    return Section(title, table=Table(header, rows))
+
+
+def write_sheet(
+    path: Path, result: Calibration, record: PositionRecord | None = None, about: Mapping[str, str] | None = None
+) -> None:
+    """Write the sheet of a calibration as HTML, or as PDF where the name ends so.
+
+    Parameters
+    ----------
+    path : Path
+        .html or .pdf
+    result : Calibration
+        its own record is taken where none is given
+    record : PositionRecord, optional
+        whose comment lines and temperatures say who measured what, and when
+    about : mapping, optional
+        the same from a person, as of `read_about`
+
+    Raises
+    ------
+    InputError
+        where the file cannot be written, or the page not be printed
+    """
+    write_page(path, sheet_page(result, record or result.made_of, about or {}))
