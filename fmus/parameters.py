@@ -22,6 +22,7 @@ from .units import Unit, base_unit, number, unit_named
 
 CALIBRATION = "trihedron.calibration/2"
 FIRST_SCHEMA = "trihedron.calibration/1"
+JOINT_CALIBRATION = "trihedron.joint-calibration/1"
 MENDS = {
     "falsified": "no values fit its readings: `trihedron diagnose` says what the model lacks",
     "insufficient": "measure at its next_positions, or say by --prior what is known",
@@ -90,6 +91,26 @@ def component_parameters(targets: Mapping[str, float], gravity: float, mounting:
     }
     block = _block(targets, gravity)
     return {"TurntableMotion": table, "AccelerometerBlock": block, "AccelerometerCompensation": dict(block)}
+
+
+def of_one_record(calibration: Any, sha256: str = "") -> Any:
+    """What a calibration of several records of an instrument says of one, as a calibration; any other as it is.
+
+    It is the record whose file has that SHA-256, else the last. A ValueError for one that is not as its schema says.
+    """
+    if not isinstance(calibration, Mapping) or calibration.get("schema") != JOINT_CALIBRATION:
+        return calibration
+    try:
+        digests, labels = calibration["sha256"], calibration["records"]
+        number = digests.index(sha256) if sha256 and sha256 in digests else len(labels) - 1
+        record = labels[number]
+        own = [{**p, "symbol": p["name"]} for p in calibration["parameters"] if p["record"] in (None, record)]
+        provenance = {"record": record, "record_sha256": digests[number]}
+        return {**calibration, "schema": CALIBRATION, "provenance": provenance, "parameters": own} | (
+            calibration["of_records"][record]
+        )
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        raise ValueError(f"the calibration of several records lacks {error.args[0]!r}; calibrate again") from error
 
 
 def calibrated_block(calibration: Any) -> Parameters:
@@ -184,7 +205,8 @@ def checked_number(value: Any, what: str) -> float:
 
 
 def _consistent(calibration: Any) -> Mapping[str, Any]:
-    """The calibration, when it is a consistent one; a ValueError else."""
+    """The calibration, of several records that of the last, when it is a consistent one; a ValueError else."""
+    calibration = of_one_record(calibration)
     if not isinstance(calibration, Mapping) or calibration.get("schema") not in (CALIBRATION, FIRST_SCHEMA):
         found = calibration.get("schema") if isinstance(calibration, Mapping) else None
         raise ValueError(f"the schema is {found!r}; a calibration has '{CALIBRATION}'")

@@ -10,9 +10,9 @@ from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.joint import Joint, join
 from trihedron.tools.evidence.of_record import InRecord, plain
-from trihedron.tools.records import PositionRecord
+from trihedron.tools.records import PositionRecord, StrapdownRecord
 from trihedron.tools.trials.bench import Bench, draw_bench, draw_truth
-from trihedron.tools.trials.draw import draw_direction, largest_size
+from trihedron.tools.trials.draw import draw_clean_block, draw_direction, largest_size
 from trihedron.tools.trials.sizes import Hidden
 
 SIGMA = 1e-5
@@ -37,6 +37,24 @@ def of_one_instrument(
         hidden = [Hidden(place, values) for place, values in (*shared, *(own or {}).get(k, ()))]
         records.append(_another_day(rng, first, positions).measured(seed, k, hidden))
     return records
+
+
+def at_a_table_and_by_hand(
+    seed: int, hidden: Sequence[Sized] = (), *, changed: float = 0.0
+) -> tuple[PositionRecord, StrapdownRecord]:
+    """One block at a table, then carried by hand: effects in both; a misalignment that has changed since by so much."""
+    rng = np.random.default_rng(seed)
+    carried = replace(draw_clean_block(77, seed, "gravity").instrument, temperature=None)
+    block = dict(carried.instruments.accelerometers)
+    truth = draw_truth(rng, symmetric=True)
+    truth["AccelerometerBlock"] |= {name: value for name, value in block.items() if name != "bias"}
+    truth["TurntableMotion"]["gravity_error"] = 0.0
+    bench = replace(draw_bench(rng, (20, 20)), symmetric=True, mountings=("identity",), truth=truth)
+    acting = [Hidden(place, values) for place, values in hidden]
+    table = _another_day(rng, bench, (20, 20)).measured(seed, 0, acting)
+    block["gamma_21"] = float(str(block["gamma_21"])) + changed
+    carried = replace(carried, instruments=replace(carried.instruments, accelerometers=block))
+    return table, carried.measured(seed, 7, acting)
 
 
 def _another_day(rng: np.random.Generator, bench: Bench, positions: tuple[int, int]) -> Bench:

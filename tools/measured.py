@@ -269,13 +269,10 @@ def calibrate_together(
 
 
 def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str]) -> dict[str, Any]:
-    """Several records of one kind, by what they are called; an InputError where they are not such, or one is twice."""
+    """Several records by what they are called; an InputError for fewer than two, or for one that is given twice."""
     if len(given) < 2:
         raise InputError("several records are needed, two at least")
     runs = [records.read_record(one, *kinds, channels=channels) for one in given]
-    if len({type(run) for run in runs}) > 1:
-        said = ", ".join(f"{run.path} is a {run.word}" for run in runs)
-        raise InputError(f"{said}: records of a table and of a carried block have no parameters in common")
     if twice := next(
         (run.path for k, run in enumerate(runs) if run.sha256 and run.sha256 in [r.sha256 for r in runs[:k]]), None
     ):
@@ -284,7 +281,7 @@ def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channel
 
 
 def apply(
-    found: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
+    found: "str | Path | calibrations.Calibration | diagnosis.JointCalibration | diagnosis.Diagnosis",
     record: "records.Source",
     *,
     noise_bound: float = 0.0,
@@ -297,8 +294,9 @@ def apply(
 
     Parameters
     ----------
-    found : path, Calibration or Diagnosis
-        The result of `trihedron calibrate --json` or `trihedron diagnose --json`.
+    found : path, Calibration, JointCalibration or Diagnosis
+        The result of `trihedron calibrate --json`, of one record or of several, or `trihedron diagnose --json`. By
+        several a record among them has its own biases, another one those of the last.
     record : path, table in memory or record
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
@@ -405,6 +403,7 @@ def diagnose(
 def _asked(
     run: Any,
     *,
+    among: Mapping[str, Any] | None = None,
     noise_bound: float | None = None,
     gravity: float = 9.80665,
     baseline: str | None = None,
@@ -413,8 +412,18 @@ def _asked(
     rates: str = "instantaneous",
     reference_bound: float | None = None,
 ) -> dict[str, Any]:
-    """Options of a record's evidence, as of `diagnose`; an InputError for one that its kind does not have."""
-    if isinstance(run, records.StrapdownRecord):
+    """Options of a record's evidence, as of `diagnose`; an InputError for one that its kind does not have.
+
+    `among` are the records with which it is diagnosed: of two kinds each has the options that are its own.
+    """
+    carried = isinstance(run, records.StrapdownRecord)
+    if any(isinstance(other, records.StrapdownRecord) != carried for other in (among or {}).values()):
+        if carried:
+            noise_bound, bounds, mounting = None, (3e-3, 1e-2), "identity"
+        else:
+            rates, reference_bound = "instantaneous", None
+        baseline = baseline if (baseline in ("calibrated", "nominal")) == carried else None
+    if carried:
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
         return {"gravity": gravity, "baseline": baseline, "rates": rates, "reference_bound": reference_bound}
@@ -454,10 +463,10 @@ def diagnose_together(
     Parameters
     ----------
     first, others : path, table in memory or record
-        Records of one instrument, all of positions (or raw) or all strapdown, two at least. Files are called by their
-        names, others by their numbers.
+        Records of one instrument, of positions (or raw), strapdown, or some of both, two at least. Files are called by
+        their names, others by their numbers.
     noise_bound, gravity, baseline, bounds, mounting, channels, rates, reference_bound, effects_from, extend
-        As of `diagnose`, the same for all records.
+        As of `diagnose`, the same for all records; what has a meaning for one kind only, for those of that kind.
     shared : sequence of str
         Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
         X16; a star stands for anything; may be repeated.
@@ -481,8 +490,8 @@ def diagnose_together(
     asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
     asked |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):
-        evidence = {label: diagnosis.evidence_of(run, **_asked(run, **asked)) for label, run in named.items()}
-        diagnosis.check_asked(evidence, shared, own)
+        made = {label: diagnosis.evidence_of(run, **_asked(run, among=named, **asked)) for label, run in named.items()}
+        evidence = diagnosis.members_of(made, shared, own)
         alone = {
             label: diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
             for label, run in named.items()

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus import components
-from ...fmus.parameters import calibrated_block, calibrated_intervals, checked_number, parameter_set
+from ...fmus.parameters import (
+    JOINT_CALIBRATION,
+    calibrated_block,
+    calibrated_intervals,
+    checked_number,
+    of_one_record,
+    parameter_set,
+)
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, whole_file
 from ..records import PositionRecord, RawRecord, Source, StrapdownRecord, read_record
@@ -21,7 +28,6 @@ from ..records.rests import average_rests, find_rests
 from ..result import Result
 from ..rounding import exactly
 from .model import checked_mounting
-from .result import Calibration
 from .targets import corners
 
 if TYPE_CHECKING:
@@ -40,6 +46,7 @@ class Correction:
     `plus`, `minus` (3,) are 1 + Γ⁺ and 1 + Γ⁻ of each accelerometer, `gamma` (3, 3) is Γ below the diagonal and 0
     elsewhere, `bias` (3,) is in g. `low`, `high` (3, 3, 3, 3): what accelerometer p reads beyond its input at the input
     (i, j, k) − 1, at least and at most [g]. `mounting` (3, 3) is that of the calibration's record, None of several.
+    `of_record`: of several records that were calibrated the one whose own biases these are, where it is another one.
     """
 
     gravity: float
@@ -50,20 +57,29 @@ class Correction:
     low: NDArray
     high: NDArray
     mounting: NDArray | None = None
+    of_record: str = ""
 
 
-def read_correction(path: Path) -> Correction:
-    """The correction of a calibration's file; an InputError for one that is no consistent calibration."""
+def read_correction(path: Path, sha256: str = "") -> Correction:
+    """The correction of a calibration's file, as of `correction_of`."""
     try:
         content = json.loads(bytes_of(path, most=LARGEST_RESULT).decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON text; the file of `trihedron calibrate --json` is needed") from error
-    return correction_of(content, str(path))
+    return correction_of(content, str(path), sha256)
 
 
-def correction_of(calibration: Mapping[str, Any], where: str) -> Correction:
-    """The correction of a calibration's object; an InputError, which begins with `where`, for what gives none."""
+def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") -> Correction:
+    """The correction of a calibration's object; an InputError, which begins with `where`, for what gives none.
+
+    Of several records' calibration that of the record with this SHA-256, else of the last one.
+    """
+    record = ""
     try:
+        if isinstance(calibration, Mapping) and calibration.get("schema") == JOINT_CALIBRATION:
+            calibration = of_one_record(calibration, sha256)
+            made_of = calibration["provenance"]
+            record = made_of["record"] if made_of["record_sha256"] != sha256 or not sha256 else ""
         block: Any = calibrated_block(calibration)
         gamma = np.zeros((3, 3))
         for row, column in ((2, 1), (3, 1), (3, 2)):
@@ -74,7 +90,8 @@ def correction_of(calibration: Mapping[str, Any], where: str) -> Correction:
         low, high = _reading_errors(calibration)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
-    return Correction(block["gravity"], plus, minus, gamma, np.array(block["bias"]), low, high, _mounting(calibration))
+    bias, mounting = np.array(block["bias"]), _mounting(calibration)
+    return Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record)
 
 
 def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
@@ -267,7 +284,7 @@ class Application(Result):
 
 
 def apply_calibration(
-    calibration: str | Path | Calibration, record: Source, *, noise_bound: float = 0.0, channels: Sequence[str] = ()
+    calibration: str | Path | Result, record: Source, *, noise_bound: float = 0.0, channels: Sequence[str] = ()
 ) -> Application:
     """Correct the readings of a record by a calibration or its file; arguments and errors as of `trihedron.apply`.
 
@@ -275,11 +292,11 @@ def apply_calibration(
     """
     if not (math.isfinite(noise_bound) and 0.0 <= noise_bound <= 1e-2):
         raise InputError(f"--noise-bound {exactly(noise_bound)}: must be a fraction of g from 0 to 0.01, as 1e-5")
-    if isinstance(calibration, str | Path):
-        correction = read_correction(Path(calibration))
-    else:
-        correction = correction_of(calibration.to_json(), "calibration")
     measured = read_record(record, channels=channels)
+    if isinstance(calibration, str | Path):
+        correction = read_correction(Path(calibration), measured.sha256)
+    else:
+        correction = correction_of(calibration.to_json(), "calibration", measured.sha256)
     at, still = "positions" if isinstance(measured, PositionRecord) else "rows", measured
     if isinstance(measured, RawRecord):
         rests = find_rests(measured)
@@ -288,6 +305,7 @@ def apply_calibration(
     better = corrected(correction, measured.specific_force)
     if not np.isfinite(better).all():
         raise InputError(f"{measured.path}: the corrected readings are not finite")
+    own = f"what each record has of its own is that of {correction.of_record}, the last that was calibrated"
     gained = levelling(correction, still.specific_force / correction.gravity, noise_bound)
     before, after = gained.worst
     return Application(
@@ -299,20 +317,22 @@ def apply_calibration(
         rows=len(measured),
         levelled_at=at,
         levelling_error_rad=LevellingError(as_read=before, corrected_at_most=after),
-        warnings=list(measured.warnings),
+        warnings=[*measured.warnings, *([own] if correction.of_record else [])],
         correction=correction,
         record=replace(measured, specific_force=better),
         levelling=gained,
     )
 
 
-def write_parameter_set(result: Calibration, path: Path) -> None:
+def write_parameter_set(result: Result, path: Path) -> None:
     """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
 
-    An InputError when the calibration is not consistent, or a value is beyond what the components take.
+    Of a calibration of several records with the biases of the last. An InputError when the calibration is not
+    consistent, or a value is beyond what the components take.
     """
     try:
-        block, intervals = calibrated_block(result.to_json()), calibrated_intervals(result.to_json())
+        content = of_one_record(result.to_json())
+        block, intervals = calibrated_block(content), calibrated_intervals(content)
     except ValueError as error:
         raise InputError(f"--ssv {path}: {error}") from error
     component = components()["AccelerometerBlock"]
@@ -324,9 +344,9 @@ def write_parameter_set(result: Calibration, path: Path) -> None:
                 raise InputError(
                     f"--ssv {path}: {variable.name} = {exactly(number)} is beyond what the component takes"
                 )
-    about = "an accelerometer block"
-    if result.provenance is not None:
-        about = f"{result.provenance.record} (SHA-256 {result.provenance.sha256 or 'none'})"
-    text = f"Calibration of {about}, noise bound {exactly(result.noise_bound)} g, case (A1)"
+    about, made_of = "an accelerometer block", content.get("provenance")
+    if made_of is not None:
+        about = f"{made_of['record']} (SHA-256 {made_of['record_sha256'] or 'none'})"
+    text = f"Calibration of {about}, noise bound {exactly(content['noise_bound'])} g, case (A1)"
     with whole_file(path) as beside:
         beside.write_bytes(parameter_set(component, block, text, intervals))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
-from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, target_estimates
+from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, JOINT_CALIBRATION, of_one_record, target_estimates
 from ...fmus.units import STANDARD_GRAVITY
 from ..calibration import Calibration
 from ..calibration.correction import correction_of
@@ -20,7 +20,6 @@ from ..calibration.model import Positions, checked_mounting, parametrise
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
 from ..diagnosis import Diagnosis, JointCalibration, Several
-from ..diagnosis.calibrated import JOINT
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..diagnosis.several import SEVERAL
 from ..errors import InputError, nearest
@@ -52,14 +51,14 @@ SCHEMAS = {
     FIRST_DIAGNOSIS: "diagnosis",
     "trihedron.plan/1": "plan",
     SEVERAL: "diagnosis of several records",
-    JOINT: "calibration of several records",
+    JOINT_CALIBRATION: "calibration of several records",
     INSTRUMENT: "entry of an instrument's folder",
 }
 MODELS = {
     "calibration": Calibration,
     "diagnosis": Diagnosis,
     SCHEMAS[SEVERAL]: Several,
-    SCHEMAS[JOINT]: JointCalibration,
+    SCHEMAS[JOINT_CALIBRATION]: JointCalibration,
     SCHEMAS[INSTRUMENT]: Entry,
 }
 ALIGNED = np.eye(3)
@@ -256,7 +255,7 @@ def _check_json(found: Findings, text: str) -> None:
                 close = get_close_matches(str(where[-1]), [k for k in beside if k not in known], n=1)
                 meant = f" (is '{close[0]}' meant?)" if close else ""
             found.add(said + meant, where)
-    if kind == "calibration" and not found.problems:
+    if kind in ("calibration", SCHEMAS[JOINT_CALIBRATION]) and not found.problems:
         _check_calibration(content, found)
     if not found.problems:
         found.summary = (_summary_of(kind, content),)
@@ -276,13 +275,13 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
 def _check_calibration(content: dict[str, Any], found: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
     try:
-        if content["verdict"] == "consistent" and "reading_errors" in content:
+        if content["verdict"] == "consistent" and ("reading_errors" in content or "of_records" in content):
             correction_of(content, "calibration")
         else:
-            target_estimates(content)
+            target_estimates(of_one_record(content))
     except (InputError, ValueError) as error:
         said = str(error).removeprefix("calibration: ")
-        named = (k for k, entry in enumerate(content["parameters"]) if said.startswith(f"{entry['symbol']}:"))
+        named = (k for k, entry in enumerate(content["parameters"]) if said.startswith(f"{entry.get('symbol')}:"))
         found.add(said, ("parameters", *list(named)[:1]))
     except KeyError as error:
         found.add(f"parameters: lack {error.args[0]!r}", ("parameters",))
@@ -296,7 +295,7 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
         return f"{content['verdict']}{f': {causes}' if causes else ''}"
     if kind == SCHEMAS[INSTRUMENT]:
         return f"{content['date']}: {content['kind']}, {content['verdict']}"
-    if kind == SCHEMAS[JOINT]:
+    if kind == SCHEMAS[JOINT_CALIBRATION]:
         return f"{len(content['records'])} records, {content['verdict']}"
     if kind == SCHEMAS[SEVERAL]:
         causes = "; ".join(cause["title"] for cause in content["causes"])

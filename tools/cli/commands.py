@@ -156,7 +156,8 @@ def calibrate(
     rates
         What a rate in a bench record means.
     ssv
-        Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file.
+        Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file; of several records with the biases
+        of the last.
     strapdown
         Of a bench record: write gyros and accelerometers with the true attitude by the calibrated table (CSV).
     about
@@ -174,7 +175,6 @@ def calibrate(
             "--gyro-noise": gyro_noise,
             "--encoder-bound": encoder_bound,
             "--rates": None if rates == "instantaneous" else rates,
-            "--ssv": ssv,
             "--strapdown": strapdown,
             "--sheet": sheet,
             **{f"--{name.rstrip('s')}": options.pop(name, ()) for name in OF_ONE},
@@ -186,6 +186,8 @@ def calibrate(
         joint = measured.calibrate_together(record, *others, **asked, **options)
         if report is not None:
             reports.write_report(report, joint)
+        if ssv is not None:
+            calibrations.write_parameter_set(joint, ssv)
         return answer(joint, json)
     if about is not None and sheet is None:
         raise InputError(f"--about {about}: is for a sheet; give --sheet, too")

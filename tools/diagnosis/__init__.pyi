@@ -9,6 +9,6 @@ from .procedure import diagnose as diagnose
 from .procedure import evidence_of as evidence_of
 from .result import Diagnosis as Diagnosis
 from .several import Several as Several
-from .several import check_asked as check_asked
 from .several import diagnosed_together as diagnosed_together
 from .several import labels_of as labels_of
+from .several import members_of as members_of

@@ -3,16 +3,25 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field
 
-from ..evidence.evidence import Evidence
+from ...fmus.parameters import JOINT_CALIBRATION
+from ..calibration.result import ReadingError
+from ..calibration.targets import corners, error_weights
 from ..evidence.joint import join
-from ..result import Told, finite_or_none
+from ..result import Result, Told, finite_or_none
 from .cause import Number, SizedParameter
 from .procedure import centred
-from .several import check_asked
+from .several import members_of
 
-JOINT = "trihedron.joint-calibration/1"
+
+class OfRecord(Result):
+    """What is told of one record: its σ, its mountings, and what its accelerometers may be off by at the corners."""
+
+    noise_bound: Number
+    mountings: dict[str, list[list[Number]]]
+    reading_errors: list[ReadingError] = Field(default=[])
 
 
 class JointParameter(SizedParameter):
@@ -30,29 +39,38 @@ class JointCalibration(Told):
 
     `verdict`: "consistent"; "falsified": no such values do for all, which `trihedron diagnose` of them explains;
     "insufficient": what `missing` names stays open. `radius` is the least largest error over its bound; estimates are
-    one possible point, none where the records are falsified.
+    one possible point, none where the records are falsified. `of_records` has by label what is of each.
     """
 
-    schema_: Literal["trihedron.joint-calibration/1"] = Field(default=JOINT, alias="schema")
+    schema_: Literal["trihedron.joint-calibration/1"] = Field(default=JOINT_CALIBRATION, alias="schema")
     verdict: Literal["consistent", "falsified", "insufficient"]
     records: tuple[str, ...]
     sha256: tuple[str, ...]
     radius: Number
+    gravity: Number = Field(alias="gravity_mps2")
+    convention: Literal["A1"] = "A1"
+    baseline: Literal["asymmetric", "symmetric"]
+    of_records: Mapping[str, OfRecord]
     parameters: tuple[JointParameter, ...] = ()
     missing: tuple[str, ...] = ()
 
 
 def calibrated_together(
-    members: Mapping[str, Evidence],
+    members: Mapping[str, Any],
     *,
     shared: Sequence[str] = (),
     own: Sequence[str] = (),
     sha256: Sequence[str] = (),
 ) -> JointCalibration:
-    """The calibration of records, by their labels; `shared`, `own` as for `join`, InputErrors as for `check_asked`."""
-    check_asked(members, shared, own)
-    joint = join(members, shared, own)
+    """The calibration of a table's records, by the labels of their evidence; `shared`, `own` as for `join`, InputErrors as for `members_of`."""
+    joint = join(members_of(members, shared, own), shared, own)
+    first = next(iter(members.values())).calibration
+    of_records = {
+        label: OfRecord(noise_bound=one.calibration.noise_bound, mountings=one.calibration.mountings)
+        for label, one in members.items()
+    }
     told: dict[str, Any] = {"records": tuple(members), "sha256": tuple(sha256), "radius": joint.baseline_radius}
+    told |= {"gravity_mps2": first.gravity, "baseline": first.baseline, "of_records": of_records}
     if joint.falsified:
         return JointCalibration(verdict="falsified", **told)
     fit, missing = centred(joint, joint.baseline), joint.missing().get("missing", ())
@@ -65,5 +83,19 @@ def calibrated_together(
         stated = None if None in ends.values() else value
         found.append(JointParameter(name=symbol, unit=unit, record=record or None, estimate=stated, **ends))
     found.sort(key=lambda one: one.record is not None)
+    if not missing:
+        possible = fit.possible(joint.room(fit), None, joint.most_rows).among(np.arange(len(fit.central)))
+        for (label, one), chosen in zip(members.items(), joint.chosen, strict=True):
+            weights = error_weights(one.here.parametrisation) @ chosen
+            errors = [
+                ReadingError(
+                    accelerometer=p,
+                    input=list(n),
+                    low=w @ fit.central - possible(-w),
+                    high=w @ fit.central + possible(w),
+                )
+                for (p, n), w in zip(corners(), weights, strict=True)
+            ]
+            of_records[label] = of_records[label].model_copy(update={"reading_errors": errors})
     verdict = "insufficient" if missing else "consistent"
     return JointCalibration(verdict=verdict, parameters=tuple(found), missing=missing, **told)

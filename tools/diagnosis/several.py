@@ -15,7 +15,17 @@ from ..errors import InputError, nearest
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..evidence.joint import Joint, join
-from ..evidence.of_record import Differs, InRecord, Mended, in_record, is_asked, is_of_instrument, names_of, plain
+from ..evidence.of_record import (
+    Differs,
+    InRecord,
+    Mended,
+    in_record,
+    is_asked,
+    is_of_instrument,
+    named_alike,
+    names_of,
+    plain,
+)
 from ..result import Result, Told, finite_or_none
 from .cause import Finding, NamedEffect, Number, SizedParameter
 from .cross_gain import CrossGain, Helps, cross_gains
@@ -144,8 +154,14 @@ def labels_of(paths: Sequence[Path]) -> list[str]:
     return [f"{name}-{k}" if names.count(name) > 1 else name for k, name in enumerate(names, start=1)]
 
 
-def check_asked(members: Mapping[str, Evidence], shared: Sequence[str], own: Sequence[str]) -> None:
-    """Refuse a name that no record's parameter has, or a parameter that is asked to be both shared and own."""
+def members_of(
+    evidence: Mapping[str, Evidence], shared: Sequence[str] = (), own: Sequence[str] = ()
+) -> dict[str, Evidence]:
+    """Evidence of records that can be joined, as `named_alike` has it.
+
+    An InputError for a name that no record's parameter has, or a parameter that is asked to be both shared and own.
+    """
+    members = named_alike(evidence)
     known = dict.fromkeys(one for member in members.values() for name, _ in member.names for one in names_of(name))
     for asked in (*shared, *own):
         if not any(fnmatchcase(one, asked) for one in known):
@@ -154,6 +170,7 @@ def check_asked(members: Mapping[str, Evidence], shared: Sequence[str], own: Seq
     every = dict.fromkeys(name for member in members.values() for name, _ in member.names)
     if both := [name for name in every if is_asked(name, shared) and is_asked(name, own)]:
         raise InputError(f"--shared and --own: {both[0]} cannot be both")
+    return members
 
 
 def diagnosed_together(
@@ -216,17 +233,18 @@ def _joined(
         if len(members) < 2:
             return None
         joint, before = join(members, shared, own), len(members)
-        for label, known in zip(joint.labels, joint.searched, strict=True):
+        for k, label in enumerate(joint.labels):
             findings = (*alone[label].findings, *alone[label].unshown)
-            if findings and all(_unsought(finding.fit, known) for finding in findings):
+            if findings and all(_unsought(finding.fit, joint, k) for finding in findings):
                 reasons[label] = _not_sought(findings[0].title)
         if before == sum(reason is None for reason in reasons.values()):
             return joint
 
 
-def _unsought(fit: Fit, known: Sequence[EffectPlace]) -> bool:
-    """Whether a set has an effect that is not sought in several records together."""
-    return any(place not in known and place.effect != "outlier" for place in fit.places)
+def _unsought(fit: Fit, joint: Joint, k: int) -> bool:
+    """Whether a set that mends a record has an effect that is not sought in several records together."""
+    known = {*joint.searched[k], *(place for place in fit.places if place.effect == "outlier" and joint.seeks_outliers)}
+    return not known.issuperset(fit.places)
 
 
 def _judged(
@@ -302,13 +320,13 @@ def _with_unsought(
     """
     found, untried = [], []
     members = dict(zip(joint.labels, joint.members, strict=True))
-    for label, known in zip(joint.labels, joint.searched, strict=True):
+    for k, label in enumerate(joint.labels):
         every = alone[label].findings
         if not members[label].falsified:
             others = join({other: member for other, member in members.items() if other != label}, *asked)
             if _beside(others, size - 1) is not None:
                 untried.append(label)
-        tried = [f for f in every if _unsought(f.fit, known) and len(f.fit.places) <= size]
+        tried = [f for f in every if _unsought(f.fit, joint, k) and len(f.fit.places) <= size]
         # What contains a set that stands there can always stand, too.
         tried = [f for f in tried if not any(f.contains(other) for other in every)]
         for finding in tried[:MOST_TRIED]:
@@ -372,9 +390,9 @@ def _cautions(alone: Mapping[str, Diagnosis], joint: Joint, best: Finding) -> tu
         cause.place for label in joint.labels if alone[label].verdict == "explained" for cause in alone[label].causes
     }
     said = []
-    for label in joint.labels:
+    for k, label in enumerate(joint.labels):
         result = alone[label]
-        acting = [p for p in best.fit.places if not isinstance(p, InRecord) or p.record == label]
+        acting = [place for place in best.fit.places if joint.acts(k, place)]
         alike = [{place, *joint.classes.equivalents(place)} for place in acting]
         unsure = [places for places in alike if not places & sure]
         if unsure and result.verdict == "ambiguous" and not result.alternatives and result.complete is not False:

@@ -52,10 +52,11 @@ def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
     names: dict[str, tuple[str, str]] = {}
     columns: list[list[str]] = []
     common: dict[str, None] = {}
+    every = [name for member in members.values() for name, _ in member.names]
     for label, member in members.items():
         columns.append([])
         for name, unit in member.names:
-            instrument = is_of_instrument(name, shared, own)
+            instrument = every.count(name) > 1 and is_of_instrument(name, shared, own)
             mine = name if instrument else f"{name} in {label}"
             common |= {name: None} if instrument else {}
             names[mine] = (mine, unit)
@@ -130,7 +131,14 @@ class Joint(Evidence):
     @cached_property
     def every_place(self) -> tuple[EffectPlace, ...]:
         """Effects in all records, in each alone, and shared parameters that differ in one."""
-        common = [place for place in self.searched[0] if all(place in places for places in self.searched[1:])]
+        # What a record has no readings of, as a table has none of gyros, acts in the others all the same.
+        has = [{place.definition.component for place in member.linear_places} for member in self.members]
+        common = [
+            place
+            for place in dict.fromkeys(place for places in self.searched for place in places)
+            if len(those := [k for k, own in enumerate(has) if place.definition.component in own]) > 1
+            and all(place in self.searched[k] for k in those)
+        ]
         alone = [in_record(p, label) for label, own in zip(self.labels, self.searched, strict=True) for p in own]
         units = dict(self.names)
         apart = [
@@ -166,8 +174,8 @@ class Joint(Evidence):
         found = [np.zeros((self.starts[-1], 0))]
         for place in places:
             columns = np.zeros((self.starts[-1], width_of([place])))
-            for k, label in enumerate(self.labels):
-                if isinstance(place, InRecord) and place.record != label:
+            for k in range(len(self.members)):
+                if not self.acts(k, place):
                     continue
                 rows, (blocks, own) = slice(self.starts[k], self.starts[k + 1]), self._here[k]
                 if isinstance(place, Differs):
@@ -178,6 +186,10 @@ class Joint(Evidence):
                     columns[rows] = self.at([place], self.point)[1][rows, len(self.point) :]
             found.append(columns)
         return np.hstack(found)
+
+    def acts(self, k: int, place: EffectPlace) -> bool:
+        """Whether an effect acts in a record, by its number."""
+        return place.record == self.labels[k] if isinstance(place, InRecord) else place in self.searched[k]
 
     def _number(self, k: int, name: str) -> int:
         """The number of a parameter among those of a record."""
@@ -194,11 +206,11 @@ class Joint(Evidence):
         total = width_of(places)
         c = np.zeros(total) if coefficients is None else coefficients
         found: list[tuple[NDArray, NDArray, NDArray]] = []
-        for k, (member, chosen, label) in enumerate(zip(self.members, self.chosen, self.labels, strict=True)):
+        for k, (member, chosen) in enumerate(zip(self.members, self.chosen, strict=True)):
             mine = [
                 (place, np.arange(block.start, block.stop))
                 for place, block in zip(places, blocks, strict=True)
-                if not isinstance(place, InRecord) or place.record == label
+                if self.acts(k, place)
             ]
             apart = [(self._number(k, place.where), own) for place, own in mine if isinstance(place, Differs)]
             effects = [(plain(place), own) for place, own in mine if not isinstance(place, Differs)]
@@ -232,7 +244,12 @@ class Joint(Evidence):
 
     def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
         """Intervals widened by what readings cannot tell."""
-        return tuple(ends) if isinstance(place, Differs) else self.members[0].told(plain(place), ends)
+        if isinstance(place, Differs):
+            return tuple(ends)
+        told = (member.told(plain(place), ends) for k, member in enumerate(self.members) if self.acts(k, place))
+        return tuple(
+            (min(low), max(high)) for low, high in (zip(*same, strict=True) for same in zip(*told, strict=True))
+        )
 
     def named(self, place: EffectPlace) -> EffectPlace:
         """An effect as its record names it: an outlier with the record's own number."""
@@ -322,13 +339,18 @@ class Joint(Evidence):
         second = max(member.second_order_at(radius) for member in self.members)
         return min(MOST_SLACK, LEAST_SLACK + second + OPEN * radius)
 
+    @property
+    def seeks_outliers(self) -> bool:
+        """Whether readings that are off are sought: in records of which every row is a reading."""
+        return all(member.outlier_at(0) is not None for member in self.members)
+
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
     ) -> Iterator[tuple[EffectPlace, ...]]:
         """Sets of so many effects, outliers among them where records have such, that no bound refuses."""
         places = self.classes.places if among is None else among
         problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
-        outliers = MOST_OUTLIERS if all(m.outlier_at(0) is not None for m in self.members) else 0
+        outliers = MOST_OUTLIERS if self.seeks_outliers else 0
         for chosen in sets_of_size(problem, size, self.limit - 1.0 + self.slack, outliers, work):
             yield (*(places[i] for i in chosen.effects), *(self._outlier(row) for row in chosen.outliers))
 
@@ -367,9 +389,8 @@ class Joint(Evidence):
 
     def alone_with(self, k: int, places: Sequence[EffectPlace]) -> Fit:
         """One record by itself with those of some effects that act in it."""
-        label, member = self.labels[k], self.members[k]
-        mine = (p for p in places if not isinstance(p, InRecord) or p.record == label)
-        return member.refit([plain(place) for place in mine if not isinstance(place, Differs)])
+        mine = (place for place in places if self.acts(k, place) and not isinstance(place, Differs))
+        return self.members[k].refit([plain(place) for place in mine])
 
     def head(self) -> Mapping[str, Any]:
         """The model whose shared parameters have one value."""

@@ -1,13 +1,14 @@
 """Effects and parameters of one record among several of an instrument, and a record about what mends it by itself."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench import SYMMETRIC_PAIRS
 from ...models.effects import EffectPlace
 from ...models.effects.definition import Effect, EffectParameter
 from ..calibration.targets import NAMES
@@ -22,6 +23,16 @@ OF_INSTRUMENT = (
 )
 """Parameters that are the instrument's by default: scale factors and misalignments. Biases are the day's, mounting and
 angles of the table each record's own. A star stands for anything."""
+AT_A_TABLE = {
+    "accelerometer gamma_11": "X4",
+    "accelerometer gamma_22": "X9",
+    "accelerometer gamma_33": "X14",
+    "accelerometer gamma_21": "X6+X8",
+    "accelerometer gamma_31": "X7+X12",
+    "accelerometer gamma_32": "X11+X13",
+    **{f"accelerometer bias_{p}": f"X{15 + p}" for p in (1, 2, 3)},
+}
+"""Parameters of accelerometers that are carried -> what the same is called where a table turns them."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +138,24 @@ class Mended(Evidence):
 def width_of(places: Sequence[EffectPlace]) -> int:
     """How many coefficients some effects have."""
     return sum(coefficient_count(place) for place in places)
+
+
+def named_alike(members: Mapping[str, Evidence]) -> dict[str, Evidence]:
+    """Records of which accelerometers that are carried have a table's names, where one of the records is a table's.
+
+    A scale factor has it only where the table's does not depend on the sign, for then alone it is the same.
+    """
+    known = dict(pair for member in members.values() for pair in member.names)
+    signed = {plus for plus, minus in SYMMETRIC_PAIRS if minus in known}
+
+    def named(name: str, unit: str) -> tuple[str, str]:
+        other = AT_A_TABLE.get(name, name)
+        return (other, known[other]) if other in known and other not in signed else (name, unit)
+
+    return {
+        label: replace(member, names=tuple(named(*one) for one in member.names)) if member.names else member
+        for label, member in members.items()
+    }
 
 
 def is_of_instrument(name: str, shared: Sequence[str] = (), own: Sequence[str] = ()) -> bool:

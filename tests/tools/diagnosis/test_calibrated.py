@@ -11,6 +11,7 @@ import trihedron as th
 from instrument_records import of_one_instrument
 from simulated_bench import random_bench, simulated
 from trihedron import calibrate_together
+from trihedron.tools.calibration.correction import Application
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import JointCalibration
@@ -62,12 +63,45 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
     for wrong, why in (
         (["--target", "X4-X5"], "--target: is of one record; give one"),
         (["--convention", "A2"], "--convention A2: is of one record"),
-        (["--ssv", str(tmp_path / "c.ssv")], "--ssv: is of one record"),
+        (["--strapdown", str(tmp_path / "d.csv")], "--strapdown: is of one record"),
         (["--own", "X99"], "--own X99: no parameter of these records"),
     ):
         capsys.readouterr()
         assert main(["calibrate", *files, "--noise-bound", "1e-5", *wrong]) == 2
         assert why in capsys.readouterr().err
+
+
+def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, capsys):
+    """A record among them has its own biases, another one those of the last; what it promises is the tighter."""
+    *records, other = of_one_instrument(21, 3, positions=(20, 20))
+    found = calibrate_together(*records, noise_bound=SIGMA)
+    for number, record in enumerate(records, start=1):
+        alone = th.calibrate(record, noise_bound=SIGMA).reading_errors
+        for one, mine in zip(alone, found.of_records[f"record-{number}"].reading_errors, strict=True):
+            assert (one.accelerometer, one.input) == (mine.accelerometer, mine.input)
+            low, least, most, high = np.array([one.low, mine.low, mine.high, one.high], dtype=float)
+            assert low - 1e-9 <= least < most <= high + 1e-9
+    names = [tmp_path / f"{name}.csv" for name in ("a", "b", "other")]
+    for name, record in zip(names, (*records, other), strict=True):
+        write_record(record, name)
+    out, ssv = tmp_path / "together.json", tmp_path / "block.ssv"
+    first, second, third = map(str, names)
+    assert main(["calibrate", first, second, "--noise-bound", "1e-5", "--json", str(out), "--ssv", str(ssv)]) == 0
+    bias = {p.record: p.estimate for p in found.parameters if p.name == "X16"}
+    written = re.search(r'name="bias\[1\]">\s*<ssv:Real value="([^"]+)"', ssv.read_text(encoding="utf-8"))
+    assert written is not None
+    assert float(written[1]) == pytest.approx(bias["record-2"], abs=1e-9)
+    for file, of in ((first, "record-1"), (second, "record-2"), (third, "record-2")):
+        applied = th.apply(out, file)
+        assert isinstance(applied, Application)
+        assert applied.bias_g[0] == pytest.approx(bias[of], abs=1e-9)
+        assert any("of its own is that of b, the last" in text for text in applied.warnings) == (file == third)
+    data = json.loads(out.read_text(encoding="utf-8"))
+    del data["of_records"]
+    out.write_text(json.dumps(data), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["apply", str(out), first]) == 2
+    assert "lacks 'of_records'; calibrate again" in capsys.readouterr().err
 
 
 def test_what_the_records_leave_open_has_no_estimate():

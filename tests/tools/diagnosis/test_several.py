@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from instrument_records import of_one_instrument
+from instrument_records import at_a_table_and_by_hand, of_one_instrument
 from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
+from trihedron.tools import measured
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import procedure, several
@@ -253,3 +254,28 @@ def test_what_the_true_attitude_errs_by_is_stated_for_all_records(monkeypatch):
 def test_a_bound_of_the_true_attitude_is_refused_of_records_of_a_table():
     with pytest.raises(InputError, match="reference_bound 1: is of a strapdown record"):
         th.diagnose_together(*of_one_instrument(21, 2, positions=(20, 20)), reference_bound=1.0)
+
+
+@pytest.mark.acceptance
+def test_records_of_a_table_and_by_hand_are_judged_together():
+    """By hand alone the term of the second accelerometer is ambiguous; with the table it is the instrument's."""
+    result = th.diagnose_together(
+        *at_a_table_and_by_hand(3, [(QUADRATIC, (2e-3,))]), noise_bound=SIGMA, baseline="symmetric"
+    )
+    assert [one.diagnosis.verdict for one in result.records] == ["explained", "ambiguous"]
+    assert result.verdict == "explained"
+    assert [(cause.title, cause.of) for cause in result.causes] == [(QUADRATIC.title, "instrument")]
+    assert {gain.unit for gain in result.gains} == {"g", "arcmin"}
+
+
+def test_options_of_one_kind_are_for_records_of_that_kind_and_refused_where_there_are_none():
+    table, hand = of_one_instrument(21, 1, positions=(20, 20))[0], draw_clean_block(77, 0, "gravity").instrument
+    named = {"table": table, "hand": replace(hand, temperature=None).measured(7, 0)}
+    asked = {"noise_bound": SIGMA, "baseline": "symmetric", "rates": "averaged"}
+    of_each = {label: measured._asked(run, among=named, **asked) for label, run in named.items()}
+    assert of_each["table"]["noise_bound"] == SIGMA
+    assert of_each["table"]["baseline"] == "symmetric"
+    assert "noise_bound" not in of_each["hand"]
+    assert (of_each["hand"]["baseline"], of_each["hand"]["rates"]) == (None, "averaged")
+    with pytest.raises(InputError, match="rates averaged: is of a strapdown record"):
+        measured._asked(table, among={"table": table}, **asked)

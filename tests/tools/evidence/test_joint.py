@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from instrument_records import of_one_instrument
+from instrument_records import at_a_table_and_by_hand, of_one_instrument
 from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis import check_asked
+from trihedron.tools.diagnosis import members_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried_record import carried_evidence
@@ -107,11 +107,11 @@ def test_a_shared_parameter_that_differs_in_one_record_is_found_by_how_much_it_d
 
 def test_names_that_no_record_has_and_that_cannot_be_both_are_refused(halves):
     with pytest.raises(InputError, match=r"^--shared X44: no parameter of these records; "):
-        check_asked(halves, ["X44"], [])
+        members_of(halves, ["X44"], [])
     with pytest.raises(InputError, match=r"^--own bais-1: no parameter of these records; .*bias-1"):
-        check_asked(halves, [], ["bais-1"])
+        members_of(halves, [], ["bais-1"])
     with pytest.raises(InputError, match=r"^--shared and --own: X16 cannot be both"):
-        check_asked(halves, ["bias-*"], ["X16"])
+        members_of(halves, ["bias-*"], ["X16"])
 
 
 @pytest.fixture(scope="module")
@@ -149,3 +149,29 @@ def test_what_was_found_in_one_strapdown_record_helps_on_the_other_by_the_fmus(c
     before, after = (rms_size(second.applied(effects)) for effects in ({}, estimate))
     assert before == pytest.approx(rms_size(second.parts[second.quoted].error), rel=0.05)
     assert after < 0.3 * before
+
+
+@pytest.mark.parametrize("baseline", ["symmetric", "asymmetric"])
+def test_a_table_and_a_hand_tell_the_same_accelerometers(baseline):
+    """Misalignments are the same whoever turns the block, scale factors where the table's know no sign.
+
+    A changed one is told to differ; gyros, which the table has not, are the strapdown record's own.
+    """
+    table, hand = at_a_table_and_by_hand(3, changed=2e-2)
+    evidence = {
+        "table": bench_evidence(table, noise_bound=SIGMA, baseline=baseline),
+        "hand": carried_evidence(hand),
+    }
+    joint = join(members_of(evidence))
+    scale = {"X4", "X9", "X14"} if baseline == "symmetric" else set()
+    assert set(joint.shared) == {"X6+X8", "X7+X12", "X11+X13"} | scale
+    assert "gyro gamma_11 in hand" in dict(joint.names)
+    assert joint.falsified
+    fit = joint.refit([Differs("parameter", "X6+X8", record="hand", unit="rad")])
+    assert fit.radius < 1.0
+    ((low, high),) = fit.intervals()[0]
+    assert low < 2e-2 < high
+    # Effects of accelerometers act in both, those of gyros and of the table in one.
+    common = {place.definition.component for place in joint.every_place if type(place) is EffectPlace}
+    assert common == {"AccelerometerBlock"}
+    assert join(members_of(evidence, own=["X6+X8"]), own=["X6+X8"]).baseline.radius < 1.0
