@@ -167,6 +167,8 @@ def calibrate(
     written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report, "--sheet": sheet}
     written |= {"--about": about}
     distinct_files({**(named or {"the record": record}), **written})
+    if about is not None and sheet is None:
+        raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
     asked = _of_several(options, several=bool(others))
     if others:
         of_one = {
@@ -189,8 +191,6 @@ def calibrate(
         if ssv is not None:
             calibrations.write_parameter_set(joint, ssv)
         return answer(joint, json)
-    if about is not None and sheet is None:
-        raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
     known = {} if about is None else reports.read_about(about)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
