@@ -62,7 +62,10 @@ def calibrated_together(
     own: Sequence[str] = (),
     sha256: Sequence[str] = (),
 ) -> JointCalibration:
-    """The calibration of a table's records, by the labels of their evidence; `shared`, `own` as for `join`, InputErrors as for `members_of`."""
+    """The calibration of a table's records, by the labels of their evidence.
+
+    `shared`, `own` are as for `join`, InputErrors as for `members_of`.
+    """
     joint = join(members_of(members, shared, own), shared, own)
     first = next(iter(members.values())).calibration
     of_records = {
