@@ -34,6 +34,8 @@ def read_about(path: Path) -> dict[str, str]:
         content = tomllib.loads(bytes_of(path, label=label, most=LARGEST_TEXT).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{label}: is not TOML: {error}") from error
+    if not content:
+        raise InputError(f'{label}: says nothing; write serial_number = "...", operator, bench, date, temperature')
     known = [key for keys in HEAD.values() for key in keys]
     for key, value in content.items():
         if key.casefold() not in known:
