@@ -92,14 +92,18 @@ def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.
 def settled(hours: NDArray[np.float64], ends: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
     """1 − e^(−t/τ) (N, C + 1) at the ends of cells, and by how much (N, C) means of two ends may err within a cell."""
     x = hours[:, None] / ends
-    values = 1.0 - np.exp(-x)
+    return 1.0 - np.exp(-x), most_bent(x) * np.log(ends[1:] / ends[:-1]) ** 2 / 8.0
+
+
+def most_bent(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The largest second derivatives (N, C) of e^(−x) by log x, each between two neighbours of falling x (N, C + 1)."""
     by_log = np.abs(x * x - x) * np.exp(-x)
     largest = np.maximum(by_log[:, :-1], by_log[:, 1:])
     # Where it has its two extremes.
     for peak in (0.5 * (3.0 - 5.0**0.5), 0.5 * (3.0 + 5.0**0.5)):
         inside = (x[:, 1:] <= peak) & (x[:, :-1] >= peak)
         largest = np.where(inside, abs(peak * peak - peak) * np.exp(-peak), largest)
-    return values, largest * np.log(ends[1:] / ends[:-1]) ** 2 / 8.0
+    return largest
 
 
 def lagged(

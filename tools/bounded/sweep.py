@@ -4,11 +4,14 @@ An effect that sets in after a row has other columns for each row. The union of 
 asked for a direction: of few values a programme is solved, and its duals are moved to all other values at once. What
 they prove there is proven whatever their source: how far the direction goes at most, or that nothing is possible. The
 value of which least is proven is next, until nothing can go farther.
+
+Where the number is continuous each of some values stands for all up to the middles between it and its neighbours:
+bounds that grow by as much as columns differ there, times the largest size that they can have, hold for all of these.
 """
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +26,8 @@ SAME = 1e-9
 """Of two that differ by less, relatively, neither goes farther."""
 SET_FREE = 6
 """At most so many columns that move are set free where a set is only to be held."""
+AT_ONCE = 500
+"""Values at a time: the memory does not grow with their number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,11 @@ class Rows:
         """Sizes (n,) of the columns, of the value in the middle for those that move."""
         found = np.abs(self.matrix(len(self.ways) // 2)).max(axis=0, initial=0.0)
         return np.where(found > 0.0, found, 1.0)
+
+    def chosen(self, index: NDArray | slice) -> "Rows":
+        """Some of the rows."""
+        given = {name: getattr(self, name)[index] for name in ("fixed", "moving", "residual", "bound")}
+        return replace(self, **given)
 
     def moved(self, duals: NDArray, way: int, direction: NDArray, *, weighted: bool) -> tuple[NDArray, NDArray]:
         """Numbers (u,) of the rows of duals (M,) of one value, and duals (R, u) of all that add up to a direction (n,).
@@ -81,6 +91,34 @@ class Rows:
             missed[:, self.own] -= np.einsum("rt,rtk->rk", found @ moving, apart) / self.scale[self.own]
         found[~(np.abs(missed).max(axis=1) <= EXACT * np.abs(found).sum(axis=1))] = np.nan
         return used, found
+
+
+def apart(rows: Rows, error: NDArray) -> NDArray[np.float64]:
+    """How far (M, k) the columns of a value may be from those of the nearest of `rows`, where the number is continuous.
+
+    `error` (M, k): by how much they may miss the straight line between the two next to it.
+    """
+    found, steps = np.zeros(error.shape), np.diff(rows.ways, axis=0)
+    for first in range(0, len(steps), AT_ONCE):
+        each = np.abs(np.tensordot(rows.moving, steps[first : first + AT_ONCE], axes=(1, 1)))
+        found = np.maximum(found, each.max(axis=1))
+    return 0.5 * found + error
+
+
+def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> NDArray[np.float64]:
+    """The largest sizes (k,) of the coefficients of columns that move, at any value of a continuous number.
+
+    `far` (M, k) as of `apart`; larger than `largest` (k,) none is. What is possible with residuals is within what is
+    possible without them and with bounds larger by these, a convex set X about zero. Coefficients x in X at a value
+    between, shrunk until none is beyond twice what X has at those of `rows`, are in X at the nearest of these, but for
+    a part η of the bounds: so none is beyond 1 + η times that.
+    """
+    bound = limit * rows.bound + np.abs(rows.residual)
+    without = Swept(replace(rows, residual=np.zeros_like(bound), bound=bound), 1.0, np.zeros(rows.fixed.shape[1]))
+    without.tried(len(rows.ways) // 2)
+    most = np.array([without.reach(unit) for unit in np.eye(without.count)[rows.own]])
+    part = float((far @ np.minimum(2.0 * most, largest) / bound).max(initial=0.0))
+    return np.minimum((1.0 + part) * most, largest) if part < 1.0 else largest
 
 
 def _solved(matrices: NDArray, rows: NDArray) -> NDArray[np.float64]:
@@ -183,7 +221,7 @@ class Swept(Steps):
                 self._prove(most, duals, way, weights)
             most[self.refused] = -math.inf
             way = int(most.argmax())
-            if most[way] - farthest <= SAME * abs(farthest - shift):
+            if math.isfinite(farthest) and most[way] - farthest <= SAME * abs(farthest - shift):
                 break
         return farthest - shift
 

@@ -13,14 +13,14 @@ from ...models.effects import EffectPlace
 from ...models.effects.definition import all_coefficients
 from ...models.effects.last_stage import variant
 from ..bounded.sets import Work
-from ..bounded.sweep import Rows, Swept
+from ..bounded.sweep import Rows, Swept, apart, largest_sizes
 from ..motion.carry import GyroModel, Motion
 from ..motion.inspect import Inspection
 from ..motion.norm import inputs_of
 from .carried_pairs import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over
 from .fit import Fit, coefficient_count, coefficient_limits
-from .onsets import ROUNDS, STRETCHES, Acting, Fading, Onsets, refused
+from .onsets import ROUNDS, STRETCHES, WEIGHED, Acting, Fading, Onsets, held, refused
 from .pairs import Pair
 from .references import Gravity, Truth, force_columns, has_truth
 
@@ -31,7 +31,12 @@ MOST_TRIED = 12
 """After so many rows of a stretch that stands its least radius is no longer sought."""
 MOST_WITH_ONSET = 1
 """Sets of more effects have none that sets in at a time: each such pair costs tens of programmes."""
-Standing = tuple[tuple[int, int], list[tuple[Fit, int]], list[Swept]]
+FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
+"""Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
+not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""
+LEFT_AWAY = 1e-3
+"""A few columns hold those of a stretch of time constants where the largest size does so much of a bound otherwise."""
+Standing = tuple[tuple[float, float], list[tuple[Fit, float]], list[Swept]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,12 +148,12 @@ class CarriedRun(CarriedRecord):
         return {place: self.onsets.acting(place) for place in self.starting}
 
     @cached_property
-    def stretches(self) -> dict[tuple[EffectPlace, int, int], NDArray[np.float64]]:
-        """Columns of the stretches that were tried."""
+    def stretches(self) -> dict[tuple[EffectPlace, int, int], tuple[NDArray[np.float64], float]]:
+        """Columns of the stretches that were tried, and what is missed."""
         return {}
 
-    def with_onset(self, place: EffectPlace, row: int) -> Self:
-        """The evidence with an effect that sets in after a row, as one more that can be tried."""
+    def with_onset(self, place: EffectPlace, row: float) -> Self:
+        """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
         made = self._beside(place, *self.onsets.columns(self.acting[place], row))
         return replace(made, set_in={**self.set_in, place: self.onsets.value(self.acting[place], row)})
 
@@ -226,7 +231,7 @@ class CarriedRun(CarriedRecord):
         found, every, ends = [], [], []
         for begin, end in self._stretches(place, others, work):
             swept = self._swept(place, others, (begin, end))
-            fits = self._searched(swept, [*others, place], begin, work)
+            fits = self._searched(swept, [*others, place], np.arange(begin, end + 1), work)
             if fits:
                 found, every, ends = [*found, fits[0]], [*every, swept], [*ends, begin, end]
         if not found:
@@ -236,40 +241,86 @@ class CarriedRun(CarriedRecord):
         return (0 if always else min(ends), max(ends)), found, every
 
     def _fading(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
-        """Numbers of time constants next to all with which an effect beside others can fade, and fits, as above."""
+        """Numbers of time constants about all with which an effect beside others can fade, and fits, as above."""
         stretches = list(self._stretches(place, others, work))
         if not stretches:
             return (0, 0), [], []
-        begin, end = min(begin for begin, _ in stretches), max(end for _, end in stretches)
-        swept = self._swept(place, others, (begin, end))
-        left = np.zeros(len(swept.proven), dtype=bool)
-        for low, high in stretches:
-            left[low - begin : high - begin + 1] = True
-        swept.proven[~left] = np.inf
-        found = self._searched(swept, [*others, place], begin, work)
+        begin, end = float(min(begin for begin, _ in stretches)), float(max(end for _, end in stretches))
+        parts, sizes, found = 1.0, None, []
+        while True:
+            numbers = np.linspace(begin, end, max(2, round((end - begin) * parts)) + 1)
+            rows, error = self._rows_of_times(place, others, numbers)
+            far = apart(rows, error)
+            if sizes is None:
+                sizes = largest_sizes(rows, self.limit, far, rows.bound[len(self.residual) :])
+            more = float((far @ sizes / rows.bound).max())
+            swept = Swept(replace(rows, bound=rows.bound + far @ sizes), self.limit, np.zeros(rows.fixed.shape[1]))
+            gap = numbers[1] - numbers[0]
+            within = [(numbers >= low - gap) & (numbers <= high + gap) for low, high in stretches]
+            swept.proven[~np.any(within, axis=0)] = np.inf
+            found = self._searched(swept, [*others, place], numbers, work) or found
+            # The first and the last that are not refused stand with the bounds as they have grown.
+            for side in (0, -1):
+                while not swept.refused.all() and swept.tried(_standing(swept)[side]) > self.limit:
+                    work.programme(*swept.rows.fixed.shape)
+            if swept.refused.all():
+                return (0, 0), [], []
+            first, last = _standing(swept)
+            begin, end = float(numbers[max(0, first - 1)]), float(numbers[min(len(numbers) - 1, last + 1)])
+            # Nearer to each other bounds grow by less.
+            finer = min(parts * (more / FINE if more > FINE else FINER), MOST_TIMES / (end - begin))
+            if (found and more <= FINE) or more <= DECIDED or finer < LEAST_FINER * parts:
+                break
+            parts = finer
         if not found:
             return (0, 0), [], []
-        # The first and the last that are not refused stand.
-        for side in (0, -1):
-            while swept.tried(int(np.flatnonzero(~swept.refused)[side])) > self.limit:
-                work.programme(*swept.rows.fixed.shape)
-        numbers = begin + np.flatnonzero(~swept.refused)
-        last = int(self.onsets.edges_of(self.acting[place])[-1])
-        return (max(0, int(numbers[0]) - 1), min(last, int(numbers[-1]) + 1)), found, [swept]
+        every = swept
+        swept = Swept(every.rows.chosen(slice(len(self.residual))), self.limit, every.origin, every.radii)
+        swept.proven = every.proven
+        return (begin, end), found, [swept]
+
+    def _rows_of_times(
+        self, place: EffectPlace, others: Sequence[EffectPlace], numbers: NDArray
+    ) -> tuple[Rows, NDArray[np.float64]]:
+        """An effect beside others with time constants of some numbers (R,), and what it misses (M, k) between these.
+
+        The last k rows say that the sizes are possible.
+        """
+        acting = self.acting[place]
+        assert isinstance(acting, Fading)
+        moving, ways, error = self.onsets.swept_times(acting, numbers)
+        before, own, largest = (
+            self.matrix(others),
+            self._over_bounds(error),
+            np.abs(self.limits_of([place])).max(axis=0),
+        )
+        largest = np.abs(self.limits_of([place])).max(axis=0)
+        (count, known), none = before.shape, np.zeros((len(largest), len(largest)))
+        fixed = np.zeros((count + len(largest), known + len(largest)))
+        fixed[:count, :known], fixed[count:, known:] = before, np.eye(len(largest))
+        columns = np.vstack([self._over_bounds(moving), np.zeros((len(largest), ways.shape[1]))])
+        residual, bound = np.append(self.residual, none[0]), np.append(self.bound, largest)
+        rows = Rows(fixed, columns, ways, known + np.arange(len(largest)), residual, bound)
+        return rows, np.vstack([own, none])
+
+    def _over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+        """Columns (S, d, K) of each part as rows (M, K) over their bounds."""
+        return np.concatenate([rows_over(c, part.bound) for c, part in zip(columns, self.parts, strict=True)])
 
     def _swept(self, place: EffectPlace, others: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
-        """An effect beside others at every row, or with every time constant, between two."""
-        fixed, moving, ways = self.onsets.swept(self.acting[place], *ends)
-        rows = [
-            np.concatenate([rows_over(c, part.bound) for c, part in zip(columns, self.parts, strict=True)])
-            for columns in (fixed, moving)
-        ]
+        """An effect beside others at every row between two."""
+        acting = self.acting[place]
+        assert isinstance(acting, Acting)
+        fixed, moving, ways = self.onsets.swept(acting, *ends)
+        rows = [self._over_bounds(columns) for columns in (fixed, moving)]
         matrix = np.hstack([self.matrix(others), rows[0]])
         own = np.arange(matrix.shape[1] - rows[0].shape[1], matrix.shape[1])
         every = Rows(matrix, rows[1], ways, own, self.residual, self.bound)
         return Swept(every, self.limit, np.zeros(matrix.shape[1]))
 
-    def _searched(self, swept: Swept, places: Sequence[EffectPlace], begin: int, work: Work) -> list[tuple[Fit, int]]:
+    def _searched(
+        self, swept: Swept, places: Sequence[EffectPlace], numbers: NDArray, work: Work
+    ) -> list[tuple[Fit, float]]:
         """The fit of a set of effects that mends the record at a value next to the best, with its number; or none."""
         for count, _ in enumerate(swept.search()):
             work.programme(*swept.rows.fixed.shape)
@@ -278,8 +329,8 @@ class CarriedRun(CarriedRecord):
         best, radius = min(((way, radius) for way, (radius, _) in swept.radii.items()), key=lambda one: one[1])
         if radius > self.limit:
             return []
-        fit = self.with_onset(places[-1], begin + best).refit(places)
-        return [(fit, begin + best)] if fit.radius <= self.limit else []
+        fit = self.with_onset(places[-1], numbers[best]).refit(places)
+        return [(fit, numbers[best])] if fit.radius <= self.limit else []
 
     def _stretches(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
@@ -290,11 +341,11 @@ class CarriedRun(CarriedRecord):
         left = list(pairwise(starts.tolist()))[::-1]
         while left:
             low, high = left.pop()
-            more = self._of_stretch(place, int(edges[low]), int(edges[high]))
+            more, missed = self._of_stretch(place, int(edges[low]), int(edges[high]))
             kept = np.isfinite(more).all(axis=1)
             columns = np.hstack([matrix, more])[kept]
             work.add(ROUNDS * (300.0 + 0.1 * columns.size))
-            if refused(columns, self.residual[kept], self.limit):
+            if refused(columns, self.residual[kept], self.limit + missed):
                 continue
             if high - low == 1:
                 yield int(edges[low]), int(edges[high])
@@ -302,14 +353,29 @@ class CarriedRun(CarriedRecord):
                 middle = (low + high) // 2
                 left += [(middle, high), (low, middle)]
 
-    def _of_stretch(self, place: EffectPlace, begin: int, end: int) -> NDArray[np.float64]:
-        """Columns (M, L) that hold an effect in a stretch of its times, over the bounds; kept for the next set."""
+    def _of_stretch(self, place: EffectPlace, begin: int, end: int) -> tuple[NDArray[np.float64], float]:
+        """Columns (M, L) that hold an effect in a stretch of its times, over the bounds; kept for the next set.
+
+        And by how many bounds what it does may miss them, where its size is possible.
+        """
         known = self.stretches.get((place, begin, end))
         if known is None:
-            within = self.onsets.within(self.acting[place], begin, end)
-            known = np.concatenate([rows_over(c, part.bound) for c, part in zip(within, self.parts, strict=True)])
+            acting = self.acting[place]
+            if isinstance(acting, Fading):
+                every, error = (self._over_bounds(columns) for columns in self.onsets.faded(acting, begin, end))
+                largest = np.abs(self.limits_of([place])).max(axis=0)
+                columns, left_away = held(every, LEFT_AWAY / (WEIGHED * float(np.linalg.norm(largest))))
+                known = columns, float((error @ largest + left_away * WEIGHED * np.linalg.norm(largest)).max())
+            else:
+                known = self._over_bounds(self.onsets.within(acting, begin, end)), 0.0
             self.stretches[place, begin, end] = known
         return known
+
+
+def _standing(swept: Swept) -> tuple[int, int]:
+    """The first and the last value that is not refused."""
+    left = np.flatnonzero(~swept.refused)
+    return int(left[0]), int(left[-1])
 
 
 def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float, float]) -> Fit:

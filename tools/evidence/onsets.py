@@ -5,8 +5,8 @@ times pieces that begin or end within it are left out, those that hold all of it
 for all of them, and the others are the same for each time: what is refused then is refused for each time. Stretches
 that are not refused are halved, down to those in which no piece begins or ends.
 
-Effects that fade have a time constant in place of that time: columns of a few in and about a stretch hold those of each
-within it.
+Effects that fade have a time constant in place of that time. Columns of a few in and about a stretch hold, by
+polynomials of its logarithm, those of each within it but for an error that derivatives bound.
 """
 
 import math
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import LAST_HOUR
+from ...models.effects.settling import most_bent
 from ..bounded.sets import sharpened
 from ..motion.carry import GyroModel, Motion
 from .fit import estimated, least_radius
@@ -33,10 +34,16 @@ RATIO, SHORTEST, LONGEST = 1.002, 0.05, 10.0
 """Of neighbouring time constants; the shortest is a part of the first pieces, the longest so many times the record."""
 TIMES_AT_ONCE = 80
 """Time constants of the least stretches."""
-SPACING, LEAST_SIZE = 40, 1e-6
-"""Of the time constants of a stretch that hold all others; what is less, relatively, is left away."""
-DEGREE, HELD = 7, 1e-9
-"""Of the polynomials between these; of what they add less, relatively, is left away than of what a stretch holds."""
+SPACING, DEGREE, AROUND = 40, 7, 3
+"""Of the time constants between which polynomials of this degree tell all others, so many of them beyond each end."""
+MOST_EIGHTH = 222.8
+"""The largest eighth derivative of e^(−x) by the logarithm of x."""
+MISSED = MOST_EIGHTH * (0.5 * 1.5 * 2.5 * 3.5) ** 2 * (SPACING * math.log(RATIO)) ** 8 / math.factorial(8)
+"""By so much, of its size at the first row, such a polynomial misses an exponential at most."""
+WEIGHED = 2.0
+"""The values at its nodes count so much together, at most."""
+HELD = 1e-9
+"""What polynomials add less, relatively, is left away, and counts as an error."""
 Columns = list[NDArray[np.float64]]
 FEWEST = 2
 """So many moves, or windows of the least length, are wholly before an onset, and so many after."""
@@ -79,9 +86,18 @@ class Fading:
         """Columns of each part with some of the time constants."""
         return {}
 
-    def at(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    @property
+    def step(self) -> float:
+        """Difference of the logarithms of neighbouring time constants."""
+        return math.log(self.times[1] / self.times[0])
+
+    def time(self, number: float) -> float:
+        """The time constant [h] of a number, between two of `times` or beyond them."""
+        return float(self.times[0] * math.exp(self.step * number))
+
+    def at(self, number: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The integral (N, 3, K) up to each row with a time constant, and its part of the mean at rest (3, K)."""
-        part = np.exp(-self.hours[1:] / self.times[number])[:, None, None]
+        part = np.exp(-self.hours[1:] / self.time(number))[:, None, None]
         grown = np.cumsum(self.turning * part, axis=0)
         return np.concatenate([np.zeros_like(grown[:1]), grown]), (self.resting * part).sum(axis=0)
 
@@ -128,27 +144,27 @@ class Onsets:
         """Ends of the least stretches: rows of an onset, or numbers of time constants."""
         return self.edges if isinstance(acting, Acting) else np.arange(0, len(acting.times), TIMES_AT_ONCE)
 
-    def value(self, acting: Acting | Fading, number: int) -> float:
+    def value(self, acting: Acting | Fading, number: float) -> float:
         """A time after a row and before the next, or a time constant [h]."""
         if isinstance(acting, Fading):
-            return float(acting.times[number])
-        return 0.5 * float(self.hours[number] + self.hours[number + 1])
+            return acting.time(number)
+        return 0.5 * float(self.hours[int(number)] + self.hours[int(number) + 1])
 
-    def number(self, acting: Acting | Fading, value: float) -> int:
+    def number(self, acting: Acting | Fading, value: float) -> float:
         """The row, or the number of the time constant, that has such a value [h]."""
         if isinstance(acting, Fading):
-            return int(np.abs(acting.times - value).argmin())
+            return math.log(value / acting.times[0]) / acting.step
         return int(np.searchsorted(self.hours, value)) - 1
 
-    def ends(self, acting: Acting | Fading, begin: int, end: int) -> tuple[float, float]:
+    def ends(self, acting: Acting | Fading, begin: float, end: float) -> tuple[float, float]:
         """The values at both ends of a stretch [h].
 
         What stands with the shortest or longest time constant that is sought is not told from what is beyond.
         """
         if not isinstance(acting, Fading):
-            return float(self.hours[begin]), float(self.hours[end])
-        low = float(acting.times[begin]) if begin > 0 else 0.0
-        return low, float(acting.times[end]) if end < len(acting.times) - 1 else LAST_HOUR
+            return float(self.hours[int(begin)]), float(self.hours[int(end)])
+        low = acting.time(begin) if begin > 0 else 0.0
+        return low, acting.time(end) if end < len(acting.times) - 1 else LAST_HOUR
 
     def acting(self, place: EffectPlace) -> Acting | Fading:
         """What an effect does from each row on, or with each time constant."""
@@ -165,29 +181,27 @@ class Onsets:
         count = TIMES_AT_ONCE * max(1, math.ceil(math.log(high / low) / math.log(RATIO) / TIMES_AT_ONCE)) + 1
         return Fading(np.geomspace(low, high, count), self.hours, np.diff(integral, axis=0), counted[1:])
 
-    def columns(self, acting: Acting | Fading, row: int) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    def columns(self, acting: Acting | Fading, row: float) -> tuple[Columns, NDArray[np.float64]]:
         """Columns (S, d, K) of each part of an effect that sets in after a row; its part (3, K) of the mean at rest.
 
         Of one that fades with the time constant of that number.
         """
-        found = []
+        found, first = [], 0 if isinstance(acting, Fading) else int(row)
         if isinstance(acting, Fading):
-            (integral, mean), row = acting.at(row), 0
+            integral, mean = acting.at(row)
         else:
-            integral, mean = acting.integral, acting.at_rest[-1] - acting.at_rest[row]
+            integral, mean = acting.integral, acting.at_rest[-1] - acting.at_rest[first]
         for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
-            after, before = (integral[np.maximum(rows, row)] for rows in (pieces.last, pieces.first))
+            after, before = (integral[np.maximum(rows, first)] for rows in (pieces.last, pieces.first))
             mine = turns @ (after - before)
             found.append(mine if self.bias is None else mine - self.bias[k] @ mean)
         return found, mean
 
-    def within(self, acting: Acting | Fading, begin: int, end: int) -> list[NDArray[np.float64]]:
+    def within(self, acting: Acting, begin: int, end: int) -> Columns:
         """Columns (S, d, L) of each part that hold what the effect does whenever it sets in from one row to another.
 
-        NaN where a piece begins or ends between. Of one that fades what it does with any time constant between.
+        NaN where a piece begins or ends between.
         """
-        if isinstance(acting, Fading):
-            return self._faded(acting, begin, end)
         found, none = self.columns(acting, end)[0], np.zeros((3, 0))
         rested = self.bias is not None and self.rests[begin : end + 1].any()
         for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
@@ -199,14 +213,12 @@ class Onsets:
             found[k] = np.concatenate([found[k], turn, mean], axis=2)
         return found
 
-    def swept(self, acting: Acting | Fading, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
-        """What the effect does at every row from one to another, or with every time constant between two numbers.
+    def swept(self, acting: Acting, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
+        """What the effect does at every row from one to another.
 
-        Columns (S, d, K) of each part, columns (S, d, t) that move, and of each value the ways (R, t, K) in which they
-        are added. Of time constants the latter hold what is done to a part of 1e-6.
+        Columns (S, d, K) of each part, columns (S, d, t) that move, and of each row the ways (R, t, K) in which they
+        are added.
         """
-        if isinstance(acting, Fading):
-            return self._swept_times(acting, begin, end)
         rows = slice(begin, end + 1)
         ways = [acting.integral[end] - acting.integral[rows]]
         moving = [
@@ -218,45 +230,64 @@ class Onsets:
             moving = [np.concatenate(both, axis=2) for both in zip(moving, self.bias, strict=True)]
         return self.columns(acting, end)[0], moving, np.concatenate(ways, axis=1)
 
-    def _swept_times(self, acting: Fading, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
-        """As `swept`, of what fades: the ways are polynomials of the logarithm of the time constant."""
-        first, last = max(0, begin - TIMES_AT_ONCE), min(len(acting.times) - 1, end + TIMES_AT_ONCE)
-        numbers = np.arange(first, last + 1, SPACING)
-        every = [self._sample(acting, int(number)) for number in numbers]
+    def faded(self, acting: Fading, begin: float, end: float) -> tuple[Columns, Columns]:
+        """Columns (S, d, L) of each part that hold what the effect does with any time constant between two numbers.
+
+        And by how much (S, d, K) they may miss a unit of it, where they count as in `swept_times`.
+        """
+        every = [self._sample(acting, number) for number in self._nodes(begin, end)]
+        missed = self._at_most(acting, np.full(len(acting.turning), MISSED))
+        return [np.concatenate(own, axis=2) for own in zip(*every, strict=True)], missed
+
+    def swept_times(self, acting: Fading, numbers: NDArray) -> tuple[Columns, NDArray[np.float64], Columns]:
+        """What the effect does with time constants of some numbers (R,), evenly spaced.
+
+        Columns (S, d, t) of each part that move, ways (R, t, K) in which they are added, polynomials of the logarithm;
+        and by how much (S, d, K) what it does with any time constant between two neighbours may miss the straight line
+        between theirs.
+        """
+        nodes = self._nodes(numbers[0], numbers[-1])
+        every = [self._sample(acting, number) for number in nodes]
         stacked = np.array([np.concatenate([c.reshape(-1, c.shape[2]) for c in one]) for one in every])
         count, rows, own = stacked.shape
         basis, sizes, parts = np.linalg.svd(stacked.transpose(1, 0, 2).reshape(rows, -1), full_matrices=False)
-        held = sizes > HELD * sizes[0]
+        held, basis = sizes > HELD * sizes[0], basis * sizes
         at = parts[held].reshape(-1, count, own).transpose(1, 0, 2)
-        wanted = np.arange(begin, end + 1)
-        nearest = np.clip((wanted - first) // SPACING - DEGREE // 2, 0, max(0, count - DEGREE - 1))
-        nodes = nearest[:, None] + np.arange(min(DEGREE + 1, count))
-        ways = np.einsum("rj,rjtk->rtk", lagrange((wanted - first) / SPACING, nodes), at[nodes])
+        places = (numbers - nodes[0]) / SPACING
+        own_nodes = np.clip(places.astype(int) - AROUND, 0, count - DEGREE - 1)[:, None] + np.arange(DEGREE + 1)
+        ways = np.einsum("rj,rjtk->rtk", lagrange(places, own_nodes), at[own_nodes])
         ends = np.cumsum([c[..., 0].size for c in every[0]])[:-1]
-        moving = np.split((basis * sizes)[:, held], ends)
-        moving = [mine.reshape(*c.shape[:2], -1) for mine, c in zip(moving, every[0], strict=True)]
-        return [np.zeros_like(c) for c in every[0]], moving, ways
+        moving = [
+            mine.reshape(*c.shape[:2], -1) for mine, c in zip(np.split(basis[:, held], ends), every[0], strict=True)
+        ]
+        left_away = np.split(WEIGHED * np.linalg.norm(basis[:, ~held], axis=1), ends)
+        width, slow = acting.step * (numbers[1] - numbers[0]), [[acting.time(n) for n in (numbers[0], numbers[-1])]]
+        bent = most_bent(acting.hours[1:, None] / np.array(slow))[:, 0] * width**2 / 8.0
+        straight = self._at_most(acting, bent + MISSED)
+        return moving, ways, [s + d.reshape(*s.shape[:2], 1) for s, d in zip(straight, left_away, strict=True)]
 
-    def _sample(self, acting: Fading, number: int) -> list[NDArray[np.float64]]:
+    @staticmethod
+    def _nodes(begin: float, end: float) -> NDArray[np.int_]:
+        """Numbers of the time constants by which those between two numbers are told."""
+        first, last = math.floor(begin / SPACING) - AROUND, math.ceil(end / SPACING) + AROUND
+        return SPACING * np.arange(first, max(last, first + DEGREE) + 1)
+
+    def _sample(self, acting: Fading, number: int) -> Columns:
         """Columns with a time constant, kept for the stretches that share it."""
         known = acting.samples.get(number)
         if known is None:
             known = acting.samples[number] = self.columns(acting, number)[0]
         return known
 
-    def _faded(self, acting: Fading, begin: int, end: int) -> list[NDArray[np.float64]]:
-        """A few columns that hold, to a part of 1e-6, those of every time constant between two numbers.
-
-        Exponentials of time are analytic in the logarithm of their time constant: a few of them hold those between.
-        """
-        first, last = max(0, begin - TIMES_AT_ONCE), min(len(acting.times) - 1, end + TIMES_AT_ONCE)
-        every = [self._sample(acting, number) for number in range(first, last + 1, SPACING)]
-        stacked = np.concatenate([np.concatenate([c.reshape(-1, c.shape[2]) for c in one]) for one in every], axis=1)
-        basis, sizes, _ = np.linalg.svd(stacked, full_matrices=False)
-        held = (basis * sizes)[:, sizes > LEAST_SIZE * sizes[0]]
-        ends = np.cumsum([c[..., 0].size for c in every[0]])[:-1]
-        parts = zip(np.split(held, ends), every[0], strict=True)
-        return [mine.reshape(*c.shape[:2], held.shape[1]) for mine, c in parts]
+    def _at_most(self, acting: Fading, part: NDArray) -> Columns:
+        """What a part (N - 1,), of either sign, of what the effect does at each row does to the errors at most."""
+        grown = np.cumsum(np.abs(acting.turning) * part[:, None, None], axis=0)
+        grown = np.concatenate([np.zeros_like(grown[:1]), grown])
+        mean, found = (np.abs(acting.resting) * part[:, None, None]).sum(axis=0), []
+        for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
+            mine = np.abs(turns) @ (grown[pieces.last] - grown[pieces.first])
+            found.append(mine if self.bias is None else mine + np.abs(self.bias[k]) @ mean)
+        return found
 
 
 def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
@@ -267,6 +298,16 @@ def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
             if other != one:
                 found[:, one] *= (at - nodes[:, other]) / (nodes[:, one] - nodes[:, other])
     return found
+
+
+def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
+    """As few columns (M, L) as hold columns (M, n) but for rows of such a length at most; and the longest left away."""
+    basis, sizes, _ = np.linalg.svd(matrix, full_matrices=False)
+    basis = basis * sizes
+    left_away = np.sqrt(np.cumsum((basis**2)[:, ::-1], axis=1)).max(axis=0, initial=0.0)
+    count = int(np.searchsorted(left_away, most))
+    kept = basis.shape[1] - count
+    return basis[:, :kept], float(left_away[count - 1]) if count else 0.0
 
 
 def refused(matrix: NDArray, residual: NDArray, limit: float) -> bool:

@@ -397,7 +397,7 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
         if place in evidence.starting:
             onsets, acting = evidence.onsets, evidence.acting[place]
             if place.definition.fades:
-                low, high = (onsets.number(acting, part * float(onsets.hours[-1])) for part in SHORT_OF_RECORD)
+                low, high = (round(onsets.number(acting, part * float(onsets.hours[-1]))) for part in SHORT_OF_RECORD)
             else:
                 low, high = np.quantile(onsets.edges, MIDDLE_OF_RECORD)
             here = evidence.with_onset(place, int(rng.integers(low, high)))

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from trihedron.tools.bounded.possible import Possible
 from trihedron.tools.bounded.programmes import chebyshev_radius
-from trihedron.tools.bounded.sweep import Rows, Swept
+from trihedron.tools.bounded.sweep import Rows, Swept, apart, largest_sizes
 
 LIMIT = 1.0 + 1e-7
 
@@ -86,3 +86,41 @@ def test_what_no_value_explains_is_refused_by_a_few_of_them() -> None:
     assert len(swept.radii) <= 12
     radii = [chebyshev_radius(beyond.matrix(way), beyond.residual, beyond.bound)[0] for way in range(60)]
     assert (swept.proven <= np.array(radii) * (1.0 + 1e-6)).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bounds_that_grow_hold_for_every_value_between(seed: int) -> None:
+    """The number is continuous: along a parabola, whose error between two values follows from its bend."""
+    rng, none = np.random.default_rng(seed), np.zeros(5)
+    rows, bends, slopes = drawn(seed, 0.3), rng.normal(size=(2, 2)), rng.normal(size=(2, 2))
+
+    def ways(part: NDArray) -> NDArray:
+        return 0.3 * (part[:, None, None] * slopes + part[:, None, None] ** 2 * bends)
+
+    values = np.linspace(-1.0, 1.0, 60)
+    true = Rows(rows.fixed, rows.moving, ways(np.array([0.2345])), rows.own, rows.residual, rows.bound)
+    read = true.matrix(0) @ (3.0 * rng.normal(size=5)) + rows.bound * rng.uniform(-1.0, 1.0, 80)
+    rows = Rows(rows.fixed, rows.moving, ways(values), rows.own, read, rows.bound)
+    error = np.abs(rows.moving @ (0.3 * bends)) * (values[1] - values[0]) ** 2 / 4.0
+    far = apart(rows, error)
+    sizes = largest_sizes(rows, LIMIT, far, np.full(2, 1e3))
+    grown = Swept(Rows(rows.fixed, rows.moving, rows.ways, rows.own, read, rows.bound + far @ sizes), LIMIT, none)
+    assert any(radius <= LIMIT for _, radius in grown.search())
+    stood = 0
+    for part in rng.uniform(-1.0, 1.0, 40):
+        (way,) = ways(np.array([part]))
+        matrix = rows.fixed.copy()
+        matrix[:, rows.own] += rows.moving @ way
+        nearest = int(np.abs(values - part).argmin())
+        assert (np.abs(rows.moving @ (way - rows.ways[nearest])) <= far + 1e-12).all()
+        radius, x, _ = chebyshev_radius(matrix, read, rows.bound)
+        if radius > LIMIT:
+            continue
+        stood += 1
+        assert grown.tried(nearest) <= LIMIT
+        one = Possible(matrix, read - matrix @ x, rows.bound)
+        for unit in np.vstack((np.eye(5), -np.eye(5))):
+            own = one.reach(unit) + unit @ x
+            assert own <= grown.reach(unit) + 1e-6
+            assert not unit[3:].any() or own <= sizes @ np.abs(unit[3:])
+    assert stood

@@ -7,7 +7,9 @@ import pytest
 
 from strapdown_records import drawn_motion, seen_attitude, strapdown_record
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded.sweep import apart
 from trihedron.tools.diagnosis.procedure import diagnosed
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
@@ -46,11 +48,11 @@ def made(
 def test_a_stretch_holds_what_each_time_within_it_does(filmed):
     """Columns of an effect that sets in within a stretch lie in those of the stretch, where these are known."""
     evidence = made(filmed=filmed)
-    for place in evidence.starting:
-        acting = evidence.acting[place]
-        edges, fades = evidence.onsets.edges_of(acting), isinstance(acting, Fading)
-        # The search begins with four of the least stretches of time constants, or fewer.
-        for low, high in ((5, 6), (5, 9), (0, 1) if fades else (len(edges) // 2, len(edges) - 1)):
+    for acting in evidence.acting.values():
+        if isinstance(acting, Fading):
+            continue
+        edges = evidence.onsets.edges_of(acting)
+        for low, high in ((5, 6), (5, 9), (len(edges) // 2, len(edges) - 1)):
             begin, end = int(edges[low]), int(edges[high])
             within = np.concatenate([c.reshape(-1, c.shape[2]) for c in evidence.onsets.within(acting, begin, end)])
             kept = np.isfinite(within).all(axis=1)
@@ -61,7 +63,54 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
                 scale = np.linalg.norm(within[kept], axis=0)
                 basis = within[kept][:, scale > 0.0] / scale[scale > 0.0]
                 left = target - basis @ np.linalg.lstsq(basis, target, rcond=1e-12)[0]
-                assert np.abs(left).max() < (2e-6 if fades else 1e-7) * np.abs(target).max()
+                assert np.abs(left).max() < 1e-7 * np.abs(target).max()
+
+
+@pytest.mark.parametrize("filmed", [False, True])
+def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_is_said(filmed):
+    """Straight lines between neighbours, and the few columns of a stretch, against the exponential itself."""
+    evidence, rng = made(filmed=filmed), np.random.default_rng(2)
+    acting = evidence.acting[WARM_UP]
+    assert isinstance(acting, Fading)
+
+    def exactly(number: float) -> np.ndarray:
+        return evidence.with_onset(WARM_UP, number).columns_of([WARM_UP])
+
+    size, worst, told = evidence.limits_of([WARM_UP])[1], 0.0, slice(len(evidence.residual))
+    for begin, parts in ((0, 1), (1200, 1), (1200, 5), (len(acting.times) - 81, 1)):
+        numbers = begin + np.arange(80 * parts + 1) / parts
+        rows, error = evidence._rows_of_times(WARM_UP, (), numbers)
+        rows, error = rows.chosen(told), error[told]
+        columns, missed = evidence._of_stretch(WARM_UP, begin, begin + 80)
+        assert missed < 2e-3
+        far = apart(rows, error)
+        for one in rng.uniform(0.0, 80.0 * parts, 6):
+            between, first = exactly(begin + one / parts), int(one)
+            ways = (first + 1 - one) * rows.ways[first] + (one - first) * rows.ways[first + 1]
+            off = np.abs(rows.moving @ ways - between)
+            assert (off <= error + 1e-12 * np.abs(between).max()).all()
+            worst = max(worst, (off / error).max())
+            away = np.abs(rows.moving @ rows.ways[round(one)] - between)
+            assert (away <= far + 1e-12 * np.abs(between).max()).all()
+            assert chebyshev_radius(columns, between @ size, np.ones(len(between)))[0] <= missed
+    assert worst > 0.5
+
+
+def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_found():
+    """Of thousands of bounds none that is a part of a thousand away would stand."""
+    clean, number = made(filmed=True), 3200.5
+    clean = clean.with_bounds([0.02 * part.bound for part in clean.parts])
+    there = clean.with_onset(WARM_UP, number)
+    unit, sizes = there.columns_of([WARM_UP]), np.array([1.0, -0.4, 0.3])
+    sizes *= 5000.0 / np.abs(unit @ sizes).max()
+    noise = 0.9 * np.sign(np.random.default_rng(3).normal(size=len(unit)))
+    evidence = clean.with_errors(clean.split(unit @ sizes + noise))
+    assert all(evidence.with_onset(WARM_UP, near).refit([WARM_UP]).radius > 1.2 for near in (3200, 3201))
+    (fit,) = evidence.mended([WARM_UP], Work())
+    for true, (low, high) in zip((*sizes, there.set_in[WARM_UP]), fit.intervals()[0], strict=True):
+        assert low <= true <= high
+    low, high = fit.intervals()[0][-1]
+    assert high / low < 1.002
 
 
 @pytest.mark.parametrize("filmed", [False, True])
