@@ -79,7 +79,7 @@ def test_what_is_open_is_named_in_words_and_priors_close_it(folder, capsys):
     _, out, _ = run(capsys, "calibrate", "few.csv", "--noise-bound", "1e-5")
     assert "do not determine: " in out
     assert "bias of accelerometer 1 (X16)" in out
-    assert "scale factor of accelerometer 2 for positive input (X9)" in out
+    assert "scale-factor error of accelerometer 2 for positive input (X9)" in out
     assert "measure next: alpha" in out
     status, out, _ = run(capsys, "calibrate", "few.csv", "--noise-bound", "1e-5", "--prior", "bounds")
     assert status == 0
