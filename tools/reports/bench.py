@@ -278,7 +278,7 @@ BIAS = ("X16", "X17", "X18")
 
 PHYSICAL_WORDS = (
     (r"gyro-bias-(\d)", r"bias of gyro \1"),
-    (r"gyro-scale-misalignment-(\d)\1", r"scale factor of gyro \1"),
+    (r"gyro-scale-misalignment-(\d)\1", r"scale-factor error of gyro \1"),
     (r"gyro-scale-misalignment-(\d)(\d)", r"misalignment of gyro \1 towards axis \2"),
     (r"gyro-g-sensitivity-(\d)(\d)", r"sensitivity of gyro \1 to specific force along axis \2"),
     (r"gyro-lag", "lag of the gyros behind the encoders"),
