@@ -19,6 +19,7 @@ _TYPES = {
 }
 _FUNCTIONS = {
     "library": (
+        "compare",
         "doctor",
         "export",
         "export_notebook",
@@ -26,6 +27,7 @@ _FUNCTIONS = {
         "new",
         "plan",
         "plan_positions",
+        "plot",
         "run_campaign",
         "simulate",
     ),

@@ -3,6 +3,7 @@ from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
 from .tools.foreign import Imported as Imported
 from .tools.installation import Installation as Installation
+from .tools.library import compare as compare
 from .tools.library import doctor as doctor
 from .tools.library import export as export
 from .tools.library import export_notebook as export_notebook
@@ -10,6 +11,7 @@ from .tools.library import hide as hide
 from .tools.library import new as new
 from .tools.library import plan as plan
 from .tools.library import plan_positions as plan_positions
+from .tools.library import plot as plot
 from .tools.library import run_campaign as run_campaign
 from .tools.library import simulate as simulate
 from .tools.measured import apply as apply

@@ -84,6 +84,8 @@ COMMANDS = (
     command("completion bash --json out.json"),
     command("campaign campaign.toml --jobs 1 --out out --json out.json", "campaign.toml"),
     command("campaign-report finished --report out.html --json out.json"),
+    command("compare clean.csv measured.csv --report out.html --json out.json", "clean.csv", "measured.csv"),
+    command("plot strapdown.csv out.html --json out.json", "strapdown.csv"),
     command("doctor --json out.json"),
     command("instrument add out calibration.json --date 2026-11-23 --json out.json", "calibration.json"),
     command("instrument list unit --json out.json"),

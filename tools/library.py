@@ -17,6 +17,7 @@ from .errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from .comparison import Compared
     from .exporting import Exported
     from .installation import Installation
 
@@ -409,6 +410,59 @@ def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_
     from .templates.notebook import export_notebook as write
 
     return write(Path(record), None if out is None else Path(out), noise_bound=noise_bound)
+
+
+def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared":
+    """Hold two runs or records against each other: by how much each column differs, and when.
+
+    Rows belong together by their times, those of position records by their numbers; of other times the second is
+    interpolated.
+
+    Parameters
+    ----------
+    first, second : path, table in memory, record or Simulation
+        The folder of a run, the file of a run or a record (CSV, Parquet), or either in memory.
+    within : sequence of str
+        What columns may differ by, in the units of their names: 1e-6 for all, f1_mps2=1e-6 for one; may be repeated.
+        Without it nothing.
+
+    Raises
+    ------
+    InputError
+        for what is no run or record, or two that have no times or columns in common
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> run = th.simulate("scenarios/table-attitude.toml")
+    >>> th.compare(run, run).verdict
+    'same'
+    """
+    from .comparison import compare as held
+
+    return held(first, second, within)
+
+
+def plot(run: Any, page: str | Path) -> Path:
+    """Write a run or a record as a page of lines over time, by unit.
+
+    Parameters
+    ----------
+    run : path, table in memory, record or Simulation
+        The folder of a run, the file of a run or a record (CSV, Parquet), or either in memory.
+    page : path
+        .html, or .pdf
+
+    Raises
+    ------
+    InputError
+        for what is no run or record, or a page that cannot be written
+    """
+    from .comparison import read_table
+
+    name, table = read_table(run)
+    reports.write_plot(Path(page), Path(name).name, f"{table.height} rows.", table)
+    return Path(page)
 
 
 def doctor() -> "Installation":

@@ -166,22 +166,14 @@ def distinct_files(files: dict[str, Path | None]) -> None:
                 raise InputError(f"{name} {path}: is {other} too; give another name")
 
 
-def report_file(_: object, path: Path | None) -> None:
-    """Check the name of a report before anything is computed."""
-    if path is not None:
-        document.report_file(path)
+def page_file(option: str) -> Callable[[object, Path | None], None]:
+    """What checks the name of a page before anything is computed."""
 
+    def checked(_: object, path: Path | None) -> None:
+        if path is not None:
+            document.report_file(path, option)
 
-def sheet_file(_: object, path: Path | None) -> None:
-    """Check the name of a sheet before anything is computed."""
-    if path is not None:
-        document.report_file(path, "--sheet")
-
-
-def plot_file(_: object, path: Path | None) -> None:
-    """Check the name of a page of lines before anything is computed."""
-    if path is not None:
-        document.report_file(path, "--plot")
+    return checked
 
 
 File = Annotated[Path | None, Parameter(validator=ordinary_file)]
@@ -197,15 +189,21 @@ JsonFile = Annotated[
 ]
 ReportFile = Annotated[
     Path | None,
-    Parameter(name="--report", help="Write a page with pictures to this file, .html or .pdf.", validator=report_file),
+    Parameter(
+        name="--report", help="Write a page with pictures to this file, .html or .pdf.", validator=page_file("--report")
+    ),
 ]
 SheetFile = Annotated[
     Path | None,
-    Parameter(name="--sheet", help="Write one A4 page to sign, .html or .pdf.", validator=sheet_file),
+    Parameter(name="--sheet", help="Write one A4 page to sign, .html or .pdf.", validator=page_file("--sheet")),
 ]
 PlotFile = Annotated[
     Path | None,
-    Parameter(name="--plot", help="Write lines over time, by unit, to this page, .html or .pdf.", validator=plot_file),
+    Parameter(
+        name="--plot",
+        help="Write lines over time, by unit, to this page, .html or .pdf.",
+        validator=page_file("--plot"),
+    ),
 ]
 Number = Annotated[float, Parameter(allow_leading_hyphen=True)]
 

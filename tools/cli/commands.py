@@ -139,8 +139,6 @@ def calibrate(
 
     Example: trihedron calibrate monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json together.json
 
-    Example: trihedron calibrate positions.csv --noise-bound 1e-5 --sheet sheet.pdf --about about.toml
-
     Parameters
     ----------
     others
@@ -165,8 +163,7 @@ def calibrate(
     """
     named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)} if others else {}
     written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report, "--sheet": sheet}
-    written |= {"--about": about}
-    distinct_files({**(named or {"the record": record}), **written})
+    distinct_files({**(named or {"the record": record}), **written, "--about": about})
     if about is not None and sheet is None:
         raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
     asked = _of_several(options, several=bool(others))
@@ -349,8 +346,7 @@ def attitude(
     if out is not None:
         write_text(out / "attitude.csv", run.to_polars().write_csv())
     if plot is not None:
-        said = f"{len(run.time_s)} attitudes by {run.algorithm}."
-        reports.write_plot(plot, record.name, said, run.to_polars())
+        reports.write_plot(plot, record.name, f"{len(run.time_s)} attitudes by {run.algorithm}.", run.to_polars())
     return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 

@@ -11,7 +11,7 @@ from .. import campaign as campaigns
 from .. import document, library, own_effects, papers, planning, reports, trials
 from ..errors import InputError
 from ..files import at_once, made_folder, write_text
-from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
+from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, takes
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
@@ -333,6 +333,56 @@ def campaign_report(
     worse = comparison.of("worse") if gate else ()
     complaint = f"{folder}: {len(worse)} worse than {against}, beyond chance" if worse else ""
     return answer(comparison, json, files=[page], complaint=complaint, status=WORSE)
+
+
+@takes(library.compare)
+def compare(
+    first: Path,
+    second: Path,
+    /,
+    *,
+    within: Annotated[tuple[str, ...], Parameter(name="--within", allow_leading_hyphen=True)] = (),
+    report: ReportFile = None,
+    json: JsonFile = None,
+) -> Answer:
+    """Exit status 3 where --within is given and they differ by more.
+
+    Example: trihedron compare before after --report differences.html
+
+    Example: trihedron compare before/run.parquet after/run.parquet --within 1e-9 --within f1_mps2=1e-6
+
+    Parameters
+    ----------
+    first
+        The folder of a run, or the file of a run or a record.
+    second
+        The other one.
+    """
+    distinct_files({"the first": first, "--report": report, "--json": json})
+    distinct_files({"the second": second, "--report": report, "--json": json})
+    found = library.compare(first, second, within=within)
+    if report is not None:
+        reports.write_report(report, found)
+    complaint = str(found).split("\n")[0] if within and found.verdict == "different" else ""
+    return answer(found, json, complaint=complaint, status=WORSE)
+
+
+@takes(library.plot)
+def plot(
+    run: Path, page: Annotated[Path, Parameter(validator=page_file("the page"))], /, *, json: JsonFile = None
+) -> Answer:
+    """Example: trihedron plot monday.csv monday.html
+
+    Parameters
+    ----------
+    run
+        The folder of a run, or the file of a run or a record.
+    page
+        The page, .html or .pdf.
+    """
+    distinct_files({"the run": run, "the page": page, "--json": json})
+    library.plot(run, page)
+    return answer(str(page), json, {"schema": "trihedron.plot/1", "run": str(run), "page": str(page)})
 
 
 reproduce = App(name="reproduce", help="Compute published tables again, and say where they are wrong.")

@@ -102,6 +102,8 @@ class Page:
     """so many sections say the answer, and stand above the list of contents"""
     sheet: bool = False
     """one A4 page to sign: what is empty at its head, and in tables, is room to write"""
+    zoom: bool = False
+    """its pictures are lines over time, of which a stretch can be drawn out"""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,11 @@
-"""A document as one HTML file with its pictures in it: no script, nothing from the network; or as PDF, by a browser.
+"""A document as one HTML file with its pictures in it: nothing from the network; or as PDF, by a browser.
 
+A page of lines over time has one small script, which draws out a stretch; no other can run, and it is read without it.
 The browser is one that is installed: Chromium, Chrome or Edge, without a window.
 """
 
+import base64
+import hashlib
 import os
 import re
 import shutil
@@ -33,7 +36,7 @@ def html(page: Page, folder: Path | None = None) -> str:
 
     Files are shown and linked relative to the folder where the page will stand.
     """
-    return _template().render(page=page, folder=folder, few=FEW, style=_text("page.css"))
+    return _template().render(page=page, folder=folder, few=FEW, style=_text("page.css"), zoom=_text("zoom.js"))
 
 
 def write_page(path: Path, page: Page) -> None:
@@ -68,8 +71,13 @@ def _template() -> "Template":
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     # Pictures and equations are made by this package, which escapes every label: they alone are put in as they are.
     environment.filters |= {"plain": plain, "said": _said, "prose": _prose, "cells": _cells, "linked": _linked}
-    environment.filters["quoted"] = quote
+    environment.filters |= {"quoted": quote, "hashed": _hashed}
     return environment.from_string(_text("page.html"))
+
+
+def _hashed(script: str) -> str:
+    """What a page says of the one script that may run in it."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
 
 
 def _said(text: object) -> str:
@@ -156,7 +164,7 @@ def write_html(path: Path, page: str) -> None:
 def _print(program: str, source: Path, made: Path, path: Path) -> None:
     command = [program, *OPTIONS, f"--user-data-dir={source.parent / 'profile'}", f"--print-to-pdf={made}"]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
-        # A browser does not run for the superuser within its sandbox; the page has no script and is ours.
+        # A browser does not run for the superuser within its sandbox; the page is ours.
         command.append("--no-sandbox")
     try:
         done = subprocess.run(

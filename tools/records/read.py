@@ -143,7 +143,7 @@ def read_written(path: Path) -> Record:
     return _parsed(path, KINDS, trusted=True)
 
 
-def _table(source: object) -> pl.DataFrame:
+def table_of(source: object) -> pl.DataFrame:
     """A table in memory, of whatever library; an InputError for what is none."""
     if isinstance(source, pl.DataFrame):
         return source
@@ -158,7 +158,7 @@ def _table(source: object) -> pl.DataFrame:
 def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Record:
     if in_memory := not isinstance(source, str | os.PathLike):
         path, written = Path("table"), io.BytesIO()
-        if not (table := _table(source)).width:
+        if not (table := table_of(source)).width:
             what = "a path, or a table with columns (polars, pandas, a mapping, a structured array)"
             raise InputError(f"a record is {what}, not {type(source).__name__}")
         table.write_parquet(written)

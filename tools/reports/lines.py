@@ -7,12 +7,13 @@ from pathlib import Path
 import polars as pl
 
 from ...fmus.units import UNITS, column_units
+from ..comparison import Compared, Difference
 from ..document.blocks import Page, Section, Table
-from ..document.notation import plain, short, unit_text
+from ..document.notation import Cell, plain, short, unit_text
 from ..document.page import write_page
 from ..orchestrator import Simulation
 from ..orchestrator.interface import suffix_for
-from ..rounding import digits
+from ..rounding import digits, exactly, upwards
 from .makers import versions
 from .pictures.lines import MOST_LINES, TRUTH, Line, lines_picture
 
@@ -37,10 +38,22 @@ def split(column: str, units: Mapping[str, str]) -> tuple[str, str]:
 
 def lines_page(title: str, said: str, table: pl.LazyFrame, units: Mapping[str, str]) -> Page:
     """The page of a table whose first column is `time_s`; its columns are read one by one."""
+    sections, rows, left = _drawn(table, units)
+    if rows:
+        sections.append(Section("Columns", table=Table(["column", "first", "least", "largest", "last"], rows)))
+    if left:
+        sections.append(Section("Not drawn", f"{', '.join(left)}: texts, or beyond {MOST_PANELS} panels of lines."))
+    return Page(plain(title), said, sections, provenance=versions(), zoom=True)
+
+
+def _drawn(
+    table: pl.LazyFrame, units: Mapping[str, str], title: str = ""
+) -> tuple[list[Section], list[list[Cell]], list[str]]:
+    """A section for each unit, a row of figures for each column, and what is not drawn."""
     schema = table.collect_schema()
     times = table.select("time_s").collect()["time_s"].to_numpy()
     by_unit: dict[str, dict[str, list[str]]] = {}
-    left = []
+    left: list[str] = []
     for name, kind in schema.items():
         if name == "time_s":
             continue
@@ -51,7 +64,9 @@ def lines_page(title: str, said: str, table: pl.LazyFrame, units: Mapping[str, s
             array.setdefault(re.sub(r"(\[\d+\]|\d+)$", "", stem), []).append(name)
         else:
             left.append(name)
-    sections, rows, room = [], [], MOST_PANELS
+    sections: list[Section] = []
+    rows: list[list[Cell]] = []
+    room = MOST_PANELS
     for unit, arrays in by_unit.items():
         groups = _panels(arrays.values())
         left += [name for group in groups[room:] for name in group]
@@ -65,13 +80,77 @@ def lines_page(title: str, said: str, table: pl.LazyFrame, units: Mapping[str, s
                 rows.append([name, *(digits(value, 6) for value in line.ends)])
         room -= len(drawn)
         if drawn:
-            title_of = unit if unit == TRUTH else f"In {unit}" if unit else "Pure numbers"
-            sections.append(Section(title_of, svg=lines_picture(drawn, unit)))
-    if rows:
-        sections.append(Section("Columns", table=Table(["column", "first", "least", "largest", "last"], rows)))
-    if left:
-        sections.append(Section("Not drawn", f"{', '.join(left)}: texts, or beyond {MOST_PANELS} panels of lines."))
-    return Page(plain(title), said, sections, provenance=versions())
+            of_unit = unit if unit == TRUTH else f"in {unit}" if unit else "pure numbers"
+            named = f"{title}, {of_unit}" if title else of_unit[0].upper() + of_unit[1:]
+            sections.append(Section(named, svg=lines_picture(drawn, unit)))
+    return sections, rows, left
+
+
+MATCHED = {
+    "rows": "rows of the same times",
+    "position": "positions of the same numbers",
+    "time": "the second interpolated at the times of the first",
+}
+"""How rows of two runs belong together."""
+
+
+def compared_lines(result: Compared) -> list[str]:
+    """The verdict, then what differs most."""
+    beyond = [d for d in result.columns if not d.within]
+    said = [f"{result.verdict}: {_compared(result, beyond)}"]
+    width = max(len(d.column) for d in result.columns)
+    for d in result.columns:
+        missing = f"; {d.one_only} rows of one only" if d.one_only else ""
+        mark = "" if d.within else "  <-"
+        said.append(
+            f"  {d.column:<{width}}  at most {upwards(d.largest, 3):>9} at {exactly(d.time_s, 9):>9} s, "
+            f"root mean square {digits(d.rms):>9}{missing}{mark}"
+        )
+    return said + _apart(result)
+
+
+def _compared(result: Compared, beyond: Sequence[Difference]) -> str:
+    what = f"{result.first} and {result.second}, {result.rows} rows ({MATCHED[result.matched]})"
+    if beyond:
+        return f"{what}; {len(beyond)} of {len(result.columns)} columns differ by more than is allowed"
+    if result.verdict == "different":
+        return f"{what}; what both have is within what is allowed, but one has rows or columns that the other has not"
+    return f"{what}; every column is within what is allowed"
+
+
+def _apart(result: Compared) -> list[str]:
+    """What was not held against anything."""
+    named = ("only in the first", result.only_first), ("only in the second", result.only_second)
+    return [
+        f"{said}: {', '.join(columns)}" for said, columns in (*named, ("no numbers", result.not_compared)) if columns
+    ]
+
+
+def compared_page(result: Compared) -> Page:
+    """Differences by column, then their pictures, then both."""
+    rows: list[list[Cell]] = [
+        [
+            *(d.column, upwards(d.largest, 3), exactly(d.time_s, 9), digits(d.first, 6), digits(d.second, 6)),
+            *(digits(d.rms), d.one_only or None, "yes" if d.within else "no"),
+        ]
+        for d in result.columns
+    ]
+    header = ["column", "differs at most by", "at [s]", "first", "second", "root mean square", "rows of one only"]
+    differences = Section("Differences", _apart(result), table=Table([*header, "allowed"], rows).told())
+    beyond = [d for d in result.columns if not d.within]
+    return Page(
+        plain(f"{Path(result.second).name} against {Path(result.first).name}"),
+        f"{result.verdict.capitalize()}: {_compared(result, beyond)}.",
+        [
+            differences,
+            *_drawn(result.differences.lazy(), {}, "Second less first")[0],
+            *_drawn(result.both.lazy(), {}, "Both")[0],
+        ],
+        answer=1,
+        tone="good" if result.verdict == "same" else "attention",
+        provenance=versions(),
+        zoom=True,
+    )
 
 
 def _panels(arrays: Iterable[Sequence[str]]) -> list[list[str]]:

@@ -32,6 +32,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Calibration": ("calibration", "lines", "page"),
     "CampaignResult": ("campaign", "campaign_lines", None),
     "Check": ("makers", "check_lines", None),
+    "Compared": ("lines", "compared_lines", "compared_page"),
     "Comparison": ("campaign", "change_lines", None),
     "Curve": ("plan", "curve_lines", None),
     "Diagnosis": ("diagnosis", "lines", "page"),

@@ -1,0 +1,124 @@
+"""Two runs or records held against each other: every difference is found where it is, and nothing else."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import trihedron as th
+from browser import Window
+from trihedron.tools import cli
+
+TIME = np.linspace(0.0, 10.0, 501)
+
+
+def run(**columns: object) -> pl.DataFrame:
+    return pl.DataFrame({"time_s": TIME, "a_deg": np.sin(TIME), "f1_mps2": 9.8 + 0.0 * TIME, **columns})
+
+
+def moved(row: int, by: float) -> pl.DataFrame:
+    values = run()["f1_mps2"].to_numpy().copy()
+    values[row] += by
+    return run(f1_mps2=values)
+
+
+def test_what_is_the_same_is_the_same_and_what_is_not_is_found_where_it_is():
+    assert th.compare(run(), run()).verdict == "same"
+    found = th.compare(run(), moved(77, -1e-3))
+    assert (found.verdict, found.matched, found.rows) == ("different", "rows", 501)
+    by_name = {d.column: d for d in found.columns}
+    assert by_name["a_deg"].largest == 0.0
+    spike = by_name["f1_mps2"]
+    assert (spike.time_s, spike.first) == (TIME[77], 9.8)
+    assert spike.largest == pytest.approx(1e-3, rel=1e-9)
+    assert spike.rms == pytest.approx(1e-3 / np.sqrt(501), rel=1e-9)
+    assert th.compare(run(), moved(77, -1e-3), within=["1e-2"]).verdict == "same"
+    assert th.compare(run(), moved(77, -1e-3), within=["1e-2", "f1_mps2=1e-4"]).verdict == "different"
+    assert th.compare(run(), moved(77, -1e-3), within=["a_deg=1"]).verdict == "different"
+
+
+def test_other_times_are_interpolated_and_only_what_both_have_counts():
+    finer = np.linspace(5.0, 20.0, 15001)
+    found = th.compare(run(), pl.DataFrame({"time_s": finer, "a_deg": np.sin(finer), "b": finer}), within=["1e-6"])
+    assert (found.matched, found.rows) == ("time", 251)
+    assert found.columns[0].largest < 1e-6
+    assert (found.only_first, found.only_second, found.verdict) == (["f1_mps2"], ["b"], "different")
+
+
+def test_rows_that_are_missing_and_values_that_are_not_known_are_differences():
+    assert th.compare(run(), run()[:400], within=["1"]).verdict == "different"
+    values = run()["a_deg"].to_numpy().copy()
+    values[3] = np.nan
+    found = th.compare(run(), run(a_deg=values), within=["1"])
+    assert (found.verdict, found.columns[0].one_only) == ("different", 1)
+    assert th.compare(run(a_deg=values), run(a_deg=values)).verdict == "same"
+
+
+def test_positions_belong_together_by_their_numbers():
+    table = th.hide(1).record.to_polars()
+    found = th.compare(table, table[::-1].with_columns(table["time_s"]))
+    assert (found.matched, found.verdict) == ("position", "same")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "within", "said"),
+    [
+        (run(), run().drop("time_s"), (), "has no times"),
+        (run(), run()[::-1], (), "time_s runs back"),
+        (run(), run().with_columns(pl.col("time_s") + 99.0), (), "has no time in common"),
+        (run(), pl.DataFrame({"time_s": TIME, "x": TIME}), (), "has no column of numbers in common"),
+        (run(), run(), ("-1",), "write a number that is not below 0"),
+        (run(), run(), ("f2_mps2=1",), "f2_mps2 is no column of both; did you mean 'f1_mps2'"),
+        (run(), 7, (), "a run or a record is needed, not int"),
+    ],
+)
+def test_what_cannot_be_compared(first, second, within, said):
+    with pytest.raises(th.InputError, match=said):
+        th.compare(first, second, within=within)
+
+
+def test_the_gate_of_the_command_and_its_page(tmp_path: Path, capsys, window: Window):
+    for name, table in (("before", run()), ("after", moved(77, -1e-3))):
+        (tmp_path / name).mkdir()
+        table.write_parquet(tmp_path / name / "run.parquet")
+    both = ["compare", str(tmp_path / "before"), str(tmp_path / "after")]
+    page = tmp_path / "page.html"
+    assert cli.main([*both, "--report", str(page)]) == 0
+    assert "different: " in capsys.readouterr().out
+    assert cli.main([*both, "--within", "0.1"]) == 0
+    assert cli.main([*both, "--within", "1e-6"]) == 3
+    assert "1 of 2 columns" in capsys.readouterr().err
+    for width in (1280, 400):
+        seen = window.open(page, width, dark=width == 400)
+        assert (seen["scroll"], seen["outside"]) == (width, [])
+    assert window.complaints == []
+
+
+def test_a_stretch_of_time_that_is_drawn_over_a_picture_is_shown_in_all(tmp_path: Path, window: Window):
+    window.open(th.plot(run(), tmp_path / "page.html"), 1280)
+    ticks = "[...document.querySelectorAll('svg text')].map(text => text.textContent.trim())"
+    lines = "[...document.querySelectorAll('svg path[clip-path]')].map(path => path.getAttribute('d'))"
+    whole, drawn = window.page.evaluate(ticks), window.page.evaluate(lines)
+    box = window.page.locator(".trihedron-picture").first.bounding_box()
+    assert box is not None
+    at = box["y"] + box["height"] / 2
+    window.page.mouse.move(box["x"] + 0.5 * box["width"], at)
+    window.page.mouse.down()
+    window.page.mouse.move(box["x"] + 0.6 * box["width"], at)
+    window.page.mouse.up()
+    times = [float(text) for text in window.page.evaluate(ticks) if text.replace(".", "").isdigit()]
+    assert [time for time in times if 4.0 < time < 6.5]
+    assert "10" not in window.page.evaluate(ticks)
+    assert window.page.evaluate(lines) != drawn
+    window.page.mouse.dblclick(box["x"] + 0.5 * box["width"], at)
+    assert (window.page.evaluate(ticks), window.page.evaluate(lines)) == (whole, drawn)
+    assert window.complaints == []
+
+
+def test_no_other_script_runs_in_a_page_of_lines(tmp_path: Path, window: Window):
+    page = th.plot(run(), tmp_path / "page.html")
+    page.write_text(page.read_text(encoding="utf-8") + "<script>document.title = 'run'</script>", encoding="utf-8")
+    window.open(page, 1280)
+    assert window.page.title() != "run"
+    assert any("Content Security Policy" in said for said in window.complaints)
