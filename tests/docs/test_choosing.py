@@ -29,6 +29,7 @@ from trihedron.tools.motion.attitude import algorithm_named
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
+@pytest.mark.acceptance
 def test_operations_of_22_by_hand():
     """Two squares 10, two factors 22, two scaled vectors 12, a cross product 15, the quaternion 22, the product 28."""
     assert operations_per_sample(algorithm_named("two-sample-rodrigues")) == (10 + 22 + 12 + 15 + 22 + 28) / 2

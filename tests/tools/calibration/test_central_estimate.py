@@ -210,6 +210,7 @@ def test_an_estimate_that_was_edited_out_of_its_interval_is_refused():
         calibrated_block(content)
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures")
 def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exclude():
     _, measured = random_record(3, 100)

@@ -32,6 +32,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory, commands: ForkedCommands) ->
     return path, content(folder / "out")
 
 
+@pytest.mark.acceptance
 def test_a_campaign_killed_again_and_again(tmp_path, whole, commands):
     """While it writes a partition, with its workers, and while it writes the page."""
     path, there = whole

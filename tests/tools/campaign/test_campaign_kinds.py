@@ -77,6 +77,7 @@ def test_positions_of_ones_own(tmp_path):
         make_runner(parsed("[calibration]\npositions = 'own.csv'\n", tmp_path))
 
 
+@pytest.mark.acceptance
 def test_faultless_gyros_leave_the_algorithms_own_error():
     (result,) = results(parsed("[attitude]\nrate_hz = 100.0\n"))
     (own,) = situation_errors(Situation("1", 100.0, ""), [algorithm_named("two-sample-rodrigues")])

@@ -151,6 +151,7 @@ def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_
         assert low < value < high
 
 
+@pytest.mark.acceptance
 def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_the_model(tmp_path: Path):
     """An elastic turn about the inner axis that goes with the load, twice a turn: a law that the catalogue has not."""
     _, _, alpha, beta = bench_of(2)

@@ -34,6 +34,7 @@ def of_hump() -> tuple[OutsideGyro, Diagnosis]:
     return case, result
 
 
+@pytest.mark.acceptance
 def test_the_true_function_is_in_the_band():
     case, result = of_hump()
     assert (result.verdict, result.level) == ("unexplained", "quantity")

@@ -88,6 +88,7 @@ def test_the_gyro_and_what_its_error_depends_on_are_found(p, function, quantity,
     assert found.proven is None or found.proven.pair.quantity == quantity
 
 
+@pytest.mark.acceptance
 def test_gyros_that_all_swing_are_one_place_with_several_functions():
     def all_swing(time, rate):
         return SIZE * np.sin(2.0 * np.pi * time[:, None] / 17.0 + np.arange(3.0))

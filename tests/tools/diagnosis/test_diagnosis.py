@@ -148,6 +148,7 @@ def test_an_effect_outside_the_catalogue_is_not_given_a_name(added, acceleromete
         assert (structure[0]["accelerometer"], structure[0]["on"]) == (accelerometer, on)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("hidden", [step, fifth_power], ids=["a step of a bias", "fifth power of an input"])
 def test_no_cause_may_be_zero_where_senses_are_open(hidden):
     """What widens the bounds of readings whose sense is open is paid for by its size: nothing is had for nothing."""
@@ -176,6 +177,7 @@ def test_a_drift_is_named_alone_where_an_open_sense_would_have_absorbed_it(seed)
     assert low <= fault.value <= high
 
 
+@pytest.mark.acceptance
 def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
     """At outer angles 20 + 45 k the orders 2 and 6 take the same values up to a phase."""
     place = EffectPlace("encoder-harmonic", "outer-axis", 2)

@@ -59,6 +59,7 @@ def test_a_warm_up_is_named_with_its_time_constant(seed):
     assert_named(diagnosed(record, size * (1.0 - np.exp(-hours / constant))), "warm-up", (size, constant))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("seed", "sigmas"), [(9, 5000.0)])
 def test_a_large_warm_up_is_named_and_its_time_constant_is_inside(seed, sigmas):
     """So large that the nominal fit says little of the time constant: every one has to be judged at a better one."""
@@ -102,6 +103,7 @@ def test_a_drift_is_named_and_a_slow_warm_up_is_said_not_to_be_excluded():
     assert set(result.containing_sets or ()) == {(EffectPlace(e, PLACE),) for e in ("warm-up", "thermal-lag")}
 
 
+@pytest.mark.acceptance
 def test_a_bias_that_goes_up_and_down_is_a_wander():
     """No single effect is like it, and with no input or angle does it vary so little."""
     _, record = drawn(5, 30)
@@ -112,6 +114,7 @@ def test_a_bias_that_goes_up_and_down_is_a_wander():
     assert all(where == PLACE for causes in sets for _, where in causes)
 
 
+@pytest.mark.acceptance
 def test_what_depends_on_an_input_is_no_wander():
     _, record = drawn(6, 30)
     n = record.specific_force[:, 1] / GRAVITY

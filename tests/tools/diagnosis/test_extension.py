@@ -92,6 +92,7 @@ def test_the_exported_scenario_gives_the_record_again(place, values, tmp_path):
     assert (again.approach_alpha == record.approach_alpha).all()
 
 
+@pytest.mark.acceptance
 def test_a_record_in_two_mountings_has_a_run_for_each(tmp_path):
     """The FMUs start with the first mounting; the scenario of the other says what is different."""
     place = EffectPlace("bias-drift", "accelerometer-1")

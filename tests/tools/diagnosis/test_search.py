@@ -63,6 +63,7 @@ def test_readings_of_other_positions_are_named_nothing():
     assert diagnose(position_record(np.roll(reading, 1, axis=0)), noise_bound=NOISE_BOUND).verdict == "unexplained"
 
 
+@pytest.mark.acceptance
 def test_outliers_of_a_whole_g_are_found_although_they_turn_the_signs_of_other_inputs():
     rng = np.random.default_rng(5)
     bench = random_bench(rng)
@@ -90,6 +91,7 @@ def case_with(effects: Effects, seed: int, *, positions: int = 36, noise: str = 
 THREE: Effects = {CUBIC_1: (6e-4,), WOBBLE: (4e-4, 0.7), DRIFT_2: (2e-3,)}
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("effects", "seed"),
     [
@@ -180,6 +182,7 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     assert {cause.place for cause in result.causes} == set(effects)
 
 
+@pytest.mark.acceptance
 def test_three_outliers_are_no_cause():
     """At most two: enough outliers explain anything."""
     effects = {place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,), place_of(30, 1): (5e-4,)}
@@ -300,6 +303,7 @@ def test_channels_that_are_exchanged_from_a_time_on_are_named_with_the_gap_betwe
     assert result.causes[0].intervals[0] == pytest.approx((hours[row - 1], hours[row]))
 
 
+@pytest.mark.acceptance
 def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
     """A walk at one accelerometer: pairs of unrelated effects fit it, too, and the search finds some of them."""
     result = diagnosed_evidence(bench_evidence(walking(8, 24, 1.1e-5), noise_bound=NOISE_BOUND), most_work=2e6)

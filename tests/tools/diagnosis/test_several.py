@@ -91,6 +91,7 @@ def judged(monkeypatch, records) -> Several:
     )
 
 
+@pytest.mark.acceptance
 def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_all(monkeypatch):
     """The truth, a step, is not sought in several records: the record that shows it has it among its own sets.
 
@@ -107,6 +108,7 @@ def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_a
     assert result.runs["record-1"] == "no"
 
 
+@pytest.mark.acceptance
 def test_a_step_that_only_the_others_show_is_not_taken_for_what_is_sought_in_all(monkeypatch):
     """By itself the second record falsifies nothing, so its step was never sought: no single cause is said."""
     step = EffectPlace("bias-step", "accelerometer-2")
@@ -173,6 +175,7 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
     assert known["X4"].at_least == pytest.approx(3e-4, abs=1e-4)
 
 
+@pytest.mark.acceptance
 def test_a_record_that_nothing_mends_is_left_out_and_said():
     records = of_one_instrument(21, positions=(20, 20))
     rng = np.random.default_rng(0)
@@ -184,6 +187,7 @@ def test_a_record_that_nothing_mends_is_left_out_and_said():
     assert result.verdict == "consistent"
 
 
+@pytest.mark.acceptance
 def test_a_record_that_shows_no_size_of_what_would_mend_it_is_judged_with_the_others(monkeypatch):
     records = of_one_instrument(5, shared=[(QUADRATIC, (4e-4,))])[:2]
     with monkeypatch.context() as patch:

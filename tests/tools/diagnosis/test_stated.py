@@ -36,6 +36,7 @@ def exact_misfit(result: Any) -> float:
     return float(np.abs((evidence.readings.reading.ravel() - model.reading) / model.bound).max())
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("place", "values", "at_bound"),
     [pytest.param(HARMONIC, (2.5e-4, 3.1), False, marks=pytest.mark.acceptance), (PRODUCT, (2e-3,), True)],

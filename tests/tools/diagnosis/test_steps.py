@@ -55,6 +55,7 @@ def test_a_step_is_named_or_among_the_candidates_with_its_time_and_size_inside_t
     assert sum(low <= size <= high and first <= before < after <= last for (low, high), (first, last) in ends) == 1
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", some(100, of=(100, 101, 102, 104, 106, 107)))
 def test_a_weak_step_has_every_time_at_which_it_could_be_in_its_interval(seed):
     """At 2 σ it could have come in one of several gaps between rows."""

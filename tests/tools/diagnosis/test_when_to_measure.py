@@ -50,6 +50,7 @@ def in_time(effect: str, hours: np.ndarray) -> np.ndarray:
     return size * (hours / SPAN if effect == "bias-drift" else (hours > 0.5 * SPAN).astype(float))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("effect", "seed"), [pytest.param("bias-drift", 1, marks=pytest.mark.acceptance), ("bias-step", 5)]
 )

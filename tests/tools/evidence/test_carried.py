@@ -187,6 +187,7 @@ def test_least_squares_and_the_search_agree_on_a_known_error():
         assert order_of_effects(made.of_length(k), [SENSITIVITY, LATENCY]).steps[0].place == SENSITIVITY
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("factor", "doubt"),
     [(1.05, "5 % too long"), pytest.param(0.97, "3 % too short", marks=pytest.mark.acceptance), (1.0, None)],

@@ -164,6 +164,7 @@ def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(fil
     assert again[-1] == pytest.approx(constant, rel=1e-9)
 
 
+@pytest.mark.acceptance
 def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
     """An exponential with ten times the record's length is nearly straight; its mean is taken out."""
     evidence = made(filmed=True)
@@ -183,6 +184,7 @@ def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
     assert (WARM_UP,) in (result.containing_sets or ())
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("at", [0.0, pytest.param(0.5, marks=pytest.mark.acceptance)])
 def test_what_can_act_from_the_beginning_on_is_not_said_to_set_in(at):
     """The first moves hardly show a scale factor: one that always acts looks like one that sets in after them."""

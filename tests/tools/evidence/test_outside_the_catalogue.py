@@ -93,6 +93,7 @@ def first_words(found: Diagnosis) -> tuple[str, str]:
     return page(found).verdict, "\n".join(lines(found))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("change", [swinging_scale, pytest.param(rate_in_waves, marks=pytest.mark.acceptance)])
 def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_stretches_no_bound(change, seed):

@@ -82,6 +82,7 @@ def test_without_it_the_objection_says_what_the_true_attitude_would_have_to_err_
     assert without.reference_bound_arcmin is None
 
 
+@pytest.mark.acceptance
 def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(record, least, narrow):
     found = diagnose(record, rerun=False, reference_bound=ERROR + 0.5)
     assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-scale-misalignment"])
@@ -101,6 +102,7 @@ def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(recor
     assert proviso in lines(found)[0]
 
 
+@pytest.mark.acceptance
 def test_a_record_that_is_consistent_by_what_is_stated_says_so():
     # In radians it is not the number that was given.
     found = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=303.447)

@@ -44,6 +44,7 @@ def test_all_published_rows_are_there():
     assert [sum(row.table == table for row in rows) for table in ("1", "3.1.1", "2", "3")] == [35, 24, 12, 17]
 
 
+@pytest.mark.acceptance
 def test_rows_of_coarse_steps_come_out(quick):
     for row in quick.rows:
         # Printed to three or four digits; the ψ of row 57 and others of 3.1.1 to three.

@@ -16,6 +16,7 @@ def degrees(found):
     return {(e.motion, e.rounding, e.arithmetic): float(np.degrees(e.error)) for e in found.errors}
 
 
+@pytest.mark.acceptance
 def test_thirty_seconds():
     found = degrees(word_length_errors(30.0, motions=(REPEATING,)))
     for rounding in ROUNDINGS:

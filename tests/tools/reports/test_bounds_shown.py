@@ -149,6 +149,7 @@ def test_lines_show_no_bound_better_than_it_is(kind):
     assert shown_too_well(result.to_json(), watched) == []
 
 
+@pytest.mark.acceptance
 def test_an_operators_page_with_its_proof_shows_no_bound_better_than_it_is():
     watched = Watched()
     with watched():
@@ -158,6 +159,7 @@ def test_an_operators_page_with_its_proof_shows_no_bound_better_than_it_is():
     assert shown_too_well(plan().to_json(), watched) == []
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures")
 def test_a_campaigns_page_shows_no_bound_better_than_it_is(tmp_path: Path):
     """Quantiles, largest values and rates with their intervals, of 4 calibrations."""

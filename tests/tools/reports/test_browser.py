@@ -30,6 +30,7 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     return found
 
 
+@pytest.mark.acceptance
 def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages, window: Window):
     for name, page in pages.items():
         for width, dark, printed in ((1280, False, False), (400, True, False), (1280, True, False), (720, False, True)):
