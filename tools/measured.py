@@ -3,6 +3,7 @@
 The functions are as in `library`: documented once, and what one needs is imported when it is called.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -334,6 +335,7 @@ def diagnose(
     hypotheses: Sequence[str] = (),
     effects_from: str | Path | None = None,
     extend: bool = False,
+    bench: "calibrations.Bench | None" = None,
     progress: bool = False,
 ) -> "diagnosis.Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
@@ -341,7 +343,7 @@ def diagnose(
     Parameters
     ----------
     record : path, table in memory, record or Simulation
-        Position record, raw record or strapdown record, CSV or Parquet.
+        Position record, raw record, bench record or strapdown record, CSV or Parquet.
     noise_bound : float, optional
         σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell. The bounds of a
         strapdown record come from the record.
@@ -358,7 +360,7 @@ def diagnose(
         How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
         w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
     rates : str
-        What a rate in a strapdown record means.
+        What a rate in a strapdown record or a bench record means.
     reference_bound : float, optional
         Bound of the true attitude's error at any row of a strapdown record [arcmin], where you know it; without it the
         true attitude is taken to err as at rest. What is named with it is as sure as it is.
@@ -371,6 +373,9 @@ def diagnose(
     extend : bool
         Where place and quantity are proven, extend the model by a formula or a table that is in no catalogue, though
         something in it stands, too.
+    bench : Bench, optional
+        Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are held against
+        the table, too.
     progress : bool
         Show a bar on standard error, where that is a terminal.
 
@@ -394,6 +399,7 @@ def diagnose(
         mounting=mounting,
         rates=rates,
         reference_bound=reference_bound,
+        bench=bench,
     )
     with own_effects.with_effects_of(effects_from):
         found = diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **asked)
@@ -411,6 +417,7 @@ def _asked(
     mounting: "str | Mapping[str, ArrayLike]" = "identity",
     rates: str = "instantaneous",
     reference_bound: float | None = None,
+    bench: "calibrations.Bench | None" = None,
 ) -> dict[str, Any]:
     """Options of a record's evidence, as of `diagnose`; an InputError for one that its kind does not have.
 
@@ -426,14 +433,17 @@ def _asked(
     if carried:
         if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
             raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
+        if bench is not None:
+            raise InputError(f"--latitude-deg: is of a bench record; {run.path} is a strapdown record")
         return {"gravity": gravity, "baseline": baseline, "rates": rates, "reference_bound": reference_bound}
-    if rates != "instantaneous":
+    if rates != "instantaneous" and bench is None:
         raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
     if reference_bound is not None:
         raise InputError(
             f"--reference-bound {reference_bound:g}: is of a strapdown record; a record of a table has no true attitude"
         )
     own = {"noise_bound": noise_bound, "bounds": bounds, "mounting": mounting}
+    own |= {} if bench is None else {"bench": dataclasses.replace(bench, rates=rates)}
     return {"gravity": gravity, "baseline": baseline or "asymmetric", **own}
 
 

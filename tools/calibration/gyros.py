@@ -21,6 +21,7 @@ from ..result import finite_or_none
 from ..rounding import exactly
 from .calibration import ROUNDING, Asked, calibrate, wanted_targets
 from .estimates import FeasibleSet, a_priori_values, chebyshev_centre, least_squares_values, possible_values
+from .model import Linearisation
 from .result import NUMBERS, Calibration, Estimate, Gain, GyroCalibration, OpenTarget, ReadingError, Turn
 from .targets import Target, corners, error_weights
 from .turns import WithTurns, turns_of, with_turns
@@ -67,6 +68,10 @@ class Bench:
                 )
         check_meaning(self.rates)
 
+    def encoder_within(self, noise_bound: float) -> float:
+        """The bound of an encoder's error [rad]; without one σ, which holds it in it."""
+        return float(noise_bound if self.encoder_bound is None else self.encoder_bound)
+
     @classmethod
     def given(cls, latitude_deg: float | None, azimuth_deg: float | None, **options: Any) -> "Bench | None":
         """The bench of a command's options; None where nothing is said."""
@@ -97,22 +102,27 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
     if asked.priors:
         raise InputError(f"--prior {asked.priors[0]}: is of accelerometers alone; leave --latitude-deg out")
     found = calibrate(record, **options)
-    return _with_gyros(found, record, bench, wanted_targets(found.linearised.parametrisation, asked))
+    return with_gyros(found, record, bench, fit_whole(found.linearised, record, bench, found.noise_bound), asked)
 
 
-def _with_gyros(found: Calibration, record: PositionRecord, bench: Bench, targets: Sequence[Target]) -> Calibration:
-    """The calibration of a bench record's accelerometers and its `targets`, taken together with its gyros."""
-    raw, alone = record.raw, found.linearised
-    assert isinstance(raw, BenchRecord)
+def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_bound: float) -> WithTurns:
+    """The model linearised at the fit to a bench record's rests, as they are linearised alone, and to its turns."""
     turns = turns_of(
         record,
         mounting=alone.parametrisation.matrices[0],
         earth=earth_in_base(radians(bench.latitude_deg), radians(bench.azimuth_deg)),
-        encoder_bound=found.noise_bound if bench.encoder_bound is None else bench.encoder_bound,
+        encoder_bound=bench.encoder_within(noise_bound),
         noise_bound=bench.gyro_noise,
         rates=bench.rates,
     )
-    here = with_turns(alone, turns, str(record.path))
+    return with_turns(alone, turns, str(record.path))
+
+
+def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: WithTurns, asked: Asked) -> Calibration:
+    """The calibration of a bench record's accelerometers taken together with its gyros, as they are fitted `here`."""
+    raw, alone = record.raw, found.linearised
+    assert isinstance(raw, BenchRecord)
+    targets = wanted_targets(alone.parametrisation, asked)
     wanted = [*targets, *_gyro_targets(here)]
     of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
     wanted = [_widened(target, len(here.point)) for target in wanted]
@@ -138,9 +148,9 @@ def _with_gyros(found: Calibration, record: PositionRecord, bench: Bench, target
     proof = np.flatnonzero(np.abs(duals) * here.bound > 1e-9) if contradicted else np.zeros(0, dtype=int)
     behind = len(alone.residual)
     gyros = GyroCalibration(
-        pieces=len(turns.first),
-        noise_basis=turns.basis,
-        encoder_bound_rad=float(found.noise_bound if bench.encoder_bound is None else bench.encoder_bound),
+        pieces=len(here.turns.first),
+        noise_basis=here.turns.basis,
+        encoder_bound_rad=bench.encoder_within(found.noise_bound),
         latitude_deg=float(bench.latitude_deg),
         azimuth_deg=float(bench.azimuth_deg),
         parameters=estimates[count:],
@@ -165,6 +175,11 @@ def _with_gyros(found: Calibration, record: PositionRecord, bench: Bench, target
             for (p, n), (low, high) in errors
         ]
     return found.model_copy(update=changed)
+
+
+def gyro_names() -> list[tuple[str, str]]:
+    """Name and unit of each of the gyros' parameters."""
+    return [(symbol, WORDS[symbol[0]][1]) for symbol in GYRO_PARAMETERS]
 
 
 def _gyro_targets(here: WithTurns) -> list[Target]:

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench import small_turn
 from ...models.bench_turns import GYRO_PARAMETERS, LAG, MATRIX, MOMENTS, integrated_jacobian, integrated_readings
 from ...models.bench_turns import moments_of as integrated_angles
 from ..errors import InputError
@@ -74,6 +75,10 @@ class Turns:
         from_inner = self.jacobian_of_axes(targets, gyros)
         return (self.noise[:, None] + self.swept @ np.abs(from_inner).T).ravel()
 
+    def block_axes(self, targets: NDArray) -> NDArray[np.float64]:
+        """Axes (3, 3) of the inner frame in those of the block."""
+        return small_turn(targets[14:11:-1]) @ self.mounting
+
     def jacobian_of_axes(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
         """Gyros' readings (3, 3) of turns about the axes of the inner frame."""
         turns = np.zeros((3, len(MOMENTS)))
@@ -126,7 +131,7 @@ def turns_of(
     taken = raw.increment[1:] if raw.increment is not None else mean_rates(gyros, rates) * np.diff(time)[:, None]
     np.cumsum(taken, axis=0, out=angle[1:])
     sums = integrated_angles(time, alpha, beta)
-    swung = np.cumsum([_motion(values, encoder_bound) for values in (alpha, beta)], axis=1)
+    swung = np.cumsum([motion_of(values, encoder_bound) for values in (alpha, beta)], axis=1)
     ends = [_within(rest) for rest in used]
     for (_, begin), (end, _) in pairwise(list(ends)):
         ends.append((begin, end))
@@ -187,7 +192,7 @@ def _within(rest: Rest) -> tuple[int, int]:
     return rest.kept_first + margin, rest.kept_last - margin
 
 
-def _motion(angle: NDArray, bound: float) -> NDArray[np.float64]:
+def motion_of(angle: NDArray, bound: float) -> NDArray[np.float64]:
     """How far an axis has gone since the row before (N,) [rad]; what an encoder's error may make is none."""
     gone, at = np.zeros(len(angle)), angle[0]
     far = np.flatnonzero(np.abs(np.diff(angle, prepend=at)) > 0.0)

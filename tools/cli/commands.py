@@ -251,6 +251,10 @@ def diagnose(
     record: Path,
     /,
     *others: Path,
+    latitude_deg: Typed = None,
+    azimuth_deg: Typed = None,
+    gyro_noise: Typed = None,
+    encoder_bound: Typed = None,
     json: JsonFile = None,
     report: ReportFile = None,
     export: Annotated[Folder, Parameter(name="--export")] = None,
@@ -262,12 +266,22 @@ def diagnose(
 
     Example: trihedron diagnose positions.csv --noise-bound 1e-5 --effects-from fifth.py
 
+    Example: trihedron diagnose bench.csv --noise-bound 1e-5 --latitude-deg 55.75 --azimuth-deg 20 --json imu.json
+
     Example: trihedron diagnose monday.csv tuesday.csv friday.csv --noise-bound 1e-5 --json several.json
 
     Parameters
     ----------
     others
         Further records of the same instrument: what they say together, and what is the instrument's or one run's.
+    latitude_deg
+        Of a bench record: where it was measured. With --azimuth-deg its gyros are held against the table, too.
+    azimuth_deg
+        Of a bench record: azimuth of the outer axis, from north towards east.
+    gyro_noise
+        Bound of the mean of a gyro's noise over one second [rad/s]; over T it falls as 1/√T. By default the rests tell.
+    encoder_bound
+        Bound of an encoder's error [rad]; by default σ, of which it is a part.
     export
         Write what was found into this folder, where something is: extended FMUs that start with it, parameter sets
         (.ssv) with values and intervals, and a scenario with which they give the record again. Of hypotheses the first
@@ -276,7 +290,11 @@ def diagnose(
     named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)}
     distinct_files({**(named if others else {"the record": record}), "--json": json, "--report": report})
     asked = _of_several(options, several=bool(others))
+    place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound}
+    bench = calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
     if others:
+        if bench is not None:
+            raise InputError("--latitude-deg: is of one record; give one")
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
         if options.pop("hypotheses", ()):
@@ -287,7 +305,7 @@ def diagnose(
         return answer(several, json)
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
-    result = measured.diagnose(run, **options, progress=True)
+    result = measured.diagnose(run, bench=bench, **options, progress=True)
     if report is not None:
         reports.write_report(report, result, run)
     files = [] if export is None else diagnosis.export_extended(result, export)

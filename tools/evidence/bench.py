@@ -68,6 +68,17 @@ FIT_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
+class TurnErrors:
+    """Errors (S, 3) of turns over their bounds, `before` and `after`; from and to (S,) [s], angles (S, 2) [rad]."""
+
+    first: NDArray[np.float64]
+    last: NDArray[np.float64]
+    turned: NDArray[np.float64]
+    before: NDArray[np.float64]
+    after: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class Bench(Evidence):
     """What averaged readings at positions of a table say against the exact model of bench and block.
 
@@ -157,6 +168,15 @@ class Bench(Evidence):
     ) -> Iterator[tuple[EffectPlace, ...]]:
         """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
         return self.search.candidates(size, work)
+
+    @property
+    def of_readings(self) -> int:
+        """How many rows are readings."""
+        return len(self.here.residual)
+
+    def turns_of(self, fit: Fit) -> TurnErrors | None:
+        """What a fit leaves of the turns between positions; None of rests alone."""
+        return None
 
     @property
     def second_order(self) -> float:
@@ -340,6 +360,14 @@ class Bench(Evidence):
         """What an extension does to the calibration's targets, and a mounting that would tell more of its causes."""
         if not fit.places:
             return {}
+        pairs = ((place, other) for place in fit.places for other in self.classes.equivalents(place))
+        p = self.here.parametrisation
+        found = (second_mounting(p, [a], [b], (a.title, b.title)) for a, b in pairs)
+        mounting = next((said for said in found if said is not None), None)
+        return self._targets(fit) | ({} if mounting is None else {"second_mounting": mounting})
+
+    def _targets(self, fit: Fit) -> dict[str, Any]:
+        """What an extension does to the calibration's targets."""
         nominal = self.calibration.linearised
         known = zip(nominal.symbols, nominal.point, fit.estimate, fit.ends(self.room(fit)), strict=False)
         targets = [
@@ -347,11 +375,7 @@ class Bench(Evidence):
             | dict(zip(("low", "high"), map(finite_or_none, ends), strict=True))
             for symbol, before, after, ends in known
         ]
-        pairs = ((place, other) for place in fit.places for other in self.classes.equivalents(place))
-        p = self.here.parametrisation
-        found = (second_mounting(p, [a], [b], (a.title, b.title)) for a, b in pairs)
-        mounting = next((said for said in found if said is not None), None)
-        return {"targets": targets} | ({} if mounting is None else {"second_mounting": mounting})
+        return {"targets": targets}
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """Positions, and where these do not do a mounting, that tell sets apart."""
@@ -396,8 +420,8 @@ class Bench(Evidence):
 
 
 GYROS_LEFT_OUT = (
-    "the gyros of this bench record are left out, its rests alone are diagnosed; `trihedron calibrate --strapdown` "
-    "writes the record by which a diagnosis of its gyros goes"
+    "the gyros of this bench record are left out, its rests alone are diagnosed; --latitude-deg and --azimuth-deg hold "
+    "them against the table, too"
 )
 
 

@@ -1,6 +1,6 @@
 """The bench with effects, each acting in one way: readings, derivatives, exact fits, readings that are left out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Self
@@ -31,7 +31,7 @@ from .bench_visits import (
     signature_columns,
     untold_readings,
 )
-from .fit import Fit, blocks_of, coefficient_limits
+from .fit import Fit, blocks_of, coefficient_limits, estimated
 
 LARGEST_OF_BENCH = 0.5
 """No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
@@ -51,6 +51,12 @@ DETERMINED = 1e-8
 """Directions of so small a part of the largest singular value are not determined by readings that are kept."""
 MAX_LEVERAGE = 1.0
 """A held-out reading is scored when its prediction is at most so many times as uncertain (rms) as a reading."""
+
+
+Exact = Callable[[Sequence[EffectPlace], NDArray, NDArray], tuple[NDArray, NDArray, NDArray]]
+"""Errors (M,), derivatives (M, P + K), growth of the bounds (M, P + K), in bounds, at parameters and coefficients."""
+Settled = Callable[[NDArray, NDArray, NDArray, NDArray], NDArray]
+"""Derivatives, errors, which columns (n,) bounds are paid by, a step (n,): another step to the same radius."""
 
 
 @dataclass(frozen=True)
@@ -377,6 +383,47 @@ def fitted(
         fit = fit_at(x, model, estimate)
     fit = fit_at(x, model, estimate, there=True)
     return fit if _stands(fit, model.rows) else None
+
+
+def relinearised(at: Exact, places: Sequence[EffectPlace], start: NDArray, settled: Settled | None = None) -> Fit:
+    """The fit of exact rows with linear effects: least squares, then the Chebyshev programme, both relinearised.
+
+    It begins at parameters (P,). `settled` may move a step to the least radius where this leaves parameters open.
+    """
+    count, blocks = len(start), blocks_of(places)
+    x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
+    single = {p: count + b.start for p, b in zip(places, blocks, strict=True) if b.stop - b.start == 1}
+
+    def fit_at(x: NDArray, estimate: NDArray, *, there: bool) -> Fit:
+        residual, jacobian, rate = at(places, x[:count], x[count:])
+        growths, bound = growths_of(Paid.of(single, rate), rate, x), np.ones(len(residual))
+        if there:
+            growths = tuple(sorted(growths, key=lambda growth: -growth.now.sum()))
+            grown = growths[0].now if growths else 0.0
+            step, radius = np.zeros(len(x)), float((np.abs(residual) - grown).max(initial=0.0))
+        else:
+            radius, step, branch = least_radius(jacobian, residual, bound, growths)
+            if settled is not None:
+                step = settled(jacobian, residual, np.any(rate, axis=0, keepdims=True)[0], step)
+            growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
+        own = (x, step, residual, bound, jacobian)
+        return Fit(tuple(places), blocks, *own, radius, estimate, x[count:], (), growths)
+
+    for _ in range(MAX_ITERATIONS):
+        residual, jacobian, _ = at(places, x[:count], x[count:])
+        step = estimated(jacobian, residual)
+        x = x + step
+        if np.abs(step).max(initial=0.0) < CONVERGED:
+            break
+    estimate, best = x, fit_at(x, x, there=True)
+    for _ in range(MAX_MOVES):
+        fit = fit_at(x, estimate, there=False)
+        x = x + fit.step
+        moved = fit_at(x, estimate, there=True)
+        best = min(best, moved, key=lambda one: one.radius)
+        if moved.radius <= fit.radius + ATTAINED * max(1.0, fit.radius):
+            break
+    return best
 
 
 def model_work(readings: Visits) -> float:

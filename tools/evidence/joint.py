@@ -19,17 +19,7 @@ from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..motion.norm import LARGEST
 from .bench_left_out import trials_of_each
-from .bench_model import (
-    ATTAINED,
-    CONVERGED,
-    LARGEST_OF_BENCH,
-    MAX_ITERATIONS,
-    MAX_MOVES,
-    Paid,
-    growths_of,
-    least_radius,
-    with_possible_sizes,
-)
+from .bench_model import LARGEST_OF_BENCH, relinearised, with_possible_sizes
 from .evidence import Evidence, Trial
 from .fit import Fit, blocks_of, estimated
 from .of_record import Differs, InRecord, in_record, is_of_instrument, plain, width_of
@@ -259,42 +249,7 @@ class Joint(Evidence):
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The exact models of all records with some effects, relinearised: least squares, then the Chebyshev fit."""
-        count, blocks = len(self.point), blocks_of(places)
-        x = np.append(self.point, np.zeros(width_of(places)))
-        bound, single = np.ones(self.starts[-1]), {}
-        for place, block in zip(places, blocks, strict=True):
-            if block.stop - block.start == 1:
-                single[place] = count + block.start
-
-        def fit_at(x: NDArray, estimate: NDArray, *, there: bool) -> Fit:
-            residual, jacobian, rate = self.at(places, x[:count], x[count:])
-            growths = growths_of(Paid.of(single, rate), rate, x)
-            if there:
-                growths = tuple(sorted(growths, key=lambda growth: -growth.now.sum()))
-                grown = growths[0].now if growths else 0.0
-                step, radius = np.zeros(len(x)), float((np.abs(residual) - grown).max(initial=0.0))
-            else:
-                radius, step, branch = least_radius(jacobian, residual, bound, growths)
-                step = self._own_centres(jacobian, residual, np.any(rate, axis=0, keepdims=True)[0], step)
-                growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
-            at = (x, step, residual, bound, jacobian)
-            return Fit(tuple(places), blocks, *at, radius, estimate, x[count:], (), growths)
-
-        for _ in range(MAX_ITERATIONS):
-            residual, jacobian, _ = self.at(places, x[:count], x[count:])
-            step = estimated(jacobian, residual)
-            x = x + step
-            if np.abs(step).max(initial=0.0) < CONVERGED:
-                break
-        estimate, best = x, fit_at(x, x, there=True)
-        for _ in range(MAX_MOVES):
-            fit = fit_at(x, estimate, there=False)
-            x = x + fit.step
-            moved = fit_at(x, estimate, there=True)
-            best = min(best, moved, key=lambda one: one.radius)
-            if moved.radius <= fit.radius + ATTAINED * max(1.0, fit.radius):
-                break
-        return best
+        return relinearised(self.at, places, self.point, self._own_centres)
 
     def _own_centres(
         self, jacobian: NDArray, residual: NDArray, paid: NDArray[np.bool_], step: NDArray

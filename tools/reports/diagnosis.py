@@ -70,6 +70,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
         f"({nominal.noise_bound_basis}); nominal model: radius {residual(nominal.radius)}",
         *bench.proof_lines(nominal),
     ]
+    said += evidence.turn_lines(result)
     for finding in sets_of(result)[:MOST_SETS]:
         for cause in finding.causes:
             said += _cause_lines(cause, result)
@@ -88,6 +89,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
         said.append("gain on held-out positions: not possible with these effects and positions")
     if isinstance(result.judgement, Witness):
         said += _witness_lines(result.judgement)
+    said += _each_lines(witnesses_of(result))
     if (other := result.second_mounting) is not None:
         said.append(
             f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "

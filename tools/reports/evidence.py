@@ -20,13 +20,14 @@ from ..document.notation import (
     symbol_text,
     unit_text,
 )
+from ..evidence.bench import TurnErrors
 from ..evidence.power import PIECES, SECTORS
 from ..rounding import digits, exactly, interval, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
 
-MOST_RANKED = 16
+MOST_RANKED, MOST_TURNS = 16, 12
 MOST_BARS = 18
 MOST_NEVER = 4
 """So many pairs that a record never shows are named in a line."""
@@ -58,7 +59,8 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         which = "" if result.verdict == "explained" else f", {result.findings[0].title},"
         said += f" With {first_words(result)}{which} it leaves {residual(fit.radius)} σ."
     before = (here.residual / here.bound).reshape(-1, 3)
-    after = None if fit is None else (fit.left / fit.allowed).reshape(-1, 3)
+    rows = result.evidence.of_readings
+    after = None if fit is None else (fit.left / fit.allowed)[:rows].reshape(-1, 3)
     proof = proved(nominal, result.evidence.numbers)
     return [
         Section(
@@ -73,7 +75,45 @@ def residual_sections(result: Diagnosis) -> list[Section]:
             pictures.residuals_over_inputs(here.input, before, after, proof),
             "Residuals of each accelerometer against its own input.",
         ),
+        *turn_sections(result),
     ]
+
+
+def _turns(result: Diagnosis) -> TurnErrors | None:
+    """Errors of the turns between positions, without and with the first set of effects, where gyros have seen them."""
+    return result.evidence.turns_of(result.findings[0].fit if result.findings else result.evidence.baseline)
+
+
+def turn_lines(result: Diagnosis) -> list[str]:
+    """What gyros say of the turns, and accelerometers of the rests, each by itself."""
+    if (turns := _turns(result)) is None:
+        return []
+    read, fit = slice(result.evidence.of_readings), result.findings[0].fit if result.findings else None
+    own = [result.evidence.baseline.left[read], *([] if fit is None else [(fit.left / fit.allowed)[read]])]
+    sums = [turns.before, turns.after][: len(own)]
+    both = [" -> ".join(residual(float(np.abs(left).max())) for left in lefts) for lefts in (sums, own)]
+    return [
+        f"two witnesses, the largest error of each over its bound: gyros, over {len(turns.first)} rests and turns, "
+        f"{both[0]}; accelerometers, over {result.evidence.calibration.positions} rests, {both[1]}"
+    ]
+
+
+def turn_sections(result: Diagnosis) -> list[Section]:
+    """What is left of the turns between positions, without and with the effects, where gyros have seen them."""
+    if (turns := _turns(result)) is None:
+        return []
+    sizes = [np.abs(errors).max(axis=1) for errors in (turns.before, turns.after)]
+    said = (
+        "The gyros' integrals over rests, moves and parts of moves are held against the turns by the encoders. "
+        f"{sentence(turn_lines(result)[0])} The largest errors:"
+    )
+    rows: list[list[Cell]] = []
+    for k in np.argsort(-sizes[0], kind="stable")[:MOST_TURNS]:
+        degrees = (digits(float(np.degrees(angle)), 5) for angle in turns.turned[k])
+        ends = (digits(float(turns.first[k]), 6), digits(float(turns.last[k]), 6))
+        rows.append([*ends, *degrees, *(residual(float(own[k])) for own in sizes)])
+    header = ["from [s]", "to [s]", "outer turn [°]", "inner turn [°]", "error, over its bound", "with the effects"]
+    return [Section("Turns, as the gyros saw them", [said], table=Table(header, rows))]
 
 
 def as_stated(result: Diagnosis) -> str:

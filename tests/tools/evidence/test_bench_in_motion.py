@@ -1,0 +1,96 @@
+"""A whole bench diagnosed: what effects do to the turns, two witnesses of one cause, at a terminal."""
+
+import shutil
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.calibration.calibration import fit_record
+from trihedron.tools.calibration.gyros import fit_whole
+from trihedron.tools.cli import main
+from trihedron.tools.diagnosis import Diagnosis
+from trihedron.tools.evidence.bench_travel import Travel, approached
+from trihedron.tools.records import BenchRecord, PositionRecord, write_record
+from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials.whole import WholeBench, draw_whole
+
+SIGMA = 1e-5
+HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 3)
+
+
+@cache
+def bench() -> WholeBench:
+    drawn = draw_whole(np.random.default_rng([5, 5]))
+    return replace(drawn, angles=drawn.angles[-28:])
+
+
+def measured(*hidden: Hidden) -> PositionRecord:
+    return bench().measured(5, None, hidden)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    record = approached(measured(), 1e-4)
+    whole = fit_whole(fit_record(record, SIGMA), record, bench().place, SIGMA)
+    assert isinstance(record.raw, BenchRecord)
+    return whole, Travel.of(record.raw, whole, bench().place.encoder_within(SIGMA), 9.80665)
+
+
+@pytest.mark.parametrize(
+    ("place", "values"),
+    [
+        (EffectPlace("axis-wobble", "inner-axis", 2), (1e-4, 0.4, 7e-5, -1.0)),
+        (EffectPlace("encoder-harmonic", "inner-axis", 3), (1e-4, 2.0)),
+        (EffectPlace("backlash", "outer-axis"), (1e-4,)),
+        (EffectPlace("gyro-rate-squared", "gyro-block"), (2e-4, -1e-4, 5e-5)),
+    ],
+    ids=lambda value: value.title if isinstance(value, EffectPlace) else "",
+)
+def test_turns_change_as_the_extended_components_say(clean, place, values):
+    """The same seed, with the effect and without: what the gyros integrate differs by the columns, to second order."""
+    whole, travel = clean
+    record = approached(measured(Hidden(place, values)), 1e-4)
+    moved = fit_whole(fit_record(record, SIGMA), record, bench().place, SIGMA).turns
+    targets, gyros = whole.parametrisation.selection[0] @ whole.point[: whole.own], whole.point[whole.own :]
+    seen = moved.residual(targets, gyros) - whole.turns.residual(targets, gyros)
+    coefficients = values
+    if place.definition.parameters[0].name.endswith("amplitude"):
+        pairs = np.reshape(values, (-1, 2))
+        coefficients = np.stack([pairs[:, 0] * np.cos(pairs[:, 1]), pairs[:, 0] * np.sin(pairs[:, 1])], 1).ravel()
+    told = travel.columns(place) @ np.asarray(coefficients)
+    assert np.abs(told).max() > 5e-5
+    assert np.abs(seen - told).max() < 0.02 * np.abs(told).max()
+
+
+def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsys):
+    """Named at a terminal with page and components; each witness by itself is satisfied."""
+    monkeypatch.chdir(tmp_path)
+    record = measured(Hidden(HARMONIC, (6e-5, 1.0)))
+    assert record.raw is not None
+    write_record(record.raw, tmp_path / "bench.csv")
+    place = bench().place
+    told = {"--latitude-deg": place.latitude_deg, "--azimuth-deg": place.azimuth_deg, "--gyro-noise": place.gyro_noise}
+    told |= {"--encoder-bound": place.encoder_bound, "--noise-bound": SIGMA}
+    options = [text for name, value in told.items() for text in (name, str(value))]
+    files = ["--json", "found.json", "--report", "found.html", "--export", "extended"]
+    assert main(["diagnose", "bench.csv", *options, *files]) == 0
+    said = capsys.readouterr().out
+    assert "the encoder of the outer axis errs by" in said
+    (line,) = [line for line in said.splitlines() if line.startswith("two witnesses")]
+    gyros, accelerometers = (part.rpartition(", ")[2].split(" -> ") for part in line.split(";"))
+    assert float(gyros[0]) > 1.5
+    assert float(accelerometers[0]) > 1.5
+    assert max(float(gyros[1]), float(accelerometers[1])) < 1.0
+    assert "Turns, as the gyros saw them" in (tmp_path / "found.html").read_text(encoding="utf-8")
+    assert (tmp_path / "extended" / "GyroCompensation.ssv").exists()
+    found = Diagnosis.model_validate_json((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert [cause.place for cause in found.causes] == [HARMONIC]
+    (low, high), _ = found.causes[0].intervals
+    assert low <= 6e-5 <= high
+    assert main(["diagnose", "bench.csv", "--noise-bound", "1e-5", "--latitude-deg", "10"]) == 2
+    shutil.copy("bench.csv", "again.csv")
+    assert main(["diagnose", "bench.csv", "again.csv", *options]) == 2
+    assert "--latitude-deg: is of one record; give one" in capsys.readouterr().err

@@ -1,0 +1,388 @@
+"""The evidence of a whole bench: accelerometers at rest on a table, and gyros as it turns, as one system of rows.
+
+Readings at positions stand first, then what the gyros integrate over turns and rests. Bench, accelerometers and gyros
+have one set of parameters; an effect on the table is seen by both, each of them a witness.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...fmus.parameters import elements_of
+from ...models.bench_turns import BIAS, LAG, MATRIX, SENSITIVITY
+from ...models.effects import EffectPlace
+from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
+from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
+from ..calibration.calibration import Asked, radius_limit
+from ..calibration.gyros import Bench as Place
+from ..calibration.gyros import fit_whole, gyro_names, with_gyros
+from ..calibration.turns import WithTurns
+from ..errors import InputError
+from ..records import BenchRecord, PositionRecord
+from .bench import FIT_TOLERANCE, GYROS_LEFT_OUT, Bench, TurnErrors, bench_evidence
+from .bench_left_out import FOLDS, trials_of_each
+from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
+from .bench_scenario import extension_of_bench
+from .bench_search import LEAST_SLACK
+from .bench_travel import Travel, approached, effects_of_gyros
+from .bench_visits import is_linear
+from .carried import LATENCY, SHOWN_BY
+from .evidence import Trial
+from .extension import Extension, Sized, Start
+from .fit import Classes, Fit, Gain, blocks_of
+from .of_record import width_of
+from .pairs import Pair
+from .rows import About, Channel
+
+LARGEST_FLUCTUATION = 1e-4
+"""An axis that turns by less [rad] has not been moved."""
+MOST_SLACK = 0.5
+"""What the linear model of a search may be wrong by at most, in bounds."""
+
+
+SENSITIVE = EffectPlace("gyro-g-sensitivity", "gyro-block")
+"""What the calibration of the gyros has in it beside biases, scale factors and misalignments, with their latency."""
+
+
+@dataclass(frozen=True, eq=False)
+class BenchInMotion(Bench):
+    """What rests on a table and turns between them say against the exact model of bench, accelerometers and gyros.
+
+    Rows are in units of their bounds: three readings of each position, then three integrals of each turn. `rests` is
+    what the positions say by themselves, `whole` the model fitted to both, `travel` the table's way between them.
+    """
+
+    rests: Bench
+    whole: WithTurns
+    travel: Travel
+
+    # The rows are many, and each effect by itself would have to be fitted to all of them.
+    ranks_each = False
+
+    @cached_property
+    def residual(self) -> NDArray[np.float64]:
+        """Readings and integrals less prediction (M,), over their bounds."""
+        return self.whole.residual / self.whole.bound
+
+    @cached_property
+    def nominal(self) -> NDArray[np.float64]:
+        """Derivatives (M, P) by the parameters of bench, accelerometers and gyros, over the bounds."""
+        return self.whole.jacobian / self.whole.bound[:, None]
+
+    @cached_property
+    def bound(self) -> NDArray[np.float64]:
+        """Ones (M,)."""
+        return np.ones(len(self.residual))
+
+    def at(
+        self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Errors (M,), derivatives (M, P + K) and growth of the bounds (M, P + K), exact, in units of the bounds.
+
+        What effects do to the turns is linear.
+        """
+        blocks, whole, own = blocks_of(places), self.whole, self.whole.own
+        mine = [(place, block) for place, block in zip(places, blocks, strict=True) if acts_at_rest(place)]
+        columns = np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.stop) for _, b in mine)])
+        read = self.rests.about([place for place, _ in mine], point[:own], coefficients[columns])
+        jacobian, rate = np.zeros((2, len(whole.bound), len(point) + len(coefficients)))
+        residual, count = whole.residual_at(point), len(read.residual)
+        residual[:count] = read.residual
+        jacobian[:, : len(point)] = whole.jacobian_at(point)
+        jacobian[:count, :own], rate[:count, :own] = read.jacobian[:, :own], read.rate[:, :own]
+        jacobian[:count, len(point) + columns], rate[:count, len(point) + columns] = (
+            read.jacobian[:, own:],
+            read.rate[:, own:],
+        )
+        seen = self._turned(places)
+        residual[count:] -= seen @ coefficients
+        jacobian[count:, len(point) :] = seen
+        bound = np.append(read.bound, whole.bound[count:])
+        return residual / bound, jacobian / bound[:, None], rate / bound[:, None]
+
+    def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
+        """The exact model of the whole bench with linear effects, linearised there."""
+        residual, jacobian, rate = self.at(places, point, coefficients)
+        return About(residual, jacobian, np.ones(len(residual)), rate)
+
+    def _turned(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """What effects add to the integrals (3 S, K) [rad]; zeros of those that act on accelerometers alone."""
+        for place in places:
+            if place not in self._known:
+                self._known[place] = self.travel.columns(place)
+        rows = len(self.whole.bound) - self.of_readings
+        return np.hstack([np.zeros((rows, 0)), *(self._known[place] for place in places)])
+
+    @cached_property
+    def _known(self) -> dict[EffectPlace, NDArray[np.float64]]:
+        """What effects that were asked about add to the integrals."""
+        return {}
+
+    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """Columns (M, K) of linear effects over the bounds, at the nominal fit."""
+        whole, read = self.whole, np.zeros((self.of_readings, width_of(places)))
+        for place, block in zip(places, blocks_of(places), strict=True):
+            if acts_at_rest(place):
+                read[:, block] = self.rests.columns_of([place])
+        return np.vstack([read, self._turned(places)]) / whole.bound[:, None]
+
+    @property
+    def linear_places(self) -> list[EffectPlace]:
+        """Effects that are linear in their coefficients."""
+        return [place for place in self.places if is_linear(place)]
+
+    @cached_property
+    def classes(self) -> Classes:
+        """Linear effects by what they add to the model on these rows."""
+        columns = [self.columns_of([place]) for place in self.linear_places]
+        return Classes.of(self.linear_places, spaces_beyond(self.nominal, columns))
+
+    def space_of(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What an effect adds to the model on these rows."""
+        (space,) = spaces_beyond(self.nominal, [self.columns_of([place])])
+        return space
+
+    @property
+    def limit(self) -> float:
+        """Radius up to which a model stands."""
+        return radius_limit(self.calibration.noise_bound, self.readings.resolution) + FIT_TOLERANCE
+
+    @property
+    def rounding(self) -> float:
+        """What writing down the readings adds to their bounds, in units of these."""
+        return self.rests.rounding / self.calibration.noise_bound
+
+    @property
+    def second_order(self) -> float:
+        """What the linear model may be wrong by, in units of the bounds."""
+        return self.second_order_at(self.baseline_radius)
+
+    def second_order_at(self, radius: float) -> float:
+        """What the linear model may be wrong by where it misses by so many bounds."""
+        return self.rests.second_order_at(radius) / self.calibration.noise_bound
+
+    def refit(self, places: Sequence[EffectPlace]) -> Fit:
+        """The exact model with linear effects, relinearised."""
+        return relinearised(self.at, places, self.point)
+
+    def candidates(
+        self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
+    ) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of linear effects and outliers that no bound refuses; then those with effects that are not linear.
+
+        These change no turn: the rests by themselves allow them, and the turns by themselves the others beside them.
+        """
+        places = self.classes.places if among is None else among
+        problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
+        slack = self.limit - 1.0 + min(MOST_SLACK, LEAST_SLACK + self.second_order)
+        for chosen in sets_of_size(problem, size, slack, MOST_OUTLIERS, work):
+            if all(row < self.of_readings for row in chosen.outliers):
+                yield (*(places[i] for i in chosen.effects), *(self.outlier_at(row) for row in chosen.outliers))
+        gyros = [place for place in self.classes.places if not acts_at_rest(place)]
+        for count in range(1, size + 1):
+            others = [own for own in combinations(gyros, size - count) if self._turns_allow(own, slack, work)]
+            for bent in self.rests.search.candidates(count, work) if others else ():
+                if not all(is_linear(place) for place in bent):
+                    yield from ((*bent, *own) for own in others)
+
+    def _turns_allow(self, places: Sequence[EffectPlace], slack: float, work: Work) -> bool:
+        """Whether the turns by themselves stand with some effects of the gyros."""
+        rows = self.matrix(places)[self.of_readings :]
+        work.programme(*rows.shape)
+        own = rows[:, np.abs(rows).max(axis=0) > 0.0]
+        return chebyshev_radius(own, self.residual[self.of_readings :], np.ones(len(own)))[0] <= 1.0 + slack
+
+    def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+        """Fits of a set with possible sizes with which the model stands; of what is not linear in its ways."""
+        work.programme(*self.matrix([place for place in places if is_linear(place)]).shape)
+        if all(is_linear(place) for place in places):
+            fit = self.refit(places)
+            possible = with_possible_sizes(fit, self.limit, LARGEST_OF_BENCH) if fit.radius <= self.limit else None
+            return [] if possible is None else [possible]
+        gyros = [place for place in places if not acts_at_rest(place)]
+        found = []
+        for fit in self.rests.mended([place for place in places if acts_at_rest(place)], work):
+            ways = [one for way in (fit, *fit.also) if (one := self._beside_turns(way, gyros)) is not None]
+            if ways:
+                best, *others = sorted(ways, key=lambda one: one.radius)
+                found.append(replace(best, also=tuple(others)))
+        return found
+
+    def _beside_turns(self, fit: Fit, gyros: Sequence[EffectPlace]) -> Fit | None:
+        """A fit of the rests with the turns beside it, and effects of the gyros; None where it does not stand."""
+        whole, count, first = self.whole, self.of_readings, len(fit.point)
+        point = np.append(fit.point, whole.point[whole.own :])
+        more, own = width_of(gyros), len(fit.coefficients)
+        places = (*fit.places, *gyros)
+        blocks = (*fit.blocks, *(slice(b.start + own, b.stop + own) for b in blocks_of(gyros)))
+        at = np.concatenate([point, fit.coefficients, np.zeros(more)])
+        chosen = np.append(np.arange(first), len(point) + np.arange(own))
+        read = whole.bound[:count]
+        jacobian = np.zeros((len(whole.bound), len(at)))
+        jacobian[:count, chosen] = fit.jacobian / read[:, None]
+        turned = whole.jacobian_at(point)[count:]
+        # What is not linear acts on accelerometers alone.
+        seen = np.zeros((len(self.whole.bound) - count, own + more))
+        for place, block in zip(places, blocks, strict=True):
+            if is_linear(place):
+                seen[:, block] = self._turned([place])
+        jacobian[count:] = np.hstack([turned, seen]) / whole.bound[count:, None]
+        left = whole.residual_at(point)[count:] - seen[:, :own] @ fit.coefficients
+        residual = np.append(fit.residual / read, left / whole.bound[count:])
+        bound = np.append(fit.bound / read, np.ones(len(left)))
+
+        def grown(growth: Growth) -> Growth:
+            rows, low = np.zeros_like(jacobian), np.full(len(at), -np.inf)
+            rows[:count, chosen], high = growth.rows / read[:, None], -low
+            low[chosen], high[chosen] = growth.low, growth.high
+            return Growth(np.append(growth.now / read, np.zeros(len(left))), rows, low, high)
+
+        growths = tuple(map(grown, fit.growths))
+        radius, step, branch = least_radius(jacobian, residual, bound, growths)
+        growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
+        variants = (*(way for _, _, way in fit.ways), *(None for _ in gyros))
+        made = (residual, bound, jacobian, radius, at + step, (at + step)[len(point) :])
+        stacked = Fit(places, blocks, at, step, *made, variants, growths)
+        return with_possible_sizes(stacked, self.limit, LARGEST_OF_BENCH) if radius <= self.limit else None
+
+    def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
+        """Linear effects that a fit has not, with their columns (M, k) at the nominal fit."""
+        for place in self.classes.places:
+            if place not in fit.places:
+                yield place, self.columns_of([place])
+
+    def fold_of_rows(self) -> NDArray[np.int_]:
+        """Every fifth position is left out together, and with these every fifth turn."""
+        turns = (len(self.residual) - self.of_readings) // 3
+        return np.append(self.rests.fold_of_rows(), np.repeat(np.arange(turns) % FOLDS, 3))
+
+    def trials(self, fit: Fit) -> Iterator[Trial]:
+        """Each effect of a fit but outliers: positions and turns left out without it, with it, and with it shuffled.
+
+        Its signature is shuffled over positions, and over turns.
+        """
+        if not fit.linear:
+            return
+        folds = self.fold_of_rows()
+        yield from trials_of_each(fit, [np.flatnonzero(folds == fold) for fold in range(FOLDS)], self._shuffled)
+
+    def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Columns (M, k) of an effect moved to other positions, and to other turns."""
+        moved = []
+        for part in (columns[: self.of_readings], columns[self.of_readings :]):
+            triples = part.reshape(len(part) // 3, -1)
+            moved.append(triples[rng.permutation(len(triples))].reshape(part.shape))
+        return np.concatenate(moved)
+
+    # Keys of the result
+
+    def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
+        """Intervals of an effect's parameters; of the accelerometers' and the table's as of the rests."""
+        return super().told(place, ends) if acts_at_rest(place) else tuple(ends)
+
+    def power(self) -> Sequence[Mapping[str, Any]]:
+        """The power of the positions by themselves."""
+        return self.rests.power()
+
+    def pairs(self) -> Sequence[Pair]:
+        """None: functions that are in no catalogue are not compared."""
+        return ()
+
+    def channels(self) -> Sequence[Channel]:
+        """Those of the accelerometers, with what the whole model leaves of their readings."""
+        left = self.residual[: self.of_readings].reshape(-1, 3)
+        return [
+            replace(channel, error=left[:, p], bound=np.ones(len(left)))
+            for p, channel in enumerate(self.rests.channels())
+        ]
+
+    def turns_of(self, fit: Fit) -> TurnErrors:
+        """What a fit leaves of each turn, over its bounds."""
+        rows, turns = self.of_readings, self.whole.turns
+        first, last = (3600.0 * self.travel.hours[ends] for ends in (self.travel.first, self.travel.last))
+        before, after = (left[rows:].reshape(-1, 3) for left in (self.baseline.left, fit.left / fit.allowed))
+        return TurnErrors(first, last, turns.moments[:, 2:4], before, after)
+
+    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+        """What an extension does to the targets."""
+        return self._targets(fit) if fit.places else {}
+
+    def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
+        """Positions that tell sets apart, where accelerometers or table tell; for gyros turns and rests in words."""
+        common = set(fits[0].places).intersection(*(fit.places for fit in fits[1:]))
+        apart = dict.fromkeys(place for fit in fits for place in fit.places if place not in common)
+        if all(acts_at_rest(place) for place in apart) and all(fit.linear for fit in fits):
+            alone = [self.rests.refit([p for p in fit.places if acts_at_rest(p)]) for fit in fits]
+            return self.rests.probe(alone)
+        said = dict.fromkeys(SHOWN_BY[place.effect] for place in apart if place.effect in SHOWN_BY)
+        return {"next": list(said)}
+
+    def _at_rest(self, fit: Fit) -> Fit | None:
+        """What a fit says of bench and accelerometers, as a fit of the rests; None where these do not stand with it."""
+        places = [place for place in fit.places if acts_at_rest(place)]
+        found = next(iter(self.rests.mended(places, Work())), None) if places else self.rests.baseline
+        if found is None:
+            return None
+        columns = [np.arange(b.start, b.stop) for p, b, _ in fit.ways if acts_at_rest(p)]
+        own = len(fit.point) + np.concatenate([np.zeros(0, int), *columns])
+        estimate = np.append(fit.estimate[: self.whole.own], fit.estimate[own])
+        return replace(found, estimate=estimate, stated=estimate[self.whole.own :])
+
+    def gain(self, fit: Fit) -> Gain | None:
+        """Held-out positions simulated again, where the effects act there."""
+        at_rest = self._at_rest(fit)
+        return None if at_rest is None or not at_rest.places else self.rests.gain(at_rest)
+
+    def extension(self, fit: Fit, effects: Sized) -> Extension:
+        """Table and blocks as they are found, and a run through the record's positions."""
+        at_rest = self._at_rest(fit)
+        if at_rest is None:
+            raise ValueError("the rests by themselves do not stand with these effects")
+        own, ends = self.whole.own, fit.ends(self.room(fit))
+        gravity = self.calibration.gravity
+        made = extension_of_bench(self.readings, at_rest, ends[:own], effects, gravity)
+
+        def said(values: NDArray) -> dict[str, Any]:
+            gyros = values[own:].tolist()
+            return {"gravity": gravity, "bias": gyros[BIAS], "scale_misalignment": gyros[MATRIX]}
+
+        least, most = (elements_of(said(end)) for end in ends.T)
+        intervals = {name: (least[name], most[name]) for name in least if name != "gravity"}
+        point = fit.estimate[: len(fit.point)]
+        # Sensitivities and lag of the gyros are effects of theirs.
+        further = dict(effects)
+        for place, part in ((SENSITIVE, SENSITIVITY), (LATENCY, slice(LAG, LAG + 1))):
+            numbers = np.arange(own, len(point))[part]
+            further[place] = point[numbers].tolist(), [(float(ends[k, 0]), float(ends[k, 1])) for k in numbers]
+        starts = [Start.of(name, said(point), intervals, further) for name in ("GyroBlock", "GyroCompensation")]
+        return Extension([*made.starts, *starts], made.scenarios)
+
+
+def acts_at_rest(place: EffectPlace) -> bool:
+    """Whether an effect acts on accelerometers or table, and not on the gyros alone."""
+    return place.definition.component not in ("GyroBlock", "AttitudeComputer")
+
+
+def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> BenchInMotion:
+    """The evidence of a bench record whose place is known; options as for `bench_evidence`, errors as of the gyros."""
+    if not isinstance(record.raw, BenchRecord):
+        raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")
+    # By how much an encoder may err says what is motion; more of it than σ would be no reading's noise.
+    record = approached(record, place.encoder_within(LARGEST_FLUCTUATION))
+    rests = bench_evidence(record, **options)
+    alone, here = rests.calibration, rests.here
+    whole = fit_whole(here, record, place, alone.noise_bound)
+    found = with_gyros(alone, record, place, whole, Asked(**options))
+    found = found.model_copy(update={"warnings": [said for said in found.warnings if said != GYROS_LEFT_OUT]})
+    travel = Travel.of(record.raw, whole, place.encoder_within(alone.noise_bound), alone.gravity)
+    # Of a block that slips on the table gyros see the slip itself: that is not tried.
+    seen = (p for p in rests.places if is_linear(p) or p.definition.stage != "geometry_effects")
+    places = (*seen, *effects_of_gyros())
+    names, bounds = (*rests.names, *gyro_names()), rests.bounds
+    told = (found, here, rests.readings, rests.numbers, bounds)
+    return BenchInMotion((), names, whole.point, places, *told, rests, whole, travel)

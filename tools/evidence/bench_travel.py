@@ -1,0 +1,186 @@
+"""What effects do to the gyros of a block on a table: turns that they add to the pieces of a bench record.
+
+An effect on the table turns the frame of its inner axis by small ψ(t) at given encoder readings. Between two moments
+the block then turns by ψ₂ − ψ₁ + ∫ ω × ψ dt more, in axes of that frame: a frame that is turned by ψ itself turns with
+ω + dψ/dt + ω × ψ. Effects of the gyros add their signatures, integrated.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
+from ..calibration.model import Positions, predicted_input
+from ..calibration.turns import WithTurns, motion_of
+from ..records import BenchRecord, PositionRecord
+from ..records.rests import without_turns
+from .fit import coefficient_count
+
+FINE = 0.01
+"""So far [rad] the table turns from one row that is looked at to the next."""
+IN_THE_MODEL = ("gyro-bias", "gyro-scale-misalignment", "gyro-g-sensitivity", "latency")
+"""Effects that the calibration of the gyros has in it."""
+CONTAINING = ("lag",)
+"""Effects that these hold, to first order."""
+
+
+def effects_of_gyros() -> tuple[EffectPlace, ...]:
+    """Linear effects that gyros on a table can show beside what their calibration has in it."""
+    return tuple(
+        place
+        for name, effect in STRAPDOWN_EFFECTS.items()
+        if name not in (*IN_THE_MODEL, *CONTAINING)
+        and effect.component == "GyroBlock"
+        and not (effect.sets_in or effect.fades or effect.of_law or effect.variants)
+        for place in effect.places
+    )
+
+
+def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
+    """A bench record's rests with the senses in which both axes came to them; its moves tell them."""
+    raw, used = record.raw, [rest for rest in record.rests if rest.refused is None]
+    if raw is None or record.approach_alpha is not None or len(used) != len(record):
+        return record
+    arrived = np.array([rest.kept_first for rest in used])
+    senses = []
+    for angle in (without_turns(raw.alpha), without_turns(raw.beta)):
+        moved = motion_of(angle, encoder_bound)
+        senses.append(_senses(np.where(moved > 0.0, np.gradient(angle), 0.0)[1:])[arrived])
+    return replace(record, approach_alpha=senses[0], approach_beta=senses[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """A table on its way through a bench record, at rows (R,) between which it turns by little or not at all.
+
+    `hours` (R,); `alpha`, `beta` (R,) [rad]; `turning` (R - 1, 3) [rad] turns of the inner frame between them, in its
+    axes; `step` (R - 1,) [s]; `up` (R, 3) the vertical in block axes; `senses` (R, 2) of each axis' last move;
+    `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `to_gyros` (3, 3) what gyros read of turns of
+    the inner frame, `to_block` (3, 3) these in block axes.
+    """
+
+    hours: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    beta: NDArray[np.float64]
+    turning: NDArray[np.float64]
+    step: NDArray[np.float64]
+    up: NDArray[np.float64]
+    senses: NDArray[np.float64]
+    temperature: NDArray[np.float64] | None
+    first: NDArray[np.int_]
+    last: NDArray[np.int_]
+    to_gyros: NDArray[np.float64]
+    to_block: NDArray[np.float64]
+    shift: float
+    lean: float
+    gravity: float
+
+    @staticmethod
+    def of(raw: BenchRecord, whole: WithTurns, encoder_bound: float, gravity: float) -> "Travel":
+        """The way through a record whose gyros were fitted with bench and accelerometers; an encoder's error [rad]."""
+        turns, x = whole.turns, whole.point[: whole.own]
+        angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)])
+        moved = np.stack([motion_of(values, encoder_bound) for values in angles])
+        # Rows at which pieces begin or end, and of each move as many as its turn asks for.
+        gone = np.floor(np.cumsum(moved.sum(axis=0)) / FINE)
+        kept = np.unique(np.concatenate([[0, gone.size - 1], turns.first, turns.last, np.flatnonzero(np.diff(gone))]))
+        path = np.cumsum(moved, axis=1)[:, kept]
+        alpha, beta = angles[:, kept]
+        swing = np.where(np.diff(path, axis=1) > 0.0, np.diff(angles[:, kept], axis=1), 0.0)
+        targets = whole.parametrisation.selection[0] @ x
+        lean, middle = float(targets[2]), 0.5 * (beta[1:] + beta[:-1])
+        along = np.cos(lean) * swing[0]
+        turning = np.stack([along * np.cos(middle), -along * np.sin(middle), np.sin(lean) * swing[0] + swing[1]], 1)
+        at = Positions(alpha, beta, np.zeros(len(kept), dtype=int))
+        to_gyros = turns.jacobian_of_axes(targets, whole.point[whole.own :])
+        return Travel(
+            (raw.time_s[kept] - raw.time_s[0]) / 3600.0,
+            alpha,
+            beta,
+            turning,
+            np.diff(raw.time_s[kept]),
+            predicted_input(whole.parametrisation, x, at),
+            np.stack([_senses(values) for values in swing], axis=1),
+            None if raw.temperature is None else raw.temperature[kept],
+            np.searchsorted(kept, turns.first),
+            np.searchsorted(kept, turns.last),
+            to_gyros,
+            turns.block_axes(targets),
+            float(targets[1]),
+            lean,
+            gravity,
+        )
+
+    def columns(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What a unit of each coefficient adds to the integrals of the gyros over all pieces (3 S, K) [rad]."""
+        if place.definition.component == "GyroBlock":
+            return self._of_gyros(place)
+        if place.definition.turns is None:
+            return np.zeros((3 * len(self.first), coefficient_count(place)))
+        return self._of_table(self._tilts(place))
+
+    def _tilts(self, place: EffectPlace) -> NDArray[np.float64]:
+        """Small turns (R, 3, K) ψ of the inner frame, in its axes, that an effect on the table adds."""
+        nothing = np.zeros((len(self.hours), 3))
+        rows = Rows(
+            hours=self.hours,
+            alpha=self.alpha - self.shift,
+            beta=self.beta,
+            n=nothing,
+            by_alpha=nothing,
+            by_beta=nothing,
+            temperature=self.temperature,
+            sense_alpha=self.senses[:, 0],
+            sense_beta=self.senses[:, 1],
+            from_vertical=self.shift,
+        )
+        turns = place.definition.turns
+        assert turns is not None
+        small = turns(place, rows)
+        (sin_a, cos_a), (sin_b, cos_b) = ((np.sin(v), np.cos(v)) for v in (self.alpha - self.shift, self.beta))
+        sin_e, cos_e, none = np.sin(self.lean), np.cos(self.lean), np.zeros(len(self.beta))
+        # About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
+        axes = [
+            (sin_e * sin_a * cos_b + cos_a * sin_b, cos_a * cos_b - sin_e * sin_a * sin_b, -cos_e * sin_a),
+            (cos_e * cos_b, -cos_e * sin_b, none + sin_e),
+            (sin_b, cos_b, none),
+            (none, none, none + 1.0),
+        ]
+        return np.einsum("jar,rjk->rak", np.array(axes), small)
+
+    def _of_table(self, tilts: NDArray) -> NDArray[np.float64]:
+        """What gyros read of small turns (R, 3, K) of the inner frame."""
+        middle = 0.5 * (tilts[1:] + tilts[:-1])
+        grown = np.zeros_like(tilts)
+        np.cumsum(np.cross(self.turning[:, :, None], middle, axis=1), axis=0, out=grown[1:])
+        sums = tilts + grown
+        return self._read(sums[self.last] - sums[self.first], self.to_gyros)
+
+    def _of_gyros(self, place: EffectPlace) -> NDArray[np.float64]:
+        """The integral of a gyro effect's signature, at the rates that the table gives."""
+        rate = self.turning @ self.to_block.T / self.step[:, None]
+        rows = MotionRows(
+            rate=rate,
+            rate_before=np.concatenate([rate[:1], rate[:-1]]),
+            specific_force=0.5 * (self.up[1:] + self.up[:-1]),
+            hours=0.5 * (self.hours[1:] + self.hours[:-1]),
+            step=self.step,
+            temperature=None if self.temperature is None else self.temperature[1:],
+            gravity=self.gravity,
+        )
+        signature = place.definition.signature(place, rows) * self.step[:, None, None]
+        sums = np.zeros((len(self.hours), *signature.shape[1:]))
+        np.cumsum(signature, axis=0, out=sums[1:])
+        return self._read(sums[self.last] - sums[self.first], np.eye(3))
+
+    @staticmethod
+    def _read(turns: NDArray, matrix: NDArray) -> NDArray[np.float64]:
+        """Turns (S, 3, K) as a matrix (3, 3) reads them, piece by piece (3 S, K)."""
+        return np.einsum("ga,sak->sgk", matrix, turns).reshape(3 * len(turns), -1)
+
+
+def _senses(swing: NDArray) -> NDArray[np.float64]:
+    """Senses (R,) of an axis' last move at rows between which it turns by swing (R - 1,); 0 before the first."""
+    last = np.maximum.accumulate(np.where(swing != 0.0, np.arange(len(swing)), -1))
+    return np.append(0.0, np.where(last >= 0, np.sign(swing[last]), 0.0))
