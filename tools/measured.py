@@ -225,6 +225,38 @@ def calibrate(
     return calibrations.calibrate_whole(rests, bench, **asked).model_copy(update={"made_of": rests})
 
 
+def bench_at(
+    *,
+    latitude_deg: float | None = None,
+    azimuth_deg: float | None = None,
+    gyro_noise: float | None = None,
+    encoder_bound: float | None = None,
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+) -> "calibrations.Bench | None":
+    """Where a bench stands and how well it measures turns; None where nothing is said.
+
+    Parameters
+    ----------
+    latitude_deg : float, optional
+        Of a bench record: where it was measured. With --azimuth-deg its gyros are taken, too.
+    azimuth_deg : float, optional
+        Of a bench record: azimuth of the outer axis, from north towards east.
+    gyro_noise : float, optional
+        Bound of the mean of a gyro's noise over one second [rad/s]; over T it falls as 1/√T. By default the rests tell.
+    encoder_bound : float, optional
+        Bound of an encoder's error [rad]; by default σ, of which it is a part.
+    rates : str
+        What a rate in a bench record means.
+
+    Raises
+    ------
+    InputError
+        a number out of range, or one without the place
+    """
+    place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
+    return calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
+
+
 def calibrate_together(
     first: "records.Source",
     /,

@@ -225,7 +225,10 @@ TYPES: dict[str, Any] = {
     "keep_out": tuple[str, ...],
     "mounting": str,
     "mountings": Annotated[tuple[str, ...], Parameter(consume_multiple=(1, None), show_default=False)],
-    "noise_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
+    **dict.fromkeys(
+        ("noise_bound", "latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound"),
+        Annotated[float | None, Parameter(allow_leading_hyphen=True)],
+    ),
     "out": Folder,
     "own": Annotated[tuple[str, ...], Parameter(name="--own", allow_leading_hyphen=True)],
     "plot": PlotFile,

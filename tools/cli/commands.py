@@ -1,6 +1,7 @@
 """The commands: each is a thin layer over one function of the library, whose options and words it takes."""
 
 import sys
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from importlib.metadata import version
 from io import StringIO
@@ -39,10 +40,10 @@ from .answer import (
     takes,
 )
 
-Typed = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
-"""A number that need not be given."""
 OF_ONE = ("targets", "priors")
 """Options of a calibration of one record."""
+PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
+"""What is said of a bench and its encoders and gyros."""
 
 
 def installed_version() -> str:
@@ -115,16 +116,11 @@ def export_ssp(
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
-@takes(measured.calibrate, measured.calibrate_together)
+@takes(measured.calibrate, measured.calibrate_together, measured.bench_at)
 def calibrate(
     record: Path,
     /,
     *others: Path,
-    latitude_deg: Typed = None,
-    azimuth_deg: Typed = None,
-    gyro_noise: Typed = None,
-    encoder_bound: Typed = None,
-    rates: Literal["instantaneous", "averaged"] = "instantaneous",
     json: JsonFile = None,
     ssv: File = None,
     strapdown: File = None,
@@ -143,16 +139,6 @@ def calibrate(
     ----------
     others
         Further records of the same instrument: one programme for all.
-    latitude_deg
-        Of a bench record: where it was measured. With --azimuth-deg its gyros are calibrated too.
-    azimuth_deg
-        Of a bench record: azimuth of the outer axis, from north towards east.
-    gyro_noise
-        Bound of the mean of a gyro's noise over one second [rad/s]; over T it falls as 1/√T. By default the rests tell.
-    encoder_bound
-        Bound of an encoder's error [rad]; by default σ, of which it is a part.
-    rates
-        What a rate in a bench record means.
     ssv
         Write the block's parameters as an SSP 1.0 parameter set (.ssv) to this file; of several records with the biases
         of the last.
@@ -167,19 +153,16 @@ def calibrate(
     if about is not None and sheet is None:
         raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
     asked = _of_several(options, several=bool(others))
+    place, rates = {name: options.pop(name, None) for name in PLACE}, options.pop("rates", "instantaneous")
     if others:
         of_one = {
-            "--latitude-deg": latitude_deg,
-            "--azimuth-deg": azimuth_deg,
-            "--gyro-noise": gyro_noise,
-            "--encoder-bound": encoder_bound,
-            "--rates": None if rates == "instantaneous" else rates,
-            "--strapdown": strapdown,
-            "--sheet": sheet,
-            **{f"--{name.rstrip('s')}": options.pop(name, ()) for name in OF_ONE},
+            **place,
+            "rates": None if rates == "instantaneous" else rates,
+            "strapdown": strapdown,
+            "sheet": sheet,
+            **{name.rstrip("s"): options.pop(name, ()) for name in OF_ONE},
         }
-        if wrong := next((name for name, value in of_one.items() if value not in (None, ())), None):
-            raise InputError(f"{wrong}: is of one record; give one")
+        _refuse_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
         joint = measured.calibrate_together(record, *others, **asked, **options)
@@ -190,8 +173,7 @@ def calibrate(
         return answer(joint, json)
     known = {} if about is None else reports.read_about(about)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
-    place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
-    bench = calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
+    bench = measured.bench_at(**place, rates=rates)
     result = measured.calibrate(run, bench=bench, **options)
     if report is not None:
         reports.write_report(report, result, run)
@@ -202,6 +184,12 @@ def calibrate(
     if strapdown is not None:
         records.write_record(calibrations.strapdown_by_table(result, run, bench), strapdown)
     return answer(result, json)
+
+
+def _refuse_one(options: Mapping[str, object]) -> None:
+    """Refuse the first option that was given and is of one record alone."""
+    if wrong := next((name for name, value in options.items() if value not in (None, ())), None):
+        raise InputError(f"--{wrong.replace('_', '-')}: is of one record; give one")
 
 
 def _of_several(options: dict[str, Any], *, several: bool) -> dict[str, Any]:
@@ -246,15 +234,11 @@ def apply(
     return answer(text, json, result.to_json())
 
 
-@takes(measured.diagnose, measured.diagnose_together)
+@takes(measured.diagnose, measured.diagnose_together, measured.bench_at)
 def diagnose(
     record: Path,
     /,
     *others: Path,
-    latitude_deg: Typed = None,
-    azimuth_deg: Typed = None,
-    gyro_noise: Typed = None,
-    encoder_bound: Typed = None,
     json: JsonFile = None,
     report: ReportFile = None,
     export: Annotated[Folder, Parameter(name="--export")] = None,
@@ -274,14 +258,6 @@ def diagnose(
     ----------
     others
         Further records of the same instrument: what they say together, and what is the instrument's or one run's.
-    latitude_deg
-        Of a bench record: where it was measured. With --azimuth-deg its gyros are held against the table, too.
-    azimuth_deg
-        Of a bench record: azimuth of the outer axis, from north towards east.
-    gyro_noise
-        Bound of the mean of a gyro's noise over one second [rad/s]; over T it falls as 1/√T. By default the rests tell.
-    encoder_bound
-        Bound of an encoder's error [rad]; by default σ, of which it is a part.
     export
         Write what was found into this folder, where something is: extended FMUs that start with it, parameter sets
         (.ssv) with values and intervals, and a scenario with which they give the record again. Of hypotheses the first
@@ -290,11 +266,9 @@ def diagnose(
     named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)}
     distinct_files({**(named if others else {"the record": record}), "--json": json, "--report": report})
     asked = _of_several(options, several=bool(others))
-    place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound}
-    bench = calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
+    place = {name: options.pop(name, None) for name in PLACE}
     if others:
-        if bench is not None:
-            raise InputError("--latitude-deg: is of one record; give one")
+        _refuse_one(place)
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
         if options.pop("hypotheses", ()):
@@ -305,6 +279,7 @@ def diagnose(
         return answer(several, json)
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
+    bench = measured.bench_at(**place)
     result = measured.diagnose(run, bench=bench, **options, progress=True)
     if report is not None:
         reports.write_report(report, result, run)

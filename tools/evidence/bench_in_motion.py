@@ -370,7 +370,8 @@ def acts_at_rest(place: EffectPlace) -> bool:
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> BenchInMotion:
     """The evidence of a bench record whose place is known; options as for `bench_evidence`, errors as of the gyros."""
-    if not isinstance(record.raw, BenchRecord):
+    raw = record.raw
+    if not isinstance(raw, BenchRecord):
         raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")
     # By how much an encoder may err says what is motion; more of it than σ would be no reading's noise.
     record = approached(record, place.encoder_within(LARGEST_FLUCTUATION))
@@ -379,7 +380,7 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     whole = fit_whole(here, record, place, alone.noise_bound)
     found = with_gyros(alone, record, place, whole, Asked(**options))
     found = found.model_copy(update={"warnings": [said for said in found.warnings if said != GYROS_LEFT_OUT]})
-    travel = Travel.of(record.raw, whole, place.encoder_within(alone.noise_bound), alone.gravity)
+    travel = Travel.of(raw, whole, place.encoder_within(alone.noise_bound), alone.gravity)
     # Of a block that slips on the table gyros see the slip itself: that is not tried.
     seen = (p for p in rests.places if is_linear(p) or p.definition.stage != "geometry_effects")
     places = (*seen, *effects_of_gyros())
