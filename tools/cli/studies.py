@@ -168,6 +168,7 @@ def hidden(
     baseline: Literal["asymmetric", "symmetric"] | None = None,
     suite: str | None = None,
     mode: Literal["clean", "single", "between", "pairs"] | None = None,
+    records: int | None = None,
     positions: tuple[int, int] | None = None,
     noise: Literal["uniform", "edge", "correlated", "all"] | None = None,
     effects_from: Annotated[Path | None, Parameter(name="--effects-from")] = None,
@@ -180,6 +181,8 @@ def hidden(
     Example: trihedron hidden --cases 100 --seed 1 --mode single --out suite
 
     Example: trihedron hidden --suite quick-single
+
+    Example: trihedron hidden --cases 20 --records 3 --positions 16 40 --out triples
 
     Example: trihedron hidden moved.csv --strapdown --seed 7 --answer answer.json
 
@@ -208,11 +211,14 @@ def hidden(
     baseline
         Of one record: whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
     suite
-        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, or quick- before one of the
-        first four. It decides what is drawn, and, unless they are given, --cases and --seed.
+        A suite of scenarios/hidden/suites.toml: clean, single, between, pairs, detection, triples, clean-triples, or
+        quick- before one of the first four. It decides what is drawn, and, unless they are given, --cases and --seed.
     mode
         Of a suite: nothing hidden; one effect that every rival is surely excluded for (the default); one that is only
         surely detected; two effects.
+    records
+        Of a suite: so many records of one instrument in each case, diagnosed together. One effect is in all of them,
+        one in a record alone (mode pairs, the default), or none (clean).
     positions
         Of a suite: fewest and most positions, 12 and 100 by default.
     noise
@@ -224,7 +230,7 @@ def hidden(
     with own_effects.with_effects_of(effects_from) as own:
         if clean and (effect or mode not in (None, "clean")):
             raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
-        drawn = {"--mode": mode, "--positions": positions, "--size": size, "--noise": noise}
+        drawn = {"--mode": mode, "--records": records, "--positions": positions, "--size": size, "--noise": noise}
         if strapdown:
             of_a_table = {"--baseline": baseline, "--suite": suite, **drawn, "--size": None}
             _refuse(of_a_table, "is of records of a table's positions; leave it out with --strapdown")
@@ -256,10 +262,9 @@ def hidden(
             named = trials.named_suite(suite)
             named = replace(named, options=replace(named.options, own=own))
         else:
-            chosen_mode = "clean" if clean else mode or "single"
-            options = trials.Options(
-                chosen_mode, effect, positions or (12, 100), noise or "all", size=size, strapdown=strapdown, own=own
-            )
+            chosen_mode = "clean" if clean else mode or ("single" if records in (None, 1) else "pairs")
+            drawn = (positions or (12, 100), noise or "all", size, strapdown, 1 if records is None else records, own)
+            options = trials.Options(chosen_mode, effect, *drawn)
             named = trials.NamedSuite(options, 100, 0)
         number, seed = named.cases if cases is None else cases, named.seed if seed is None else seed
         done = trials.run_suite(named.options, number, seed, records=_records_folder(out), jobs=jobs, progress=True)

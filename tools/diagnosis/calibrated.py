@@ -10,9 +10,9 @@ from ...fmus.parameters import JOINT_CALIBRATION
 from ..calibration.result import ReadingError
 from ..calibration.targets import corners, error_weights
 from ..evidence.joint import join
-from ..result import Result, Told, finite_or_none
+from ..result import Result, Told
 from .cause import Number, SizedParameter
-from .procedure import centred
+from .procedure import centred, parameters_of
 from .several import members_of
 
 
@@ -78,13 +78,10 @@ def calibrated_together(
         return JointCalibration(verdict="falsified", **told)
     fit, missing = centred(joint, joint.baseline), joint.missing().get("missing", ())
     found = []
-    for (name, unit), value, (low, high) in zip(
-        joint.names, fit.estimate, fit.ends(joint.room(fit), joint.most_rows), strict=True
-    ):
-        symbol, _, record = name.partition(" in ")
-        ends = {"low": finite_or_none(low), "high": finite_or_none(high)}
-        stated = None if None in ends.values() else value
-        found.append(JointParameter(name=symbol, unit=unit, record=record or None, estimate=stated, **ends))
+    for p in parameters_of(joint, fit):
+        symbol, _, record = p.name.partition(" in ")
+        stated = None if None in (p.low, p.high) else p.estimate
+        found.append(JointParameter(**{**dict(p), "name": symbol, "estimate": stated}, record=record or None))
     found.sort(key=lambda one: one.record is not None)
     if not missing:
         possible = fit.possible(joint.room(fit), None, joint.most_rows).among(np.arange(len(fit.central)))

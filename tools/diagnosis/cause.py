@@ -55,6 +55,17 @@ class SizedParameter(Result):
     low: Number | None
     high: Number | None
 
+    @staticmethod
+    def of(name: str, unit: str, value: float, ends: Sequence[float]) -> "SizedParameter":
+        """The parameter with ends that are infinite where nothing bounds it."""
+        low, high = map(finite_or_none, ends)
+        return SizedParameter(name=name, unit=unit, estimate=value, low=low, high=high)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """What the record leaves possible, infinite where nothing bounds it."""
+        return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
+
 
 class Cause(NamedEffect):
     """An effect that explains the record, alone or with others.
@@ -68,8 +79,8 @@ class Cause(NamedEffect):
 
     equivalents: tuple[NamedEffect, ...]
     parameters: tuple[SizedParameter, ...]
-    among_records: Any = Field(default=None, exclude=True)
-    """The place where that is in one of several records; None else."""
+    among_records: tuple[Any, ...] = Field(default=(), exclude=True)
+    """Of several records the place, and those of the equivalents, where one of them is in one record alone."""
 
     @staticmethod
     def found(
@@ -80,23 +91,21 @@ class Cause(NamedEffect):
     ) -> "Cause":
         """The effect at a place with what is stated of its parameters, and ends of what is possible or infinity."""
         named = zip(place.definition.parameters, values, ends, strict=True)
-        parameters = tuple(
-            SizedParameter(name=p.name, unit=p.unit, estimate=value, low=finite_or_none(low), high=finite_or_none(high))
-            for p, value, (low, high) in named
-        )
+        parameters = tuple(SizedParameter.of(p.name, p.unit, value, possible) for p, value, possible in named)
         same = tuple(NamedEffect.of(other) for other in equivalents)
-        among = None if type(place) is EffectPlace else place
+        every = (place, *equivalents)
+        among = () if all(type(one) is EffectPlace for one in every) else every
         return Cause(**NamedEffect.keys(place), equivalents=same, parameters=parameters, among_records=among)
 
     @property
     def place(self) -> EffectPlace:
         """The effect and its place."""
-        return super().place if self.among_records is None else self.among_records
+        return self.among_records[0] if self.among_records else super().place
 
     @property
     def alike(self) -> tuple[EffectPlace, ...]:
         """What no measurement of this kind could tell from it."""
-        return tuple(other.place for other in self.equivalents)
+        return self.among_records[1:] or tuple(other.place for other in self.equivalents)
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -106,9 +115,7 @@ class Cause(NamedEffect):
     @property
     def intervals(self) -> tuple[tuple[float, float], ...]:
         """What the record leaves possible of the parameters."""
-        return tuple(
-            (-math.inf if p.low is None else p.low, math.inf if p.high is None else p.high) for p in self.parameters
-        )
+        return tuple(p.ends for p in self.parameters)
 
     @property
     def acts(self) -> bool:

@@ -20,7 +20,7 @@ from ..evidence.fit import Fit
 from ..evidence.rows import Channel
 from ..records import PositionRecord, StrapdownRecord
 from .beyond import Beyond, keys_of
-from .cause import Cause, Finding, NamedEffect
+from .cause import Cause, Finding, NamedEffect, SizedParameter
 from .dependence import Standing, dependence
 from .hypothesis import (
     Hypothesis,
@@ -327,6 +327,13 @@ def _result(verdict: str, told: Mapping[str, Any], more: Mapping[str, Any], **ke
 def centred(evidence: Evidence, fit: Fit) -> Fit:
     """The fit whose parameters and coefficients are one possible point in the middle of what the record leaves."""
     return fit.centred(evidence.room(fit), evidence.most_rows)
+
+
+def parameters_of(evidence: Evidence, fit: Fit) -> tuple[SizedParameter, ...]:
+    """The model's parameters as a fit states them, with what the record leaves possible beside the fit's effects."""
+    ends = fit.ends(evidence.room(fit), evidence.most_rows)
+    named = zip(evidence.names, fit.estimate, ends, strict=False)
+    return tuple(SizedParameter.of(name, unit, value, possible) for (name, unit), value, possible in named)
 
 
 def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:

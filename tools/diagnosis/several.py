@@ -29,7 +29,7 @@ from ..evidence.of_record import (
 from ..result import Result, Told, finite_or_none
 from .cause import Finding, NamedEffect, Number, SizedParameter
 from .cross_gain import CrossGain, Helps, cross_gains
-from .procedure import causes_of, centred, diagnosed
+from .procedure import causes_of, centred, diagnosed, parameters_of
 from .result import Diagnosis, EffectWitness
 from .search import MOST_WORK
 
@@ -179,6 +179,7 @@ def diagnosed_together(
     shared: Sequence[str] = (),
     own: Sequence[str] = (),
     left_out: Mapping[str, str] | None = None,
+    rerun: bool = True,
     sha256: Mapping[str, str] | None = None,
     progress: bool = False,
     most_work: float = MOST_WORK,
@@ -186,11 +187,11 @@ def diagnosed_together(
     """What records that were diagnosed each by itself, with their evidence, say together.
 
     `shared`, `own` are as for `join`; `left_out` has reasons why records are not judged with the others, by label;
-    `most_work` is that of the search.
+    `rerun`: simulate each record with what was found in others; `most_work` is that of the search.
     """
     reasons = {label: (left_out or {}).get(label) or reason_apart(result) for label, result in alone.items()}
     joint = _joined(alone, reasons, shared, own)
-    gains, helps = cross_gains(alone)
+    gains, helps = cross_gains(alone) if rerun else ((), ())
     told: dict[str, Any] = {
         "gains": gains,
         "helps": helps,
@@ -203,7 +204,8 @@ def diagnosed_together(
         told["repeatability"] = repeated(alone, None, (), shared, own)
         return Several(verdict="insufficient", not_named=("fewer than two records can be judged together",), **told)
     try:
-        return _judged(joint, alone, told, (shared, own), progress=progress, most_work=most_work)
+        found = diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
+        return Several(**told, **_judged(joint, alone, found))
     except SolverError as error:
         raise InputError(f"{', '.join(joint.labels)}: {error}; {joint.too_large}") from error
 
@@ -215,9 +217,7 @@ def reason_apart(result: Diagnosis) -> str | None:
         return "nothing can be run: " + "; ".join(map(str, result.missing or ()))
     if result.verdict == "unexplained" and not result.unshown:
         return f"unexplained by itself: {(result.not_named or ('no set of effects mends it',))[0]}"
-    if evidence.read_off:
-        return _not_sought(evidence.read_off[0].place.title)
-    return None
+    return _not_sought(evidence.read_off[0].place.title) if evidence.read_off else None
 
 
 def _not_sought(title: str) -> str:
@@ -228,17 +228,15 @@ def _joined(
     alone: Mapping[str, Diagnosis], reasons: dict[str, str | None], shared: Sequence[str], own: Sequence[str]
 ) -> Joint | None:
     """The records that can be judged together, two at least; to the reasons are added those of others."""
-    while True:
-        members = {label: result.evidence for label, result in alone.items() if reasons[label] is None}
-        if len(members) < 2:
-            return None
-        joint, before = join(members, shared, own), len(members)
-        for k, label in enumerate(joint.labels):
-            findings = (*alone[label].findings, *alone[label].unshown)
-            if findings and all(_unsought(finding.fit, joint, k) for finding in findings):
-                reasons[label] = _not_sought(findings[0].title)
-        if before == sum(reason is None for reason in reasons.values()):
-            return joint
+    members = {label: result.evidence for label, result in alone.items() if reasons[label] is None}
+    if len(members) < 2:
+        return None
+    joint = join(members, shared, own)
+    for k, label in enumerate(joint.labels):
+        findings = (*alone[label].findings, *alone[label].unshown)
+        if findings and all(_unsought(finding.fit, joint, k) for finding in findings):
+            reasons[label] = _not_sought(findings[0].title)
+    return _joined(alone, reasons, shared, own) if any(reasons[label] for label in members) else joint
 
 
 def _unsought(fit: Fit, joint: Joint, k: int) -> bool:
@@ -247,19 +245,11 @@ def _unsought(fit: Fit, joint: Joint, k: int) -> bool:
     return not known.issuperset(fit.places)
 
 
-def _judged(
-    joint: Joint,
-    alone: Mapping[str, Diagnosis],
-    told: dict[str, Any],
-    asked: tuple[Sequence[str], Sequence[str]],
-    *,
-    progress: bool,
-    most_work: float,
-) -> Several:
-    """The verdict on records that can be judged together: their diagnosis as one evidence, and whose its causes are."""
-    found = diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
+def _judged(joint: Joint, alone: Mapping[str, Diagnosis], found: Diagnosis) -> dict[str, Any]:
+    """Keys of what records say that can be judged together, by their diagnosis as one evidence."""
     named = found.findings if found.verdict in ("explained", "ambiguous") else ()
-    told |= {
+    told: dict[str, Any] = {
+        "verdict": found.verdict,
         "joint": joint,
         "shared": joint.shared,
         "own": tuple(dict.fromkeys(n for m in joint.members for n, _ in m.names if n not in joint.shared)),
@@ -270,48 +260,36 @@ def _judged(
         "findings": named,
     }
     if found.verdict == "insufficient":
-        return Several(verdict="insufficient", **told)
-    told |= {"repeatability": repeated(alone, joint, named[0].fit.places if named else (), *asked)}
+        return told
+    told["repeatability"] = repeated(alone, joint, named[0].fit.places if named else (), *joint.asked)
     if found.verdict == "unexplained":
-        told["not_named"] = found.not_named or (_nothing(found),)
-        return Several(verdict="unexplained", **told)
-    told |= {"parameters": _shared_parameters(joint, named[0].fit if named else centred(joint, joint.baseline))}
+        tried = "no set of up to three effects, of all records or of one, and of parameters that differ in one,"
+        if found.cut_off_at is not None:
+            tried = f"the search was cut off among sets of {found.cut_off_at}, and none of those that were tried"
+        return told | {"not_named": found.not_named or (f"{tried} mends them",)}
+    sized = parameters_of(joint, named[0].fit if named else centred(joint, joint.baseline))
+    told["parameters"] = tuple(one for one in sized if one.name in joint.shared)
     if not named:
-        return Several(verdict="consistent", **told)
+        return told
     best = named[0]
-    rivals, untried = _with_unsought(joint, alone, asked, len(best.fit.places))
+    rivals, untried = _with_unsought(joint, alone, len(best.fit.places))
     sets = [*(_causes(joint, finding) for finding in named), *rivals]
     caution = (*_cautions(alone, joint, best), *untried)
-    several = found.verdict == "ambiguous" or len(sets) > 1 or caution
-    return Several(
-        verdict="ambiguous" if several else "explained",
-        radius_with_causes=best.fit.radius,
-        causes=sets[0],
-        alternatives=tuple(sets[1:]),
-        complete=found.cut_off_at is None,
-        witnesses=found.judgement if isinstance(found.judgement, tuple) else (),
-        caution=caution,
-        **told,
-        **_owners(joint, sets),
-    )
-
-
-def _nothing(found: Diagnosis) -> str:
-    if found.cut_off_at is None:
-        return (
-            "no set of up to three effects, of all records or of one, and of parameters that differ in one, mends them"
-        )
-    return f"the search was cut off among sets of {found.cut_off_at}, and none of those that were tried mends them"
-
-
-def _owners(joint: Joint, sets: Sequence[Sequence[JointCause]]) -> dict[str, Any]:
-    """Keys that say whose what was found is, whichever set is true."""
-    runs = {label: _told_by([any(c.record == label for c in causes) for causes in sets]) for label in joint.labels}
-    return {"instrument": _told_by([any(c.of == "instrument" for c in causes) for causes in sets]), "runs": runs}
+    return told | {
+        "verdict": "ambiguous" if len(sets) > 1 or caution else found.verdict,
+        "radius_with_causes": best.fit.radius,
+        "causes": sets[0],
+        "alternatives": tuple(sets[1:]),
+        "complete": found.cut_off_at is None,
+        "witnesses": found.judgement if isinstance(found.judgement, tuple) else (),
+        "caution": caution,
+        "instrument": _told_by([any(c.of == "instrument" for c in causes) for causes in sets]),
+        "runs": {label: _told_by([any(c.record == label for c in own) for own in sets]) for label in joint.labels},
+    }
 
 
 def _with_unsought(
-    joint: Joint, alone: Mapping[str, Diagnosis], asked: tuple[Sequence[str], Sequence[str]], size: int
+    joint: Joint, alone: Mapping[str, Diagnosis], size: int
 ) -> tuple[list[tuple[JointCause, ...]], tuple[str, ...]]:
     """Sets, no larger, with one that mends a record by itself and is not sought in several; and what was not tried.
 
@@ -320,17 +298,16 @@ def _with_unsought(
     """
     found, untried = [], []
     members = dict(zip(joint.labels, joint.members, strict=True))
-    for k, label in enumerate(joint.labels):
+    for k, (label, member) in enumerate(members.items()):
         every = alone[label].findings
-        if not members[label].falsified:
-            others = join({other: member for other, member in members.items() if other != label}, *asked)
-            if _beside(others, size - 1) is not None:
-                untried.append(label)
+        others = {other: those for other, those in members.items() if other != label}
+        if not member.falsified and _beside(join(others, *joint.asked), size - 1) is not None:
+            untried.append(label)
         tried = [f for f in every if _unsought(f.fit, joint, k) and len(f.fit.places) <= size]
         # What contains a set that stands there can always stand, too.
         tried = [f for f in tried if not any(f.contains(other) for other in every)]
         for finding in tried[:MOST_TRIED]:
-            beside = join(members | {label: Mended.of(members[label], finding.fit)}, *asked)
+            beside = join(members | {label: Mended.of(member, finding.fit)}, *joint.asked)
             more = _beside(beside, size - len(finding.fit.places))
             if more is not None:
                 found.append((*(_cause(in_record(c.place, label), c.parameters) for c in finding.causes), *more))
@@ -400,80 +377,58 @@ def _cautions(alone: Mapping[str, Diagnosis], joint: Joint, best: Finding) -> tu
     return tuple(said)
 
 
-def _shared_parameters(joint: Joint, fit: Fit) -> tuple[SizedParameter, ...]:
-    """Estimates and intervals of the shared parameters."""
-    ends = fit.ends(joint.room(fit), joint.most_rows)
-    return tuple(
-        SizedParameter(name=name, unit=unit, estimate=value, low=finite_or_none(low), high=finite_or_none(high))
-        for (name, unit), value, (low, high) in zip(joint.names, fit.estimate, ends, strict=False)
-        if name in joint.shared
-    )
-
-
 def repeated(
-    alone: Mapping[str, Diagnosis],
-    joint: Joint | None,
-    places: Sequence[Any],
-    shared: Sequence[str],
-    own: Sequence[str],
+    alone: Mapping[str, Diagnosis], joint: Joint | None, places: Sequence[Any], *asked: Sequence[str]
 ) -> tuple[Repeated, ...]:
     """Parameters of the model and of shared effects from record to record, each record by itself.
 
     With the effects of `places` that act in it where it is judged with the others and stands with them, else with what
-    explains it by itself, or with none.
+    explains it by itself, or with none. `asked` are names of what is shared, and of what is each record's own.
     """
-    values: dict[tuple[str, str], dict[str, tuple[float, float, float]]] = {}
+    values: dict[tuple[str, str], dict[str, SizedParameter]] = {}
     for label, result in alone.items():
-        fit = _standing(label, result, joint, places)
-        for name, unit in getattr(result.evidence, "names", ()):
-            values.setdefault((name, unit), {})
+        evidence, fit = result.evidence, _standing(label, result, joint, places)
+        for key in getattr(evidence, "names", ()):
+            values.setdefault(key, {})
         if fit is None:
             continue
-        evidence = result.evidence
-        ends = fit.ends(evidence.room(fit), evidence.most_rows)
-        for name, value, (low, high) in zip(evidence.names, fit.estimate, ends, strict=False):
-            values[name][label] = (float(value), float(low), float(high))
-        intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
-        for place, sizes, possible in zip(fit.places, fit.values(), intervals, strict=True):
-            if place not in places:
-                continue
-            for parameter, size, (low, high) in zip(
-                place.definition.parameters, sizes, evidence.told(place, possible), strict=True
-            ):
-                key = (f"{place.title}: {parameter.name}", parameter.unit)
-                values.setdefault(key, {})[label] = (size, low, high)
-    return tuple(
-        repeated_of(
-            key, found, tuple(alone), "instrument" if ": " in key[0] or is_of_instrument(key[0], shared, own) else "run"
-        )
-        for key, found in values.items()
-    )
+        found = [(p.name, p) for p in parameters_of(evidence, fit)]
+        for cause in causes_of(evidence, fit):
+            found += [(f"{cause.place.title}: {p.name}", p) for p in cause.parameters if cause.place in places]
+        for name, parameter in found:
+            values.setdefault((name, parameter.unit), {})[label] = parameter
+    return tuple(repeated_of(*key, found, tuple(alone), *asked) for key, found in values.items())
 
 
 def repeated_of(
-    key: tuple[str, str],
-    found: Mapping[str, tuple[float, float, float]],
+    name: str,
+    unit: str,
+    found: Mapping[str, SizedParameter],
     labels: Sequence[str],
-    of: Literal["instrument", "run"],
+    shared: Sequence[str] = (),
+    own: Sequence[str] = (),
 ) -> Repeated:
-    """A parameter, by name and unit, of which some records of these labels leave an estimate and two ends."""
-    nothing = (math.nan, -math.inf, math.inf)
-    rows = {label: found.get(label, nothing) for label in labels}
-    lows, highs = ([row[k] for row in rows.values()] for k in (1, 2))
-    records = tuple(
-        InOneRecord(
-            record=label,
-            estimate=None if math.isinf(low) or math.isinf(high) else value,
-            low=finite_or_none(low),
-            high=finite_or_none(high),
-        )
-        for label, (value, low, high) in rows.items()
+    """A parameter of which some of the records with these labels leave something; `shared`, `own` as for `join`."""
+    ends = [found[label].ends if label in found else (-math.inf, math.inf) for label in labels]
+    least = max(low for low, _ in ends) - min(high for _, high in ends)
+    known = [found[label].ends for label in found]
+    most = max((high for _, high in known), default=math.inf) - min((low for low, _ in known), default=0.0)
+    return Repeated(
+        name=name,
+        unit=unit,
+        of="instrument" if ": " in name or is_of_instrument(name, shared, own) else "run",
+        records=tuple(
+            InOneRecord(
+                record=label,
+                estimate=found[label].estimate if all(map(math.isfinite, pair)) else None,
+                low=finite_or_none(pair[0]),
+                high=finite_or_none(pair[1]),
+            )
+            for label, pair in zip(labels, ends, strict=True)
+        ),
+        at_least=max(0.0, least),
+        at_most=finite_or_none(most),
     )
-    least = max(0.0, max(lows) - min(highs))
-    most = max((found[label][2] for label in found), default=math.inf) - min(
-        (v[1] for v in found.values()), default=0.0
-    )
-    return Repeated(name=key[0], unit=key[1], of=of, records=records, at_least=least, at_most=finite_or_none(most))
 
 
 def _standing(label: str, result: Diagnosis, joint: Joint | None, places: Sequence[Any]) -> Fit | None:

@@ -421,8 +421,8 @@ class Evidence:
         return ()
 
     def channels(self) -> Sequence[Channel]:
-        """The errors of the baseline, component by component, with what they may depend on."""
-        raise NotImplementedError
+        """The errors of the baseline, component by component, with what they may depend on; none by default."""
+        return ()
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """The second witness: what was left out says of the effects of a fit."""
@@ -440,8 +440,8 @@ class Evidence:
         raise NotImplementedError
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
-        """Keys of the result that say what to measure so that sets can be told apart."""
-        raise NotImplementedError
+        """Keys of the result that say what to measure so that sets can be told apart; none by default."""
+        return {}
 
     def folds(self, count: int = FOLDS) -> list[NDArray[np.int_]]:
         """Blocks in time, each with as many pieces of the shortest scored kind as the others; each piece's (S,)."""

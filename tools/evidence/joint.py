@@ -23,7 +23,6 @@ from .bench_model import LARGEST_OF_BENCH, relinearised, with_possible_sizes
 from .evidence import Evidence, Trial
 from .fit import Fit, blocks_of, estimated
 from .of_record import Differs, InRecord, in_record, is_of_instrument, plain, width_of
-from .rows import Channel
 
 OPEN = 0.01
 """An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
@@ -62,7 +61,7 @@ def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
     right = np.concatenate([(one.residual + one.nominal @ one.point) / one.bound for one in members.values()])
     made = Joint(
         (), tuple(names.values()), estimated(matrix, right), (), tuple(members.values()), tuple(members),
-        tuple(common), tuple(chosen),
+        tuple(common), tuple(chosen), (shared, own),
     )  # fmt: skip
     point = made.refit(()).estimate
     return made.about_point(point)
@@ -73,20 +72,22 @@ class Joint(Evidence):
     """Records of one instrument, one below the other; errors are in units of their bounds.
 
     `members` are the evidences of the records, `labels` what these are called; `shared` are the names of the parameters
-    that have one value; `chosen` (P_k, P) picks those of each record out of all P.
+    that have one value; `chosen` (P_k, P) picks those of each record out of all P; `asked` is what is
+    shared or own other than by default.
     """
 
     members: tuple[Evidence, ...]
     labels: tuple[str, ...]
     shared: tuple[str, ...]
     chosen: tuple[NDArray[np.float64], ...]
+    asked: tuple[Sequence[str], Sequence[str]]
 
     most_sets = None
     ranks_each = False
 
     def about_point(self, point: NDArray[np.float64]) -> "Joint":
         """The same about other parameters (P,), with every effect that can be tried."""
-        fixed = (self.members, self.labels, self.shared, self.chosen)
+        fixed = (self.members, self.labels, self.shared, self.chosen, self.asked)
         return Joint((), self.names, point, Joint((), self.names, point, (), *fixed).every_place, *fixed)
 
     # Rows
@@ -355,11 +356,3 @@ class Joint(Evidence):
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Nothing: what each record excludes its own diagnosis says."""
         yield from ()
-
-    def channels(self) -> Sequence[Channel]:
-        """None: they are each record's."""
-        return ()
-
-    def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
-        """Nothing: what to measure the diagnosis of each record says."""
-        return {}

@@ -13,11 +13,10 @@ from pydantic import Field, ValidationError
 from ...fmus.parameters import CALIBRATION
 from ..calibration import Calibration
 from ..calibration.targets import NAMES
-from ..diagnosis.cause import Number
+from ..diagnosis.cause import Number, SizedParameter
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
 from ..diagnosis.several import Repeated, repeated_of
 from ..errors import InputError
-from ..evidence.of_record import is_of_instrument
 from ..files import LARGEST_RESULT, bytes_of, write_text
 from ..records import read_record
 from ..result import Result, Told, field_problems
@@ -197,16 +196,14 @@ def trend_of_instrument(folder: Path) -> Trend:
     if len(told) < 2:
         raise InputError(f"{folder}: two entries at least must tell parameters, consistent or explained ones")
     labels = _labels([date for date, _ in told.values()])
-    by_name: dict[tuple[str, str], dict[str, tuple[float, float, float]]] = {}
+    by_name: dict[tuple[str, str], dict[str, SizedParameter]] = {}
     for label, (_, values) in zip(labels, told.values(), strict=True):
         for key, value in values.items():
             by_name.setdefault(key, {})[label] = value
     parameters = []
     for key, values in by_name.items():
-        of: Literal["instrument", "run"] = "instrument" if ": " in key[0] or is_of_instrument(key[0]) else "run"
-        falsified, against = first_falsified([(label, *values[label][1:]) for label in labels if label in values])
-        compared = repeated_of(key, values, labels, of)
-        parameters.append(Trended(**dict(compared), falsified=falsified, against=against))
+        falsified, against = first_falsified([(label, *values[label].ends) for label in labels if label in values])
+        parameters.append(Trended(**dict(repeated_of(*key, values, labels)), falsified=falsified, against=against))
     return Trend(serial=held.serial, dates=tuple(labels), parameters=tuple(parameters))
 
 
@@ -221,26 +218,23 @@ def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str 
     return min(apart, key=lambda pair: (order.index(pair[0]), order.index(pair[1])), default=(None, None))
 
 
-def parameters_of(entry: Entry) -> dict[tuple[str, str], tuple[float, float, float]]:
-    """Name and unit of each parameter that an entry bounds -> estimate and ends; none where nothing stands."""
-    found: dict[tuple[str, str], tuple[float | None, ...]] = {}
-    content = entry.result
-    if entry.kind == "calibration" and entry.verdict == "consistent":
-        for p in content["parameters"]:
-            found[p["symbol"], p["unit"]] = (p["estimate"], p["low"], p["high"])
-    if entry.kind == "diagnosis" and entry.verdict in ("consistent", "explained"):
-        for target in content.get("targets") or ():
-            unit = NAMES.get(target["symbol"].partition("@")[0], ("", "1"))[1]
-            found[target["symbol"], unit] = (target["after"], target["low"], target["high"])
-        for p in content["baseline"].get("parameters") or ():
-            found[p["name"], p["unit"]] = (p["estimate"], p["low"], p["high"])
-        for cause in Diagnosis.model_validate_json(json.dumps(content)).causes:
-            for p in cause.parameters:
-                found[f"{cause.place.title}: {p.name}", p.unit] = (p.estimate, p.low, p.high)
+def parameters_of(entry: Entry) -> dict[tuple[str, str], SizedParameter]:
+    """Name and unit of each parameter that an entry bounds -> what is possible of it; none where nothing stands."""
+    found: list[tuple[str, str, Any]] = []
+    read = KINDS[str(entry.result["schema"])].model_validate_json(json.dumps(entry.result))
+    if isinstance(read, Calibration) and read.verdict == "consistent":
+        found = [(p.symbol, p.unit, (p.estimate, p.low, p.high)) for p in read.parameters]
+    if isinstance(read, Diagnosis) and read.verdict in ("consistent", "explained"):
+        for t in read.targets or ():
+            unit = NAMES.get(t["symbol"].partition("@")[0], ("", "1"))[1]
+            found.append((t["symbol"], unit, (t["after"], t["low"], t["high"])))
+        found += [(p.name, p.unit, (p.estimate, p.low, p.high)) for p in read.baseline.parameters or ()]
+        for cause in read.causes:
+            found += [(f"{cause.place.title}: {p.name}", p.unit, (p.estimate, p.low, p.high)) for p in cause.parameters]
     return {
-        key: (float(value), float(low), float(high))
-        for key, (value, low, high) in found.items()
-        if value is not None and low is not None and high is not None
+        (name, unit): SizedParameter.of(name, unit, value[0], value[1:])
+        for name, unit, value in found
+        if None not in value
     }
 
 

@@ -338,6 +338,7 @@ SHOWN = {
     "pairs": "two effects hidden, each at 1.5 times the size at which nothing can stand for it",
 }
 """What each mode hides, in words."""
+WHOSE = "an effect of all records and one of a record alone"
 CAPTION = (
     "Rows: what was hidden. Columns: what was made of it. Blue is right, grey left open with the truth among the "
     "candidates."
@@ -356,7 +357,8 @@ def write_suite(suite: Suite, folder: Path) -> list[Path]:
 def suite_lines(suite: Suite) -> list[str]:
     """What a person is told."""
     bench = not suite.strapdown
-    what = f"cases ({suite.mode})" if bench else "strapdown records"
+    of_each = "" if suite.records is None else f" of {suite.records} records"
+    what = f"cases{of_each} ({suite.mode})" if bench else "strapdown records"
     made = ", ".join(f"{kind} {number}" for kind, number in suite.outcomes.items())
     lines = [f"{suite.cases} {what}, seed {suite.seed}: {made}"]
     if bench and suite.redrawn:
@@ -425,6 +427,8 @@ def suite_page(suite: Suite) -> Page:
 
 def _about_bench(suite: Suite, told: str) -> list[str]:
     what = SHOWN[suite.mode] if suite.size is None else "effects of drawn sizes"
+    if suite.records is not None:
+        what = f"{suite.records} records of one instrument each, " + what.replace("two effects", WHOSE)
     fewest, most = suite.positions
     return [
         f"{suite.cases} cases: {what}; {fewest} to {most} positions in random order, noise {suite.noise}.",

@@ -16,6 +16,8 @@ NOT_DRAWN = ("exchanged-readings",)
 """What no suite of a table's positions hides: exchanged channels have no size that could be near that of detection."""
 TAKEN_OUT = ("gyro-bias",)
 """The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
+OF_SEVERAL, MOST_RECORDS = ("pairs", "clean"), 10
+"""Modes of several records of one instrument, and how many there are at most."""
 BLOCK_SIZES = (2.0, 3.0)
 """Sizes relative to that of sure detection, of records of a moved block."""
 
@@ -28,7 +30,7 @@ class Case:
     index: int | None
     """of the case in its suite, with the seed it decides everything; None: a record by itself"""
     instrument: Any
-    """`Bench` of a record of a table's positions, or `Block` moved by hand"""
+    """`Bench` of a record of a table's positions, `Days` of several of one block, or `Block` moved by hand"""
     hidden: tuple[Hidden, ...] = ()
     """empty for a clean record"""
     redrawn: int = 0
@@ -40,7 +42,7 @@ class Case:
         return tuple(hidden.place for hidden in self.hidden)
 
     def measured(self, *, progress: bool = False) -> Any:
-        """The record, of positions or strapdown: what a laboratory would hand over, and nothing else."""
+        """The record, of positions or strapdown, or several by label: what a laboratory would hand over."""
         return self.instrument.measured(self.seed, self.index, self.hidden, progress=progress)
 
     def answer(self) -> dict[str, Any]:
@@ -82,6 +84,8 @@ class Options:
     """sizes relative to that of sure detection, in place of those of the mode"""
     strapdown: bool = False
     """records of a block moved by hand; else of a table's positions"""
+    records: int = 1
+    """of one block at a table on so many days; of several, "pairs" is one effect in all and one of a record alone"""
     own: OwnEffects | None = None
     """a file of effects of the user's own, which are tried, too, and may be hidden"""
 
@@ -96,6 +100,11 @@ class Options:
         for name in self.effects:
             if name not in hidden_effects():
                 raise InputError(f"--effects {name}: {nearest(name, hidden_effects())}")
+        if not 1 <= self.records <= MOST_RECORDS:
+            raise InputError(f"--records {self.records}: must be a whole number from 1 to {MOST_RECORDS}")
+        if self.records > 1 and (self.mode not in OF_SEVERAL or self.size is not None):
+            given = f"--mode {self.mode}" if self.size is None else "--size"
+            raise InputError(f"{given}: is of one record; of several there is --mode {' or '.join(OF_SEVERAL)}")
         low, high = self.positions
         if not 6 <= low <= high <= 1000:
             raise InputError(f"--positions {low} {high}: must be two whole numbers from 6 to 1000, the lesser first")

@@ -19,7 +19,7 @@ from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_
 from ..evidence.carried import Carried
 from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
-from ..evidence.fit import Classes, coefficient_count, contains
+from ..evidence.fit import Classes, contains
 from ..motion.inspect import inspect_record
 from .bench import (
     DWELL_S,
@@ -44,7 +44,8 @@ from .block import (
     draw_motion,
 )
 from .case import NOISES, TAKEN_OUT, Case, Options, check_seed, hidden_effects
-from .sizes import Hidden, SureSizes, Way, level_margins, sizes_of_way, sure_sizes
+from .days import Days, draw_shared_and_own, joined
+from .sizes import Hidden, SureSizes, Way, draw_direction, largest_size, level_margins, sizes_of_way, sure_sizes
 
 ADDING = ("reading_effects", "geometry_effects")
 """Stages of effects that are not linear but for a time that is found."""
@@ -78,6 +79,8 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
     InputError
         no bench that was drawn can hide such effects at such sizes, or the record of the moved block cannot show them
     """
+    if options.records > 1:
+        return _draw_days_case(options, seed, index)
     if not options.strapdown:
         return _draw_bench_case(options, seed, index)
     clean = draw_clean_block(seed, index)
@@ -111,6 +114,26 @@ def _draw_bench_case(options: Options, seed: int, index: int) -> Case:
     raise InputError(
         f"--mode {options.mode}: no bench of {MOST_BENCHES} with {options.positions[0]} to {options.positions[1]} "
         "positions can hide such an effect at such a size; allow more --positions, or other --effects"
+    )
+
+
+def _draw_days_case(options: Options, seed: int, index: int) -> Case:
+    """Draw a block on several days, and what is hidden in all records and in one."""
+    rng, redrawn = np.random.default_rng([seed, index]), 0
+    noise = NOISES[index % len(NOISES)] if options.noise == "all" else options.noise
+    for _ in range(MOST_BENCHES):
+        count = int(rng.integers(options.positions[0], options.positions[1] + 1))
+        days = Days.drawn(rng, options.records, (count, count), noise)
+        if options.mode == "clean":
+            return Case(seed, index, days)
+        joint = joined(days.measured(seed, index))
+        for _ in range(0 if joint.missing() else TRIES):
+            if (hidden := draw_shared_and_own(rng, joint, ABOVE, options.effects)) is not None:
+                return Case(seed, index, days, hidden, redrawn)
+            redrawn += 1
+    raise InputError(
+        f"--records {options.records}: no instrument of {MOST_BENCHES} can hide such effects at such sizes; allow more "
+        "--positions, or other --effects"
     )
 
 
@@ -269,29 +292,12 @@ def _draw_place(
     return place, draw_direction(rng, place)
 
 
-def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
-    """A direction of an effect's coefficients, of length one; one that only grows is positive."""
-    direction = rng.normal(size=coefficient_count(place))
-    direction /= np.linalg.norm(direction)
-    only_grow = all(parameter.smallest == 0.0 for parameter in place.definition.linear_parameters)
-    return np.abs(direction) if only_grow else direction
-
-
 def _made(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> tuple[Hidden] | None:
     """The effect at a size; None where that is not a possible one."""
     if not np.isfinite(size) or size > largest_size(place, direction):
         return None
     values = place.definition.from_coefficients(size * direction)
     return (Hidden(place, values, float(size), sizes),)
-
-
-def largest_size(place: EffectPlace, direction: NDArray) -> float:
-    """The largest possible size along a direction of the coefficients."""
-    effect = place.definition
-    unit = effect.from_coefficients(direction)
-    # Phases do not grow with the size.
-    growing = zip(effect.parameters, unit, strict=True)
-    return min((p.largest / abs(v) for p, v in growing if not p.name.endswith("phase") and v != 0.0), default=0.0)
 
 
 # A single record of a table's positions

@@ -10,10 +10,12 @@ import numpy as np
 from ...models.effects import EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
 from ..diagnosis.cause import NamedEffect
-from ..records import PositionRecord, StrapdownRecord
+from ..diagnosis.several import Several, diagnosed_together
+from ..evidence.of_record import InRecord, in_record
 from ..result import ABSENT, Told, finite_or_none
 from .bench import NOISE_BOUND, Bench, temperature_at
 from .case import Case
+from .days import Days
 from .sizes import Hidden
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
@@ -35,7 +37,25 @@ NOTHING = "nothing"
 """Stands for the secret of a clean record."""
 
 
-class Secret(NamedEffect):
+class NamedInRecord(NamedEffect):
+    """An effect at its place, of several records in one of them alone, or in all."""
+
+    record: str | None = None
+
+    @staticmethod
+    def of(place: EffectPlace) -> "NamedInRecord":
+        """The effect at a place."""
+        record = place.record if isinstance(place, InRecord) else None
+        own: dict[str, Any] = {} if record is None else {"record": record}
+        return NamedInRecord(**NamedEffect.keys(place), **own)
+
+    @property
+    def place(self) -> EffectPlace:
+        """The effect and its place."""
+        return super().place if self.record is None else in_record(super().place, self.record)
+
+
+class Secret(NamedInRecord):
     """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory."""
 
     parameters: dict[str, float]
@@ -59,6 +79,8 @@ class Outcome(Told):
     seed: int
     case: int
     """of the suite, and of the case in it"""
+    records: int = ABSENT
+    """of one instrument, where they are several"""
     positions: int = ABSENT
     mountings: tuple[str, ...] = ABSENT
     baseline: str = ABSENT
@@ -83,7 +105,7 @@ class Outcome(Told):
     """of the diagnosis"""
     outcome: str
     """one of `KINDS`"""
-    named: tuple[NamedEffect, ...]
+    named: tuple[NamedInRecord, ...]
     """the set that was named, or the best of those that remain"""
     inside: bool | None
     """whether the true parameters are inside their intervals; None where the effect was not named by its own name"""
@@ -141,22 +163,28 @@ class Outcome(Told):
         return between.join(place.title for place in places)
 
 
-def diagnosed(case: Case, record: PositionRecord | StrapdownRecord, *, rerun: bool = False) -> Diagnosis:
-    """The diagnosis of a case's record; of a bench σ, the mountings and the kind of block are known beside it."""
+def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis | Several:
+    """The diagnosis of a case's record, or records; of a bench σ, the mountings and the kind of block are known."""
     known = {}
+    if isinstance(case.instrument, Days):
+        alone = {label: diagnose(one, rerun=rerun, noise_bound=NOISE_BOUND) for label, one in record.items()}
+        return diagnosed_together(alone, rerun=rerun)
     if isinstance(case.instrument, Bench):
         known = {"baseline": case.instrument.baseline, "mounting": case.instrument.matrices, "noise_bound": NOISE_BOUND}
     return diagnose(record, rerun=rerun, **known)
 
 
-def judged(case: Case, result: Diagnosis) -> Outcome:
+def judged(case: Case, result: Diagnosis | Several) -> Outcome:
     """Hold a diagnosis against the secret of its case."""
-    own = case.instrument
+    own = case.instrument.benches[0] if isinstance(case.instrument, Days) else case.instrument
     sets = [finding.causes for finding in result.findings]
-    kind = kind_of(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
+    alone = isinstance(result, Diagnosis)
+    others = (result.equal_sets, result.containing_sets) if alone else ()
+    kind = kind_of(case.places, result.verdict, sets, *others)
     table, secrets = None, case.hidden
     if isinstance(own, Bench):
         table = own.truth["TurntableMotion"]
+    if isinstance(own, Bench) and alone:
         # Only the record says when its first rest was: what changes within a rest may take a part of it away.
         seen = result.evidence.readings.circumstances
         warm = None if seen.temperature is None else (float(temperature_at(np.zeros(1))[0]), float(seen.temperature[0]))
@@ -166,13 +194,14 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
         told = {
             "seed": case.seed,
             "case": case.index or 0,
+            **({} if alone else {"records": len(result.records)}),
             "positions": len(own.alpha),
             "mountings": own.mountings,
             "baseline": own.baseline,
             "noise": own.noise,
             "hidden": tuple(
                 Secret(
-                    **NamedEffect.keys(hidden.place),
+                    **dict(NamedInRecord.of(hidden.place).to_json()),
                     parameters=hidden.parameters,
                     size=hidden.size,
                     surely_detected=finite_or_none(hidden.sizes.detected),
@@ -190,10 +219,10 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
     return Outcome(
         **told,
         redrawn=case.redrawn,
-        radius=result.baseline.radius,
+        radius=result.baseline.radius if alone else result.radius,
         verdict=result.verdict,
         outcome=kind,
-        named=tuple(NamedEffect.of(cause.place) for cause in sets[0]) if sets else (),
+        named=tuple(NamedInRecord.of(cause.place) for cause in sets[0]) if sets else (),
         inside=inside,
     )
 

@@ -25,6 +25,7 @@ from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
 from ..diagnosis.cause import NamedEffect
 from ..evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns, untold_readings
+from ..evidence.fit import coefficient_count
 
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""
@@ -295,3 +296,20 @@ def level_margins(
     others = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals]
     changes = [level_change(place, level, rows).ravel() for level in levels]
     return [_sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]
+
+
+def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
+    """A direction of an effect's coefficients, of length one; one that only grows is positive."""
+    direction = rng.normal(size=coefficient_count(place))
+    direction /= np.linalg.norm(direction)
+    only_grow = all(parameter.smallest == 0.0 for parameter in place.definition.linear_parameters)
+    return np.abs(direction) if only_grow else direction
+
+
+def largest_size(place: EffectPlace, direction: NDArray) -> float:
+    """The largest possible size along a direction of the coefficients."""
+    effect = place.definition
+    unit = effect.from_coefficients(direction)
+    # Phases do not grow with the size.
+    growing = zip(effect.parameters, unit, strict=True)
+    return min((p.largest / abs(v) for p, v in growing if not p.name.endswith("phase") and v != 0.0), default=0.0)

@@ -109,6 +109,7 @@ class Suite(Told):
 
     schema_: Literal["trihedron.hidden-suite/1", "trihedron.hidden-strapdown-suite/1"] = Field(alias="schema")
     mode: str = ABSENT
+    records: int = ABSENT
     clean: bool = ABSENT
     effects: tuple[str, ...]
     positions: tuple[int, int] = ABSENT
@@ -211,7 +212,9 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
         case = draw_case(options, seed, index)
         record = case.measured()
         if records is not None:
-            write_record(record, records / f"case-{index:05d}.csv")
+            several = record if isinstance(record, dict) else {"": record}
+            for label, one in several.items():
+                write_record(one, records / f"case-{index:05d}{label and '-'}{label}.csv")
         return judged(case, diagnosed(case, record))
 
 
@@ -231,6 +234,7 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     own: dict[str, Any] = {
         "schema": "trihedron.hidden-suite/1",
         "mode": options.mode,
+        **({"records": options.records} if options.records > 1 else {}),
         "positions": options.positions,
         "noise": options.noise,
         "size": options.size,

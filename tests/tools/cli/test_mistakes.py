@@ -47,6 +47,13 @@ def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch
         (["plan", "--positions", "8", "--detect", "quadratik"], "did you mean 'quadratic'"),
         (["hidden", "r.csv", "--effect", "quadratik"], "did you mean 'quadratic'"),
         (["hidden", "--suite", "quick-singel"], "did you mean 'quick-single'"),
+        (["hidden", "--cases", "1", "--records", "3", "--mode", "single"], "of several there is --mode pairs or clean"),
+        (["hidden", "--cases", "1", "--records", "11"], "--records 11: must be a whole number from 1 to 10"),
+        (["hidden", "m.csv", "--records", "3"], "--records: is of a suite; give --cases too"),
+        (
+            ["hidden", "--cases", "1", "--strapdown", "--records", "3"],
+            "--records: is of records of a table's positions",
+        ),
         (["export", "AcelerometerBlock"], "did you mean 'AccelerometerBlock'"),
         (["export", "--effect", "quadratik accelerometer-3"], "did you mean 'quadratic accelerometer-3'"),
         (["export", "--flavour", "native", "--platform", "x86-linux"], "did you mean x86_64-linux"),

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from trihedron.fmus.units import STANDARD_GRAVITY
-from trihedron.models.effects import CATALOGUE
+from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.settling import lagged
 from trihedron.tools import cli
+from trihedron.tools.diagnosis.cause import Cause
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.of_record import in_record
 from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors, expected, faultless_record
 from trihedron.tools.trials.case import Case, Options
 from trihedron.tools.trials.draw import draw_case
-from trihedron.tools.trials.outcome import diagnosed, judged
+from trihedron.tools.trials.outcome import NamedInRecord, diagnosed, judged, kind_of
 from trihedron.tools.trials.suite import Suite, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
 
@@ -260,3 +262,30 @@ def test_options_that_do_not_go_together_are_refused(words, message, capsys):
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_several_records_without_a_secret_are_a_suite_too(tmp_path):
+    options = Options("clean", positions=(12, 12), records=2)
+    suite = run_suite(options, 1, 3, records=tmp_path)
+    assert suite.outcomes == {"right": 1}
+    assert (suite.records, suite.results[0].records, suite.results[0].positions) == (2, 2, 12)
+    assert Suite.model_validate_json(suite.json_text()) == suite
+    assert sorted(file.name for file in tmp_path.iterdir()) == [f"case-00000-record-{k}.csv" for k in (1, 2)]
+
+
+def test_an_effect_of_another_record_is_a_wrong_name_and_one_that_nothing_tells_apart_is_not():
+    square, cube = (EffectPlace(name, "accelerometer-1") for name in ("quadratic", "cubic"))
+    hidden = (square, in_record(cube, "record-2"))
+
+    def named(*places: EffectPlace, same: tuple[EffectPlace, ...] = ()) -> list[list[Cause]]:
+        return [[Cause.found(place, same if place == places[0] else (), (1.0,), ((0.9, 1.1),)) for place in places]]
+
+    assert kind_of(hidden, "explained", named(in_record(cube, "record-2"), square)) == "right"
+    assert kind_of(hidden, "explained", named(in_record(cube, "record-1"), square)) == "wrong"
+    assert kind_of(hidden, "explained", named(cube, square)) == "wrong"
+    beside = (in_record(cube, "record-2"),)
+    assert kind_of(hidden, "explained", named(in_record(square, "record-2"), square, same=beside)) == "right"
+    assert kind_of(hidden, "ambiguous", [*named(cube), *named(*hidden)]) == "candidate"
+    assert NamedInRecord.of(hidden[1]).to_json()["record"] == "record-2"
+    assert "record" not in NamedInRecord.of(square).to_json()
+    assert [NamedInRecord.of(place).place for place in hidden] == list(hidden)
