@@ -52,6 +52,10 @@ IN_MOTION = {
     "w1": ("rate[0]", "rad/s"),
     "w2": ("rate[1]", "rad/s"),
     "w3": ("rate[2]", "rad/s"),
+    **{
+        f"dw{p}": (f"((rate[{p - 1}] - context[PREVIOUS_RATE + {p - 1}]) / context[STEP_LENGTH])", "rad/s2")
+        for p in (1, 2, 3)
+    },
     **{f"w{i}*w{j}": (f"rate[{i - 1}] * rate[{j - 1}]", "rad2/s2") for i, j in ((1, 2), (1, 3), (2, 3))},
     **{name: AT_REST[name] for name in AT_REST if name not in ANGLES},
 }
@@ -67,7 +71,7 @@ PLACES = {
     GYRO_BLOCK: ("rad/s", IN_MOTION),
 }
 """Of each place the unit of what a table adds there, and the quantities that are known."""
-FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", *OF_ANGLES, *TILTS)
+FACTORS = ("n1", "n2", "n3", "hours", "temperature", "w1", "w2", "w3", "dw1", "dw2", "dw3", *OF_ANGLES, *TILTS)
 
 
 @dataclass(frozen=True)
@@ -161,10 +165,10 @@ def values_of(name: str, rows: Any) -> NDArray[np.float64]:
     if name in OF_ANGLES:
         wave, angle = OF_ANGLES[name]
         return np.asarray(getattr(np, wave)(values_of(angle, rows)))
-    if name[0] == "n" or name[0] == "w":
-        axis = int(name[1]) - 1
+    if name[0] in ("n", "w", "d"):
+        axis = int(name[-1]) - 1
         if isinstance(rows, MotionRows):
-            return (rows.rate if name[0] == "w" else rows.specific_force)[:, axis]
+            return {"n": rows.specific_force, "w": rows.rate, "d": rows.acceleration}[name[0]][:, axis]
         return rows.n[:, axis]
     values = getattr(rows, name)
     if values is None:
@@ -271,6 +275,8 @@ def _unit(place: EffectPlace, table: Table) -> str:
     if table.factor not in known:
         return own
     by = known[table.factor][1]
+    if by == "rad/s2":
+        return "s"
     return "1" if by == own else f"{own}/{by}".replace("degC", "K")
 
 

@@ -10,6 +10,7 @@ from trihedron.fmus.catalogue import COMPONENTS
 from trihedron.fmus.component import extend
 from trihedron.models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
 from trihedron.models.effects.lookup import Table
+from trihedron.models.restricted import GYRO_CONTEXT_SIZE, PREVIOUS_RATE, STEP_LENGTH
 from trihedron.tools.evidence.bench_visits import signature_columns
 
 LAWS = (
@@ -94,6 +95,22 @@ def test_a_function_of_a_gyros_rate_has_its_rows_and_its_kernel():
     effect.kernel([0.0] * 38, rate[0].tolist(), 1.0, 2.0, 4.0, added)
     assert added == [0.0, 3.0, 0.0]
     assert "w3 at" in inspect.getsource(effect.kernel)
+
+
+def test_a_function_of_an_angular_acceleration_has_its_rows_and_its_kernel():
+    """From the step before, 0.5 s long: its rate stands in the context."""
+    law, before, rate = "w1 times dw3 at -2.0 0.0 2.0", np.array([[0.0, 0.0, 0.2]]), np.array([[3.0, 0.0, 0.7]])
+    place = EffectPlace("lookup", "gyro-block", axes=(2,), law=law)
+    rows = MotionRows(rate, before, np.zeros((1, 3)), np.zeros(1), np.array([0.5]))
+    effect = place.definition
+    assert effect.signature(place, rows)[0, 1] == pytest.approx([0.0, 1.5, 1.5])
+    context, added = [0.0] * GYRO_CONTEXT_SIZE, [0.0, 0.0, 0.0]
+    context[STEP_LENGTH], context[PREVIOUS_RATE + 2] = 0.5, 0.2
+    assert effect.kernel is not None
+    effect.kernel(context, rate[0].tolist(), 1.0, 2.0, 4.0, added)
+    assert added == pytest.approx([0.0, 9.0, 0.0])
+    by = EffectPlace("lookup", "gyro-block", axes=(1,), law="dw1 times hours at 0.0 1.0").definition
+    assert [parameter.unit for parameter in by.parameters] == ["s", "s"]
 
 
 def test_its_entry_names_it_again_and_its_variables_are_its_own():

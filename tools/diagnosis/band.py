@@ -19,7 +19,7 @@ NEAREST = 1.0 / 4000.0
 """Values of a quantity nearer to each other than this part of their range are one knot."""
 MOST_TOLD = 41
 """So many knots are told at most, and the functions' values between them at more."""
-INPUTS, RATES = ("n1", "n2", "n3"), ("w1", "w2", "w3")
+INPUTS, RATES = ("n1", "n2", "n3"), ("w1", "w2", "w3", "dw1", "dw2", "dw3")
 
 
 class Knot(TypedDict):

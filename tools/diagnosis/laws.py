@@ -301,7 +301,7 @@ def words_of(place: EffectPlace) -> str:
         return place.effect if place.order is None else f"{place.effect} of order {place.order}"
     text = place.law.split("+=")[1].strip().replace(" ** ", "**").replace(" * ", "*")
     text = re.sub(r"abs\((\w+)\)", r"|\1|", text)
-    return re.sub(r"\*\*(\d)\b", lambda power: SUPERSCRIPTS[int(power[1])], text).replace("*", " ")
+    return re.sub(r"\*\*(\d)\b", lambda power: SUPERSCRIPTS[int(power[1])] * (power[1] != "1"), text).replace("*", " ")
 
 
 def formulas(pair: Pair, size: int) -> Iterator[str]:

@@ -80,7 +80,7 @@ class GyroPairs:
     def of_gyro(self, p: int) -> Iterator[tuple[str, Pair]]:
         """Pairs of one gyro; what is not the gyro's own has a number before its name."""
         rows, rate, force = self.seen, f"w{p + 1}", f"n{p + 1}"
-        turn, own = f"a{p + 1}", rows.rate[:, p]
+        turn, own = f"dw{p + 1}", rows.rate[:, p]
         growing = rows.acceleration[:, p]
         yield "rate", self.pair(p, rate, own)
         yield "acceleration", self.pair(p, turn, growing)
@@ -157,7 +157,7 @@ class OnNodes:
         return integral.transpose(1, 0, 2), mean / max(int(resting.sum()), 1)
 
 
-COMMON: Mapping[str, str] = {"w1": "rate", "a1": "acceleration", "n1": "force"}
+COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}
 """A quantity of gyro 1 alone, and the same where each gyro has its own."""
 
 

@@ -35,7 +35,7 @@ QUANTITIES = {
     "temperature": "temperature",
     "sense": "the sense of approach",
     **{f"w{p}": f"the rate about axis {p}" for p in (1, 2, 3)},
-    **{f"a{p}": f"the angular acceleration about axis {p}" for p in (1, 2, 3)},
+    **{f"dw{p}": f"the angular acceleration about axis {p}" for p in (1, 2, 3)},
     "rate": "each gyro's own rate",
     "acceleration": "each gyro's own angular acceleration",
     "force": "the specific force along each gyro",

@@ -30,7 +30,7 @@ class Power:
     def unit(self) -> str:
         """Of the function's values; times a time or a temperature that is one at its largest."""
         if self.pair.where in GYROS:
-            return {"w": "1", "a": "s"}.get(self.pair.factor[:1], "rad/s")
+            return {"w": "1", "d": "s"}.get(self.pair.factor[:1], "rad/s")
         own = "rad" if self.pair.where in (*AXES, "base") else "g"
         return "1" if self.pair.factor in INPUTS else own
 

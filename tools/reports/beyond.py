@@ -102,7 +102,7 @@ def sections(result: Diagnosis) -> list[Section]:
     if angular or band.where in GYROS:
         up, error = (ARCSECONDS, "arcsec") if angular else (1e3, "1e-3 rad/s")
     at, said = beyond.readings
-    own = "rad/s" if band.quantity.startswith("w") else "rad/s²" if band.quantity.startswith("a") else "g"
+    own = "rad/s" if band.quantity.startswith("w") else "rad/s²" if band.quantity.startswith("d") else "g"
     unit = "deg" if circle else UNITS.get(band.quantity, "·".join([own] * len(band.quantity.split())))
     shown = BandDrawn(
         at=across * np.array([knot["at"] for knot in band.knots]),

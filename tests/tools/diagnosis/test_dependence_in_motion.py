@@ -7,7 +7,9 @@ import pytest
 
 from strapdown_records import drawn_motion, seen_attitude, strapdown_record
 from trihedron.models.effects import EffectPlace
+from trihedron.models.effects.lookup import Table
 from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, dependence
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_pairs import GyroPairs, pairs_of_accelerometers
@@ -86,6 +88,25 @@ def test_the_gyro_and_what_its_error_depends_on_are_found(p, function, quantity,
     # Between rests a weak fault leaves other quantities of the same gyro possible.
     assert found.proven is not None or record_of is between_rests
     assert found.proven is None or found.proven.pair.quantity == quantity
+
+
+def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
+    def square(time, rate):
+        growing = np.gradient(rate[:, 1], time)
+        return 4.0 * (growing / np.abs(growing).max()) ** 2
+
+    evidence = carried_evidence(filmed(at_gyro(2, square)))
+    assert isinstance(evidence, Carried)
+    (pair,) = (p for p in evidence.pairs() if (p.where, p.quantity, p.factor) == ("gyro-2", "dw2", ""))
+    beyond = Beyond(evidence, pair, Form("pieces", 2))
+    assert [law.words for law in beyond.laws] == ["c dw2²"]
+    table = pair.table("dw2 at -2.0 0.5 3.0")
+    own, on_nodes = (
+        evidence.including([table]).columns_of([table]),
+        pair.spread(Table.of(table.law).columns(pair.values)),
+    )
+    # It bends between two nodes.
+    assert own == pytest.approx(on_nodes, abs=0.01 * np.abs(own).max())
 
 
 @pytest.mark.acceptance
