@@ -38,6 +38,8 @@ DEPENDENT = 1e-9
 
 OTHER_STRATEGIES = ((DUAL_SIMPLEX, "off"), (PRIMAL_SIMPLEX, "off"), (DUAL_SIMPLEX, "on"), (PRIMAL_SIMPLEX, "on"))
 """How a programme is solved when its first strategy fails, as dual simplex does at times at these tolerances."""
+SCALED, UNSCALED = 2, 0
+"""HiGHS' own scaling, and none: scaled, columns that are all but dependent leave it without a basis, and it gives up."""
 
 
 class SolverError(ArithmeticError):
@@ -333,15 +335,17 @@ def solved(
     highs.run()
     if highs.getModelStatus() == highspy.HighsModelStatus.kOptimal:
         return highs.getSolution()
-    for strategy, presolve in others:
+    for strategy, presolve, scaling in [*((*other, SCALED) for other in others), (usual, "off", UNSCALED)]:
         highs.clearSolver()
         highs.setOptionValue("simplex_strategy", strategy)
         highs.setOptionValue("presolve", presolve)
+        highs.setOptionValue("simplex_scale_strategy", scaling)
         highs.run()
         if highs.getModelStatus() == highspy.HighsModelStatus.kOptimal:
             solution = highs.getSolution()
             highs.setOptionValue("simplex_strategy", usual)
             highs.setOptionValue("presolve", "off")
+            highs.setOptionValue("simplex_scale_strategy", SCALED)
             return solution
     raise SolverError(f"a linear programme was not solved: {highs.modelStatusToString(highs.getModelStatus())}")
 
