@@ -24,6 +24,7 @@ _FUNCTIONS = {
         "export",
         "export_notebook",
         "hide",
+        "measure",
         "new",
         "plan",
         "plan_positions",

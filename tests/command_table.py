@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from bench_cases import write_hidden_record
+from simulated_table import SimulatedTable
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools import cli
 from trihedron.tools.records import write_record
@@ -72,6 +73,10 @@ COMMANDS = (
     command("fmpy-input strapdown.csv --out out.csv --json out.json", "strapdown.csv"),
     command("hidden out.csv --seed 3 --answer out-answer.json --json out.json"),
     command("hidden --cases 1 --mode clean --positions 12 14 --out out --json out.json"),
+    command(
+        "measure angles-to-set.csv --from growing.csv --out out.csv --noise-bound 1e-5 --patience 0 --json out.json",
+        *("angles-to-set.csv", "growing.csv"),
+    ),
     command("export AccelerometerBlock --out out --json out.json"),
     command("export-ssp run.toml --out out.ssp --flavour python --json out.json", "run.toml"),
     command("plan --target X4 --grid 15 --json out.json --report out.html --picture out.svg"),
@@ -128,6 +133,10 @@ def make_inputs(folder: Path) -> None:
     write_record(record, folder / "strapdown.csv")
     new("scenario", folder / "bench.toml")
     angles = pl.read_csv(folder / "bench-positions.csv", comment_prefix="#")
+    angles.write_csv(folder / "angles-to-set.csv")
+    table = SimulatedTable(folder / "growing.csv")
+    for alpha, beta in angles.rows()[:2]:
+        table.go(alpha, beta)
     planned = {f"planned_{name}": angles[name] for name in angles.columns}
     moved = {name: angles[name] + np.linspace(-0.01, 0.01, angles.height) for name in angles.columns}
     pl.DataFrame({**planned, **moved}).write_csv(folder / "angles.csv")

@@ -39,7 +39,7 @@ DEPENDENT = 1e-9
 OTHER_STRATEGIES = ((DUAL_SIMPLEX, "off"), (PRIMAL_SIMPLEX, "off"), (DUAL_SIMPLEX, "on"), (PRIMAL_SIMPLEX, "on"))
 """How a programme is solved when its first strategy fails, as dual simplex does at times at these tolerances."""
 SCALED, UNSCALED = 2, 0
-"""HiGHS' own scaling, and none: scaled, columns that are all but dependent leave it without a basis, and it gives up."""
+"""HiGHS' own scaling, and none: scaled, columns that are all but dependent may leave it without a basis."""
 
 
 class SolverError(ArithmeticError):

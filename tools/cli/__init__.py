@@ -28,7 +28,7 @@ from .commands import (
     simulate,
 )
 from .folder import instrument
-from .studies import campaign, campaign_report, compare, hidden, plan, plot, reproduce
+from .studies import campaign, campaign_report, compare, hidden, measure, plan, plot, reproduce
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     # Matrices are small here, and threads would only wait for each other; numpy reads this when it is imported.
@@ -62,7 +62,20 @@ app = App(
 
 for command in (
     *(apply, attitude, calibrate, campaign, campaign_report, check, compare, demo, diagnose, doctor, export),
-    *(export_notebook, export_ssp, fmpy_input, hidden, inspect, instrument, new, plan, plot, reproduce, simulate),
+    *(
+        export_notebook,
+        export_ssp,
+        fmpy_input,
+        hidden,
+        inspect,
+        instrument,
+        measure,
+        new,
+        plan,
+        plot,
+        reproduce,
+        simulate,
+    ),
 ):
     app.command(command)
 app.command(import_, name="import")

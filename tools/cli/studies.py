@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from .. import campaign as campaigns
 from .. import document, library, own_effects, papers, planning, reports, trials
 from ..errors import InputError
-from ..files import at_once, made_folder, write_text
+from ..files import at_once, made_folder, ordinary_file, write_text
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, takes
 
 WORSE = 3
@@ -102,6 +102,31 @@ def plan(
     if picture is not None:
         write_text(picture, reports.plan_picture(plans[0]))
     return answer(plans, json)
+
+
+@takes(library.measure)
+def measure(
+    plan: Path,
+    /,
+    *,
+    source: Annotated[str, Parameter(name="--from", allow_leading_hyphen=True)],
+    out: Annotated[Path, Parameter(name="--out", validator=ordinary_file)],
+    noise_bound: Annotated[float, Parameter(name="--noise-bound", allow_leading_hyphen=True)],
+    json: JsonFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron measure plan24 --from growing.csv --out monday.csv --noise-bound 1e-5 --serve
+
+    Example: trihedron measure plan24 --from /dev/ttyUSB0 --out monday.csv --noise-bound 1e-5 --resume
+    """
+    distinct_files({"the plan": plan, "--from": Path(source), "--out": out, "--json": json})
+    # What comes is kept as it comes, and --resume goes on with it.
+    with at_once():
+        try:
+            done = library.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"interrupted; {out} holds what came, and --resume goes on with it") from None
+    return answer(done, json)
 
 
 def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None:

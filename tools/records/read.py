@@ -256,7 +256,7 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
     if not body:
         raise RecordError(path, None, None, "is empty; a header and at least one row are needed")
     header_row = int(rows[0])
-    names = [name.strip() for name in _fields(path, header_row, body[0])]
+    names = [name.strip() for name in fields_of(path, header_row, body[0])]
     layout = recognise(path, names, header_row, kinds)
     if len(body) == 1:
         raise RecordError(path, header_row, None, "no rows follow the header")
@@ -270,15 +270,15 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
     digits = dict.fromkeys(layout.numbers, 0)
     for start in tracked(range(1, len(body), PART), "reading", show=len(data) >= LARGE):
         some, where = body[start : start + PART], rows[start : start + PART]
-        taken = _taken(some, len(names), place)
+        taken = taken_of(some, len(names), place)
         if taken is None:
             whole = np.ones(len(some), dtype=bool)
             for k, line in enumerate(some):
-                for fault in _faults_of_line(path, int(where[k]), line, len(names), place):
+                for fault in faults_of_line(path, int(where[k]), line, len(names), place):
                     whole[k] = False
                     yield fault
             where = where[whole]
-            taken = _taken(list(compress(some, whole)), len(names), place)
+            taken = taken_of(list(compress(some, whole)), len(names), place)
             assert taken is not None, f"{path}: a row was refused without a fault"
         texts, numbers = taken
         for name in layout.numbers:
@@ -346,7 +346,7 @@ def _lines(path: Path, data: bytes) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _fields(path: Path, row: int, line: str) -> list[str]:
+def fields_of(path: Path, row: int, line: str) -> list[str]:
     try:
         return next(csv.reader([line], strict=True, skipinitialspace=True))
     except csv.Error as error:
@@ -355,7 +355,7 @@ def _fields(path: Path, row: int, line: str) -> list[str]:
         raise RecordError(path, row, None, f"not a row of comma-separated fields ({error})") from error
 
 
-def _taken(
+def taken_of(
     lines: list[str], width: int, place: dict[str, int]
 ) -> tuple[dict[str, tuple[str, ...]], dict[str, np.ndarray]] | None:
     """Texts and numbers of the columns in their places; None when a line has a fault."""
@@ -382,10 +382,10 @@ def _taken(
     return texts, numbers
 
 
-def _faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str, int]) -> Iterator[RecordError]:
+def faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str, int]) -> Iterator[RecordError]:
     """Everything that is wrong with the fields of a row."""
     try:
-        fields = _fields(path, row, line)
+        fields = fields_of(path, row, line)
     except RecordError as error:
         yield error
         return

@@ -70,7 +70,7 @@ def find_rests(raw: RawRecord) -> list[Rest]:
     """
     if len(raw) < WINDOW:
         return []
-    angles = _angles(raw)
+    angles = angles_of(raw)
     tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)])
     stops = find_stops(angles, tolerance)
     if not stops:
@@ -81,7 +81,7 @@ def find_rests(raw: RawRecord) -> list[Rest]:
     rests = []
     for (first, last), lasts in zip(stops, duration.tolist(), strict=True):
         if lasts > SHORTEST * median:
-            rests.append(_tested(raw, angles, tolerance, first, last))
+            rests.append(tested(raw, angles, tolerance, first, last))
         else:
             why = f"lasts {digits(lasts)} s, no more than a quarter of the median rest of {digits(median)} s"
             rests.append(Rest(first, last, first, last, refused=why))
@@ -100,7 +100,7 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         if rests:
             why = f"row {raw.row[rests[0].first]}: {rests[0].refused}" + (", and others" if len(rests) > 1 else "")
         raise InputError(f"{raw.path}: no rest of the table can be averaged: {why}")
-    angles = _angles(raw)
+    angles = angles_of(raw)
     kept = [rest.kept for rest in used]
     # the encoder's own turn again, so that angles stand as they were read
     turns = [read - angle for read, angle in zip((raw.alpha, raw.beta), angles.T, strict=True)]
@@ -134,12 +134,12 @@ def position_record_of(raw: RawRecord) -> PositionRecord:
     return average_rests(raw, find_rests(raw))
 
 
-def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
+def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
     """Drop what has not settled, then test what is left for length and for trends."""
     # a row beside a move may hold a reading taken while the table still moved
     start = first + 1 if first > 0 else first
     end = last - 1 if last < len(raw) - 1 else last
-    reading_floor, angle_floor = _reading_floor(raw), np.full(2, UNSEEN_ANGLE)
+    floor, angle_floor = reading_floor(raw), np.full(2, UNSEEN_ANGLE)
     knocked = np.flatnonzero(raw.knocks[start : end + 1])
     if knocked.size:
         return Rest(first, last, start, end, refused=f"a knock in row {raw.row[start + int(knocked[0])]}")
@@ -150,18 +150,18 @@ def _tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: in
         return Rest(first, last, start, end, refused=f"the {_turning(axis, turning)} {half_lasts}")
 
     values = np.concatenate([raw.specific_force[start : end + 1], angles[start : end + 1]], axis=1)
-    dropped = _dropped(raw.time_s[start : end + 1], values, np.concatenate([reading_floor, angle_floor]))
+    dropped = _dropped(raw.time_s[start : end + 1], values, np.concatenate([floor, angle_floor]))
     start += dropped
     count = end - start + 1
     if count < WINDOW - 2:
         return Rest(first, last, start, end, refused=f"has not settled before its last {count} rows")
-    if count < UNSETTLED * dropped and still_settling(raw.time_s[half], raw.specific_force[half], reading_floor):
+    if count < UNSETTLED * dropped and still_settling(raw.time_s[half], raw.specific_force[half], floor):
         why = f"has not settled: how fast the readings change still changes {half_lasts}"
         return Rest(first, last, start, end, refused=why)
 
     rows = slice(start, end + 1)
     turning = trend_of(raw.time_s[rows], angles[rows], angle_floor)
-    drifting = trend_of(raw.time_s[rows], raw.specific_force[rows], reading_floor)
+    drifting = trend_of(raw.time_s[rows], raw.specific_force[rows], floor)
     said = [_turning(axis, turning) for axis in np.flatnonzero(turning.significant)]
     said += [
         f"f{axis + 1} drifts by {digits(drifting.change[axis] / STANDARD_GRAVITY, 2)} g"
@@ -178,7 +178,7 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
     trends, rates = [], []
     for k in used:
         time = raw.time_s[rests[k].kept]
-        trends.append(trend_of(time, raw.specific_force[rests[k].kept], _reading_floor(raw)))
+        trends.append(trend_of(time, raw.specific_force[rests[k].kept], reading_floor(raw)))
         rates.append(np.abs(trends[-1].change) / (time[-1] - time[0]))
     usual = np.median(rates, axis=0)
     for k, trend, rate in zip(used, trends, rates, strict=True):
@@ -207,12 +207,12 @@ def _dropped(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> int:
     return settled_from(values, floor)
 
 
-def _angles(raw: RawRecord) -> np.ndarray:
+def angles_of(raw: RawRecord) -> np.ndarray:
     """Both encoder readings without jumps by whole turns, shape (N, 2) [rad]."""
     return np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
 
 
-def _reading_floor(raw: RawRecord) -> np.ndarray:
+def reading_floor(raw: RawRecord) -> np.ndarray:
     """Changes of the readings (3,) that rounding may make [m/s²]."""
     return np.full(3, max(2.0 * raw.resolution, ROUNDING))
 

@@ -44,6 +44,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Installation": ("makers", "installation_lines", None),
     "JointCalibration": ("several", "joint_calibration_lines", "joint_calibration_page"),
     "Plans": ("plan", "plan_lines", "plan_page"),
+    "Measured": ("measure", "measured_lines", None),
     "PositionPlan": ("plan", "position_lines", None),
     "PublishedCalibration": ("papers", "published_lines", None),
     "Reproduction": ("papers", "reproduction_lines", None),

@@ -225,6 +225,8 @@ def target_section(plan: Plan) -> Section:
     )
 
 
+READ, ROOM = "_" * 10, "_" * 22
+"""Where an operator writes an encoder's reading, and a remark."""
 MOST_DECIMALS = 4
 """Of the angles [deg]: finer than any table is set."""
 
@@ -232,13 +234,13 @@ MOST_DECIMALS = 4
 def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
     """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
     several = len(plan.mountings) > 1
-    header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "remark", "done"]
+    header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
     rows: list[list[Cell]] = []
     for number, at in enumerate(plan.programme, start=1):
         one, first = plan.positions[at - 1], plan.programme.index(at) + 1
         angles = [exactly(round(angle, MOST_DECIMALS)) for angle in (one.alpha_deg, one.beta_deg)]
-        remark = f"again no. {first}" if first < number else ""
-        rows.append([number, *angles, one.mounting if several else None, exactly(dwell_s), remark, "☐"])
+        remark = f"again no. {first}" if first < number else ROOM
+        rows.append([number, *angles, one.mounting if several else None, exactly(dwell_s), READ, READ, remark, "☐"])
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
     reserve = plan.reserve_deg
     sections = [

@@ -1,0 +1,230 @@
+"""A session at a simulated table, fed piece by piece: the record, the rests, the promise; killed and taken up again."""
+
+import json
+import random
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulated_table import HEADER, SimulatedTable, text_of
+from trihedron.tools.errors import InputError
+from trihedron.tools.measure import Asked, Measurement, Session, read_programme
+from trihedron.tools.measure.programme import Programme
+from trihedron.tools.records import PositionRecord, read_record
+from trihedron.tools.reports.measure import promise_text, visit_text
+
+POSITIONS = [(a, b) for a in (20, 65, 110, 155) for b in (25, 145, 265)]
+SIGMA = 1e-5
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("plan") / "plan.csv"
+    path.write_text("alpha_deg,beta_deg\n" + "".join(f"{a},{b}\n" for a, b in POSITIONS), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def programme(plan: Path) -> Programme:
+    return read_programme(plan)
+
+
+@pytest.fixture(scope="module")
+def growing(tmp_path_factory) -> Path:
+    """Twelve positions, the fourth knocked and visited again; a comment in between."""
+    table = SimulatedTable(tmp_path_factory.mktemp("table") / "growing.csv")
+    for k, at in enumerate(POSITIONS):
+        table.go(*at, knocked=k == 3)
+        if k == 3:
+            table.write("# operator: somebody came in\n")
+            table.go(at[0] + 2.0, at[1], 1.0)
+            table.go(*at)
+    return table.file
+
+
+def begun(programme: Programme, out: Path, *, resume: bool = False, **asked) -> Measurement:
+    return Measurement.begun(programme, Asked(SIGMA, dwell_s=5.0, **asked), out, "growing.csv", resume=resume)
+
+
+def fed(one: Measurement, data: bytes, pieces: random.Random | None = None) -> Session:
+    """Feed data, in pieces of any length, and end."""
+    while data:
+        size = len(data) if pieces is None else pieces.randrange(1, 20_000)
+        one.feed(data[:size])
+        data = data[size:]
+    one.feed(b"", ended=True)
+    one.kept.close()
+    one.diagnosing.close()
+    return one.session
+
+
+@pytest.fixture(scope="module")
+def whole(programme, growing, tmp_path_factory) -> Session:
+    return fed(begun(programme, tmp_path_factory.mktemp("whole") / "m.csv"), growing.read_bytes())
+
+
+def test_the_record_and_its_positions_are_those_of_an_ordinary_run(whole: Session, growing: Path):
+    assert whole.path.read_bytes() == growing.read_bytes()
+    usual = read_record(growing, PositionRecord)
+    ours = read_record(whole.path.with_name("m.positions.csv"), PositionRecord)
+    assert len(usual) == 12
+    for name in ("time_s", "alpha", "beta", "specific_force", "approach_alpha", "approach_beta"):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(usual, name), err_msg=name)
+    assert ours.resolution == usual.resolution
+
+
+def test_the_bad_rest_is_seen_and_its_repetition_counts(whole: Session):
+    bad = [visit for visit in whole.visits if visit.bad]
+    assert [visit.number for visit in bad] == [4]
+    assert "a knock in row" in bad[0].bad
+    assert "come back" in visit_text(whole, bad[0])
+    assert whole.setting_of == (1, 2, 3, 4, 4, 5, 6, 7, 8, 9, 10, 11, 12)
+    assert not whole.left
+
+
+def test_errors_shrink_to_the_promise_and_it_is_said(whole: Session):
+    known = [sum(error is not None for error in one.errors.values()) for one in whole.history]
+    assert known == sorted(known)
+    assert known[0] == 0
+    assert known[-1] == 18
+    for name in whole.programme.promised:
+        errors = [error for one in whole.history if None not in one.errors.values() and (error := one.errors[name])]
+        assert len(errors) == 5
+        assert all(after <= 1.01 * before for before, after in pairwise(errors))
+    assert whole.reached
+    assert "you can stop" in promise_text(whole)
+    shares = [[whole.share(name, one) for name in one.errors] for one in whole.history]
+    kept = [all(share is not None and share <= whole.asked.within for share in some) for some in shares]
+    assert kept == [False] * 11 + [True]
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize("seed", range(20))
+def test_pieces_and_a_kill_at_any_byte_change_nothing(seed: int, whole: Session, growing: Path, programme, tmp_path):
+    data, draw = growing.read_bytes(), random.Random(seed)
+    out = tmp_path / "m.csv"
+    one = begun(programme, out)
+    at = draw.randrange(2000, len(data))
+    sent = data[:at]
+    while sent:
+        one.feed(sent[:7000])
+        sent = sent[7000:]
+    # the process is gone; what it had begun to write may end anywhere
+    one.kept.close()
+    one.diagnosing.close()
+    cut = data[: data.rfind(b"\n", 0, at) + 1]
+    assert out.read_bytes() == cut
+    out.write_bytes(cut[: len(cut) - draw.randrange(0, 60)])
+    again = begun(programme, out, resume=True)
+    session = fed(again, data, draw)
+    # the comment may stand before a row that was passed over
+    told = [line for line in data.splitlines() if not line.startswith(b"#")]
+    assert [line for line in out.read_bytes().splitlines() if not line.startswith(b"#")] == told
+    assert session.setting_of == whole.setting_of
+    assert [v.bad for v in session.visits][:3] == [v.bad for v in whole.visits][:3]
+    assert session.standing.errors == whole.standing.errors
+
+
+def test_words_are_written_and_followed_again(whole: Session, growing: Path, programme, tmp_path):
+    one = begun(programme, tmp_path / "m.csv")
+    one.feed(growing.read_bytes())
+    assert not one.hear({"word": "repeat", "visit": 2})
+    assert not one.hear({"word": "repeat", "visit": 4}), "a bad rest is repeated anyway"
+    one._follow(word := {"word": "add", "settings": [[90.0, 0.0], [10.0, 300.0]], "why": "tells apart a, b"})
+    one.kept.tell(word, one.lines.rows)
+    one.kept.close()
+    one.diagnosing.close()
+    before = one.session
+    assert before.state_of(before.settings[1]) == "repeat"
+    assert [setting.number for setting in before.left] == [2, 13, 14, 12], "the table is at the twelfth still"
+    said = [json.loads(line) for line in (tmp_path / "m.session.jsonl").read_text(encoding="utf-8").splitlines()]
+    assert [line.get("word") for line in said] == [None, "repeat", "add"]
+    again = begun(programme, tmp_path / "m.csv", resume=True)
+    again.kept.close()
+    again.diagnosing.close()
+    assert again.session.settings == before.settings
+    assert again.session.dropped == before.dropped == frozenset({2})
+    assert again.session.standing == before.standing
+
+
+def test_what_is_no_row_is_left_out_and_counted(growing: Path, programme, tmp_path):
+    lines = growing.read_text(encoding="utf-8").splitlines(keepends=True)
+    last = lines[60].split(",")
+    wrong = [",".join([time, *last[1:]]) for time in ("1e300", "0.25", "nan", "14 .0")]
+    wrong += ["1.5,2,3\n", "\x00\x01garbage\n"]
+    spoilt = [*lines[:61], *wrong, HEADER, *lines[61:]]
+    one = begun(programme, tmp_path / "m.csv")
+    session = fed(one, "".join(spoilt).encode())
+    assert one.left_out == len(wrong)
+    assert (tmp_path / "m.csv").read_bytes() == growing.read_bytes()
+    assert session.reached
+
+
+def test_numbers_without_a_header_have_the_usual_columns(growing: Path, programme, tmp_path):
+    data = growing.read_bytes()
+    fed(begun(programme, tmp_path / "m.csv"), data.partition(b"\n")[2])
+    assert (tmp_path / "m.csv").read_bytes() == data
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"time,alpha\n1,2\n", "missing for a raw record"),
+        (b"position," + HEADER.encode() + b"1,2\n", "holds averaged positions"),
+        (b"\xff\xfe\n", "is not UTF-8"),
+        (b"\0\0\n", "is binary"),
+        (b"a;b;c\n", "use commas"),
+    ],
+)
+def test_another_table_is_refused_and_nothing_is_written(data: bytes, said: str, programme, tmp_path):
+    one = begun(programme, tmp_path / "m.csv")
+    with pytest.raises(InputError, match=said):
+        one.feed(data)
+    one.diagnosing.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_scatter_and_drift_beyond_the_promise_are_bad(programme, tmp_path):
+    table = SimulatedTable(tmp_path / "growing.csv")
+    noise = np.random.default_rng(3)
+    rows = table.rows(*POSITIONS[0])
+    rows[-24:, 3:] += noise.normal(0.0, 3e-4, (24, 3))
+    shaken = text_of(rows)
+    rows = table.rows(*POSITIONS[1])
+    rows[-24:, 5] += np.linspace(0.0, 4e-4, 24)
+    drifting = text_of(rows)
+    table.write(shaken + drifting)
+    table.go(*POSITIONS[2])
+    table.go(*POSITIONS[1])
+    session = fed(begun(programme, tmp_path / "m.csv"), table.file.read_bytes())
+    bad = [visit.bad for visit in session.visits]
+    assert "by its scatter" in bad[0]
+    assert "f3 drifts by 3.8e-5 g" in bad[1]
+    assert bad[2:] == ["", ""]
+    assert session.setting_of == (1, 2, 3, 2)
+    assert [setting.number for setting in session.left[:2]] == [1, 4]
+
+
+def test_another_plan_or_another_process_is_refused(growing, programme, tmp_path):
+    one = begun(programme, tmp_path / "m.csv")
+    one.feed(growing.read_bytes()[:5000])
+    with pytest.raises(InputError, match="is there already"):
+        begun(programme, tmp_path / "m.csv")
+    with pytest.raises(InputError, match="another process"):
+        begun(programme, tmp_path / "m.csv", resume=True)
+    one.kept.close()
+    one.diagnosing.close()
+    (tmp_path / "other.csv").write_text(
+        "alpha_deg,beta_deg\n" + "".join(f"{a + 1},{b}\n" for a, b in POSITIONS), encoding="utf-8"
+    )
+    with pytest.raises(InputError, match="another plan"):
+        begun(read_programme(tmp_path / "other.csv"), tmp_path / "m.csv", resume=True)
+
+
+def test_positions_that_determine_nothing_are_no_plan(tmp_path):
+    path = tmp_path / "few.csv"
+    path.write_text("alpha_deg,beta_deg\n20,25\n65,145\n", encoding="utf-8")
+    with pytest.raises(InputError, match="its 2 positions do not determine X1"):
+        read_programme(path)

@@ -1,0 +1,3 @@
+from .server import PageServer as PageServer
+from .terminal import Terminal as Terminal
+from .terminal import terminal_of as terminal_of

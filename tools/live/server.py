@@ -1,0 +1,270 @@
+"""A measurement on a page that this machine serves to itself, and to nobody else.
+
+The server listens on the loopback alone. Its address holds a token, without which nothing is answered; requests that
+name another host, or come from a page of another origin, are refused: another page in the same browser reaches nothing.
+"""
+
+import json
+import queue
+import secrets
+import threading
+from collections.abc import Mapping, Sequence
+from functools import cache
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
+from math import log
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from ..measure import Moment, Session, Setting
+from ..reports.measure import (
+    against_text,
+    angles_text,
+    diagnosis_text,
+    next_text,
+    present_text,
+    promise_text,
+    visit_text,
+)
+from ..rounding import digits, upwards
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+HOST = "127.0.0.1"
+MOST_BYTES = 4096
+"""Of a word of the operator's."""
+WAIT_S = 10.0
+"""So long a connection may take its time."""
+MOST_WORDS = 16
+"""That wait to be heard."""
+POLICY = "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+PLOT = (720.0, 220.0, 44.0, 26.0)
+"""Width, height, room on the left and below of the picture."""
+
+
+class PageServer:
+    """Serves what was shown last; hears the operator. A port of 0 is any that is free."""
+
+    def __init__(self, port: int) -> None:
+        self._page = b""
+        self._lock = threading.Lock()
+        self._words: queue.Queue[dict[str, Any]] = queue.Queue(MOST_WORDS)
+        self.token = secrets.token_urlsafe(18)
+        try:
+            self._server = _Server((HOST, port), _Handler)
+        except (OSError, OverflowError) as error:
+            said = error.strerror if isinstance(error, OSError) and error.strerror else "must be from 0 to 65535"
+            raise InputError(f"--port {port}: {said}") from error
+        self._server.of = self
+        self.port = int(self._server.server_address[1])
+        self.address = f"http://{HOST}:{self.port}/{self.token}/"
+        threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True).start()
+
+    def show(self, moment: Moment) -> None:
+        """Keep the page of a moment for who asks next."""
+        made = page_of(moment).encode()
+        with self._lock:
+            self._page = made
+
+    def words(self) -> Sequence[Mapping[str, Any]]:
+        """What was pressed since."""
+        found = []
+        while not self._words.empty():
+            found.append(self._words.get_nowait())
+        return found
+
+    @property
+    def page(self) -> bytes:
+        """What was shown last."""
+        with self._lock:
+            return self._page
+
+    def hear(self, word: dict[str, Any]) -> bool:
+        """Take a word; whether there is room for it."""
+        try:
+            self._words.put_nowait(word)
+        except queue.Full:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._server.shutdown()
+        self._server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    of: PageServer
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    server_version, sys_version = "trihedron", ""
+    timeout = WAIT_S
+
+    def do_GET(self) -> None:
+        view = self.server.of
+        if not self._trusted(("", "now")):
+            return
+        if self.path.endswith("/now"):
+            self._answer(200, view.page)
+            return
+        nonce = secrets.token_urlsafe(12)
+        policy = f"default-src 'none'; style-src 'nonce-{nonce}'; script-src 'nonce-{nonce}'; connect-src 'self'"
+        shell = _template().render(shell=True, nonce=nonce, style=_text("document", "page.css"))
+        self._answer(
+            200, shell.encode(), f"{policy}; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )
+
+    def do_POST(self) -> None:
+        if not self._trusted(("word",)):
+            return None
+        origin = self.headers.get("Origin")
+        if origin not in (f"http://{HOST}:{self.server.of.port}", f"http://localhost:{self.server.of.port}"):
+            return self._answer(403, b"another origin")
+        if self.headers.get_content_type() != "application/json":
+            return self._answer(415, b"JSON is needed")
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > MOST_BYTES:
+            return self._answer(413, b"too long")
+        try:
+            word = json.loads(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            return self._answer(400, b"not JSON")
+        if not isinstance(word, dict) or word.get("word") not in ("yes", "repeat", "end"):
+            return self._answer(400, b"no word")
+        return self._answer(204 if self.server.of.hear(word) else 503, b"")
+
+    def _trusted(self, names: Sequence[str]) -> bool:
+        """Whether a request names this machine and the token; else it is refused."""
+        port, token = self.server.of.port, self.server.of.token
+        if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
+            self._answer(403, b"another host")
+            return False
+        given, slash, name = self.path.removeprefix("/").partition("/")
+        if not secrets.compare_digest(given.encode(), token.encode()) or not slash or name not in names:
+            self._answer(404, b"nothing is here")
+            return False
+        return True
+
+    def _answer(self, status: int, body: bytes, policy: str = "default-src 'none'") -> None:
+        self.send_response(status)
+        if status != 204:
+            self.send_header("Content-Type", "text/html; charset=utf-8" if status == 200 else "text/plain")
+            self.send_header("Content-Length", str(len(body)))
+        for name, value in (
+            ("Content-Security-Policy", policy),
+            ("Cache-Control", "no-store"),
+            ("Referrer-Policy", "no-referrer"),
+            ("X-Content-Type-Options", "nosniff"),
+            ("X-Frame-Options", "DENY"),
+            ("Cross-Origin-Resource-Policy", "same-origin"),
+        ):
+            self.send_header(name, value)
+        self.end_headers()
+        if status != 204:
+            self.wfile.write(body)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """The terminal is the operator's."""
+
+
+def _text(package: str, name: str) -> str:
+    return resources.files(f"trihedron.tools.{package}").joinpath(name).read_text(encoding="utf-8")
+
+
+@cache
+def _template() -> "Template":
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(_text("live", "page.html"))
+
+
+def page_of(moment: Moment) -> str:
+    """What changes on the page, as HTML; whatever texts hold is shown and never run."""
+    session, present, diagnosing = moment.session, moment.present, moment.diagnosing
+    bad = [visit for visit in session.visits if visit.bad]
+    last = session.visits[-1] if session.visits else None
+    return _template().render(
+        shell=False,
+        next=next_text(session),
+        present=present_text(session, present),
+        state="bad" if present.why and present.state != "settling" else present.state,
+        promise=promise_text(session),
+        reached=session.reached and not session.standing.against,
+        against=against_text(session),
+        diagnosis=diagnosis_text(diagnosing.found, diagnosing.of, now=len(session.good)),
+        running=diagnosing.running,
+        trouble=moment.trouble or diagnosing.trouble,
+        silent=int(moment.silent_s),
+        source=moment.source,
+        proposals=[(one.why, [angles_text(*setting) for setting in one.settings]) for one in moment.proposals],
+        last=last and (visit_text(session, last), bool(last.bad)),
+        bad=[visit_text(session, visit) for visit in bad if visit is not last][-8:],
+        done=len(session.settings) - len(session.left),
+        count=len(session.settings),
+        rows=moment.rows,
+        targets=_targets(session),
+        settings=[_row(session, setting) for setting in session.settings],
+        good={visit.number for visit in session.good},
+        picture=_picture(session),
+        ended=moment.ended,
+    )
+
+
+def _targets(session: Session) -> list[tuple[str, str, str, int, bool]]:
+    """Symbol, guaranteed error and promise [σ], their ratio as a part of a bar in percent, whether it is kept."""
+    found = []
+    for name, promised in session.programme.promised.items():
+        error, share = session.standing.errors.get(name), session.share(name)
+        shown = "open" if error is None else upwards(error, 4)
+        part = 100 if share is None else round(100.0 * min(share / 3.0, 1.0))
+        found.append((name, shown, upwards(promised, 4), part, share is not None and share <= session.asked.within))
+    return found
+
+
+def _row(session: Session, setting: Setting) -> tuple[str, str, str, int | None, str]:
+    """Angles, state, encoder readings, the rest that counts (None: none does), and why it was added."""
+    own = [v for v, number in zip(session.visits, session.setting_of, strict=True) if number == setting.number]
+    good = [v for v in own if not v.bad and v.number not in session.dropped]
+    read = ""
+    if own:
+        average = (good or own)[-1].average
+        read = angles_text(*session.angles_deg(float(average.alpha[0]), float(average.beta[0])))
+    at = angles_text(setting.alpha_deg, setting.beta_deg)
+    return at, session.state_of(setting), read, good[-1].number if good else None, setting.why
+
+
+def _picture(session: Session) -> dict[str, Any]:
+    """Lines of the 18 errors over what is promised against the positions that count, in a logarithmic scale."""
+    width, height, left, below = PLOT
+    history, top = session.history, 30.0
+    count = max(len(session.settings), len(history), 2)
+
+    def x(k: int) -> float:
+        return round(left + (width - left - 8.0) * (k - 1) / (count - 1), 1)
+
+    def y(share: float) -> float:
+        part = log(min(max(share, 0.8), top) / 0.8) / log(top / 0.8)
+        return round((height - below) * (1.0 - part) + 2.0, 1)
+
+    lines = []
+    for name in session.programme.promised:
+        shares = [(k, session.share(name, standing)) for k, standing in enumerate(history, start=1)]
+        lines.append(" ".join(f"{x(k)},{y(share)}" for k, share in shares if share is not None))
+    ticks = [(y(value), digits(value, 2)) for value in (1.0, 2.0, 5.0, 10.0, 30.0)]
+    positions = sorted({1, *range(5, count + 1, 5), count} if count < 60 else {1, count})
+    return {
+        "width": width,
+        "height": height,
+        "left": left,
+        "base": height - below + 2.0,
+        "promise": y(1.0),
+        "lines": [line for line in lines if line],
+        "dots": [line for line in lines if line and " " not in line],
+        "ticks": ticks,
+        "marks": [(x(k), k) for k in positions],
+    }

@@ -1,0 +1,125 @@
+"""Which positions are to be measured, in which order, and what guaranteed errors they promise."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from ..errors import InputError
+from ..files import LARGEST_RESULT, bytes_of
+from ..orchestrator.stimuli import read_table
+from ..planning import PositionPlan, Request, task_of
+from ..planning.positions import NOT_DETERMINED, Places, costs
+from ..records.columns import ANGLES, LIMITS
+from ..result import field_problems
+
+SAME_DEG = 1.0
+"""A rest so near to a position of the plan [deg] is a visit to it."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A position to set the table to: number, angles [deg], and why it was added where the plan does not have it."""
+
+    number: int
+    alpha_deg: float
+    beta_deg: float
+    why: str = ""
+
+    def near(self, alpha_deg: float, beta_deg: float) -> bool:
+        """Whether a rest at these angles [deg] is a visit to it, whole turns apart or not."""
+        return self.distance(alpha_deg, beta_deg) <= SAME_DEG
+
+    def distance(self, alpha_deg: float, beta_deg: float) -> float:
+        """The larger of the distances of the two angles [deg]."""
+        pairs = ((self.alpha_deg, alpha_deg), (self.beta_deg, beta_deg))
+        return max(abs((mine - other + 180.0) % 360.0 - 180.0) for mine, other in pairs)
+
+
+@dataclass(frozen=True)
+class Programme:
+    """Positions in the order of measurement, the model that they are for, and what they promise.
+
+    Attributes
+    ----------
+    settings : tuple of Setting
+    promised : dict
+        guaranteed error of each target [σ] where every position is measured as planned
+    baseline, convention : str
+    bounds : (float, float)
+        u^max [rad] and v^0max of (1.7)
+    mounting : dict
+        Q (3, 3) by its name
+    """
+
+    settings: tuple[Setting, ...]
+    promised: Mapping[str, float]
+    baseline: str
+    convention: str
+    bounds: tuple[float, float]
+    mounting: Mapping[str, list[list[float]]]
+
+
+def read_programme(path: Path, mounting: str = "identity") -> Programme:
+    """A folder that `trihedron plan --out` wrote, its plan.json, or a table with alpha_deg and beta_deg.
+
+    The mounting is that of a table; a plan has its own. An InputError for a file that is none of these, a plan with
+    several mountings, or positions that do not determine every target.
+    """
+    path = path / "plan.json" if path.is_dir() else path
+    if path.suffix.lower() != ".json":
+        table, _ = read_table(path, str(path), ANGLES)
+        angles = np.column_stack([table.columns[name] for name in ANGLES])
+        for name, column in zip(ANGLES, angles.T, strict=True):
+            low, high, needed = LIMITS[name]
+            if wrong := np.flatnonzero((column < low) | (column > high)).tolist():
+                raise InputError(f"{table.row(wrong[0])}, column '{name}': {column[wrong[0]]:g}; {needed}")
+        return _promising(path, angles, Request(mountings=(mounting,)))
+    if mounting != "identity":
+        raise InputError(f"--mounting {mounting}: {path} says its own; leave it out")
+    try:
+        plan = PositionPlan.model_validate_json(bytes_of(path, most=LARGEST_RESULT))
+    except ValidationError as error:
+        said = field_problems(error, PositionPlan)[0][1]
+        raise InputError(f"{path}: is no plan of positions ({said}); `trihedron plan --positions` makes one") from error
+    if len(plan.mountings) != 1:
+        names = ", ".join(plan.mountings)
+        raise InputError(f"{path}: is for {len(plan.mountings)} mountings ({names}); plan and measure each by itself")
+    if wrong := next((at for at in plan.programme if not 1 <= at <= len(plan.positions)), None):
+        raise InputError(f"{path}: programme: {wrong} is no position of the plan")
+    rows = [plan.positions[at - 1] for at in plan.programme]
+    asked = {name: getattr(plan, name) for name in ("admissible", "bounds", "convention", "baseline")}
+    angles = np.array([[one.alpha_deg, one.beta_deg] for one in rows])
+    return _promising(path, angles, Request(mountings=(plan.mountings,), **asked))
+
+
+def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
+    """The positions (N, 2) [deg] with the guaranteed errors that they give, by the linear programmes."""
+    settings = tuple(Setting(k, float(a), float(b)) for k, (a, b) in enumerate(angles, start=1))
+    parametrisation = request.parametrisation()
+    if len(parametrisation.mountings) != 1:
+        raise InputError("--mounting: holds several mountings; a record of one table is measured in one")
+    # costs as they are: beside an optimum of one
+    task = task_of(request, best=np.ones(len(parametrisation.symbols)))
+    cost = costs(task, Places(np.radians(angles), np.zeros(len(angles), dtype=int))).ratio
+    targets = [target.symbol for target in task.targets]
+    if missing := [name for name, value in zip(targets, cost, strict=True) if value >= NOT_DETERMINED]:
+        said = f"its {len(angles)} positions do not determine {', '.join(missing)}"
+        raise InputError(f"{path}: {said}; `trihedron plan --positions 12 --out plan12` gives some that do")
+    matrices = {n: q.tolist() for n, q in zip(parametrisation.mountings, parametrisation.matrices, strict=True)}
+    return Programme(
+        settings,
+        dict(zip(targets, cost.tolist(), strict=True)),
+        request.baseline,
+        request.convention,
+        (float(request.bounds[0]), float(request.bounds[1])),
+        matrices,
+    )
+
+
+def inserted(settings: Sequence[Setting], more: Sequence[Setting], before: int) -> tuple[Setting, ...]:
+    """The settings with more of them before that of an index."""
+    return (*settings[:before], *more, *settings[before:])

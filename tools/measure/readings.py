@@ -1,0 +1,221 @@
+"""Lines of a raw record as they come: taken to numbers, and what cannot be a row left out and counted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..records.columns import (
+    ANGLES,
+    BENCH,
+    FORCE,
+    RAW,
+    SHORTEST,
+    TEMPERATURE,
+    Columns,
+    Layout,
+    RecordError,
+    faults,
+    recognise,
+)
+from ..records.read import PART, faults_of_line, fields_of, significant_digits, taken_of, written_resolution
+
+LONGEST_LINE = 8192
+"""Bytes of a line that are kept while its end has not come."""
+LONGEST_GAP_S = 7 * 86400.0
+"""A clock that jumps farther [s] was not read right."""
+TIME, ALPHA, BETA, F1, LINE, WARMTH = 0, 1, 2, 3, 6, 7
+"""Columns of the rows: s, rad, rad, m/s² (three), line of the record, °C (NaN where there is none)."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What came: bytes to keep, the rows in them (n, 8), and what was left out, a line each."""
+
+    kept: bytes
+    rows: NDArray[np.float64]
+    left_out: tuple[str, ...] = ()
+
+
+NOTHING = Taken(b"", np.zeros((0, 8)))
+
+
+class Lines:
+    """The lines of a source: a fold over bytes, whose state is the header, the last time, and a line without its end.
+
+    Attributes
+    ----------
+    layout : Layout or None
+        which columns the header names; None before it has come
+    count : int
+        lines kept
+    last_s : float
+        time of the last row kept
+    resolution : float
+        half a last digit of the readings as they are written [m/s²]
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.layout: Layout | None = None
+        self.header: list[str] = []
+        self.count, self.rows, self.last_s = 0, 0, -np.inf
+        self._place: dict[str, int] = {}
+        self._open, self._overlong = b"", False
+        self._digits, self._largest = 0, 0.0
+        self._before: float | None = None
+
+    @property
+    def resolution(self) -> float:
+        """Half a last digit of the largest reading so far [m/s²], as of the whole record."""
+        return written_resolution(self._largest, self._digits)
+
+    def from_the_beginning(self) -> None:
+        """What follows may have come already: up to the last time it is passed over, and so is its header."""
+        self._open, self._overlong = b"", False
+        self._before = self.last_s if self.rows else None
+        self.layout = None
+
+    def feed(self, data: bytes, *, ended: bool = False) -> Taken:
+        """Take what came; a line without its end waits for it, unless the source has ended.
+
+        An InputError for a header that is none of a raw record.
+        """
+        whole, newline, self._open = (self._open + data).rpartition(b"\n")
+        lines = (whole + newline).splitlines(keepends=True) if newline else []
+        if ended and self._open:
+            lines.append(self._open + b"\n")
+            self._open = b""
+        said = []
+        if self._overlong and lines:
+            lines, self._overlong = lines[1:], False
+        if len(self._open) > LONGEST_LINE:
+            said, self._open, self._overlong = ["a line without end"], b"", True
+        kept, rows = [], []
+        if self.layout is None:
+            head, lines = self._header_of(lines)
+            kept += self._counted(head)
+        for start in range(0, len(lines), PART):
+            part, numbers, faulty = self._checked(lines[start : start + PART])
+            kept += part
+            rows.append(numbers)
+            said += faulty
+        return Taken(b"".join(kept), np.concatenate(rows) if rows else NOTHING.rows, tuple(said))
+
+    def _header_of(self, lines: list[bytes]) -> tuple[list[bytes], list[bytes]]:
+        """What is kept of the lines up to the header, and the lines after it; numbers alone have the usual columns."""
+        again = bool(self.header)
+        for k, line in enumerate(lines):
+            try:
+                text = line.decode("utf-8" if k or self.count else "utf-8-sig").strip()
+            except UnicodeDecodeError:
+                raise InputError(f"{self.path}: row {k + 1}: is not UTF-8; a raw record (CSV) is needed") from None
+            if "\0" in text:
+                raise InputError(f"{self.path}: is binary; a raw record (CSV) is needed")
+            if not text or text.startswith("#"):
+                continue
+            fields = fields_of(self.path, self.count + k + 1, text)
+            if not _is_number(fields[0]):
+                self._recognised(self.count + k + 1, [name.strip() for name in fields])
+                return ([], lines[k + 1 :]) if again else (lines[: k + 1], lines[k + 1 :])
+            names = self.header or list((*RAW.required, TEMPERATURE)[: max(6, len(fields))])
+            self._recognised(self.count + k + 1, names)
+            return ([], lines[k:]) if again else ([*lines[:k], (",".join(names) + "\n").encode()], lines[k:])
+        return ([] if again else lines), []
+
+    def _recognised(self, row: int, names: list[str]) -> None:
+        if "position" in names:
+            raise InputError(f"{self.path}: holds averaged positions; the time series of the table is needed")
+        if self.header and names != self.header:
+            raise InputError(f"{self.path}: has other columns than the record, which has {','.join(self.header)}")
+        self.layout = recognise(self.path, names, row, (*BENCH, RAW))
+        self.header = names
+        self._place = {name: names.index(name) for name in self.layout.present}
+
+    def _checked(self, lines: list[bytes]) -> tuple[list[bytes], NDArray, list[str]]:
+        """Lines that are kept, the numbers of the rows among them, and why others are left out."""
+        texts = [line.decode("utf-8", "replace").rstrip("\r\n") for line in lines]
+        # a header that comes again, as after a restart, is no row and no remark
+        texts, lines = _without(self.header[0], texts, lines)
+        is_row = [bool(text.strip()) and not text.startswith("#") for text in texts]
+        rows = [k for k, one in enumerate(is_row) if one]
+        width = len(self.header)
+        said: list[str] = []
+        if rows and taken_of([texts[k] for k in rows], width, self._place) is None:
+            faulty = {k: next(iter(faults_of_line(self.path, 0, texts[k], width, self._place)), None) for k in rows}
+            said = [_without_row(fault) for fault in faulty.values() if fault is not None]
+            rows = [k for k, fault in faulty.items() if fault is None]
+        found = taken_of([texts[k] for k in rows], width, self._place) if rows else None
+        numbers = found[1] if found else {name: np.zeros(0) for name in self._place}
+        good, faulty_numbers = self._good(numbers)
+        said += faulty_numbers
+        if found and self.rows < PART:
+            self._digits = max([self._digits, *(significant_digits(t) for name in FORCE for t in found[0][name])])
+        chosen = {rows[k] for k in np.flatnonzero(good).tolist()}
+        kept = [k for k, one in enumerate(is_row) if (k in chosen if one else self._before is None)]
+        line_of = {k: self.count + at for at, k in enumerate(kept, start=1)}
+        self._counted([lines[k] for k in kept])
+        force = np.column_stack([numbers[name][good] for name in FORCE])
+        self.rows += len(force)
+        self._largest = max(self._largest, float(np.abs(force).max(initial=0.0)))
+        if len(force):
+            self._before, self.last_s = None, float(numbers["time_s"][good][-1])
+        angles = [np.radians(numbers[name][good]) for name in ANGLES]
+        warmth = numbers[TEMPERATURE][good] if TEMPERATURE in numbers else np.full(len(force), np.nan)
+        at = np.array([line_of[k] for k in sorted(chosen)], dtype=float)
+        return [lines[k] for k in kept], np.column_stack([numbers["time_s"][good], *angles, force, at, warmth]), said
+
+    def _counted(self, lines: list[bytes]) -> list[bytes]:
+        self.count += len(lines)
+        return lines
+
+    def _good(self, numbers: dict[str, NDArray]) -> tuple[NDArray, list[str]]:
+        """Which rows can be of a record whose times grow, and what is wrong with the others."""
+        time = numbers["time_s"]
+        good = np.ones(len(time), dtype=bool)
+        if not len(time):
+            return good, []
+        assert self.layout is not None
+        columns = Columns(self.path, self.layout, numbers, None, np.arange(len(time)), 0.0)
+        said = []
+        for fault in faults(columns):
+            # times are looked at below, beside all that came before; a unit that is wrong is said of a rest
+            if fault.row is not None and fault.column != "time_s" and good[fault.row]:
+                good[fault.row] = False
+                said.append(_without_row(fault))
+        for k in np.flatnonzero(good).tolist():
+            before, now = self.last_s, float(time[k])
+            if self._before is not None and now <= self._before:
+                good[k] = False
+            elif now - before < SHORTEST or (np.isfinite(before) and now - before > LONGEST_GAP_S):
+                good[k] = False
+                said.append(f"time_s: {now:.12g} after {before:.12g}; it must grow from row to row")
+            else:
+                self.last_s = now
+        return good, said
+
+
+def _without(name: str, texts: list[str], lines: list[bytes]) -> tuple[list[str], list[bytes]]:
+    """Texts and lines that do not begin with a column's name."""
+    kept = [k for k, text in enumerate(texts) if text.partition(",")[0].strip() != name]
+    return [texts[k] for k in kept], [lines[k] for k in kept]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return np.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _without_row(fault: RecordError) -> str:
+    return fault.what if fault.column is None else f"column {fault.column}: {fault.what}"
+
+
+def by_count(rows: NDArray, before: int, at: Sequence[int]) -> list[NDArray]:
+    """Rows cut where so many have come in all; `before` came before them."""
+    cuts = [number - before for number in at if before < number < before + len(rows)]
+    return np.split(rows, cuts)

@@ -1,0 +1,301 @@
+"""The rests of a table while it is measured: found as they end by the rules of a whole record, judged at once.
+
+Only what has come since the rest before is kept, so that hours need no more memory than the longest rest.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import RawRecord
+from ..records.kinds import PositionRecord, Rest
+from ..records.noise import SCATTER_FACTOR, trend_of
+from ..records.rests import (
+    GREATEST_TOLERANCE,
+    SHORTEST,
+    WINDOW,
+    angles_of,
+    average_rests,
+    find_stops,
+    quiet_tolerance,
+    reading_floor,
+    tested,
+)
+from ..rounding import digits, upwards
+from .readings import ALPHA, BETA, F1, LINE, TIME, WARMTH
+
+MOST_ROWS = 360_000
+"""Rows that are kept of a rest and the move before it: an hour at 100 Hz; of a longer one the last."""
+TAIL = 256
+"""Rows of the rest before that stay: they show how quiet the encoders are, and from where the table came."""
+SHARE = 0.05
+"""Part of the time that the rest that is going on may take to be looked at."""
+MAGNITUDES = (0.5, 1.5)
+"""|f| over gravity at rest."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A rest that is over.
+
+    Attributes
+    ----------
+    number : int
+        of all rests, from 1
+    first_row, last_row : int
+        lines of the record
+    average : PositionRecord
+        of one position: what it was averaged to, good or not
+    sense : (int, int)
+        of the last move of each axis; 0 where there was none
+    lasted_s, kept_s : float
+        the rest, and what was averaged of it [s]
+    scatter : float
+        bound of the mean's error by the rest's own scatter, over the noise bound
+    bad : str
+        why it is to be repeated; empty when it is good
+    remarks : tuple of str
+        what changes over it, as of `Rest`
+    """
+
+    number: int
+    first_row: int
+    last_row: int
+    average: PositionRecord
+    sense: tuple[int, int]
+    lasted_s: float
+    kept_s: float
+    scatter: float
+    bad: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Present:
+    """How the table stands now: `state` is waiting, moving, settling, resting or enough; `why` what is wrong."""
+
+    state: str = "waiting"
+    alpha: float = 0.0
+    beta: float = 0.0
+    lasted_s: float = 0.0
+    kept_s: float = 0.0
+    scatter: float = 0.0
+    why: str = ""
+    time_s: float = 0.0
+
+
+class Watch:
+    """Cuts rows into visits: a fold over rows, whatever the pieces in which they come.
+
+    Parameters
+    ----------
+    noise_bound : float
+        σ that is promised of one averaged reading, a fraction of g
+    gravity : float
+        [m/s²]
+    dwell_s : float
+        how long a rest should be averaged; a stop of less than a quarter of that, or of the median rest, is none
+    path : Path
+        of the record
+    """
+
+    def __init__(self, noise_bound: float, gravity: float, dwell_s: float, path: Path) -> None:
+        self.noise_bound, self.gravity, self.dwell_s, self.path = noise_bound, gravity, dwell_s, path
+        self._rows: NDArray = np.zeros((1024, 8))
+        self._count, self._done = 0, 0
+        self._anchor, self._seen = 0, 0
+        self._found, self._lasted, self._sense = 0, [], [0, 0]
+        self._resolution = 0.0
+        self._present, self._looked, self._cost = Present(), 0.0, 0.0
+
+    def take(self, rows: NDArray, resolution: float = 0.0) -> list[Visit]:
+        """The visits that end within rows (n, 8); the readings are written to half a digit of `resolution` [m/s²]."""
+        self._resolution = resolution
+        found: list[Visit] = []
+        for piece in np.array_split(rows, len(rows) // 65536 + 1):
+            self._append(piece)
+            while (left := self._leaves()) is not None:
+                if left - self._anchor >= WINDOW:
+                    found += self._over(left + 1)
+                else:
+                    self._anchor = left
+        return found
+
+    def end(self) -> list[Visit]:
+        """The rest that is going on, where the source ends in one."""
+        return self._over(self._count, ended=True)
+
+    def present(self) -> Present:
+        """How the table stands; looked at again when that takes a small part of the time since."""
+        began = perf_counter()
+        if began - self._looked > self._cost / SHARE:
+            self._present = self._look()
+            self._looked = perf_counter()
+            self._cost = self._looked - began
+        return self._present
+
+    def _append(self, rows: NDArray) -> None:
+        if self._count + len(rows) > MOST_ROWS:
+            self._cut(self._count + len(rows) - MOST_ROWS)
+        needed = self._count + len(rows)
+        if needed > len(self._rows):
+            grown = np.zeros((min(max(2 * len(self._rows), needed), MOST_ROWS), 8))
+            grown[: self._count] = self._rows[: self._count]
+            self._rows = grown
+        self._rows[self._count : needed] = rows
+        self._count = needed
+
+    def _cut(self, first: int) -> None:
+        """Forget the rows before one."""
+        self._rows[: self._count - first] = self._rows[first : self._count].copy()
+        self._count -= first
+        self._done, self._anchor = max(self._done - first, 0), max(self._anchor - first, 0)
+        self._seen = max(self._seen - first, 0)
+
+    def _leaves(self) -> int | None:
+        """The first row that has left the place of the anchor, None where none has yet."""
+        start, width = max(self._seen, self._anchor), 64
+        while start < self._count:
+            angles = self._rows[start : min(start + width, self._count), ALPHA : BETA + 1]
+            turned = np.remainder(angles - self._rows[self._anchor, ALPHA : BETA + 1] + np.pi, 2.0 * np.pi) - np.pi
+            away = np.flatnonzero(np.abs(turned).max(axis=1) > GREATEST_TOLERANCE)
+            if len(away):
+                return start + int(away[0])
+            start += len(angles)
+            self._seen, width = start, 4 * width
+        return None
+
+    def _raw(self, end: int) -> RawRecord:
+        rows = self._rows[:end]
+        warmth = rows[:, WARMTH]
+        return RawRecord(
+            time_s=rows[:, TIME],
+            alpha=rows[:, ALPHA],
+            beta=rows[:, BETA],
+            specific_force=rows[:, F1 : F1 + 3],
+            temperature=None if np.isnan(warmth).any() else warmth,
+            path=self.path,
+            row=rows[:, LINE].astype(int),
+            resolution=self._resolution,
+        )
+
+    def _stops(self, raw: RawRecord) -> tuple[NDArray, NDArray, list[tuple[int, int]]]:
+        """Angles (n, 2), what a rest may spread, and the stops that are not done."""
+        angles = angles_of(raw)
+        tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)]) if len(raw) >= WINDOW else np.zeros(2)
+        return angles, tolerance, [stop for stop in find_stops(angles, tolerance) if stop[1] >= self._done]
+
+    def _over(self, end: int, *, ended: bool = False) -> list[Visit]:
+        """The visits among the rows up to `end`, at which the table has left its place, or the source ended."""
+        raw = self._raw(end)
+        angles, tolerance, stops = self._stops(raw)
+        self._anchor = end - 1
+        found, last = [], None
+        for first, stop in stops:
+            if stop >= end - 1 and not ended:
+                break
+            first = max(first, self._done)
+            lasted = float(raw.time_s[stop] - raw.time_s[first])
+            usual = float(np.median(self._lasted)) if self._lasted else self.dwell_s
+            if lasted > SHORTEST * min(usual, self.dwell_s):
+                self._lasted.append(lasted)
+                found.append(self._visit(raw, tested(raw, angles, tolerance, first, stop)))
+            last = (first, stop)
+            self._done = stop + 1
+        if last is not None:
+            self._cut(max(last[0], last[1] + 1 - TAIL))
+        return found
+
+    def _visit(self, raw: RawRecord, rest: Rest) -> Visit:
+        average = average_rests(raw, [replace(rest, refused=None)])
+        self._found += 1
+        for k, sense in enumerate((average.approach_alpha, average.approach_beta)):
+            self._sense[k] = self._sense[k] if sense is None else int(sense[0])
+        bad, scatter = self.judged(raw, rest, average)
+        average = replace(average, raw=None, rests=(), dwell_noise=None, warnings=())
+        return Visit(
+            number=self._found,
+            first_row=int(raw.row[rest.first]),
+            last_row=int(raw.row[rest.last]),
+            average=average,
+            sense=(self._sense[0], self._sense[1]),
+            lasted_s=float(raw.time_s[rest.last] - raw.time_s[rest.first]),
+            kept_s=float(raw.time_s[rest.kept_last] - raw.time_s[rest.kept_first]),
+            scatter=scatter,
+            bad=bad,
+            remarks=rest.trends,
+        )
+
+    def judged(self, raw: RawRecord, rest: Rest, average: PositionRecord) -> tuple[str, float]:
+        """Why a rest is bad, empty where it is good; and what its scatter says of its mean, over the noise bound.
+
+        Bad is what a whole record leaves out, and what breaks the promise: three standard errors of the mean above the
+        noise bound, or a drift of which half is.
+        """
+        assert average.scatter is not None
+        errors = SCATTER_FACTOR * average.scatter[0] / self.gravity
+        axis = int(errors.argmax())
+        scatter = float(errors[axis] / self.noise_bound)
+        if rest.refused is not None:
+            return rest.refused, scatter
+        size = float(np.linalg.norm(average.specific_force[0])) / self.gravity
+        if not MAGNITUDES[0] <= size <= MAGNITUDES[1]:
+            return f"|f| is {digits(size, 4)} times gravity; are the readings in m/s²?", scatter
+        rows = rest.kept
+        drift = trend_of(raw.time_s[rows], raw.specific_force[rows], reading_floor(raw))
+        half = np.where(drift.significant, 0.5 * np.abs(drift.change), 0.0) / self.gravity
+        axis = int(half.argmax())
+        if half[axis] > self.noise_bound:
+            said = f"f{axis + 1} drifts by {digits(2.0 * half[axis], 2)} g over the rest"
+            return f"{said}, half of it more than the {upwards(self.noise_bound, 2)} g that are promised", scatter
+        if scatter > 1.0:
+            promised = (
+                f"{upwards(errors[axis], 2)} g by its scatter, where {upwards(self.noise_bound, 2)} g is promised"
+            )
+            return f"the mean of f{axis + 1} may be wrong by {promised}: rest longer", scatter
+        return "", scatter
+
+    def _look(self) -> Present:
+        if not self._count:
+            return Present()
+        raw = self._raw(self._count)
+        angles, tolerance, stops = self._stops(raw)
+        here = Present("moving", float(raw.alpha[-1]), float(raw.beta[-1]), time_s=float(raw.time_s[-1]))
+        if not stops or stops[-1][1] < self._count - 1:
+            return here
+        first = max(stops[-1][0], self._done)
+        lasted = float(raw.time_s[-1] - raw.time_s[first])
+        if self._count - first < 2 * WINDOW:
+            return replace(here, state="settling", lasted_s=lasted)
+        rest = tested(raw, angles, tolerance, first, self._count - 1)
+        average = average_rests(raw, [replace(rest, refused=None)])
+        why, scatter = self.judged(raw, rest, average)
+        kept = float(raw.time_s[rest.kept_last] - raw.time_s[rest.kept_first])
+        state = "settling" if "settled" in why else "resting" if why or kept < self.dwell_s else "enough"
+        return replace(here, state=state, lasted_s=lasted, kept_s=kept, scatter=scatter, why=why)
+
+
+def record_of(visits: Sequence[Visit], path: Path) -> PositionRecord:
+    """The position record of visits: as a whole record's, a row for each."""
+    averages = [visit.average for visit in visits]
+    first = averages[0]
+
+    def joined(name: str) -> NDArray:
+        return np.concatenate([getattr(one, name) for one in averages])
+
+    senses = np.array([visit.sense for visit in visits], dtype=float)
+    known = [bool(np.all(senses[:, k] != 0)) for k in range(2)]
+    return replace(
+        first,
+        position=np.arange(1, len(visits) + 1),
+        **{name: joined(name) for name in ("time_s", "alpha", "beta", "specific_force", "scatter", "row")},
+        temperature=None if first.temperature is None else joined("temperature"),
+        approach_alpha=senses[:, 0] if known[0] else None,
+        approach_beta=senses[:, 1] if known[1] else None,
+        resolution=max(one.resolution for one in averages),
+        path=path,
+    )

@@ -1,0 +1,159 @@
+"""What a measurement at the table says, while it is made and when it has ended: sentences for every view."""
+
+import math
+from collections.abc import Sequence
+
+from ..diagnosis import Diagnosis
+from ..measure import Measured, Moment, Present, Session, Setting, Visit
+from ..rounding import digits, exactly, upwards
+
+
+def angles_text(alpha_deg: float, beta_deg: float) -> str:
+    """Two angles of the table."""
+    return f"α {exactly(round(alpha_deg, 4))}°, β {exactly(round(beta_deg, 4))}°"
+
+
+def setting_text(session: Session, setting: Setting) -> str:
+    """A position of the plan with its number in the order of measurement, of how many."""
+    number = [one.number for one in session.settings].index(setting.number) + 1
+    return f"position {number} of {len(session.settings)}: {angles_text(setting.alpha_deg, setting.beta_deg)}"
+
+
+def next_text(session: Session) -> str:
+    """Where the table has to go."""
+    left = session.left
+    if not left:
+        return "all positions are measured"
+    state = session.state_of(left[0])
+    return ("repeat " if state == "repeat" else "next ") + setting_text(session, left[0])
+
+
+def promise_text(session: Session) -> str:
+    """How far the promise is, or that it is reached and one can stop."""
+    standing, worst = session.standing, session.worst
+    if standing.trouble:
+        return standing.trouble
+    if worst is None:
+        missing = [name for name in session.programme.promised if standing.errors.get(name) is None]
+        if len(missing) == len(session.programme.promised):
+            return "no target is determined yet"
+        return (
+            f"{len(missing)} of {len(session.programme.promised)} targets are not determined yet: {', '.join(missing)}"
+        )
+    if not session.reached:
+        name = max(session.programme.promised, key=lambda target: session.share(target) or 0.0)
+        return f"the guaranteed errors are up to {upwards(worst, 3)} times what is promised ({name})"
+    if standing.against:
+        return "the promised errors are reached, but the readings contradict the model: measure on until it is told why"
+    return "the promise is reached: every guaranteed error is as planned; you can stop"
+
+
+def shares_text(session: Session) -> str:
+    """The guaranteed errors over what is promised, target by target."""
+    shares = ((name, session.share(name)) for name in session.programme.promised)
+    told = [f"{name} {'open' if share is None else upwards(share, 3)}" for name, share in shares]
+    return "error/promise: " + ", ".join(told)
+
+
+def against_text(session: Session) -> str:
+    """Which readings prove the model wrong; empty where none do."""
+    against = session.standing.against
+    if not against:
+        return ""
+    good = session.good
+    named = [f"rest {good[p - 1].number} f{a}" for p, a in against[:6] if p <= len(good)]
+    more = f" and {len(against) - 6} more" if len(against) > 6 else ""
+    radius = digits(session.standing.radius, 3)
+    return f"no parameters explain the readings (they miss by {radius} σ at least): {', '.join(named)}{more}"
+
+
+def present_text(session: Session, present: Present) -> str:
+    """How the table stands now, and whether it may go on."""
+    if present.state == "waiting":
+        return "waiting for readings"
+    where = angles_text(*(round(angle, 3) for angle in session.angles_deg(present.alpha, present.beta)))
+    if present.state == "moving":
+        return f"moving, {where}"
+    lasted = f"at rest for {digits(present.lasted_s, 3)} s at {where}"
+    if present.state == "settling":
+        return f"{lasted}: settling{f' ({present.why})' if present.why else ''}"
+    scatter = f"settled for {digits(present.kept_s, 3)} s, scatter {upwards(present.scatter, 2)} of the noise bound"
+    if present.why:
+        return f"{lasted}: not good so far: {present.why}"
+    return f"{lasted}: {scatter}; {'good: go on' if present.state == 'enough' else 'stay'}"
+
+
+def visit_text(session: Session, visit: Visit) -> str:
+    """What became of a rest."""
+    at = angles_text(*session.angles_deg(*(float(angle[0]) for angle in (visit.average.alpha, visit.average.beta))))
+    number = session.setting_of[visit.number - 1]
+    setting = next((one for one in session.settings if one.number == number), None)
+    of = "of no position of the plan" if setting is None else setting_text(session, setting).partition(":")[0]
+    rows = f"rows {visit.first_row} to {visit.last_row}"
+    if visit.bad:
+        return f"rest {visit.number} ({of}; {at}) is bad: {visit.bad}; leave the position and come back to it [{rows}]"
+    remarks = f"; {', '.join(visit.remarks)}" if visit.remarks else ""
+    scatter = f"scatter {upwards(visit.scatter, 2)} of the noise bound"
+    return (
+        f"rest {visit.number} ({of}; {at}) is good: {digits(visit.kept_s, 3)} s averaged, {scatter}{remarks} [{rows}]"
+    )
+
+
+def cause_titles(causes: Sequence[object]) -> str:
+    """The causes of a set in words."""
+    return " and ".join(cause.place.title for cause in causes)  # type: ignore[attr-defined]
+
+
+def diagnosis_text(found: Diagnosis | None, of: int, *, now: int | None = None) -> str:
+    """What the diagnosis of so many positions says; `now` are measured."""
+    if found is None:
+        return ""
+    measured = f"diagnosis of {of} positions" + (f" ({now} are measured)" if now not in (None, of) else "")
+    if found.verdict == "explained":
+        return f"{measured}: the cause is {cause_titles(found.causes)}"
+    if found.verdict == "ambiguous":
+        sets = [cause_titles(one) for one in (found.causes, *(found.alternatives or ())) if one]
+        shown = " or ".join(sets[:4]) + (f", or {len(sets) - 4} more" if len(sets) > 4 else "")
+        return f"{measured}: ambiguous: {shown}"
+    if found.verdict == "unexplained":
+        return f"{measured}: the model is wrong, and nothing in the catalogue explains it for sure"
+    return f"{measured}: {found.verdict}"
+
+
+def moment_lines(moment: Moment) -> list[str]:
+    """What is now: where to go, how the table stands, how far the promise is, what speaks against the model."""
+    session, diagnosing = moment.session, moment.diagnosing
+    lines = [next_text(session), present_text(session, moment.present), promise_text(session)]
+    if said := against_text(session):
+        lines.append(said)
+    if diagnosing.running:
+        lines.append("diagnosing ...")
+    if said := diagnosis_text(diagnosing.found, diagnosing.of, now=len(session.good)):
+        lines.append(said)
+    if moment.silent_s:
+        lines.append(f"nothing has come from {moment.source} for {math.floor(moment.silent_s)} s")
+    return lines
+
+
+def measured_lines(result: Measured) -> list[str]:
+    """What a session came to: positions, promise, rests that do not count, verdict, files."""
+    added = f" ({result.added} of them added)" if result.added else ""
+    lines = [f"{result.done} of {result.planned + result.added} positions measured{added}, {result.rows} readings"]
+    if result.left_out:
+        lines.append(f"{result.left_out} lines were left out: they are no rows of a record")
+    lines += [f"rest {one.rest} does not count: {one.why}" for one in result.rests if not one.counts]
+    open_ = [one.symbol for one in result.targets if one.guaranteed_error is None]
+    if open_:
+        lines.append(f"not determined: {', '.join(open_)}")
+    else:
+        worst = max((one.guaranteed_error or 0.0) / one.promised for one in result.targets)
+        said = "reached" if result.promise_reached else "not reached"
+        lines.append(f"promise {said}: guaranteed errors up to {upwards(worst, 3)} times what the plan promises")
+    if result.verdict is not None:
+        named = f": {' and '.join(result.causes)}" if result.causes else ""
+        lines.append(f"diagnosis of {result.diagnosed} positions: {result.verdict}{named}")
+    elif result.falsified:
+        lines.append("the positions contradict the model")
+    if result.trouble:
+        lines.append(f"warning: {result.trouble}")
+    return lines + [file for file in (result.record, result.positions_file) if file is not None]
