@@ -18,13 +18,13 @@ _TYPES = {
     "Simulation": "orchestrator",
 }
 _FUNCTIONS = {
+    "at_table": ("measure",),
     "library": (
         "compare",
         "doctor",
         "export",
         "export_notebook",
         "hide",
-        "measure",
         "new",
         "plan",
         "plan_positions",

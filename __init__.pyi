@@ -1,3 +1,4 @@
+from .tools.at_table import measure as measure
 from .tools.check import Check as Check
 from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
@@ -8,7 +9,6 @@ from .tools.library import doctor as doctor
 from .tools.library import export as export
 from .tools.library import export_notebook as export_notebook
 from .tools.library import hide as hide
-from .tools.library import measure as measure
 from .tools.library import new as new
 from .tools.library import plan as plan
 from .tools.library import plan_positions as plan_positions

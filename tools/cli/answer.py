@@ -256,7 +256,7 @@ NOT_TYPED = ("progress", "gyro_bias", "bench")
 def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
     """Give a command the options of functions of the library: names, types, defaults, words.
 
-    The functions are those of `trihedron.tools.library` and `trihedron.tools.measured`, documented by numpydoc. The
+    The functions are those of `trihedron.tools.library`, `measured` and `at_table`, documented by numpydoc. The
     command has its own parameters first, by position, and its own options last; ``**options`` are those of the
     functions. Its docstring holds the examples; the sentence is the first function's, and the words of a parameter are
     those of the first that has it.

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
+from .. import at_table, document, library, own_effects, papers, planning, reports, trials
 from .. import campaign as campaigns
-from .. import document, library, own_effects, papers, planning, reports, trials
 from ..errors import InputError
 from ..files import at_once, made_folder, ordinary_file, write_text
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, takes
@@ -104,7 +104,7 @@ def plan(
     return answer(plans, json)
 
 
-@takes(library.measure)
+@takes(at_table.measure)
 def measure(
     plan: Path,
     /,
@@ -123,7 +123,7 @@ def measure(
     # What comes is kept as it comes, and --resume goes on with it.
     with at_once():
         try:
-            done = library.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
+            done = at_table.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {out} holds what came, and --resume goes on with it") from None
     return answer(done, json)
