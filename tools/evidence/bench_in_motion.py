@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.parameters import elements_of
-from ...models.bench_turns import BIAS, LAG, MATRIX, SENSITIVITY
+from ...models.bench_turns import BIAS, MATRIX
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
@@ -25,16 +25,17 @@ from ..calibration.turns import WithTurns
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
 from .bench import FIT_TOLERANCE, GYROS_LEFT_OUT, Bench, TurnErrors, bench_evidence
+from .bench_again import effects_of_model, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
 from .bench_scenario import extension_of_bench
 from .bench_search import LEAST_SLACK
 from .bench_travel import Travel, approached, effects_of_gyros
 from .bench_visits import is_linear
-from .carried import LATENCY, SHOWN_BY
+from .carried import SHOWN_BY
 from .evidence import Trial
 from .extension import Extension, Sized, Start
-from .fit import Classes, Fit, Gain, blocks_of
+from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of
 from .of_record import width_of
 from .pairs import Pair
 from .rows import About, Channel
@@ -43,10 +44,6 @@ LARGEST_FLUCTUATION = 1e-4
 """An axis that turns by less [rad] has not been moved."""
 MOST_SLACK = 0.5
 """What the linear model of a search may be wrong by at most, in bounds."""
-
-
-SENSITIVE = EffectPlace("gyro-g-sensitivity", "gyro-block")
-"""What the calibration of the gyros has in it beside biases, scale factors and misalignments, with their latency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +57,7 @@ class BenchInMotion(Bench):
     rests: Bench
     whole: WithTurns
     travel: Travel
+    raw: BenchRecord
 
     # The rows are many, and each effect by itself would have to be fitted to all of them.
     ranks_each = False
@@ -334,9 +332,34 @@ class BenchInMotion(Bench):
         return replace(found, estimate=estimate, stated=estimate[self.whole.own :])
 
     def gain(self, fit: Fit) -> Gain | None:
-        """Held-out positions simulated again, where the effects act there."""
-        at_rest = self._at_rest(fit)
-        return None if at_rest is None or not at_rest.places else self.rests.gain(at_rest)
+        """Held-out positions simulated again, where the effects act there, and every fifth turn where they act there.
+
+        For the turns the parameters are estimated on all other rows, without the effects and with them.
+        """
+        at_rest, turned = self._at_rest(fit), self._gain_of_turns(fit)
+        first = None if at_rest is None or not at_rest.places else self.rests.gain(at_rest)
+        if first is None or turned is None:
+            return first or turned
+        return first.model_copy(update={"others": [turned]})
+
+    def _gain_of_turns(self, fit: Fit) -> Gain | None:
+        if not fit.linear or not self._turned(fit.places).any():
+            return None
+        held, errors = np.arange(0, len(self.whole.turns.first), FOLDS), []
+        kept = self.fold_of_rows() != 0
+        for places in ((), fit.places):
+            solution = estimated(self.matrix(places)[kept], self.residual[kept])
+            point, sizes = np.split(solution, [len(self.point)])
+            effects = {p: sizes[block] for p, block in zip(places, blocks_of(places), strict=True)}
+            try:
+                read = simulated_turns(self.raw, self.whole, self.travel, self.point + point, effects)
+            except InputError:
+                # Values that no component takes.
+                return None
+            errors.append((self.whole.turns.integral - read)[held])
+        before, after = errors
+        gain = gain_of(before, after, ARCMIN, over="turns", pieces=len(held), rows=held)
+        return gain.model_copy(update={"unit": "arcmin"})
 
     def extension(self, fit: Fit, effects: Sized) -> Extension:
         """Table and blocks as they are found, and a run through the record's positions."""
@@ -356,9 +379,9 @@ class BenchInMotion(Bench):
         point = fit.estimate[: len(fit.point)]
         # Sensitivities and lag of the gyros are effects of theirs.
         further = dict(effects)
-        for place, part in ((SENSITIVE, SENSITIVITY), (LATENCY, slice(LAG, LAG + 1))):
-            numbers = np.arange(own, len(point))[part]
-            further[place] = point[numbers].tolist(), [(float(ends[k, 0]), float(ends[k, 1])) for k in numbers]
+        lowest, highest = (effects_of_model(end[own:]) for end in ends.T)
+        for place, values in effects_of_model(point[own:]).items():
+            further[place] = values, list(zip(lowest[place], highest[place], strict=True))
         starts = [Start.of(name, said(point), intervals, further) for name in ("GyroBlock", "GyroCompensation")]
         return Extension([*made.starts, *starts], made.scenarios)
 
@@ -386,4 +409,4 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     places = (*seen, *effects_of_gyros())
     names, bounds = (*rests.names, *gyro_names()), rests.bounds
     told = (found, here, rests.readings, rests.numbers, bounds)
-    return BenchInMotion((), names, whole.point, places, *told, rests, whole, travel)
+    return BenchInMotion((), names, whole.point, places, *told, rests, whole, travel, raw)

@@ -118,7 +118,8 @@ class Travel:
             return self._of_gyros(place)
         if place.definition.turns is None:
             return np.zeros((3 * len(self.first), coefficient_count(place)))
-        return self._of_table(self._tilts(place))
+        sums = self.way_of(place)
+        return self._read(sums[self.last] - sums[self.first], self.to_gyros)
 
     def _tilts(self, place: EffectPlace) -> NDArray[np.float64]:
         """Small turns (R, 3, K) ψ of the inner frame, in its axes, that an effect on the table adds."""
@@ -149,13 +150,13 @@ class Travel:
         ]
         return np.einsum("jar,rjk->rak", np.array(axes), small)
 
-    def _of_table(self, tilts: NDArray) -> NDArray[np.float64]:
-        """What gyros read of small turns (R, 3, K) of the inner frame."""
+    def way_of(self, place: EffectPlace) -> NDArray[np.float64]:
+        """By how much more (R, 3, K) the inner frame has turned up to each row with an effect on the table."""
+        tilts = self._tilts(place)
         middle = 0.5 * (tilts[1:] + tilts[:-1])
         grown = np.zeros_like(tilts)
         np.cumsum(np.cross(self.turning[:, :, None], middle, axis=1), axis=0, out=grown[1:])
-        sums = tilts + grown
-        return self._read(sums[self.last] - sums[self.first], self.to_gyros)
+        return tilts + grown
 
     def _of_gyros(self, place: EffectPlace) -> NDArray[np.float64]:
         """The integral of a gyro effect's signature, at the rates that the table gives."""

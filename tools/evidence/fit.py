@@ -351,7 +351,8 @@ class Classes:
 class Gain(Told):
     """Errors of what was not used to estimate anything, without and with the effects.
 
-    `over` is the kind of moves or windows, in words, `pieces` how many; figures are over the sizes of the errors:
+    `over` is the kind of moves or windows, in words, `pieces` how many, `unit` that of the figures where it is another
+    than the result's; figures are over the sizes of the errors:
     fractions of g, or arcminutes of turns; `others` is the same of every other kind. `before`, `after` (S, d) are the
     errors themselves, in g or rad, NaN where they do not count; `rows` (S,) of the record that they are of.
     """
@@ -362,6 +363,7 @@ class Gain(Told):
     held_out_rms_after: float
     held_out_max_before: float
     held_out_max_after: float
+    unit: str | None = None
     others: list["Gain"] | None = None
     before: Any = Field(default=None, exclude=True)
     after: Any = Field(default=None, exclude=True)

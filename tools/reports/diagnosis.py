@@ -78,15 +78,21 @@ def _bench_lines(result: Diagnosis) -> list[str]:
     if len(sets_of(result)) > MOST_SETS:
         said.append(f"  ... and {len(sets_of(result)) - MOST_SETS} sets more")
     said += [f"  cannot be told from {' and '.join(place.title for place in same)}" for same in result.equal_sets]
-    if (g := result.gain) is not None:
+    if (g := result.gain) is not None and g.over is None:
         said.append(
             f"held-out positions, simulated again ({int(np.isfinite(g.before).sum())} readings): "
             f"rms {digits(g.held_out_rms_before)} -> {digits(g.held_out_rms_after)} g, "
             f"max {upwards(g.held_out_max_before, 3)} -> {upwards(g.held_out_max_after, 3)} g"
         )
         said += [] if g.improves else ["warning: the extension does not improve the positions that were held out"]
-    elif result.verdict == "explained":
+    elif g is None and result.verdict == "explained":
         said.append("gain on held-out positions: not possible with these effects and positions")
+    turned = [] if g is None else [one for one in (g, *(g.others or ())) if one.over is not None]
+    said += [
+        f"{one.over} that were held out, simulated again ({one.pieces} pieces): rms {digits(one.held_out_rms_before)} "
+        f"-> {digits(one.held_out_rms_after)} {one.unit}"
+        for one in turned
+    ]
     if isinstance(result.judgement, Witness):
         said += _witness_lines(result.judgement)
     said += _each_lines(witnesses_of(result))
@@ -383,29 +389,30 @@ def gain_section(result: Diagnosis) -> Section | None:
     """What the extended simulation gains on parts of the record that were not used."""
     if (gain := result.gain) is None:
         return None
-    unit = result.unit or "g"
+    unit = gain.unit or result.unit or "g"
     rows: list[list[Cell]] = []
     for one in (gain, *(gain.others or ())):
         rms = (one.held_out_rms_before, one.held_out_rms_after)
         most = (one.held_out_max_before, one.held_out_max_after)
         what = [one.over or "positions", one.pieces or len(one.rows)]
-        rows.append([*what, *map(digits, rms), *(upwards(figure, 3) for figure in most)])
+        figures = (*map(digits, rms), *(upwards(figure, 3) for figure in most))
+        rows.append([*what, *figures, one.unit or result.unit or "g"])
     said = (
         "The extended components were exported as FMUs, with parameters from the other parts of the record, and run by "
-        f"the orchestrator. Over {rows[0][1]} {'positions' if of_bench(result) else f'pieces of {gain.over}'} the root "
+        f"the orchestrator. Over {rows[0][1]} {f'pieces of {gain.over}' if gain.over else 'positions'} the root "
         f"mean square error falls from {digits(gain.held_out_rms_before)} to {digits(gain.held_out_rms_after)} "
         f"{unit}."
     )
     if not gain.improves:
         said = said.replace("falls", "goes")
-    if of_bench(result):
+    if gain.over is None:
         sigma, numbers = result.evidence.calibration.noise_bound, result.evidence.numbers
         picture = held_out(gain.before / sigma, gain.after / sigma, [int(numbers[i]) for i in gain.rows])
         caption = "Measurement less simulation at the positions that were held out."
     else:
         picture = gain_picture(gain.before, gain.after, gain.over or "")
         caption = "Part of the pieces whose error is at most so large."
-    header = ["over", "pieces", *(f"{name} {when} [{unit}]" for name in ("rms", "max") for when in ("before", "after"))]
+    header = ["over", "pieces", *(f"{name} {when}" for name in ("rms", "max") for when in ("before", "after")), "unit"]
     return Section("The gain on what was not used", [said], picture, caption, Table(header, rows))
 
 

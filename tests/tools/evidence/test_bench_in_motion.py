@@ -12,6 +12,7 @@ from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.gyros import fit_whole
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Diagnosis
+from trihedron.tools.evidence.bench_again import simulated_turns
 from trihedron.tools.evidence.bench_travel import Travel, approached
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
 from trihedron.tools.trials.sizes import Hidden
@@ -37,6 +38,24 @@ def clean():
     whole = fit_whole(fit_record(record, SIGMA), record, bench().place, SIGMA)
     assert isinstance(record.raw, BenchRecord)
     return whole, Travel.of(record.raw, whole, bench().place.encoder_within(SIGMA), 9.80665)
+
+
+def test_the_extended_gyro_block_gives_the_record_again(clean):
+    """Its FMU, driven by the table's motion with what was hidden, integrates as the record's gyros did."""
+    whole, _ = clean
+    rate_squared = EffectPlace("gyro-rate-squared", "gyro-block")
+    hidden = Hidden(HARMONIC, (6e-5, 1.0)), Hidden(rate_squared, (2e-4, -1e-4, 5e-5))
+    record = approached(measured(*hidden), 1e-4)
+    raw = record.raw
+    assert isinstance(raw, BenchRecord)
+    moved = fit_whole(fit_record(record, SIGMA), record, bench().place, SIGMA)
+    travel = Travel.of(raw, moved, bench().place.encoder_within(SIGMA), 9.80665)
+    sizes = {HARMONIC: 6e-5 * np.array([np.cos(1.0), np.sin(1.0)]), rate_squared: np.array(hidden[1].values)}
+    bound = moved.bound[len(moved.reading) * 3 :].reshape(-1, 3)
+    for effects, least, most in ((sizes, 0.0, 1.0), ({}, 3.0, np.inf)):
+        read = simulated_turns(raw, moved, travel, whole.point, effects)
+        left = np.abs((moved.turns.integral - read) / bound).max()
+        assert least <= left <= most
 
 
 @pytest.mark.parametrize(

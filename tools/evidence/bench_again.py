@@ -1,0 +1,94 @@
+"""The turns of a bench record, simulated again: the gyro block as an FMU on the table's true motion.
+
+The table's motion is that of its encoders by the exact geometry, with the turns that effects of the table add; the FMU
+of the gyro block, extended by effects of the gyros, reads it.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.bench_turns import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY, integrated_readings
+from ...models.bench_turns import moments_of as integrated_angles
+from ...models.effects import EffectPlace
+from ..calibration.model import Positions, predicted_input
+from ..calibration.turns import WithTurns
+from ..orchestrator import simulate
+from ..records import BenchRecord
+from ..records.rests import without_turns
+from .bench_travel import Travel
+from .carried import LATENCY
+from .fit import composed
+
+SENSITIVE = EffectPlace("gyro-g-sensitivity", "gyro-block")
+MOST_ROWS = 120_000
+"""A longer record is run at every second row, or third, and so on."""
+
+
+def effects_of_model(gyros: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
+    """What the model of the gyros (22,) has beside biases, scale factors and misalignments, as effects of the block."""
+    return {SENSITIVE: tuple(gyros[SENSITIVITY].tolist()), LATENCY: (float(gyros[LAG]),)}
+
+
+def simulated_turns(
+    raw: BenchRecord,
+    whole: WithTurns,
+    travel: Travel,
+    point: NDArray,
+    effects: Mapping[EffectPlace, NDArray],
+) -> NDArray[np.float64]:
+    """What the gyro block's FMU integrates over each piece (S, 3) [rad], extended by effects of given coefficients.
+
+    `point` (P,) are parameters of bench, accelerometers and gyros.
+    """
+    own, time = whole.own, raw.time_s
+    targets, gyros = whole.parametrisation.selection[0] @ point[:own], point[own:]
+    alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
+    moments, none = integrated_angles(time, alpha, beta), np.zeros(len(GYRO_PARAMETERS))
+    turned = integrated_readings(
+        targets, none, moments, np.zeros_like(moments), whole.turns.mounting, whole.turns.earth
+    )
+    on_gyros: list[tuple[EffectPlace, Sequence[float]]] = list(effects_of_model(gyros).items())
+    for place, coefficients in effects.items():
+        if place.definition.component == "GyroBlock":
+            on_gyros.append((place, place.definition.from_coefficients(coefficients)))
+        elif place.definition.turns is not None:
+            added = (travel.way_of(place) @ coefficients) @ travel.to_block.T
+            hours = (time - time[0]) / 3600.0
+            turned = turned + np.stack([np.interp(hours, travel.hours, added[:, k]) for k in range(3)], axis=1)
+    rows = np.unique(np.append(np.arange(0, len(time), -(-len(time) // MOST_ROWS)), len(time) - 1))
+    period = float(time[-1] - time[0]) / (len(rows) - 1)
+    even = time[0] + period * np.arange(len(rows))
+    at = np.stack([np.interp(even, time, turned[:, k]) for k in range(3)], axis=1)
+    angles = Positions(np.interp(even, time, alpha), np.interp(even, time, beta), np.zeros(len(rows), dtype=int))
+    force = STANDARD_GRAVITY * predicted_input(whole.parametrisation, point[:own], angles)
+    columns = {"time_s": even[1:] - time[0]}
+    columns |= {f"w{k + 1}_rad": np.diff(at[:, k]) for k in range(3)}
+    columns |= {f"f{k + 1}_mps2": 0.5 * (force[1:, k] + force[:-1, k]) for k in range(3)}
+    warm = np.full(len(time), 20.0) if raw.temperature is None else raw.temperature
+    columns["temperature_degC"] = np.interp(even, time, warm)[1:]
+    block: dict[str, Any] = {"bias": gyros[BIAS].tolist(), "scale_misalignment": gyros[MATRIX].tolist()}
+    driven = {f"gyros.increment[{k}]": f"w{k}_rad" for k in (1, 2, 3)}
+    driven |= {f"gyros.specific_force[{k}]": f"f{k}_mps2" for k in (1, 2, 3)}
+    driven |= {"gyros.temperature": "temperature_degC"}
+    names = [parameters_of(place, values) for place, values in on_gyros]
+    scenario = composed(
+        "the turns of a bench record, simulated again",
+        {"gyros": ("GyroBlock", {"gravity": STANDARD_GRAVITY, **block})},
+        names,
+        {f"w{k}_rad": f"gyros.increment_reading[{k}]" for k in (1, 2, 3)},
+        run={"step_s": period, "stop_s": (len(rows) - 1) * period},
+        stimuli=[{"table": pl.DataFrame(columns), "stamp": "end", "columns": driven}],
+    )
+    read = np.cumsum(simulate(scenario).table.select([f"w{k}_rad" for k in (1, 2, 3)]).to_numpy(), axis=0)
+    sums = np.stack([np.interp(time, even, read[:, k]) for k in range(3)], axis=1)
+    return sums[whole.turns.last] - sums[whole.turns.first]
+
+
+def parameters_of(place: EffectPlace, values: Sequence[float]) -> dict[str, object]:
+    """An effect as a scenario file writes it."""
+    return place.entry | dict(zip((p.name for p in place.definition.parameters), map(float, values), strict=True))
