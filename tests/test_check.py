@@ -3,14 +3,17 @@
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import trihedron as th
 from trihedron.tools import cli
 from trihedron.tools.check.findings import json_lines, line_of, toml_lines
 from trihedron.tools.records import StrapdownRecord, write_record
+from trihedron.tools.result import Result, field_problems
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 STATIC = SCENARIOS / "static-calibration.toml"
@@ -240,6 +243,35 @@ def test_results_are_as_their_schemas_say(record: Path, tmp_path: Path):
     problems = found(written(tmp_path, json.dumps(emptied, indent=1), "emptied.json"))
     assert len(problems) == 1
     assert "reading_errors are not complete" in problems[0][1]
+
+
+class Part(Result):
+    size: float
+
+
+class Either(Result):
+    part: Part
+    one: Part | tuple[Part, ...] | None = None
+
+
+@pytest.mark.parametrize(
+    ("one", "said"),
+    [
+        ({}, "one.size: is missing"),
+        ([{}], "one[1].size: is missing"),
+        ({"size": []}, "one.size: Input should be a valid number, not []"),
+        ([{"size": 1.0}, 2], "one[2]: Input should be an object, not 2"),
+    ],
+)
+def test_of_what_may_be_one_or_several_the_kind_that_is_meant_is_told_and_stands_in_the_file(one: object, said: str):
+    content = {"part": {"size": 1.0}, "one": one}
+    with pytest.raises(ValidationError) as raised:
+        Either.model_validate_json(json.dumps(content), strict=True)
+    ((where, text),) = field_problems(raised.value, Either)
+    assert text == said
+    at: Any = content
+    for part in where[:-1]:
+        at = at[part]
 
 
 @pytest.mark.parametrize(

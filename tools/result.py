@@ -5,10 +5,12 @@ Results go to JSON, come back from it, and know nothing of what shows them.
 
 import math
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias, TypeVar, cast, get_args
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,17 +236,51 @@ def dotted(location: Location) -> str:
 
 def field_problems(error: ValidationError, model: type[BaseModel]) -> list[tuple[Location, str]]:
     """Where and what: all that is wrong, in the order of the model; a line that begins with the field's dotted name."""
+    members = _members_of_unions(model)
+
+    def is_member(part: int | str) -> bool:
+        return part in members or "[" in str(part)
+
     problems = error.errors()
-    unknown = [_location(problem) for problem in problems if problem["type"] == "extra_forbidden"]
-    return [_problem(problem, model, unknown) for problem in problems]
+    deep = {problem["loc"][:k] for problem in problems for k in range(len(problem["loc"]))}
+    # Of a union, the member is meant of which most is right: that another would be of another kind says nothing.
+    meant = [p for p in problems if not (p["loc"] and is_member(p["loc"][-1]) and _deeper(p["loc"], deep))]
+    places = [tuple(part for part in problem["loc"] if not is_member(part)) for problem in meant]
+    unknown = [place for place, problem in zip(places, meant, strict=True) if problem["type"] == "extra_forbidden"]
+    return [_problem(problem, place, model, unknown) for problem, place in zip(meant, places, strict=True)]
 
 
-def _location(problem: Mapping[str, Any]) -> Location:
-    return tuple(part for part in problem["loc"] if part != "[key]")
+def _deeper(location: Location, deep: Set[Location]) -> bool:
+    """Whether another member of the same union is wrong further inside."""
+    return any(len(other) == len(location) and other[:-1] == location[:-1] for other in deep)
 
 
-def _problem(problem: Mapping[str, Any], model: type[BaseModel], unknown: Sequence[Location]) -> tuple[Location, str]:
-    where = _location(problem)
+@cache
+def _members_of_unions(model: type[BaseModel]) -> frozenset[str]:
+    """Names of the members of unions, which stand in pydantic's locations and are no keys of a file."""
+    seen: set[type[BaseModel]] = set()
+    found: set[str] = set()
+
+    def walk(annotation: Any) -> None:
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            if annotation not in seen:
+                seen.add(annotation)
+                for field in annotation.model_fields.values():
+                    walk(field.annotation)
+            return
+        members = [inner for inner in get_args(annotation) if inner is not type(None)]
+        if get_origin(annotation) in (Union, UnionType) and len(members) > 1:
+            found.update(inner.__name__ for inner in members)
+        for inner in members:
+            walk(inner)
+
+    walk(model)
+    return frozenset(found)
+
+
+def _problem(
+    problem: Mapping[str, Any], where: Location, model: type[BaseModel], unknown: Sequence[Location]
+) -> tuple[Location, str]:
     name = dotted(where)
     if problem["type"] == "extra_forbidden":
         return where, f"{name}: unknown key; {nearest(str(where[-1]), _keys_beside(where, model))}"
