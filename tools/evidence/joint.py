@@ -6,7 +6,7 @@ records, one below the other.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -63,8 +63,8 @@ def join(members: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
         (), tuple(names.values()), estimated(matrix, right), (), tuple(members.values()), tuple(members),
         tuple(common), tuple(chosen), (shared, own),
     )  # fmt: skip
-    point = made.refit(()).estimate
-    return made.about_point(point)
+    there = replace(made, point=made.refit(()).estimate)
+    return replace(there, places=there.every_place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,21 +85,12 @@ class Joint(Evidence):
     most_sets = None
     ranks_each = False
 
-    def about_point(self, point: NDArray[np.float64]) -> "Joint":
-        """The same about other parameters (P,), with every effect that can be tried."""
-        fixed = (self.members, self.labels, self.shared, self.chosen, self.asked)
-        return Joint((), self.names, point, Joint((), self.names, point, (), *fixed).every_place, *fixed)
-
     # Rows
 
     @cached_property
     def starts(self) -> NDArray[np.int_]:
         """First row of each record, and the number of all."""
         return np.cumsum([0, *(len(member.residual) for member in self.members)])
-
-    def record_of(self, row: int) -> int:
-        """The number of the record of a row."""
-        return int(np.searchsorted(self.starts, row, side="right")) - 1
 
     @cached_property
     def searched(self) -> tuple[tuple[EffectPlace, ...], ...]:
@@ -312,7 +303,7 @@ class Joint(Evidence):
 
     def _outlier(self, row: int) -> InRecord:
         """A reading that is off."""
-        k = self.record_of(row)
+        k = int(np.searchsorted(self.starts, row, side="right")) - 1
         place = self.members[k].outlier_at(int(row - self.starts[k]))
         assert place is not None
         return in_record(place, self.labels[k])

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
@@ -22,7 +22,12 @@ from ..records import read_record
 from ..result import Result, Told, field_problems
 
 INSTRUMENT = "trihedron.instrument/1"
-KINDS: Mapping[str, type[Result]] = {CALIBRATION: Calibration, DIAGNOSIS: Diagnosis, FIRST_DIAGNOSIS: Diagnosis}
+Kept = TypeVar("Kept", bound=Result)
+KINDS: Mapping[Any, type[Calibration] | type[Diagnosis]] = {
+    CALIBRATION: Calibration,
+    DIAGNOSIS: Diagnosis,
+    FIRST_DIAGNOSIS: Diagnosis,
+}
 """Schemas of results that a folder holds."""
 SAID = {
     "date": ("date", "measured", "measured at"),
@@ -95,13 +100,7 @@ def add_to_instrument(
     """
     data = bytes_of(result, most=LARGEST_RESULT)
     content = _object(data, result)
-    model = KINDS.get(str(content.get("schema")))
-    if model is None:
-        raise InputError(f"{result}: schema {content.get('schema')!r}: a calibration or a diagnosis is needed")
-    try:
-        read = model.model_validate_json(data)
-    except ValidationError as error:
-        raise InputError(f"{result}: {field_problems(error, model)[0][1]}") from error
+    read = _result_of(content, str(result))
     known = {"date": date, "serial": serial, "temperature": None if temperature is None else str(temperature)}
     digest = _digest_in(content)
     if record is not None:
@@ -114,7 +113,7 @@ def add_to_instrument(
         if known["temperature"] is None and measured.temperature is not None:
             known["temperature"] = str(float(measured.temperature.mean()))
     before = entries_of(folder).entries if folder.exists() else ()
-    kind: Literal["calibration", "diagnosis"] = "calibration" if model is Calibration else "diagnosis"
+    kind: Literal["calibration", "diagnosis"] = "calibration" if isinstance(read, Calibration) else "diagnosis"
     if known["date"] is None:
         raise InputError(f"{result}: no date: give --date, or --record with a comment line '# date: 2026-11-23'")
     made = Entry(
@@ -148,13 +147,8 @@ def entries_of(folder: Path) -> Entries:
         content = _object(bytes_of(path, most=LARGEST_RESULT), path)
         if content.get("schema") != INSTRUMENT:
             raise InputError(f"{path}: schema {content.get('schema')!r}: is no entry of an instrument's folder")
-        try:
-            entry = Entry.model_validate_json(json.dumps(content))
-            KINDS[str(entry.result.get("schema"))].model_validate_json(json.dumps(entry.result))
-        except ValidationError as error:
-            raise InputError(f"{path}: {field_problems(error, Entry)[0][1]}") from error
-        except KeyError as error:
-            raise InputError(f"{path}: result: schema {error.args[0]!r} is no calibration or diagnosis") from error
+        entry = _read(Entry, content, str(path))
+        _result_of(entry.result, f"{path}: result")
         moment(entry.date, f"{path}: date")
         found.append(entry.model_copy(update={"file": path.name}))
     found.sort(key=lambda entry: (moment(entry.date, ""), entry.file))
@@ -221,7 +215,7 @@ def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str 
 def parameters_of(entry: Entry) -> dict[tuple[str, str], SizedParameter]:
     """Name and unit of each parameter that an entry bounds -> what is possible of it; none where nothing stands."""
     found: list[tuple[str, str, Any]] = []
-    read = KINDS[str(entry.result["schema"])].model_validate_json(json.dumps(entry.result))
+    read = _result_of(entry.result, entry.file)
     if isinstance(read, Calibration) and read.verdict == "consistent":
         found = [(p.symbol, p.unit, (p.estimate, p.low, p.high)) for p in read.parameters]
     if isinstance(read, Diagnosis) and read.verdict in ("consistent", "explained"):
@@ -263,6 +257,21 @@ def _degrees(text: str | None) -> float | None:
     if not COLDEST <= value <= HOTTEST:
         raise InputError(f"--temperature {text}: must be a number of degrees Celsius, {COLDEST:g} to {HOTTEST:g}")
     return value
+
+
+def _read(model: type[Kept], content: Mapping[str, Any], where: str) -> Kept:
+    try:
+        return model.model_validate_json(json.dumps(content))
+    except ValidationError as error:
+        raise InputError(f"{where}: {field_problems(error, model)[0][1]}") from error
+
+
+def _result_of(content: Mapping[str, Any], where: str) -> Calibration | Diagnosis:
+    """The result of which this is the object; an InputError, which begins with `where`, for any other."""
+    schema = content.get("schema")
+    if schema not in KINDS:
+        raise InputError(f"{where}: schema {schema!r}: a calibration or a diagnosis is needed")
+    return _read(KINDS[schema], content, where)
 
 
 def _object(data: bytes, path: Path) -> dict[str, Any]:
