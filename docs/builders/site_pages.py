@@ -1,14 +1,22 @@
-"""Pages of the documentation that are made from the code whenever the site is built: commands, and the library.
+"""Pages that are made whenever the site is built: commands, library, a notebook that is executed, the gallery.
 
 mkdocs calls the functions that begin with `on_` (mkdocs.yml, `hooks`).
 """
 
 import inspect
 import io
+import os
 import re
-from typing import Any
+from importlib import import_module
+from pathlib import Path
+from pkgutil import walk_packages
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from rich.console import Console
+
+import gallery
+import notebooks
 
 WIDTH = 100
 """Of the commands' help, in letters."""
@@ -48,7 +56,81 @@ def api_page() -> str:
         if not (inspect.isfunction(thing) or inspect.isclass(thing)):
             continue
         lines += [f"## th.{name}", "", *definition(name, thing), *docstring_lines(inspect.getdoc(thing) or ""), ""]
+    lines += [
+        "## Results",
+        "",
+        "What the functions give: fields are the keys of the JSON, in SI but where a name says so.",
+        "",
+    ]
+    for result in result_classes():
+        lines += [f"### {result.__name__}", "", *class_lines(result), ""]
     return "\n".join(lines)
+
+
+def result_classes() -> list[Any]:
+    """Every class of results that has a document, and its parts behind it."""
+    from trihedron import tools
+    from trihedron.tools.reports import MAKERS
+    from trihedron.tools.result import Result
+
+    for module in walk_packages(tools.__path__, f"{tools.__name__}."):
+        if not module.name.endswith("__main__"):
+            import_module(module.name)
+    known = {kind.__name__: kind for kind in subclasses(Result)}
+    found: dict[str, Any] = {}
+
+    def add(kind: Any) -> None:
+        found[kind.__name__] = kind
+        for field in kind.model_fields.values():
+            for part in parts_of(field.annotation) if not field.exclude else ():
+                if issubclass(part, Result) and part.__name__ not in found:
+                    add(part)
+
+    for name in MAKERS:
+        add(known[name])
+    return list(found.values())
+
+
+def subclasses(kind: Any) -> list[Any]:
+    return [known for own in kind.__subclasses__() for known in (own, *subclasses(own))]
+
+
+def parts_of(annotation: Any) -> list[Any]:
+    """The classes in an annotation: alone, in lists, in unions."""
+    if isinstance(annotation, type) and not get_args(annotation):
+        return [annotation]
+    return [part for inner in get_args(annotation) for part in parts_of(inner)]
+
+
+def class_lines(kind: Any) -> list[str]:
+    """What a class of results is, and its published fields with their types and units."""
+    head, *sections = re.split(r"\n\n(?=\w+\n-{3,}\n)", inspect.getdoc(kind) or "")
+    said: dict[str, str] = {}
+    for section in sections:
+        for names, text in re.findall(r"(?m)^([\w, ]+?)(?: :.*)?\n((?:    .*\n?)+)", section):
+            said |= dict.fromkeys(names.split(", "), " ".join(text.split()))
+    units = kind.model_fields["units"].default if "units" in kind.model_fields else {}
+    lines = [head, "", "| Field | Type | |", "|---|---|---|"]
+    for name, field in kind.model_fields.items():
+        if not field.exclude:
+            key, told = field.alias or name, said.get(name, "")
+            unit = f" [{units[key]}]" if key in units and not told.endswith("]") else ""
+            row = (f"`{key}`", f"`{type_text(field.annotation)}`", f"{told}{unit}")
+            lines.append("| " + " | ".join(text.replace("|", "\\|") for text in row) + " |")
+    return lines
+
+
+def type_text(annotation: Any) -> str:
+    """A type as one reads it."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return type_text(parts[0])
+    if origin is Literal:
+        return " or ".join(map(repr, parts))
+    if origin in (Union, UnionType):
+        return " or ".join(type_text(part) for part in parts)
+    name = "None" if annotation is type(None) else getattr(origin or annotation, "__name__", str(annotation))
+    return name + (f"[{', '.join('...' if part is ... else type_text(part) for part in parts)}]" if parts else "")
 
 
 def definition(name: str, thing: Any) -> list[str]:
@@ -88,24 +170,18 @@ def docstring_lines(text: str) -> list[str]:
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the pages to those of the folder."""
+    """Add the pages to those of the folder; TRIHEDRON_SITE=quick leaves out what takes long, for tests."""
     from mkdocs.structure.files import File
 
-    for name, text in (("commands.md", commands_page()), ("api.md", api_page())):
+    quick = os.environ.get("TRIHEDRON_SITE") == "quick"
+    notebook = Path(config.docs_dir) / "first-look.ipynb"
+    made = {
+        "commands.md": commands_page(),
+        "api.md": api_page(),
+        "first-look.md": notebooks.page_of(notebook, execute=not quick),
+        "gallery.md": gallery.gallery_page(),
+        **dict(gallery.pages(quick=quick)),
+    }
+    for name, text in made.items():
         files.append(File.generated(config, name, content=text))
     return files
-
-
-def on_post_page(output: str, page: Any, config: Any) -> str:
-    """A page without the script that the theme would fetch from elsewhere, to search in files on the disk."""
-    return without_foreign_scripts(output)
-
-
-def on_post_template(output_content: str, template_name: str, config: Any) -> str:
-    """The same of pages that are not in the folder, as the one for what is not found."""
-    return without_foreign_scripts(output_content)
-
-
-def without_foreign_scripts(text: str) -> str:
-    """HTML without scripts of other places."""
-    return re.sub(r'<script src="https://[^"]*"></script>', "", text)

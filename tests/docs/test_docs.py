@@ -1,5 +1,6 @@
 """The documentation does what it says: blocks of code run, the site builds strictly and asks nothing of others."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -79,12 +80,13 @@ def test_output_is_compared_line_by_line():
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
+def site(tmp_path_factory) -> Path:
     if find_spec("material") is None:
         pytest.skip("mkdocs-material is not installed (extra docs)")
     folder = tmp_path_factory.mktemp("site") / "site"
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    quick = {**os.environ, "TRIHEDRON_SITE": "quick"}
+    done = subprocess.run(command, cwd=ROOT, env=quick, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 
@@ -122,6 +124,55 @@ def test_pages_of_the_site_open_in_a_browser_from_the_disk(site, window: Window)
             seen = window.open(site / f"{name}.html", width)
             assert (seen["scroll"], seen["outside"], seen["images"]) == (width, [], []), f"{name} at {width}"
     assert window.complaints == []
+
+
+def test_the_site_is_searched_from_the_disk_and_read_from_page_to_page(site, window: Window):
+    window.open(site / "index.html", 1280)
+    window.page.click("[data-md-component=search-query]")
+    window.page.keyboard.type("hysteresis", delay=20)
+    found = window.page.locator(".md-search-result__link").first
+    found.wait_for()
+    found.click()
+    window.page.wait_for_load_state()
+    assert "hysteresis" in window.page.inner_text("body").lower()
+    window.open(site / "index.html", 1280)
+    window.page.click(".md-footer__link--next")
+    window.page.wait_for_load_state()
+    assert window.page.url.endswith("tutorial.html")
+    assert window.complaints == []
+
+
+def test_every_field_of_every_result_has_its_line_and_the_gallery_its_pages(site):
+    from site_pages import result_classes
+
+    library = (site / "api.html").read_text(encoding="utf-8")
+    for kind in result_classes():
+        assert f'<h3 id="{kind.__name__.lower()}' in library, kind
+        keys = [field.alias or name for name, field in kind.model_fields.items() if not field.exclude]
+        assert [key for key in keys if f"<code>{key}</code>" not in library] == [], kind
+    assert len(result_classes()) > 40
+    assert "Insufficient" in (site / "gallery" / "calibrate-insufficient.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.acceptance
+def test_every_page_of_the_gallery_has_its_verdict_and_the_notebook_what_its_cells_show():
+    import gallery
+    import notebooks
+
+    made = {**dict(gallery.pages())}
+    assert len(made) == len(gallery.SAID)
+    assert all(name in gallery.gallery_page() for name in made)
+    page = notebooks.page_of(ROOT / "docs" / "first-look.ipynb")
+    assert page.count("<img ") == 2
+    assert "same: bench and bench" in page
+
+
+def test_every_command_answers_a_question():
+    from trihedron.tools.cli import app
+
+    table = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8").partition("## Begin")[0]
+    named = {word for cell in re.findall(r"`([^`]+)`", table) for word in cell.split()}
+    assert [name for name in app if not name.startswith("-") and name not in named] == []
 
 
 def test_commands_and_library_are_described_from_the_code(site):

@@ -9,7 +9,6 @@ from cyclopts import App, Parameter
 
 from .answer import exit_status, say
 from .commands import (
-    add_completion,
     apply,
     attitude,
     calibrate,
@@ -27,6 +26,7 @@ from .commands import (
     new,
     simulate,
 )
+from .completion import add_completion
 from .folder import instrument
 from .studies import campaign, campaign_report, compare, hidden, measure, plan, plot, reproduce
 

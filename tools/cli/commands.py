@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from .. import calibration as calibrations
 from .. import (
@@ -473,21 +473,3 @@ def demo(
         page = run_demo(out, seed=seed, show=show)
     files = sorted(str(path) for path in out.rglob("*") if path.is_file())
     return answer("", json, {"schema": "trihedron.demo/1", "page": str(page), "seed": seed, "files": files})
-
-
-def add_completion(app: App) -> None:
-    """Add the command that prints the completion of `app` for a shell."""
-
-    @app.command
-    def completion(
-        shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(help="Of which shell.")],
-        /,
-        *,
-        json: JsonFile = None,
-    ) -> Answer:
-        """Print the shell's completion of commands and options; put it where your shell looks for it.
-
-        Example: trihedron completion bash > ~/.local/share/bash-completion/completions/trihedron
-        """
-        script = app.generate_completion(prog_name="trihedron", shell=shell)
-        return answer(script.rstrip("\n"), json, {"schema": "trihedron.completion/1", "shell": shell, "script": script})

@@ -1,5 +1,6 @@
 """The command line before anything is done: it starts without libraries, speaks plainly, completes and hints."""
 
+import json
 import os
 import subprocess
 import sys
@@ -81,6 +82,16 @@ def test_completion_knows_every_command_and_its_options(shell: str, capsys):
     script = capsys.readouterr().out
     for name in ("simulate", "calibrate", "diagnose", "export-ssp", "noise-bound", "asymmetric"):
         assert name in script
+
+
+def test_powershell_completes_what_every_command_takes(capsys):
+    assert cli.main(["completion", "powershell"]) == 0
+    script = capsys.readouterr().out
+    known = json.loads(script.partition("@'")[2].partition("'@")[0])["commands"]
+    assert set(known) == {name for name in cli.app if not name.startswith("-")}
+    assert {"--noise-bound", "--sheet", "--about"} <= set(known["calibrate"]["options"])
+    assert "--date" in known["instrument"]["commands"]["add"]["options"]
+    assert script.count("{") == script.count("}")
 
 
 def test_bash_reads_its_completion(capsys, tmp_path: Path):

@@ -1,0 +1,73 @@
+"""The gallery of the site: each verdict with its page, of records that stand in docs/gallery."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import trihedron as th
+from trihedron.tools.document.blocks import Document, Page
+
+SIGMA = 1e-5
+RECORDS = Path(__file__).resolve().parents[1] / "gallery"
+CALIBRATIONS = {"insufficient": "insufficient", "explained": "falsified", "consistent": "consistent"}
+"""Record -> verdict of its calibration."""
+DIAGNOSES = ("consistent", "explained", "ambiguous", "unexplained", "insufficient")
+"""Records, called by the verdict of their diagnosis."""
+
+
+def pages(*, quick: bool = False) -> Iterator[tuple[str, str]]:
+    """Name and content of every page; `quick`: the first."""
+    from trihedron.tools.document.page import html
+    from trihedron.tools.reports import document_of
+
+    for record, verdict in list(CALIBRATIONS.items())[: 1 if quick else None]:
+        result = th.calibrate(RECORDS / f"{record}.csv", noise_bound=SIGMA)
+        yield _named("calibrate", verdict), html(_page(document_of(result), result.verdict, verdict))
+    for verdict in () if quick else DIAGNOSES:
+        found = th.diagnose(RECORDS / f"{verdict}.csv", noise_bound=SIGMA)
+        yield _named("diagnose", verdict), html(_page(document_of(found), found.verdict, verdict))
+
+
+def _named(command: str, verdict: str) -> str:
+    return f"gallery/{command}-{verdict}.html"
+
+
+def _page(document: Document, found: str, verdict: str) -> Page:
+    if found != verdict:
+        raise ValueError(f"the gallery's record of the verdict {verdict} is {found}")
+    assert document.page is not None
+    return document.page()
+
+
+SAID = {
+    "calibrate consistent": "The model explains every reading; 18 numbers with guaranteed errors.",
+    "calibrate falsified": "No parameters explain the readings; a few of these prove it. Nothing is guaranteed.",
+    "calibrate insufficient": "The readings leave numbers open; where to measure next.",
+    "diagnose consistent": "The simulation can be true of the record, and nothing is named without need.",
+    "diagnose explained": "One smallest set of effects makes the model consistent: cause, size, evidence, gain.",
+    "diagnose ambiguous": "Several sets would; what to measure to tell them apart.",
+    "diagnose unexplained": "Nothing in the catalogue mends it: the place and quantity that are proven, and the band.",
+    "diagnose insufficient": "Too little to falsify anything; what to add.",
+}
+"""Command and verdict -> what its page shows."""
+
+
+def gallery_page() -> str:
+    """The list of them, in Markdown."""
+    lines = [
+        "# Gallery",
+        "",
+        "Each verdict with its page, as `--report` writes it. The records are simulated, with seven decimals, in "
+        "`docs/gallery` of the checkout; the pages are made from them when the site is built.",
+        "",
+        "| Verdict | What its page shows | Made by |",
+        "|---|---|---|",
+    ]
+    for name, said in SAID.items():
+        command, verdict = name.split()
+        record = (
+            next((r for r, v in CALIBRATIONS.items() if v == verdict), verdict) if command == "calibrate" else verdict
+        )
+        made = f"`trihedron {command} {record}.csv --noise-bound 1e-5 --report page.html`"
+        made += f" of [{record}.csv](gallery/{record}.csv)"
+        lines.append(f'| <a href="{_named(command, verdict)}">{command}: **{verdict}**</a> | {said} | {made} |')
+    return "\n".join([*lines, ""])

@@ -1,0 +1,61 @@
+"""Completion of commands and options by the shell; PowerShell's is written here, those of others by cyclopts."""
+
+from json import dumps
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from .answer import Answer, JsonFile, answer
+
+SCRIPT = """Register-ArgumentCompleter -Native -CommandName trihedron -ScriptBlock {
+    param($word, $line, $cursor)
+    $known = ConvertFrom-Json @'
+%s
+'@
+    $given = @($line.CommandElements | Select-Object -Skip 1 | ForEach-Object { $_.ToString() })
+    $at = $known
+    foreach ($one in $given) {
+        if ($one -ne $word -and $at.commands.PSObject.Properties.Name -contains $one) { $at = $at.commands.$one }
+    }
+    @($at.commands.PSObject.Properties.Name) + @($at.options) |
+        Where-Object { $_ -like "$word*" } | Sort-Object |
+        ForEach-Object { [System.Management.Automation.CompletionResult]::new($_, $_, 'ParameterValue', $_) }
+}"""
+"""Words of commands and options come first; where none fits PowerShell completes names of files."""
+
+
+def add_completion(app: App) -> None:
+    """Add the command that prints the completion of `app` for a shell."""
+
+    @app.command
+    def completion(
+        shell: Annotated[Literal["bash", "zsh", "fish", "powershell"], Parameter(help="Of which shell.")],
+        /,
+        *,
+        json: JsonFile = None,
+    ) -> Answer:
+        """Print the shell's completion of commands and options; put it where your shell looks for it.
+
+        Example: trihedron completion bash > ~/.local/share/bash-completion/completions/trihedron
+        """
+        script = (
+            powershell(app) if shell == "powershell" else app.generate_completion(prog_name="trihedron", shell=shell)
+        )
+        return answer(script.rstrip("\n"), json, {"schema": "trihedron.completion/1", "shell": shell, "script": script})
+
+
+def powershell(app: App) -> str:
+    """The script that a profile of PowerShell takes."""
+    return SCRIPT % dumps(_known(app), sort_keys=True)
+
+
+def _known(app: App) -> dict[str, object]:
+    """The commands below one, each likewise, and its own options."""
+    below = {name: _known(app[name]) for name in app if not name.startswith("-")}
+    options = {
+        name
+        for argument in (app.assemble_argument_collection() if app.default_command else ())
+        for name in argument.names
+        if name.startswith("--")
+    }
+    return {"commands": below, "options": sorted(options | {"--help"})}
