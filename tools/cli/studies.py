@@ -190,6 +190,7 @@ def hidden(
     out: Folder = None,
     jobs: int = 1,
     strapdown: bool = False,
+    bench: bool = False,
     baseline: Literal["asymmetric", "symmetric"] | None = None,
     suite: str | None = None,
     mode: Literal["clean", "single", "between", "pairs"] | None = None,
@@ -208,6 +209,8 @@ def hidden(
     Example: trihedron hidden --suite quick-single
 
     Example: trihedron hidden --cases 20 --records 3 --positions 16 40 --out triples
+
+    Example: trihedron hidden bench.csv --bench --seed 7 --answer answer.json
 
     Example: trihedron hidden moved.csv --strapdown --seed 7 --answer answer.json
 
@@ -233,6 +236,8 @@ def hidden(
         Of a suite: number of processes.
     strapdown
         A record of gyros and accelerometers that are moved by hand, in place of one of a table's positions.
+    bench
+        A record of a whole bench, encoders, gyros and accelerometers at rest and turning.
     baseline
         Of one record: whether the block's scale factors depend on the sign; symmetric lets scale-asymmetry be hidden.
     suite
@@ -256,6 +261,9 @@ def hidden(
         if clean and (effect or mode not in (None, "clean")):
             raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
         drawn = {"--mode": mode, "--records": records, "--positions": positions, "--size": size, "--noise": noise}
+        if bench:
+            others = {"--strapdown": strapdown or None, "--baseline": baseline, "--suite": suite, **drawn}
+            _refuse(others | {"--mode": None, "--size": None}, "is not of a whole bench; leave it out with --bench")
         if strapdown:
             of_a_table = {"--baseline": baseline, "--suite": suite, **drawn, "--size": None}
             _refuse(of_a_table, "is of records of a table's positions; leave it out with --strapdown")
@@ -267,8 +275,9 @@ def hidden(
             distinct_files({"the record": record, "--answer": secret, "--json": json})
             seed = seed or 0
             trials.check_seed(seed)
-            if strapdown:
-                options = trials.Options("clean" if clean else "single", effect, strapdown=True, own=own)
+            if strapdown or bench:
+                chosen = "clean" if clean else "single"
+                options = trials.Options(chosen, effect, strapdown=strapdown, own=own, whole=bench)
                 case = trials.draw_case(options, seed, seed)
             else:
                 chosen = () if clean else effect or None
@@ -288,8 +297,17 @@ def hidden(
             named = replace(named, options=replace(named.options, own=own))
         else:
             chosen_mode = "clean" if clean else mode or ("single" if records in (None, 1) else "pairs")
-            drawn = (positions or (12, 100), noise or "all", size, strapdown, 1 if records is None else records, own)
-            options = trials.Options(chosen_mode, effect, *drawn)
+            options = trials.Options(
+                chosen_mode,
+                effect,
+                positions or (12, 100),
+                noise or "all",
+                size,
+                strapdown,
+                1 if records is None else records,
+                own,
+                bench,
+            )
             named = trials.NamedSuite(options, 100, 0)
         number, seed = named.cases if cases is None else cases, named.seed if seed is None else seed
         done = trials.run_suite(named.options, number, seed, records=_records_folder(out), jobs=jobs, progress=True)

@@ -69,13 +69,17 @@ FIT_TOLERANCE = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class TurnErrors:
-    """Errors (S, 3) of turns over their bounds, `before` and `after`; from and to (S,) [s], angles (S, 2) [rad]."""
+    """Errors (S, 3) of turns over their bounds, `before` and `after`; from and to (S,) [s], angles (S, 2) [rad].
+
+    `alone`: the radius that readings by themselves leave, and turns by themselves, each without effects and with them.
+    """
 
     first: NDArray[np.float64]
     last: NDArray[np.float64]
     turned: NDArray[np.float64]
     before: NDArray[np.float64]
     after: NDArray[np.float64]
+    alone: tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)

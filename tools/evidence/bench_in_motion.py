@@ -304,7 +304,16 @@ class BenchInMotion(Bench):
         rows, turns = self.of_readings, self.whole.turns
         first, last = (3600.0 * self.travel.hours[ends] for ends in (self.travel.first, self.travel.last))
         before, after = (left[rows:].reshape(-1, 3) for left in (self.baseline.left, fit.left / fit.allowed))
-        return TurnErrors(first, last, turns.moments[:, 2:4], before, after)
+
+        def alone(own: slice) -> tuple[float, float]:
+            """Radius of some of the rows by themselves, without effects and with them."""
+            ones = np.ones(len(self.residual[own]))
+            left, columns = fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None]
+            without = chebyshev_radius(self.nominal[own], self.residual[own], ones)[0]
+            return without, chebyshev_radius(columns[own], left[own], ones)[0]
+
+        each = alone(slice(rows)), alone(slice(rows, None))
+        return TurnErrors(first, last, turns.moments[:, 2:4], before, after, each)
 
     def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """What an extension does to the targets."""

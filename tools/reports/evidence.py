@@ -88,13 +88,10 @@ def turn_lines(result: Diagnosis) -> list[str]:
     """What gyros say of the turns, and accelerometers of the rests, each by itself."""
     if (turns := _turns(result)) is None:
         return []
-    read, fit = slice(result.evidence.of_readings), result.findings[0].fit if result.findings else None
-    own = [result.evidence.baseline.left[read], *([] if fit is None else [(fit.left / fit.allowed)[read]])]
-    sums = [turns.before, turns.after][: len(own)]
-    both = [" -> ".join(residual(float(np.abs(left).max())) for left in lefts) for lefts in (sums, own)]
+    told = [" -> ".join(map(residual, own[: 1 + bool(result.findings)])) for own in turns.alone]
     return [
-        f"two witnesses, the largest error of each over its bound: gyros, over {len(turns.first)} rests and turns, "
-        f"{both[0]}; accelerometers, over {result.evidence.calibration.positions} rests, {both[1]}"
+        f"two witnesses, each by itself: accelerometers, over {result.evidence.calibration.positions} rests, radius "
+        f"{told[0]}; gyros, over {len(turns.first)} rests and turns, radius {told[1]}"
     ]
 
 

@@ -83,6 +83,11 @@ class Bench:
         return "symmetric" if self.symmetric else "asymmetric"
 
     @property
+    def asked(self) -> dict[str, Any]:
+        """What is known beside the record: σ, the mountings and the kind of block."""
+        return {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
+
+    @property
     def matrices(self) -> dict[str, NDArray]:
         """Q by name."""
         return {name: PRESETS[name] for name in self.mountings}

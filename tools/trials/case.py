@@ -37,6 +37,11 @@ class Case:
     """effects that were drawn and put aside, as no possible size would do"""
 
     @property
+    def whole(self) -> bool:
+        """Whether the record is of a whole bench, with gyros."""
+        return "GyroBlock" in getattr(self.instrument, "truth", {})
+
+    @property
     def places(self) -> tuple[EffectPlace, ...]:
         """What is hidden."""
         return tuple(hidden.place for hidden in self.hidden)
@@ -88,18 +93,23 @@ class Options:
     """of one block at a table on so many days; of several, "pairs" is one effect in all and one of a record alone"""
     own: OwnEffects | None = None
     """a file of effects of the user's own, which are tried, too, and may be hidden"""
+    whole: bool = False
+    """records of a whole bench, with gyros that see the table turn"""
 
     def __post_init__(self) -> None:
         if self.strapdown:
             self._check_of_block()
             return
+        if self.whole and self.mode not in ("clean", "single"):
+            raise InputError(f"--mode {self.mode}: of a whole bench there is clean and single")
         if self.mode not in MODES:
             raise InputError(f"--mode {self.mode}: {nearest(self.mode, MODES)}")
         if self.noise not in (*NOISES, "all"):
             raise InputError(f"--noise {self.noise}: {nearest(self.noise, (*NOISES, 'all'))}")
         for name in self.effects:
-            if name not in hidden_effects():
-                raise InputError(f"--effects {name}: {nearest(name, hidden_effects())}")
+            every = (*hidden_effects(), *STRAPDOWN_EFFECTS) if self.whole else hidden_effects()
+            if name not in every:
+                raise InputError(f"--effects {name}: {nearest(name, every)}")
         if not 1 <= self.records <= MOST_RECORDS:
             raise InputError(f"--records {self.records}: must be a whole number from 1 to {MOST_RECORDS}")
         if self.records > 1 and (self.mode not in OF_SEVERAL or self.size is not None):

@@ -46,6 +46,7 @@ from .block import (
 from .case import NOISES, TAKEN_OUT, Case, Options, check_seed, hidden_effects
 from .days import Days, draw_shared_and_own, joined
 from .sizes import Hidden, SureSizes, Way, draw_direction, largest_size, level_margins, sizes_of_way, sure_sizes
+from .whole import draw_whole, hidden_in
 
 ADDING = ("reading_effects", "geometry_effects")
 """Stages of effects that are not linear but for a time that is found."""
@@ -79,6 +80,8 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
     InputError
         no bench that was drawn can hide such effects at such sizes, or the record of the moved block cannot show them
     """
+    if options.whole:
+        return _draw_whole_case(options, seed, index)
     if options.records > 1:
         return _draw_days_case(options, seed, index)
     if not options.strapdown:
@@ -115,6 +118,19 @@ def _draw_bench_case(options: Options, seed: int, index: int) -> Case:
         f"--mode {options.mode}: no bench of {MOST_BENCHES} with {options.positions[0]} to {options.positions[1]} "
         "positions can hide such an effect at such a size; allow more --positions, or other --effects"
     )
+
+
+def _draw_whole_case(options: Options, seed: int, index: int) -> Case:
+    """Draw a whole bench and what is hidden in it."""
+    rng = np.random.default_rng([seed, index])
+    for redrawn in range(MOST_BENCHES):
+        clean = Case(seed, index, draw_whole(rng), redrawn=redrawn)
+        if options.mode == "clean":
+            return clean
+        hidden = hidden_in(rng, clean.instrument, clean.measured(), options, ABOVE)
+        if hidden is not None:
+            return replace(clean, hidden=(hidden,))
+    raise InputError(f"--mode {options.mode}: no whole bench of {MOST_BENCHES} can hide such an effect at such a size")
 
 
 def _draw_days_case(options: Options, seed: int, index: int) -> Case:

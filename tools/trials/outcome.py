@@ -165,12 +165,10 @@ class Outcome(Told):
 
 def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis | Several:
     """The diagnosis of a case's record, or records; of a bench σ, the mountings and the kind of block are known."""
-    known = {}
     if isinstance(case.instrument, Days):
         alone = {label: diagnose(one, rerun=rerun, noise_bound=NOISE_BOUND) for label, one in record.items()}
         return diagnosed_together(alone, rerun=rerun)
-    if isinstance(case.instrument, Bench):
-        known = {"baseline": case.instrument.baseline, "mounting": case.instrument.matrices, "noise_bound": NOISE_BOUND}
+    known = case.instrument.asked if isinstance(case.instrument, Bench) else {}
     return diagnose(record, rerun=rerun, **known)
 
 

@@ -9,7 +9,7 @@ Chebyshev distance; b is wider where a sign is open). No parameters of a rival w
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -236,6 +236,12 @@ def _sizes_of_change(
         last = rivals[nearest].title if nearest < len(rivals) else place_of(row + 1, accelerometer + 1).title
     excluded = 2.0 / (scale * least) if least > NOTHING_LEFT else math.inf
     return SureSizes(2.0 / (scale * alone), excluded, last)
+
+
+def sizes_of_change(nominal: NDArray, change: NDArray, rivals: Mapping[str, NDArray]) -> SureSizes:
+    """Factors of a change (M,) of rows in units of their bounds that surely detect it, and exclude rivals by title."""
+    others = [_Rival(title, columns) for title, columns in rivals.items()]
+    return _sizes_of_change(nominal, change, np.ones(len(change)), others)
 
 
 def _least_square_bounds(

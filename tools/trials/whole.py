@@ -5,19 +5,20 @@ Table, accelerometer block and gyro block are simulated in time, with the effect
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..calibration.gyros import Bench as Place
+from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.fit import composed
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
 from ..records import PositionRecord, read_record
-from .bench import BLOCK_NOISE, ENCODER_FLUCTUATION, draw_truth, temperature_at
-from .sizes import Hidden
+from .bench import BLOCK_NOISE, ENCODER_FLUCTUATION, NOISE_BOUND, Bench, draw_truth, temperature_at
+from .case import Options
+from .sizes import Hidden, draw_direction, largest_size, sizes_of_change
 
 STEP_S, DWELL_S = 0.02, 4.0
 """A record has fifty rows a second; the table rests so long at each position."""
@@ -30,16 +31,19 @@ TURNS = ((720.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 180.0), (720.0, 270.0),
 
 
 @dataclass(frozen=True)
-class WholeBench:
-    """A bench with accelerometers and gyros, and its programme of positions `angles` (N, 2) [rad], whole turns counted.
+class WholeBench(Bench):
+    """A bench with accelerometers and gyros; `alpha`, `beta` (N,) [rad] of its programme count whole turns.
 
-    `truth`: component -> variable -> value; `latitude`, `azimuth` [rad] of the outer axis.
+    `latitude`, `azimuth` [rad] of the outer axis.
     """
 
-    truth: dict[str, dict[str, Any]]
-    angles: NDArray[np.float64]
-    latitude: float
-    azimuth: float
+    latitude: float = 0.0
+    azimuth: float = 0.0
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What is known beside the record."""
+        return {**super().asked, "bench": self.place}
 
     @property
     def place(self) -> Place:
@@ -52,15 +56,19 @@ class WholeBench:
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
     ) -> PositionRecord:
         """The rests of what the bench reads with a secret; arguments as for a bench of positions."""
-        run = simulate(self.scenario(hidden, seed * 100_003 + (index or 0)), progress=progress)
-        return read_record(run.table, PositionRecord)
+        run = simulate(self.run_of(hidden, seed * 100_003 + (index or 0)), progress=progress)
+        rests, place = read_record(run.table, PositionRecord), self.place
+        told = {name: str(value) for name, value in vars(place).items() if value is not None}
+        assert rests.raw is not None
+        return replace(rests, raw=replace(rests.raw, about=told))
 
-    def scenario(self, hidden: Sequence[Hidden], seed: int) -> Scenario:
+    def run_of(self, hidden: Sequence[Hidden], seed: int) -> Scenario:
         """The scenario in which the table carries both blocks from position to position; the seed is of all errors."""
+        angles = np.stack([self.alpha, self.beta], axis=1)
         table = {
             **self.truth["TurntableMotion"],
             "encoder_fluctuation_bound": ENCODER_FLUCTUATION,
-            "initial_angle": self.angles[0].tolist(),
+            "initial_angle": angles[0].tolist(),
             "latitude": self.latitude,
             "azimuth": self.azimuth,
             "seed": seed % 2**31,
@@ -93,7 +101,7 @@ class WholeBench:
             stimuli=[
                 {
                     "to": "table.command",
-                    "table": dict(zip(("alpha_deg", "beta_deg"), np.degrees(self.angles).T.tolist(), strict=True)),
+                    "table": dict(zip(("alpha_deg", "beta_deg"), np.degrees(angles).T.tolist(), strict=True)),
                     "dwell_s": DWELL_S,
                 },
                 {
@@ -116,4 +124,47 @@ def draw_whole(rng: np.random.Generator) -> WholeBench:
     count = int(rng.integers(POSITIONS[0], POSITIONS[1] + 1))
     drawn = rng.uniform(-math.pi, math.pi, (count, 2))
     angles = np.vstack([drawn, [[0.0, 0.0]], np.radians(TURNS)])
-    return WholeBench(truth, angles, float(rng.uniform(-1.2, 1.2)), float(rng.uniform(-math.pi, math.pi)))
+    error = tuple(truth["TurntableMotion"]["mounting_error"])
+    latitude, azimuth = float(rng.uniform(-1.2, 1.2)), float(rng.uniform(-math.pi, math.pi))
+    alpha, beta = angles.T
+    return WholeBench(
+        truth,
+        False,
+        ("identity",),
+        (error,),
+        alpha,
+        beta,
+        np.zeros(len(alpha), dtype=int),
+        "uniform",
+        latitude,
+        azimuth,
+    )
+
+
+def hidden_in(
+    rng: np.random.Generator, bench: WholeBench, clean: PositionRecord, options: Options, above: float
+) -> Hidden | None:
+    """An effect for a bench whose clean record is given, at a size of the mode; None where that is not a possible one.
+
+    It is one of those that are linear; by default so many times as large as excludes each other linear one.
+    """
+    evidence = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND)
+    classes = evidence.classes
+    shown = [place for first in classes.places for place in classes.whole_class(first)]
+    names = sorted({place.effect for place in shown if not options.effects or place.effect in options.effects})
+    if not names:
+        return None
+    name = names[rng.integers(len(names))]
+    own = [place for place in shown if place.effect == name]
+    place = own[rng.integers(len(own))]
+    direction = draw_direction(rng, place)
+    change = evidence.columns_of([place]) @ direction
+    rivals = [other for other in classes.places if place not in classes.whole_class(other)]
+    columns = {other.title: evidence.columns_of([other]) for other in (rivals if options.size is None else ())}
+    sizes = sizes_of_change(evidence.nominal, change, columns)
+    size = above * sizes.excluded
+    if options.size is not None:
+        size = sizes.detected * float(np.exp(rng.uniform(*np.log(options.size))))
+    if not np.isfinite(size) or size > largest_size(place, direction):
+        return None
+    return Hidden(place, place.definition.from_coefficients(size * direction), float(size), sizes)

@@ -25,7 +25,7 @@ HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 3)
 @cache
 def bench() -> WholeBench:
     drawn = draw_whole(np.random.default_rng([5, 5]))
-    return replace(drawn, angles=drawn.angles[-28:])
+    return replace(drawn, alpha=drawn.alpha[-28:], beta=drawn.beta[-28:])
 
 
 def measured(*hidden: Hidden) -> PositionRecord:
@@ -99,7 +99,7 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     said = capsys.readouterr().out
     assert "the encoder of the outer axis errs by" in said
     (line,) = [line for line in said.splitlines() if line.startswith("two witnesses")]
-    gyros, accelerometers = (part.rpartition(", ")[2].split(" -> ") for part in line.split(";"))
+    accelerometers, gyros = (part.rpartition("radius ")[2].split(" -> ") for part in line.split(";"))
     assert float(gyros[0]) > 1.5
     assert float(accelerometers[0]) > 1.5
     assert max(float(gyros[1]), float(accelerometers[1])) < 1.0
