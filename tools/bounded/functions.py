@@ -32,13 +32,15 @@ class Unknown:
 
     `knots` (K,) rise; `columns` (M, K) are what its value at each of them adds to the errors; `period` is that of an
     angle that goes round, None of other quantities. A function in `steps` bends by the sizes of its jumps, any other
-    one by the changes of its slope, over the whole range of the knots.
+    one by the changes of its slope, over the whole range of the knots. `between` (M,): by how much errors differ at
+    most, for each unit that a function bends, where it is not straight between knots.
     """
 
     knots: NDArray[np.float64]
     columns: NDArray[np.float64]
     period: float | None = None
     steps: bool = False
+    between: NDArray[np.float64] | None = None
 
     @cached_property
     def bends(self) -> NDArray[np.float64]:
@@ -132,7 +134,12 @@ class Functions:
         """Ends of all possible functions at some knots (k,), given by their numbers."""
         least, own = self.least()
         bending = MARGIN * (own + HIDDEN * max(self._just_shows(least, own), *map(self._just_shows, self._plain())))
-        self._polytope.confine(self._lower, np.append(self._upper, bending / self._size))
+        lower, upper = self._lower.copy(), np.append(self._upper, bending / self._size)
+        if self.unknown.between is not None:
+            rows, more = slice(len(self.unknown.between)), bending * self.unknown.between
+            lower[rows] -= more
+            upper[rows] += more
+        self._polytope.confine(lower, upper)
         ends = np.array([self._ends(int(k)) for k in at]).reshape(-1, 2)
         return Band(self.unknown.knots[at], ends[:, 0], ends[:, 1], least, bending)
 

@@ -113,7 +113,8 @@ class Possible:
         """The functions, by their values at knots (K,)."""
         evidence = self.evidence
         columns = self.sign * self.pair.spread(self.hats(knots))
-        unknown = Unknown(knots, columns, TURN if self.pair.circle else None, self.steps)
+        missed = None if self.pair.missed is None or self.steps else self.pair.missed(knots) / np.ptp(knots)
+        unknown = Unknown(knots, columns, TURN if self.pair.circle else None, self.steps, missed)
         bound = evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
         return Functions(evidence.nominal, evidence.residual, bound, unknown)
 

@@ -4,7 +4,7 @@ What a gyro reads too much acts at every row. Its functions are therefore taken 
 between them, and their turns are integrated over each piece: one matrix tells what the value at each node adds.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -106,7 +106,7 @@ class GyroPairs:
             # At rest it is zero: what is taken there is exact.
             nodes[np.abs(nodes).argmin()] = 0.0
         spread = OnNodes(self, p, nodes, values, times)
-        return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, waves=time, anything=True)
+        return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, waves=time, anything=True, missed=spread.missed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,32 +126,62 @@ class OnNodes:
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
         """Rows (M, n) over their bounds of a unit at each node."""
-        onsets, p = self.of.onsets, self.p
-        integral, mean = self._integrated()
+        nodes, count = self.nodes, len(self.nodes)
+        after = self._after(nodes)
+        share = (self.values - nodes[after - 1]) / (nodes[after] - nodes[after - 1])
+        parts = ((after - 1, self.times * (1.0 - share)), (after, self.times * share))
+        return self._rows(parts, count, self.of.turning[..., self.p], self.of.onsets.turns, self.of.onsets.bias)
+
+    def missed(self, knots: NDArray[np.float64]) -> NDArray[np.float64]:
+        """By how much (M,) rows over their bounds differ at most, of a function whose slope changes by one in all.
+
+        That is from the function that is straight between knots (k,) and has its values there. At x between two knots
+        the two are (x - a)(b - x)/(b - a) apart at most, for each unit of change between a and b.
+        """
+        after = self._after(knots)
+        low, high = knots[after - 1], knots[after]
+        apart = np.abs(self.times) * np.maximum(0.0, (self.values - low) * (high - self.values)) / (high - low)
+        turns, bias = ([np.abs(own) for own in every or ()] for every in (self.of.onsets.turns, self.of.onsets.bias))
+        turning = np.abs(self.of.turning[..., self.p])
+        # All rows of a piece may differ in the same sense, and so may the mean at rest that is taken out.
+        found = self._rows(((after - 1, apart),), len(knots), turning, turns, [-own for own in bias] or None)
+        return found.max(axis=1, initial=0.0)
+
+    def _after(self, knots: NDArray) -> NDArray[np.int_]:
+        """The knot after each value (N - 1,)."""
+        return np.clip(np.searchsorted(knots, self.values), 1, len(knots) - 1)
+
+    def _rows(
+        self,
+        parts: Sequence[tuple[NDArray, NDArray]],
+        count: int,
+        turning: NDArray,
+        turns: Sequence[NDArray],
+        bias: Sequence[NDArray] | None,
+    ) -> NDArray[np.float64]:
+        """Rows (M, count) over their bounds, of parts each of which adds weights (N - 1,) to columns (N - 1,)."""
+        integral, mean = self._integrated(parts, count, turning)
         found = []
-        for k, (part, turns) in enumerate(zip(self.of.evidence.parts, onsets.turns, strict=True)):
+        for k, (part, own) in enumerate(zip(self.of.evidence.parts, turns, strict=True)):
             after, before = (np.searchsorted(self.of.boundaries, r) for r in (part.pieces.last, part.pieces.first))
-            mine = turns @ (integral[after] - integral[before])
-            if onsets.bias is not None:
+            mine = own @ (integral[after] - integral[before])
+            if bias is not None:
                 # The mean at rest is taken out of every reading.
-                mine = mine - onsets.bias[k][..., p, None] * mean
+                mine = mine - bias[k][..., self.p, None] * mean
             found.append(rows_over(mine, part.bound))
         return np.concatenate(found)
 
-    def _integrated(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The integral (B, 3, n) up to each boundary, and the part of the mean over all rests (n,)."""
-        onsets, nodes, count = self.of.onsets, self.nodes, len(self.nodes)
-        after = np.clip(np.searchsorted(nodes, self.values), 1, count - 1)
-        share = (self.values - nodes[after - 1]) / (nodes[after] - nodes[after - 1])
-        weights = (self.times * (1.0 - share), self.times * share)
+    def _integrated(
+        self, parts: Sequence[tuple[NDArray, NDArray]], count: int, turning: NDArray
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The integral (B, 3, count) up to each boundary, and the part of the mean over all rests (count,)."""
         until = np.searchsorted(self.of.boundaries, np.arange(1, len(self.values) + 1))
         ends, total = len(self.of.boundaries) + 1, np.zeros((3, (len(self.of.boundaries) + 1) * count))
-        mean, resting = np.zeros(count), onsets.rests[1:]
-        for at, weight in zip((after - 1, after), weights, strict=True):
+        mean, resting = np.zeros(count), self.of.onsets.rests[1:]
+        for at, weight in parts:
             cells = until * count + at
             for axis in range(3):
-                turned = self.of.turning[:, axis, self.p] * weight
-                total[axis] += np.bincount(cells, turned, total.shape[1])
+                total[axis] += np.bincount(cells, turning[:, axis] * weight, total.shape[1])
             mean += np.bincount(at[resting], weight[resting], count)
         integral = np.cumsum(total.reshape(3, ends, count)[:, :-1], axis=1)
         return integral.transpose(1, 0, 2), mean / max(int(resting.sum()), 1)

@@ -106,7 +106,9 @@ class Pair:
     what the place could do if it acted as it liked every time. `circle`: the quantity is an angle; `told`: it has few
     values, of which the function is a multiple; `waves`: it has so many values that a wave is sought among its
     functions. `anything`: a place that acted as it liked could do anything to the rows. `members` are pairs of several
-    places each of which has a function of its own; then the values and what they do are those of the first.
+    places each of which has a function of its own; then the values and what they do are those of the first. `missed`:
+    knots (k,) -> by how much rows (M,) differ at most of a function that is not straight between them, and whose slope
+    changes by one in all; None where the values are all that act.
     """
 
     where: str
@@ -120,6 +122,7 @@ class Pair:
     waves: bool = False
     anything: bool = False
     members: tuple["Pair", ...] = ()
+    missed: Spread | None = None
 
     @property
     def depends_on(self) -> frozenset[str]:

@@ -37,6 +37,20 @@ def test_the_truth_is_in_the_band_and_lines_are_no_part_of_it(shape):
     assert np.polyfit(q, told, 1) == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
+def test_a_parabola_read_between_knots_is_in_the_band():
+    """Noise lies on one side, so that the straight lines between the parabola's values at the knots are excluded."""
+    q, knots = np.linspace(-1.0, 1.0, 200), np.linspace(-1.0, 1.0, 9)
+    cell = np.clip(np.searchsorted(knots, q), 1, 8)
+    between = (q - knots[cell - 1]) * (knots[cell] - q) / (knots[cell] - knots[cell - 1]) / 2.0
+    left, other = 80.0 * q**2 - 0.999, np.cos(40.0 * np.arange(200) ** 2)[:, None]
+    for missed in (None, between):
+        functions = Functions(other, left, np.ones(200), Unknown(knots, hats(q, knots), between=missed))
+        band = functions.band(np.arange(9))
+        assert band.bending > Unknown(knots, hats(q, knots)).bending(80.0 * knots**2)
+        inside = (band.low <= functions.told(80.0 * knots**2)) & (functions.told(80.0 * knots**2) <= band.high)
+        assert inside.all() == (missed is not None)
+
+
 def test_ends_are_those_of_one_programme_written_out():
     """Unknown: two parameters, the function's values, the size of each change of slope."""
     random = np.random.default_rng(5)

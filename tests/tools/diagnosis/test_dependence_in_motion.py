@@ -9,6 +9,7 @@ from strapdown_records import drawn_motion, seen_attitude, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.lookup import Table
 from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.diagnosis.band import Possible
 from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, dependence
 from trihedron.tools.evidence.carried import Carried
@@ -107,6 +108,27 @@ def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
     )
     # It bends between two nodes.
     assert own == pytest.approx(on_nodes, abs=0.01 * np.abs(own).max())
+
+
+def test_functions_that_bend_between_nodes_differ_from_straight_ones_by_what_is_said():
+    """Rows of the exact table, with knots that are no nodes: as far from the straight ones as is said, at most."""
+    evidence, rng = carried_evidence(filmed()), np.random.default_rng(5)
+    assert isinstance(evidence, Carried)
+    for quantity in ("w2", "hours"):
+        (pair,) = (p for p in evidence.pairs() if (p.where, p.quantity, p.factor) == ("gyro-2", quantity, ""))
+        possible = Possible(evidence, pair)
+        assert pair.missed is not None
+        low, high = pair.values[[0, -1]]
+        knots = np.concatenate([[low], np.sort(rng.uniform(low, high, 12)), [high]])
+        table = Table(quantity, "at", tuple(knots.tolist()))
+        place, values = pair.table(table.law), rng.normal(size=14)
+        exact = evidence.including([place]).columns_of([place]) @ values
+        told = np.interp(possible.knots, knots, values)
+        straight = pair.spread(possible.hats(possible.knots) @ told)
+        bends = float(np.abs(np.diff(np.diff(values) / np.diff(knots))).sum())
+        off, most = np.abs(exact - straight), bends * pair.missed(possible.knots)
+        assert (off <= most + 1e-9 * np.abs(exact).max()).all()
+        assert off.max() > 0.01 * most.max()
 
 
 @pytest.mark.acceptance
