@@ -1,4 +1,4 @@
-"""Reference pages and the picture of the README, made from the source: `python docs/builders/reference.py DOCS`."""
+"""Reference pages and pictures, made from the source: `python docs/builders/reference.py DOCS`."""
 
 import math
 import sys

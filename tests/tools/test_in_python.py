@@ -9,6 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import trihedron as th
+import user_script
 from simulated_bench import random_bench, simulated
 from trihedron.tools.arguments import in_python
 from trihedron.tools.errors import InputError
@@ -143,3 +144,8 @@ def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp
         th.export_notebook("monday.csv")
     with pytest.raises(InputError, match=r"a notebook is an \.ipynb file"):
         th.export_notebook("monday.csv", out="monday.py")
+
+
+def test_a_script_as_a_user_writes_it_runs(tmp_path):
+    assert 0.0 < user_script.bench(tmp_path) < 1e-4
+    assert user_script.wrong() == "missing.csv: no such file"
