@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 from ..calibration.targets import NAMES
 from ..diagnosis.calibrated import JointCalibration
+from ..diagnosis.cause import SizedParameter
 from ..diagnosis.cross_gain import Applied
-from ..diagnosis.several import JointCause, Repeated, Several
+from ..diagnosis.several import InOneRecord, JointCause, Repeated, Several
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, minus, sentence, unit_text
 from ..instrument import Entries, Entry, Trend
@@ -33,12 +34,9 @@ def lines(result: Several) -> list[str]:
     if result.missing:
         said.append(f"still open: {', '.join(result.missing)}")
     if result.radius is not None:
-        with_them = (
-            "" if result.radius_with_causes is None else f", with the causes {residual(result.radius_with_causes)}"
-        )
-        said.append(
-            f"shared parameters, radius {residual(result.radius)}{with_them}: {', '.join(result.shared) or 'none'}"
-        )
+        best = result.radius_with_causes
+        radius = residual(result.radius) + ("" if best is None else f", with the causes {residual(best)}")
+        said.append(f"shared parameters, radius {radius}: {', '.join(result.shared) or 'none'}")
     for one in result.records:
         alone = f"{one.record} by itself: {one.diagnosis.verdict}{_named(one.diagnosis.causes)}"
         said.append(alone + ("" if one.left_out is None else f"; not judged with the others: {one.left_out}"))
@@ -107,10 +105,8 @@ def verdict_line(result: Several) -> str:
 
 def sentences(result: Several) -> list[str]:
     """What is found, whose it is, with its sizes."""
-    said = []
-    for number, causes in enumerate((result.causes, *result.alternatives)[:MOST_SETS]):
-        head = "or: " if number else ""
-        said += [f"{head}{cause_text(cause)}" for cause in causes]
+    sets = (result.causes, *result.alternatives)[:MOST_SETS]
+    said = [f"{'or: ' if number else ''}{cause_text(cause)}" for number, causes in enumerate(sets) for cause in causes]
     if len(result.alternatives) >= MOST_SETS:
         said.append(f"... and {len(result.alternatives) - MOST_SETS + 1} sets more")
     if result.verdict == "ambiguous":
@@ -123,12 +119,15 @@ def sentences(result: Several) -> list[str]:
 def cause_text(cause: JointCause) -> str:
     """A cause with its owner and its sizes."""
     owner = "the instrument's" if cause.of == "instrument" else f"the run's, {cause.record} alone"
-    sizes = []
-    for p in cause.parameters:
-        value, low, high = interval(p.estimate, p.low, p.high)
-        sizes.append(f"{p.name} {value} {unit_text(p.unit)} ({low} to {high})")
+    sizes = [f"{p.name} {_possible(p, p.unit)}" for p in cause.parameters]
     same = f"; these records cannot tell it from {', '.join(cause.equivalents)}" if cause.equivalents else ""
     return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
+
+
+def _possible(one: SizedParameter | InOneRecord, unit: str | None = None) -> str:
+    """What is stated, in a unit where one is said, and the ends of what is possible."""
+    value, low, high = interval(one.estimate, one.low, one.high)
+    return f"{value}{'' if unit is None else f' {unit_text(unit)}'} ({low} to {high})"
 
 
 def page(result: Several) -> Page:
@@ -181,10 +180,7 @@ def _repeatability(found: Sequence[Repeated]) -> list[Section]:
     labels = [record.record for record in found[0].records]
     rows: list[list[Cell]] = []
     for one in found:
-        cells: list[Cell] = []
-        for record in one.records:
-            value, low, high = interval(record.estimate, record.low, record.high)
-            cells.append(f"{value} ({low} to {high})" if record.estimate is not None else None)
+        cells = [None if record.estimate is None else _possible(record) for record in one.records]
         most = None if one.at_most is None else upwards(one.at_most)
         rows.append([words(one.name), one.of, *cells, downwards(one.at_least), most, unit_text(one.unit)])
     header = ["parameter", "of", *labels, "changes at least", "at most", "unit"]
@@ -209,9 +205,8 @@ def joint_calibration_lines(result: JointCalibration) -> list[str]:
     """The verdict; each parameter, the instrument's first, with its interval."""
     said = [CALIBRATED[result.verdict], f"{len(result.records)} records, radius {residual(result.radius)}"]
     for p in (p for p in result.parameters if p.estimate is not None):
-        value, low, high = interval(p.estimate, p.low, p.high)
         where = "" if p.record is None else f" in {p.record}"
-        said.append(f"{words(p.name)}{where}: {value} {unit_text(p.unit)} ({low} to {high})")
+        said.append(f"{words(p.name)}{where}: {_possible(p, p.unit)}")
     return said + ([f"still open: {', '.join(result.missing)}"] if result.missing else [])
 
 
