@@ -170,7 +170,7 @@ class Measurement:
         if self.diagnosing.ended():
             self.news.append(("diagnosis", self.diagnosing.found))
         if self.session.standing.against and self.session.worst is not None and self.diagnosing.wants(self.session):
-            self.diagnosing.start(self.session, self.kept.positions_file, [])
+            self.diagnosing.start(self.session, self.kept.positions_file, self.kept.beside("diagnosis.html"))
 
     def moment(self, source: Source, silent_s: float, *, ended: bool = False) -> Moment:
         """What is now, for views; the news are told once."""
@@ -233,10 +233,8 @@ def _ended(
         one._visited(one.watch.end())
         one.kept.positions(one.session.record())
     if one.session.worst is not None:
-        while one.diagnosing.running:
-            one.diagnosing.ended(PAUSE_S)
-        files = ["--report", str(one.kept.beside("diagnosis.html"))]
-        one.diagnosing.start(one.session, one.kept.positions_file, files)
+        if one.diagnosing.wants(one.session):
+            one.diagnosing.start(one.session, one.kept.positions_file, one.kept.beside("diagnosis.html"))
         while one.diagnosing.running:
             if one.diagnosing.ended(PAUSE_S):
                 one.news.append(("diagnosis", one.diagnosing.found))

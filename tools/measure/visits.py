@@ -23,6 +23,7 @@ from ..records.rests import (
     find_stops,
     quiet_tolerance,
     reading_floor,
+    smallest_step,
     tested,
 )
 from ..rounding import digits, upwards
@@ -109,7 +110,7 @@ class Watch:
         self._count, self._done = 0, 0
         self._anchor, self._seen = 0, 0
         self._found, self._lasted, self._sense = 0, [], [0, 0]
-        self._resolution = 0.0
+        self._resolution, self._steps = 0.0, [np.inf, np.inf]
         self._present, self._looked, self._cost = Present(), 0.0, 0.0
 
     def take(self, rows: NDArray, resolution: float = 0.0) -> list[Visit]:
@@ -186,7 +187,10 @@ class Watch:
     def _stops(self, raw: RawRecord) -> tuple[NDArray, NDArray, list[tuple[int, int]]]:
         """Angles (n, 2), what a rest may spread, and the stops that are not done."""
         angles = angles_of(raw)
-        tolerance = np.array([quiet_tolerance(angles[:, k]) for k in range(2)]) if len(raw) >= WINDOW else np.zeros(2)
+        if len(raw) < WINDOW:
+            return angles, np.zeros(2), []
+        self._steps = [min(step, smallest_step(angles[:, k])) for k, step in enumerate(self._steps)]
+        tolerance = np.array([quiet_tolerance(angles[:, k], self._steps[k]) for k in range(2)])
         return angles, tolerance, [stop for stop in find_stops(angles, tolerance) if stop[1] >= self._done]
 
     def _over(self, end: int, *, ended: bool = False) -> list[Visit]:

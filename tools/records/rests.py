@@ -280,17 +280,22 @@ def without_turns(angle: np.ndarray) -> np.ndarray:
     return result
 
 
-def quiet_tolerance(angle: np.ndarray) -> float:
+def smallest_step(angle: np.ndarray) -> float:
+    """The smallest change of an encoder's reading from row to row that is no move [rad]; infinite where none is."""
+    steps = np.abs(np.diff(angle))
+    return float(steps[(steps > 0.0) & (steps <= COARSEST_ENCODER)].min(initial=math.inf))
+
+
+def quiet_tolerance(angle: np.ndarray, step: float | None = None) -> float:
     """Spread of one encoder's readings over a rest, from the record's own quiet stretches [rad].
 
     Some hundredths of the record at least are taken to be at rest on this axis: the lowest hundredth of the
     spread over short windows is then a rest's, a tenth of the spread over a long rest at most. An encoder whose
-    last digit seldom changes shows it in its smallest step.
+    last digit seldom changes shows it in its smallest step, which is given where more is known than these rows.
     """
     spread = np.quantile(_window_spread(angle), 0.01)
-    steps = np.abs(np.diff(angle))
-    steps = steps[(steps > 0.0) & (steps <= COARSEST_ENCODER)]
-    digit = float(steps.min()) if steps.size else 0.0
+    step = smallest_step(angle) if step is None else step
+    digit = step if math.isfinite(step) else 0.0
     return min(max(10.0 * float(spread), 1.5 * digit, LEAST_TOLERANCE), GREATEST_TOLERANCE)
 
 

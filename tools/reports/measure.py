@@ -80,7 +80,8 @@ def present_text(session: Session, present: Present) -> str:
     scatter = f"settled for {digits(present.kept_s, 3)} s, scatter {upwards(present.scatter, 2)} of the noise bound"
     if present.why:
         return f"{lasted}: not good so far: {present.why}"
-    return f"{lasted}: {scatter}; {'good: go on' if present.state == 'enough' else 'stay'}"
+    enough = "good: go on" if len(session.left) > 1 else "good: leave it, or end"
+    return f"{lasted}: {scatter}; {enough if present.state == 'enough' else 'stay'}"
 
 
 def visit_text(session: Session, visit: Visit) -> str:

@@ -1,0 +1,236 @@
+"""A measurement from its first reading to its verdict, by an operator who does what he is told: page and terminal.
+
+The table is made of the FMUs, and goes where the view says. One rest is bad, the program is killed once and taken up
+again; then the same with an effect hidden in the table.
+"""
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from browser import Window
+from simulated_table import SimulatedTable
+from trihedron.tools.records import PositionRecord, read_record
+
+pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name != "posix", reason="a terminal of POSIX")]
+
+PLAN = Path(__file__).resolve().parents[2] / "scenarios" / "static-calibration-positions.csv"
+HARMONIC = {"effect": "encoder-harmonic", "where": "inner-axis", "order": 2, "amplitude": 8e-5, "phase": 0.7}
+SECONDS = 180.0
+"""So long anything may take on a machine that does other things, too."""
+NEXT = re.compile(r"(next|repeat) position (\d+) of (\d+): α (-?[\d.]+)°, β (-?[\d.]+)°")
+
+
+def waited(seen: Callable[[], object], what: str) -> object:
+    """What is seen at last."""
+    ends = time.monotonic() + SECONDS
+    while time.monotonic() < ends:
+        if found := seen():
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"not seen: {what}")
+
+
+class Program:
+    """`trihedron measure` as a process, with what it says in its terminal."""
+
+    def __init__(self, folder: Path, *more: str) -> None:
+        command = [sys.executable, "-m", "trihedron.tools.cli", "measure", str(PLAN), "--from", "growing.csv"]
+        command += ["--out", "monday.csv", "--noise-bound", "1e-5", "--dwell", "5", "--json", "done.json", *more]
+        ours, theirs = pty.openpty()
+        environment = os.environ | {"COLUMNS": "400", "LINES": "50"}
+        self.process = subprocess.Popen(
+            command, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, env=environment, close_fds=True
+        )
+        os.close(theirs)
+        self._terminal, self._said = ours, b""
+
+    def said(self) -> str:
+        """All that stands in the terminal."""
+        while select.select([self._terminal], [], [], 0.0)[0]:
+            try:
+                piece = os.read(self._terminal, 1 << 16)
+            except OSError:
+                break
+            if not piece:
+                break
+            self._said += piece
+        return self._said.decode("utf-8", "replace")
+
+    def typed(self, text: str) -> None:
+        os.write(self._terminal, text.encode())
+
+    def killed(self) -> None:
+        """As by a power cut."""
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def ended(self) -> int:
+        waited(lambda: self.said() is not None and self.process.poll() is not None, "the end")
+        return self.process.returncode
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        os.close(self._terminal)
+
+
+class Terminal:
+    """An operator who reads the terminal."""
+
+    options: tuple[str, ...] = ()
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+
+    def text(self) -> str:
+        return self.program.said()
+
+    def next(self) -> str:
+        said = re.findall(r"(?:next|repeat) position [^\r\n]*|all positions are measured", self.text())
+        return said[-1].strip() if said else ""
+
+    def yes(self) -> None:
+        number = re.findall(r"\(type (\d+) for yes\)", self.text())[-1]
+        self.program.typed(f"{number}\n")
+
+    def proposed(self) -> bool:
+        return "for yes)" in self.text()
+
+    def end(self) -> None:
+        self.program.typed("end\n")
+
+    def sees_the_loss(self) -> bool:
+        return self.program.process.poll() is not None
+
+
+class Page:
+    """An operator who looks at the page."""
+
+    options = ("--serve",)
+
+    def __init__(self, program: Program, window: Window) -> None:
+        self.program, self.page = program, window.page
+        found = waited(lambda: re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.said()), "the address")
+        window.open(found[0], 1280)  # type: ignore[index]
+        window.page.wait_for_selector("#next")
+
+    def text(self) -> str:
+        # its terminal is read, too: a program waits for one that is full
+        self.program.said()
+        return self.page.inner_text("main")
+
+    def next(self) -> str:
+        self.program.said()
+        return self.page.inner_text("#next").strip()
+
+    def yes(self) -> None:
+        self.page.click(".proposal button")
+
+    def proposed(self) -> bool:
+        return self.page.locator(".proposal button:enabled").count() > 0
+
+    def end(self) -> None:
+        self.page.once("dialog", lambda dialog: dialog.accept())
+        self.page.click("#end")
+
+    def sees_the_loss(self) -> bool:
+        return self.page.is_visible("#lost") and "is lost since" in self.page.inner_text("#lost")
+
+
+@pytest.fixture(params=["terminal", "page"])
+def operator(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[..., Terminal | Page]]:
+    """Starts the program and sits down before its terminal or its page."""
+    programs: list[Program] = []
+    window = request.getfixturevalue("window") if request.param == "page" else None
+
+    def start(*more: str) -> Terminal | Page:
+        kind = Terminal if window is None else Page
+        programs.append(Program(tmp_path, *kind.options, *more))
+        return Terminal(programs[-1]) if window is None else Page(programs[-1], window)
+
+    yield start
+    for program in programs:
+        program.close()
+
+
+def measured(operator: Terminal | Page, table: SimulatedTable, count: int, *, knocked: int | None = None) -> list[str]:
+    """Go where it is said, so many times; gives where that was."""
+    gone: list[str] = []
+    for _ in range(count):
+        said = str(waited(lambda: NEXT.match(operator.next()) and operator.next(), "where to go"))
+        to = NEXT.match(said)
+        assert to is not None
+        table.go(float(to[4]), float(to[5]), knocked=len(gone) == knocked)
+        gone.append(said)
+        # the rest is over when the table leaves it
+        left = float(to[4]) + 4.0
+        table.go(left, float(to[5]), 0.5)
+        waited(lambda before=said: operator.next() != before, f"another than {said}")
+    return gone
+
+
+def test_24_positions_with_a_bad_rest_and_a_kill(operator, tmp_path: Path):
+    table = SimulatedTable(tmp_path / "growing.csv", seed=3)
+    first = operator()
+    gone = measured(first, table, 9, knocked=5)
+    assert gone[6].startswith("repeat position 6 of 24")
+    assert "a knock in row" in first.text()
+    assert not gone[7].startswith("repeat")
+    first.program.killed()
+    waited(first.sees_the_loss, "the loss")
+    table.go(*(200.0, 25.0))
+    second = operator("--resume")
+    measured(second, table, 15)
+    waited(lambda: "the promise is reached" in second.text() and "you can stop" in second.text(), "the promise")
+    assert second.next() == "all positions are measured"
+    second.end()
+    assert second.program.ended() == 0
+    done = json.loads((tmp_path / "done.json").read_text(encoding="utf-8"))
+    assert (done["done"], done["planned"], done["promise_reached"], done["verdict"]) == (24, 24, True, "consistent")
+    assert [rest["rest"] for rest in done["rests"] if not rest["counts"]] == [6]
+    assert (tmp_path / "monday.csv").read_bytes() == table.file.read_bytes()
+    ours = read_record(tmp_path / "monday.positions.csv", PositionRecord)
+    usual = read_record(table.file, PositionRecord)
+    np.testing.assert_array_equal(ours.specific_force, usual.specific_force)
+    np.testing.assert_array_equal(ours.alpha, usual.alpha)
+    assert 'class="verdict good"' in (tmp_path / "monday.diagnosis.html").read_text(encoding="utf-8")
+
+
+def test_a_hidden_effect_is_noticed_and_named_at_the_table(operator, tmp_path: Path):
+    table = SimulatedTable(tmp_path / "growing.csv", seed=1, hidden=[HARMONIC])
+    view = operator()
+    noticed = 0
+    for k in range(24):
+        measured(view, table, 1)
+        if not noticed and "no parameters explain the readings" in view.text():
+            noticed = k + 1
+    assert 8 < noticed < 24, "noticed while it is measured"
+    waited(lambda: "diagnosis of 24 positions" in view.text(), "the diagnosis of all")
+    assert "ambiguous" in view.text()
+    waited(view.proposed, "what decides")
+    view.yes()
+    waited(lambda: NEXT.match(view.next()), "the deciding positions in the plan")
+    added = 0
+    while view.next() != "all positions are measured":
+        measured(view, table, 1)
+        added += 1
+    assert 1 <= added <= 4
+    waited(lambda: "the cause is encoder-harmonic inner-axis order 2" in view.text(), "the cause")
+    view.end()
+    assert view.program.ended() == 0
+    done = json.loads((tmp_path / "done.json").read_text(encoding="utf-8"))
+    assert (done["verdict"], done["causes"]) == ("explained", ["encoder-harmonic inner-axis order 2"])
+    assert done["added"] >= added
