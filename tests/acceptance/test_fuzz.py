@@ -100,6 +100,8 @@ SINCE = {
     "apply {} measured.csv --out out.csv --json out.json": (30, "diagnosis.json"),
     "calibrate {} second.csv --noise-bound 1e-5 --json out.json --report out.html": (10, RECORD),
     "simulate {} --stop 0.5 --out out --plot out.html": (10, "block.fmu"),
+    "compare {} second.csv --within 1e-6 --report out.html --json out.json": (20, "clean.csv raw.csv strapdown.csv"),
+    "plot {} out.html": (10, "clean.csv strapdown.csv"),
 }
 """The same of commands that came later, tried by part of the seeds: what a seed of FOUND tries stays as it was."""
 PART_SINCE = 0.08
