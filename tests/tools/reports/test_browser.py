@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,6 +19,9 @@ PAGES = (
     "block, explained",
     "plans",
 )
+
+
+MARGIN: Any = dict.fromkeys(("top", "bottom", "left", "right"), "12mm")
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +48,16 @@ def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages, window: Win
             assert all(w > 5 and h > 5 for w, h in seen["pictures"]), where
             assert seen["height"] > 900, where
     assert window.complaints == []
+
+
+def test_printed_pages_are_not_half_empty(pages, window: Window):
+    for size, most in (("A4", 54), ("Letter", 60)):
+        sheets = 0
+        for page in pages.values():
+            window.open(page, 720, printed=True)
+            sheets += len(re.findall(rb"/Type\s*/Page\b", window.page.pdf(format=size, margin=MARGIN)))
+        # Without the rules of style for print they are 62 of A4 and more of Letter.
+        assert sheets <= most, size
 
 
 def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path, window: Window):
