@@ -130,11 +130,11 @@ class Page:
     def text(self) -> str:
         # its terminal is read, too: a program waits for one that is full
         self.program.said()
-        return self.page.inner_text("main")
+        return self.page.inner_text("main").lower()
 
     def next(self) -> str:
         self.program.said()
-        return self.page.inner_text("#next").strip()
+        return self.page.inner_text("#next").strip().lower()
 
     def yes(self) -> None:
         self.page.click(".proposal button")

@@ -38,6 +38,7 @@ WAIT_S = 10.0
 """So long a connection may take its time."""
 MOST_WORDS = 16
 """That wait to be heard."""
+ABOVE = 8.0
 POLICY = "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 PLOT = (720.0, 220.0, 44.0, 26.0)
 """Width, height, room on the left and below of the picture."""
@@ -180,6 +181,7 @@ def _template() -> "Template":
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["sentence"] = lambda text: text[:1].upper() + text[1:]
     return environment.from_string(_text("live", "page.html"))
 
 
@@ -249,7 +251,7 @@ def _picture(session: Session) -> dict[str, Any]:
 
     def y(share: float) -> float:
         part = log(min(max(share, 0.8), top) / 0.8) / log(top / 0.8)
-        return round((height - below) * (1.0 - part) + 2.0, 1)
+        return round((height - below - ABOVE) * (1.0 - part) + ABOVE, 1)
 
     lines = []
     for name in session.programme.promised:
@@ -261,7 +263,6 @@ def _picture(session: Session) -> dict[str, Any]:
         "width": width,
         "height": height,
         "left": left,
-        "base": height - below + 2.0,
         "promise": y(1.0),
         "lines": [line for line in lines if line],
         "dots": [line for line in lines if line and " " not in line],

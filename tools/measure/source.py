@@ -64,6 +64,7 @@ class Stream:
 
     def __init__(self, file: BinaryIO, name: str) -> None:
         self.name, self.trouble = name, ""
+        self._file = file
         self._pieces: queue.Queue[bytes | None] = queue.Queue(WAITING)
         self._ended = False
         threading.Thread(target=self._listen, args=(file.fileno(),), daemon=True).start()
@@ -92,7 +93,9 @@ class Stream:
         return None if self._ended and not found else b"".join(found)
 
     def close(self) -> None:
-        """The thread ends with the process."""
+        """Standard input is the process's, and what still waits for its writer ends with it."""
+        if self._ended and self._file is not getattr(sys.stdin, "buffer", None):
+            self._file.close()
 
 
 class SerialPort:

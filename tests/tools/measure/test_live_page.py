@@ -96,7 +96,7 @@ def test_the_page_shows_what_is_and_says_when_it_is_alone(server: PageServer, mo
         seen = window.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
         assert seen == [width, width]
     text = window.page.inner_text("body")
-    assert "repeat position 2 of 12: α 20°, β 145°" in text
+    assert "Repeat position 2 of 12: α 20°, β 145°" in text
     assert "a knock in row" in text
     assert window.page.locator("tr .state-done, td.state-done").count() == 2
     assert window.complaints == []
