@@ -17,6 +17,7 @@ from .records.read import table_of
 from .result import Result
 
 TIME, POSITION = "time_s", "position"
+LARGEST = float(np.finfo(float).max)
 RUNS = ("run.parquet", "run.csv")
 """What a run's folder holds."""
 
@@ -102,8 +103,11 @@ def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
         one = table[column].cast(pl.Float64).to_numpy()[kept]
         values = before[column].cast(pl.Float64).to_numpy()
         two = values[places] if places.dtype.kind == "i" else np.interp(places, before[TIME].to_numpy(), values)
-        left = np.where(np.isfinite(one) & np.isfinite(two), two - one, np.nan)
-        found.append(_difference(column, time, one, two, limits[column]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            # Numbers near the largest have differences that are none.
+            left = np.clip(two - one, -LARGEST, LARGEST)
+        left[~(np.isfinite(one) & np.isfinite(two))] = np.nan
+        found.append(_difference(column, time, (one, two, left), limits[column]))
         differences[column] = left
         both |= {f"first {column}": one, f"second {column}": two}
     apart = [
@@ -125,18 +129,19 @@ def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
     )
 
 
-def _difference(column: str, time: NDArray, one: NDArray, two: NDArray, limit: float) -> Difference:
-    known = np.isfinite(one) & np.isfinite(two)
+def _difference(column: str, time: NDArray, values: tuple[NDArray, NDArray, NDArray], limit: float) -> Difference:
+    one, two, left = values
+    known = np.isfinite(left)
     one_only = int(np.count_nonzero(np.isfinite(one) != np.isfinite(two)))
     if not known.any():
         zero = {"largest": 0.0, "rms": 0.0, "time_s": float(time[0]), "first": 0.0, "second": 0.0}
         return Difference(column=column, **zero, one_only=one_only, within=one_only == 0)
-    size = np.where(known, np.abs(two - one), -1.0)
+    size = np.where(known, np.abs(left), -1.0)
     at = int(np.argmax(size))
     return Difference(
         column=column,
         largest=float(size[at]),
-        rms=float(np.sqrt(np.mean(np.square(size[known])))),
+        rms=float(size[at] * np.sqrt(np.mean(np.square(size[known] / (size[at] or 1.0))))),
         time_s=float(time[at]),
         first=float(one[at]),
         second=float(two[at]),
@@ -201,7 +206,7 @@ def read_table(source: Any) -> tuple[str, pl.DataFrame]:
     if TIME not in table.columns or not table.schema[TIME].is_numeric() or not table.height:
         raise InputError(f"{name}: has no times (column time_s); a run or a record is needed")
     time = table[TIME].to_numpy().astype(float)
-    if not np.isfinite(time).all() or np.any(np.diff(time) < 0.0):
+    if not np.isfinite(time).all() or np.any(time[1:] < time[:-1]):
         raise InputError(f"{name}: time_s runs back, or is not known in every row")
     return name, table
 

@@ -55,6 +55,13 @@ def test_rows_that_are_missing_and_values_that_are_not_known_are_differences():
     assert th.compare(run(a_deg=values), run(a_deg=values)).verdict == "same"
 
 
+def test_numbers_near_the_largest_have_a_largest_difference():
+    values = np.where(TIME == 0.0, 1.5e308, 0.0)
+    found = th.compare(run(f1_mps2=values), run(f1_mps2=-values)).columns[1]
+    assert found.largest == np.finfo(float).max
+    assert found.rms == pytest.approx(found.largest / np.sqrt(501), rel=1e-9)
+
+
 def test_positions_belong_together_by_their_numbers():
     table = th.hide(1).record.to_polars()
     found = th.compare(table, table[::-1].with_columns(table["time_s"]))
