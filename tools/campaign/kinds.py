@@ -401,6 +401,8 @@ class HiddenRuns:
             except InputError as error:
                 raise InputError(f"hidden.suite: {str(error).removeprefix('--suite ')}") from error
             self.options, self.seed = named.options, named.seed
+            if named.options.records > 1 and self.keep.record:
+                raise InputError(f"keep.record: is of one record a run; suite {setting.suite} has several")
         else:
             size = setting.size
             self.options = trials.Options(setting.mode, tuple(setting.effects), setting.positions, setting.noise, size)

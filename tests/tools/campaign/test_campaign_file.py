@@ -81,6 +81,7 @@ def test_what_a_campaign_file_cannot_say_is_refused_in_one_line(text, message):
         (HEAD + "[calibration]\n[parameters]\ngamma_12 = { values = [1] }\n", "parameters.gamma_12: is not known"),
         (HEAD + "[calibration]\n[[compute]]\nquantiles = ['verdict']\n", "is a text"),
         (HEAD + "[hidden]\nsuite = 'doubles'\n", "hidden.suite: doubles"),
+        (HEAD + "[hidden]\nsuite = 'triples'\n[keep]\nrecord = true\n", "keep.record: is of one record a run"),
         (HEAD + "[hidden]\neffects = ['quadratc']\n", "did you mean 'quadratic'?"),
     ],
 )
