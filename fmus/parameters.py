@@ -146,6 +146,28 @@ def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
     return {name: (low[name], high[name]) for name, value in told.items() if isnan(value)}
 
 
+def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]] | None:
+    """Parameters of the gyros, and what is possible of their scalars, that a calibration tells; None where none.
+
+    Raises
+    ------
+    ValueError
+        for what is no calibration as its schema says
+    """
+    found = _gyros(calibration, 0.0)
+    if not found:
+        return None
+
+    def side(end: str) -> dict[str, float]:
+        entries = [{"symbol": entry["symbol"], "estimate": entry[end]} for entry in calibration["gyros"]["parameters"]]
+        return elements_of(_gyros({"gyros": {"parameters": entries}}, 0.0)["GyroBlock"])
+
+    with _complete():
+        low, high = side("low"), side("high")
+    own = {name: value for name, value in found["GyroBlock"].items() if name != "gravity"}
+    return own, {name: (low[name], high[name]) for name in elements_of(own)}
+
+
 def elements_of(values: Parameters) -> dict[str, float]:
     """Values of scalars by their names, `gamma_21` or `bias[1]`."""
     found: dict[str, float] = {}

@@ -15,17 +15,21 @@ from pydantic import Field
 from ...fmus import components
 from ...fmus.parameters import (
     JOINT_CALIBRATION,
+    Interval,
+    Parameters,
     calibrated_block,
+    calibrated_gyros,
     calibrated_intervals,
     checked_number,
     of_one_record,
     parameter_set,
 )
+from ...models.bench_turns import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, whole_file
-from ..records import PositionRecord, RawRecord, Source, StrapdownRecord, read_record
+from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
-from ..result import Result
+from ..result import ABSENT, Result
 from ..rounding import exactly
 from .model import checked_mounting
 from .targets import corners
@@ -33,10 +37,47 @@ from .targets import corners
 if TYPE_CHECKING:
     from polars import DataFrame
 
+WELL_POSED = 1e3
+"""Gyros whose matrix is conditioned worse measure no three rates."""
 ARCSEC = math.radians(1 / 3600)
 
 Measured = PositionRecord | RawRecord | StrapdownRecord
 """What can be corrected."""
+
+
+@dataclass(frozen=True)
+class GyroCorrection:
+    """The inverse of calibrated gyros, but for their lag [s], which stays in what they read.
+
+    `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g].
+    """
+
+    bias: NDArray
+    matrix: NDArray
+    sensitivity: NDArray
+    lag: float
+
+    @staticmethod
+    def of(calibration: Mapping[str, Any]) -> "GyroCorrection | None":
+        """The gyros of a calibration's object; None where it has none, or not all of them."""
+        if not isinstance(calibration.get("gyros"), Mapping):
+            return None
+        try:
+            known = {entry["symbol"]: entry["estimate"] for entry in calibration["gyros"]["parameters"]}
+            if None in (given := [known[symbol] for symbol in GYRO_PARAMETERS]):
+                return None
+        except (KeyError, TypeError) as error:
+            raise ValueError("its gyros are not as the schema says; calibrate again") from error
+        numbers = zip(given, GYRO_PARAMETERS, strict=True)
+        values = np.array([checked_number(value, symbol) for value, symbol in numbers])
+        matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
+        if not np.linalg.cond(matrix) < WELL_POSED:
+            raise ValueError("the gyros' scale factors and misalignments have no inverse")
+        return GyroCorrection(values[BIAS], matrix, values[SENSITIVITY].reshape(3, 3), float(values[LAG]))
+
+    def corrected(self, reading: NDArray, n: NDArray, seconds: NDArray | float = 1.0) -> NDArray:
+        """Rates (N, 3) [rad/s], or integrals over (N, 1) [s], from readings, at inputs (N, 3) [g]."""
+        return np.linalg.solve(self.matrix, (reading - seconds * (self.bias + n @ self.sensitivity.T)).T).T
 
 
 @dataclass(frozen=True)
@@ -58,6 +99,7 @@ class Correction:
     high: NDArray
     mounting: NDArray | None = None
     of_record: str = ""
+    gyros: GyroCorrection | None = None
 
 
 def read_correction(path: Path, sha256: str = "") -> Correction:
@@ -88,10 +130,11 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
         if not min(plus.min(), minus.min()) > 0.0:
             raise ValueError("a scale factor or the gravity is not positive; the block has no inverse")
         low, high = _reading_errors(calibration)
+        gyros = GyroCorrection.of(calibration)
     except ValueError as error:
         raise InputError(f"{where}: {error}") from error
     bias, mounting = np.array(block["bias"]), _mounting(calibration)
-    return Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record)
+    return Correction(block["gravity"], plus, minus, gamma, bias, low, high, mounting, record, gyros)
 
 
 def _mounting(calibration: Mapping[str, Any]) -> NDArray | None:
@@ -250,6 +293,8 @@ class Application(Result):
         of the `Correction`
     rows : int
         of the record
+    gyros : str
+        "corrected" where calibration and record have gyros
     levelled_at : str
         where the vertical was looked at: "positions", "rests" or "rows"
     levelling_error : LevellingError
@@ -270,6 +315,7 @@ class Application(Result):
     rows: int
     levelled_at: Literal["positions", "rests", "rows"]
     levelling_error: LevellingError = Field(alias="levelling_error_rad")
+    gyros: Literal["corrected"] = ABSENT
     warnings: list[str]
     correction: Correction = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
     record: Measured = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
@@ -308,6 +354,17 @@ def apply_calibration(
     own = f"what each record has of its own is that of {correction.of_record}, the last that was calibrated"
     gained = levelling(correction, still.specific_force / correction.gravity, noise_bound)
     before, after = gained.worst
+    further: dict[str, Any] = {"specific_force": better}
+    told: dict[str, Any] = {}
+    gyros = correction.gyros if isinstance(measured, BenchRecord | StrapdownRecord) else None
+    if gyros is not None and isinstance(measured, BenchRecord | StrapdownRecord):
+        n, time, told = better / correction.gravity, measured.time_s, {"gyros": "corrected"}
+        if measured.rate is not None:
+            further["rate"] = gyros.corrected(measured.rate, n)
+        elif measured.increment is not None:
+            steps = np.diff(time)
+            seconds = np.append(np.median(steps) if len(steps) else 0.0, steps)[:, None]
+            further["increment"] = gyros.corrected(measured.increment, n, seconds)
     return Application(
         gravity_mps2=correction.gravity,
         scale_plus=correction.plus.tolist(),
@@ -319,7 +376,8 @@ def apply_calibration(
         levelling_error_rad=LevellingError(as_read=before, corrected_at_most=after),
         warnings=[*measured.warnings, *([own] if correction.of_record else [])],
         correction=correction,
-        record=replace(measured, specific_force=better),
+        record=replace(measured, **further),
+        **told,
         levelling=gained,
     )
 
@@ -327,26 +385,37 @@ def apply_calibration(
 def write_parameter_set(result: Result, path: Path) -> None:
     """Write the calibrated block as an .ssv file, values with their intervals; both components have these parameters.
 
-    Of a calibration of several records with the biases of the last. An InputError when the calibration is not
-    consistent, or a value is beyond what the components take.
+    Calibrated gyros go into a file of their own, NAME-gyros.ssv. Of a calibration of several records with the biases of
+    the last. An InputError when the calibration is not consistent, or a value is beyond what the components take.
     """
     try:
         content = of_one_record(result.to_json())
         block, intervals = calibrated_block(content), calibrated_intervals(content)
     except ValueError as error:
         raise InputError(f"--ssv {path}: {error}") from error
-    component = components()["AccelerometerBlock"]
+    about, made_of = "an accelerometer block", content.get("provenance")
+    if made_of is not None:
+        about = f"{made_of['record']} (SHA-256 {made_of['record_sha256'] or 'none'})"
+    text = f"Calibration of {about}, noise bound {exactly(content['noise_bound'])} g, case (A1)"
+    of_gyros = calibrated_gyros(content)
+    sets = [(path, "AccelerometerBlock", block, intervals)]
+    if of_gyros is not None:
+        sets.append((path.with_name(f"{path.stem}-gyros{path.suffix}"), "GyroBlock", *of_gyros))
+    made = [(at, _checked_set(at, name, values, ends, text)) for at, name, values, ends in sets]
+    for at, written in made:
+        with whole_file(at) as beside:
+            beside.write_bytes(written)
+
+
+def _checked_set(path: Path, name: str, values: Parameters, intervals: Mapping[str, Interval], text: str) -> bytes:
+    """The parameter set of a component; an InputError for values beyond what it takes."""
+    component = components()[name]
     for variable in component.interface:
-        value = block.get(variable.name, [])
+        value = values.get(variable.name, [])
         for number in value if isinstance(value, list) else [value]:
             least, most = variable.within
             if (least is not None and number < least) or (most is not None and number > most):
                 raise InputError(
                     f"--ssv {path}: {variable.name} = {exactly(number)} is beyond what the component takes"
                 )
-    about, made_of = "an accelerometer block", content.get("provenance")
-    if made_of is not None:
-        about = f"{made_of['record']} (SHA-256 {made_of['record_sha256'] or 'none'})"
-    text = f"Calibration of {about}, noise bound {exactly(content['noise_bound'])} g, case (A1)"
-    with whole_file(path) as beside:
-        beside.write_bytes(parameter_set(component, block, text, intervals))
+    return parameter_set(component, values, text, intervals)

@@ -457,6 +457,9 @@ def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -
         f"as read up to {upwards(azimuth * before / ARCSEC, 3)}, "
         f"corrected at most {upwards(azimuth * after / ARCSEC, 3)}",
     ]
+    if result.gyros is not None and result.correction.gyros is not None:
+        lag = exactly(1e3 * result.correction.gyros.lag, 3)
+        lines.append(f"gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated; their lag of {lag} ms stays")
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
     return lines + [f"warning: {warning}" for warning in result.warnings]

@@ -248,18 +248,29 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     assert main([*alone, "--gyro-noise", "1e-5"]) == 2
     assert "--gyro-noise: gyros are calibrated where --latitude-deg and" in capsys.readouterr().err
     place = ["--latitude-deg", str(PLACE.latitude_deg), "--azimuth-deg", str(PLACE.azimuth_deg)]
-    assert main([*alone, *place, "--encoder-bound", "2e-6", "--json", "imu.json"]) == 0
+    assert main([*alone, *place, "--encoder-bound", "2e-6", "--json", "imu.json", "--ssv", "imu.ssv"]) == 0
     said = capsys.readouterr().out
     assert "the turns make X3 better known" in said
     assert "gyro-scale-misalignment-11" in said
     again = Calibration.model_validate_json((tmp_path / "imu.json").read_text(encoding="utf-8"))
     assert [e.symbol for e in gyros_of(again).parameters] == list(GYRO_PARAMETERS)
+    written = (tmp_path / "imu-gyros.ssv").read_text(encoding="utf-8")
+    assert f'value="{gyros_of(again).parameters[3].estimate!r}"' in written
+    assert "bias" in (tmp_path / "imu.ssv").read_text(encoding="utf-8")
     section = gyro_section(again)
     assert section is not None
     assert section.table is not None
     assert "misalignment of gyro 1 towards axis 2" in {row[1] for row in section.table.rows}
     assert main(["apply", "imu.json", "bench.csv", "--out", "better.csv"]) == 0
-    assert isinstance(read_record(tmp_path / "better.csv"), BenchRecord)
+    better = read_record(tmp_path / "better.csv")
+    assert isinstance(better, BenchRecord)
+    assert "gyros, too: w = (I + M)^-1 (reading - B - S n)" in capsys.readouterr().out
+    # At rest the Earth alone turns the block, and over a move the table does.
+    assert better.increment is not None
+    assert record.increment is not None
+    rate = [own[100:200].sum(axis=0) / 2.0 for own in (record.increment, better.increment)]
+    assert np.linalg.norm(rate[0]) > 5e-4
+    assert abs(np.linalg.norm(rate[1]) - 7.292e-5) < 4e-5
 
 
 def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, truth, tmp_path):
