@@ -38,7 +38,7 @@ WAIT_S = 10.0
 """So long a connection may take its time."""
 MOST_WORDS = 16
 """That wait to be heard."""
-ABOVE = 8.0
+ABOVE = 16.0
 POLICY = "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 PLOT = (720.0, 220.0, 44.0, 26.0)
 """Width, height, room on the left and below of the picture."""
@@ -247,7 +247,7 @@ def _picture(session: Session) -> dict[str, Any]:
     count = max(len(session.settings), len(history), 2)
 
     def x(k: int) -> float:
-        return round(left + (width - left - 8.0) * (k - 1) / (count - 1), 1)
+        return round(left + (width - left - ABOVE) * (k - 1) / (count - 1), 1)
 
     def y(share: float) -> float:
         part = log(min(max(share, 0.8), top) / 0.8) / log(top / 0.8)

@@ -64,7 +64,11 @@ class Kept:
         with said_writable(self.record):
             make_folders(self.record.parent)
             if not cut:
-                self._write(self.words_file, self._header)
+                try:
+                    self._write(self.words_file, self._header)
+                except BaseException:
+                    self.words_file.unlink(missing_ok=True)
+                    raise
             try:
                 self._held.enter_context(locked(self.words_file))
             except Taken:

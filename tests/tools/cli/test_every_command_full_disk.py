@@ -34,6 +34,8 @@ KEPT = ("campaign campaign.toml", "instrument show")
 ONCE = ("new", "instrument", "completion")
 """What is not done twice in one place."""
 WRITING = [c for c in QUICK if c.arguments[0] not in ("doctor",)]
+TOGETHER = [c for c in WRITING if c.arguments[0] != "measure"]
+"""Commands whose files appear together or not at all; what a measurement has kept stays."""
 FULL = """
 set -e
 mount -t tmpfs -o size=8k tmpfs "$1"
@@ -74,7 +76,7 @@ def test_a_full_disk(command: Command, here: Path, tmp_path: Path):
     "command",
     [
         pytest.param(c, marks=[] if c.title in SHORT else [pytest.mark.acceptance])
-        for c in WRITING
+        for c in TOGETHER
         if "out.json" in c.arguments
     ],
     ids=lambda c: c.title,
@@ -108,7 +110,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommand
 
 @pytest.mark.acceptance
 @pytest.mark.skipif(os.name == "nt", reason="limits of processes")
-@pytest.mark.parametrize("command", WRITING, ids=lambda c: c.title)
+@pytest.mark.parametrize("command", TOGETHER, ids=lambda c: c.title)
 def test_a_disk_that_ends_in_the_middle(command: Command, here: Path, tmp_path: Path, commands: ForkedCommands):
     """No file may be as large as one of those that the command writes, each of them in turn, but the smallest."""
     folder = tmp_path / "folder"

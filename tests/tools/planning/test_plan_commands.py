@@ -170,6 +170,9 @@ def test_the_plan_that_is_written(plan_folder: Path) -> None:
             assert one[name] / 0.05 == pytest.approx(round(one[name] / 0.05), abs=1e-6)
         assert not 30 < one["alpha_deg"] % 360 < 40
     page = (plan_folder / "operator.html").read_text(encoding="utf-8")
+    for column in ("α read [deg]", "β read [deg]", "remarks"):
+        assert f">{column}</th>" in page
+    assert page.count("_" * 10 + "</td>") >= 2 * 6, "room for both encoder readings at each position"
     assert "again no." in page
     rows = list(csv.DictReader((plan_folder / "table.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["order"] for row in rows] == [str(k) for k in range(1, 11)]
