@@ -71,18 +71,18 @@ def __dir__() -> list[str]:
 def _shown(result: Any, medium: str, *given: Any) -> Any:
     """What a person sees of a result: see `tools.shown`."""
     from .tools.document.blocks import notebook, text
-    from .tools.reports import MAKERS, document_of, figures, write_report, write_sheet
+    from .tools import reports
 
-    maker = MAKERS.get(type(result).__name__)
+    maker = reports.MAKERS.get(type(result).__name__)
     if maker is None:
         return None
     if medium in ("text", "notebook"):
-        return (text if medium == "text" else notebook)(document_of(result))
+        return (text if medium == "text" else notebook)(reports.document_of(result))
     if medium == "sheet":
-        return write_sheet(given[0], result, *given[1:])
+        return reports.write_sheet(given[0], result, *given[1:])
     if maker[2] is None:
         raise TypeError(f"a {type(result).__name__} has no page")
-    return write_report(given[0], result, given[1]) if medium == "page" else figures(result, *given)
+    return reports.write_report(given[0], result, given[1]) if medium == "page" else reports.figures(result, *given)
 
 
 tools.shown = _shown
