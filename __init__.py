@@ -70,8 +70,8 @@ def __dir__() -> list[str]:
 
 def _shown(result: Any, medium: str, *given: Any) -> Any:
     """What a person sees of a result: see `tools.shown`."""
-    from .tools.document.blocks import notebook, text
     from .tools import reports
+    from .tools.document.blocks import notebook, text
 
     maker = reports.MAKERS.get(type(result).__name__)
     if maker is None:
