@@ -33,9 +33,10 @@ _FUNCTIONS = {
         "simulate",
     ),
     "measured": (
-        *("apply", "attitude_of_record", "calibrate", "calibrate_together", "check"),
-        *("diagnose", "diagnose_together", "import_record", "inspect", "read_record"),
+        *("apply", "attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
+        *("import_record", "inspect", "read_record"),
     ),
+    "together": ("calibrate_together", "diagnose_together"),
 }
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))
 """In which module of the tools each name is; the stub beside this file says the same to those who check types."""

@@ -17,15 +17,16 @@ from .tools.library import run_campaign as run_campaign
 from .tools.library import simulate as simulate
 from .tools.measured import apply as apply
 from .tools.measured import attitude_of_record as attitude_of_record
+from .tools.measured import bench_at as bench_at
 from .tools.measured import calibrate as calibrate
-from .tools.measured import calibrate_together as calibrate_together
 from .tools.measured import check as check
 from .tools.measured import diagnose as diagnose
-from .tools.measured import diagnose_together as diagnose_together
 from .tools.measured import import_record as import_record
 from .tools.measured import inspect as inspect
 from .tools.measured import read_record as read_record
 from .tools.orchestrator import Simulation as Simulation
+from .tools.together import calibrate_together as calibrate_together
+from .tools.together import diagnose_together as diagnose_together
 
 __version__: str
 __all__: list[str]

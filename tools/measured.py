@@ -3,7 +3,6 @@
 The functions are as in `library`: documented once, and what one needs is imported when it is called.
 """
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from . import calibration as calibrations
 from . import check as checks
 from . import diagnosis, foreign, motion, own_effects, records
-from .errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -257,62 +255,6 @@ def bench_at(
     return calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
 
 
-def calibrate_together(
-    first: "records.Source",
-    /,
-    *others: "records.Source",
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    channels: Sequence[str] = (),
-    shared: Sequence[str] = (),
-    own: Sequence[str] = (),
-) -> "diagnosis.JointCalibration":
-    """Calibrate several records of one instrument in one programme: its scale factors and misalignments have one value.
-
-    Parameters
-    ----------
-    first, others : path, table in memory or record
-        Position records or raw records, two at least.
-    noise_bound, gravity, baseline, bounds, mounting, channels
-        As of `calibrate`, the same for all.
-    shared : sequence of str
-        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
-        X16; a star stands for anything; may be repeated.
-    own : sequence of str
-        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
-        misalignment-*; may be repeated.
-
-    Raises
-    ------
-    InputError
-        whatever cannot be done, in one line
-    """
-    given = _several((first, *others), (records.PositionRecord,), channels)
-    if noise_bound is None and (
-        unsure := next((run.path for run in given.values() if not records.tells_noise(run)), None)
-    ):
-        raise InputError(f"{unsure}: does not tell its noise bound: give --noise-bound")
-    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
-    evidence = {label: diagnosis.evidence_of(run, **asked, mounting=mounting) for label, run in given.items()}
-    digests = [run.sha256 for run in given.values()]
-    return diagnosis.calibrated_together(evidence, shared=shared, own=own, sha256=digests)
-
-
-def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str]) -> dict[str, Any]:
-    """Several records by what they are called; an InputError for fewer than two, or for one that is given twice."""
-    if len(given) < 2:
-        raise InputError("several records are needed, two at least")
-    runs = [records.read_record(one, *kinds, channels=channels) for one in given]
-    if twice := next(
-        (run.path for k, run in enumerate(runs) if run.sha256 and run.sha256 in [r.sha256 for r in runs[:k]]), None
-    ):
-        raise InputError(f"{twice}: is given twice")
-    return dict(zip(diagnosis.labels_of([run.path for run in runs]), runs, strict=True))
-
-
 def apply(
     found: "str | Path | calibrations.Calibration | diagnosis.JointCalibration | diagnosis.Diagnosis",
     record: "records.Source",
@@ -350,7 +292,9 @@ def apply(
         return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
     bound = noise_bound or (None if isinstance(run, records.StrapdownRecord) else named.noise_bound)
-    return diagnosis.applied_to(named, run, diagnosis.evidence_of(run, **_asked(run, noise_bound=bound)))
+    return diagnosis.applied_to(
+        named, run, diagnosis.evidence_of(run, **diagnosis.evidence_options(run, noise_bound=bound))
+    )
 
 
 def diagnose(
@@ -422,7 +366,7 @@ def diagnose(
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
-    asked = _asked(
+    asked = diagnosis.evidence_options(
         run,
         noise_bound=noise_bound,
         gravity=gravity,
@@ -436,114 +380,3 @@ def diagnose(
     with own_effects.with_effects_of(effects_from):
         found = diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **asked)
     return found.model_copy(update={"made_of": run})
-
-
-def _asked(
-    run: Any,
-    *,
-    among: Mapping[str, Any] | None = None,
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: str | None = None,
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    rates: str = "instantaneous",
-    reference_bound: float | None = None,
-    bench: "calibrations.Bench | None" = None,
-) -> dict[str, Any]:
-    """Options of a record's evidence, as of `diagnose`; an InputError for one that its kind does not have.
-
-    `among` are the records with which it is diagnosed: of two kinds each has the options that are its own.
-    """
-    carried = isinstance(run, records.StrapdownRecord)
-    if any(isinstance(other, records.StrapdownRecord) != carried for other in (among or {}).values()):
-        if carried:
-            noise_bound, bounds, mounting = None, (3e-3, 1e-2), "identity"
-        else:
-            rates, reference_bound = "instantaneous", None
-        baseline = baseline if (baseline in ("calibrated", "nominal")) == carried else None
-    if carried:
-        if noise_bound is not None or bounds != (3e-3, 1e-2) or mounting != "identity":
-            raise InputError(f"{run.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
-        if bench is not None:
-            raise InputError(f"--latitude-deg: is of a bench record; {run.path} is a strapdown record")
-        return {"gravity": gravity, "baseline": baseline, "rates": rates, "reference_bound": reference_bound}
-    if rates != "instantaneous" and bench is None:
-        raise InputError(f"--rates {rates}: is of a strapdown record; a record of a table has no rates")
-    if reference_bound is not None:
-        raise InputError(
-            f"--reference-bound {reference_bound:g}: is of a strapdown record; a record of a table has no true attitude"
-        )
-    own = {"noise_bound": noise_bound, "bounds": bounds, "mounting": mounting}
-    own |= {} if bench is None else {"bench": dataclasses.replace(bench, rates=rates)}
-    return {"gravity": gravity, "baseline": baseline or "asymmetric", **own}
-
-
-def diagnose_together(
-    first: "records.Source",
-    /,
-    *others: "records.Source",
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    channels: Sequence[str] = (),
-    rates: Literal["instantaneous", "averaged"] = "instantaneous",
-    reference_bound: float | None = None,
-    effects_from: str | Path | None = None,
-    extend: bool = False,
-    shared: Sequence[str] = (),
-    own: Sequence[str] = (),
-    progress: bool = False,
-) -> "diagnosis.Several":
-    """Say what several records of one instrument have in common, and what is of one run alone.
-
-    Each is diagnosed by itself; then all together, with one value for each parameter of the instrument; then the
-    smallest set of effects, of all records or of one, and of parameters that differ in one, with which all stand.
-
-    Parameters
-    ----------
-    first, others : path, table in memory or record
-        Records of one instrument, of positions (or raw), strapdown, or some of both, two at least. Files are called by
-        their names, others by their numbers.
-    noise_bound, gravity, baseline, bounds, mounting, channels, rates, reference_bound, effects_from, extend
-        As of `diagnose`, the same for all records; what has a meaning for one kind only, for those of that kind.
-    shared : sequence of str
-        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
-        X16; a star stands for anything; may be repeated.
-    own : sequence of str
-        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
-        misalignment-*; may be repeated.
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
-
-    Raises
-    ------
-    InputError
-        whatever cannot be done, in one line
-
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
-    """
-    named = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels)
-    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
-    asked |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
-    with own_effects.with_effects_of(effects_from):
-        made = {label: diagnosis.evidence_of(run, **_asked(run, among=named, **asked)) for label, run in named.items()}
-        evidence = diagnosis.members_of(made, shared, own)
-        alone = {
-            label: diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
-            for label, run in named.items()
-        }
-        unsure = {
-            label: "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
-            for label, run in named.items()
-            if noise_bound is None and isinstance(run, records.PositionRecord) and not records.tells_noise(run)
-        }
-        digests = {label: run.sha256 for label, run in named.items()}
-        return diagnosis.diagnosed_together(
-            alone, shared=shared, own=own, left_out=unsure, sha256=digests, progress=progress
-        )

@@ -21,6 +21,7 @@ from .. import (
     records,
     reports,
     ssp,
+    together,
     trials,
 )
 from ..errors import InputError, one_line
@@ -116,7 +117,7 @@ def export_ssp(
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
-@takes(measured.calibrate, measured.calibrate_together, measured.bench_at)
+@takes(measured.calibrate, together.calibrate_together, measured.bench_at)
 def calibrate(
     record: Path,
     /,
@@ -165,7 +166,7 @@ def calibrate(
         _refuse_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
-        joint = measured.calibrate_together(record, *others, **asked, **options)
+        joint = together.calibrate_together(record, *others, **asked, **options)
         if report is not None:
             reports.write_report(report, joint)
         if ssv is not None:
@@ -234,7 +235,7 @@ def apply(
     return answer(text, json, result.to_json())
 
 
-@takes(measured.diagnose, measured.diagnose_together, measured.bench_at)
+@takes(measured.diagnose, together.diagnose_together, measured.bench_at)
 def diagnose(
     record: Path,
     /,
@@ -273,7 +274,7 @@ def diagnose(
             raise InputError(f"--export {export}: is of one record; give one")
         if options.pop("hypotheses", ()):
             raise InputError("--hypothesis: is of one record; give one")
-        several = measured.diagnose_together(record, *others, **asked, **options, progress=True)
+        several = together.diagnose_together(record, *others, **asked, **options, progress=True)
         if report is not None:
             reports.write_report(report, several)
         return answer(several, json)

@@ -5,8 +5,9 @@ from .cross_gain import Applied as Applied
 from .cross_gain import applied_to as applied_to
 from .cross_gain import read_diagnosis as read_diagnosis
 from .extension import export_extended as export_extended
+from .options import evidence_of as evidence_of
+from .options import evidence_options as evidence_options
 from .procedure import diagnose as diagnose
-from .procedure import evidence_of as evidence_of
 from .result import Diagnosis as Diagnosis
 from .several import Several as Several
 from .several import diagnosed_together as diagnosed_together

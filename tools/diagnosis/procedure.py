@@ -10,10 +10,7 @@ from ...models.effects import EffectPlace
 from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
-from ..calibration.gyros import Bench as Place
 from ..errors import InputError
-from ..evidence.bench import bench_evidence
-from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.carried_record import carried_evidence
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
@@ -33,6 +30,7 @@ from .hypothesis import (
     same_in_catalogue,
 )
 from .level import Proven, Suffices
+from .options import evidence_of
 from .order import of_lengths, only_at_one_length, what_helps
 from .result import Diagnosis, EffectWitness, Witness
 from .rivals import Listed, Unlisted
@@ -82,16 +80,6 @@ def diagnose(
         return result.model_copy(update={"hypotheses": answers})
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; {evidence.too_large}") from error
-
-
-def evidence_of(record: PositionRecord | StrapdownRecord, *, bench: Place | None = None, **options: Any) -> Evidence:
-    """The evidence of a record: options of positions as for `bench_evidence`, else as for `carried_evidence`.
-
-    `bench` says where a bench record was measured: then its gyros are held against the table, too.
-    """
-    if isinstance(record, StrapdownRecord):
-        return carried_evidence(record, **options)
-    return bench_evidence(record, **options) if bench is None else whole_evidence(record, bench, **options)
 
 
 def diagnosed(

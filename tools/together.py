@@ -1,0 +1,140 @@
+"""What `import trihedron as th` does with several records of one instrument: as `measured`, documented once."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from . import diagnosis, own_effects, records
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+def calibrate_together(
+    first: "records.Source",
+    /,
+    *others: "records.Source",
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
+    shared: Sequence[str] = (),
+    own: Sequence[str] = (),
+) -> "diagnosis.JointCalibration":
+    """Calibrate several records of one instrument in one programme: its scale factors and misalignments have one value.
+
+    Parameters
+    ----------
+    first, others : path, table in memory or record
+        Position records or raw records, two at least.
+    noise_bound, gravity, baseline, bounds, mounting, channels
+        As of `calibrate`, the same for all.
+    shared : sequence of str
+        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
+        X16; a star stands for anything; may be repeated.
+    own : sequence of str
+        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
+        misalignment-*; may be repeated.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+    """
+    given = _several((first, *others), (records.PositionRecord,), channels)
+    if noise_bound is None and (
+        unsure := next((run.path for run in given.values() if not records.tells_noise(run)), None)
+    ):
+        raise InputError(f"{unsure}: does not tell its noise bound: give --noise-bound")
+    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
+    evidence = {label: diagnosis.evidence_of(run, **asked, mounting=mounting) for label, run in given.items()}
+    digests = [run.sha256 for run in given.values()]
+    return diagnosis.calibrated_together(evidence, shared=shared, own=own, sha256=digests)
+
+
+def diagnose_together(
+    first: "records.Source",
+    /,
+    *others: "records.Source",
+    noise_bound: float | None = None,
+    gravity: float = 9.80665,
+    baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
+    bounds: tuple[float, float] = (3e-3, 1e-2),
+    mounting: "str | Mapping[str, ArrayLike]" = "identity",
+    channels: Sequence[str] = (),
+    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    reference_bound: float | None = None,
+    effects_from: str | Path | None = None,
+    extend: bool = False,
+    shared: Sequence[str] = (),
+    own: Sequence[str] = (),
+    progress: bool = False,
+) -> "diagnosis.Several":
+    """Say what several records of one instrument have in common, and what is of one run alone.
+
+    Each is diagnosed by itself; then all together, with one value for each parameter of the instrument; then the
+    smallest set of effects, of all records or of one, and of parameters that differ in one, with which all stand.
+
+    Parameters
+    ----------
+    first, others : path, table in memory or record
+        Records of one instrument, of positions (or raw), strapdown, or some of both, two at least. Files are called by
+        their names, others by their numbers.
+    noise_bound, gravity, baseline, bounds, mounting, channels, rates, reference_bound, effects_from, extend
+        As of `diagnose`, the same for all records; what has a meaning for one kind only, for those of that kind.
+    shared : sequence of str
+        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
+        X16; a star stands for anything; may be repeated.
+    own : sequence of str
+        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
+        misalignment-*; may be repeated.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        whatever cannot be done, in one line
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
+    """
+    named = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels)
+    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
+    asked |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
+    with own_effects.with_effects_of(effects_from):
+        made = {
+            label: diagnosis.evidence_of(run, **diagnosis.evidence_options(run, among=named, **asked))
+            for label, run in named.items()
+        }
+        evidence = diagnosis.members_of(made, shared, own)
+        alone = {
+            label: diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
+            for label, run in named.items()
+        }
+        unsure = {
+            label: "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
+            for label, run in named.items()
+            if noise_bound is None and isinstance(run, records.PositionRecord) and not records.tells_noise(run)
+        }
+        digests = {label: run.sha256 for label, run in named.items()}
+        return diagnosis.diagnosed_together(
+            alone, shared=shared, own=own, left_out=unsure, sha256=digests, progress=progress
+        )
+
+
+def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str]) -> dict[str, Any]:
+    """Several records by what they are called; an InputError for fewer than two, or for one that is given twice."""
+    if len(given) < 2:
+        raise InputError("several records are needed, two at least")
+    runs = [records.read_record(one, *kinds, channels=channels) for one in given]
+    if twice := next(
+        (run.path for k, run in enumerate(runs) if run.sha256 and run.sha256 in [r.sha256 for r in runs[:k]]), None
+    ):
+        raise InputError(f"{twice}: is given twice")
+    return dict(zip(diagnosis.labels_of([run.path for run in runs]), runs, strict=True))
