@@ -134,7 +134,7 @@ def test_held_out_errors_fall_to_the_noise(capsys):
     ratios, worse = [], 0
     for index in range(max(3, round(SHARE * 40))):
         case = draw_case(suite.options, suite.seed + 2, index)
-        result = diagnosed(case, case.measured(), rerun=True)
+        result: Any = diagnosed(case, case.measured(), rerun=True)
         if result.gain is None:
             continue
         gain = result.gain.to_json()

@@ -3,6 +3,7 @@
 import math
 import time
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def three_effects(positions: int) -> Case:
 def test_proof_against_a_programme_for_each_set(capsys):
     case = three_effects(100)
     record = case.measured()
-    result = diagnosed(case, record)
+    result: Any = diagnosed(case, record)
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     evidence = result.evidence
     places = evidence.classes.places

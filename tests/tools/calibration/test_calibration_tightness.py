@@ -176,7 +176,8 @@ def test_errors_at_the_corners_are_attained_by_benches_that_explain_the_readings
 
 def test_own_errors_of_readings_turn_the_vertical_as_far_as_said():
     noise = 1e-5
-    exact = Correction(GRAVITY, np.ones(3), np.ones(3), np.zeros((3, 3)), np.zeros(3), *np.zeros((2, 3, 3, 3, 3)))
+    none = np.zeros((3, 3, 3, 3))
+    exact = Correction(GRAVITY, np.ones(3), np.ones(3), np.zeros((3, 3)), np.zeros(3), none, none)
     reading = face_readings(exact)[1]
     after = levelling(exact, reading, noise).after
     across = np.where(reading == 0.0, 1.0, 0.0)

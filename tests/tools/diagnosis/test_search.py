@@ -1,6 +1,7 @@
 """The search with the exact model: sets of three, what is not linear beside what is, noise at its very bound."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,7 +108,7 @@ THREE: Effects = {CUBIC_1: (6e-4,), WOBBLE: (4e-4, 0.7), DRIFT_2: (2e-3,)}
 )
 def test_effects_are_named_together_though_every_error_is_at_its_bound(effects, seed):
     case = case_with(effects, seed)
-    result = diagnosed(case, case.measured())
+    result: Any = diagnosed(case, case.measured())
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
     assert result.extended is not None
@@ -130,7 +131,7 @@ def test_what_is_not_linear_is_named_beside_a_linear_effect(bent, values):
     drift = EffectPlace("bias-drift", "accelerometer-1")
     hidden = (Hidden(drift, (3e-3,)), Hidden(bent, values))
     case = replace(bench_case(11), index=0, hidden=hidden)
-    result = diagnosed(case, case.measured())
+    result: Any = diagnosed(case, case.measured())
     assert result.verdict in ("explained", "ambiguous")
     named = [{cause.place for cause in finding.causes} for finding in result.findings]
     assert {drift, bent} in named
@@ -158,7 +159,7 @@ def test_rounded_temperatures_and_angles_do_not_refuse_the_right_name():
         beta=digit * np.round(record.beta / digit),
         angle_resolution=0.5 * digit,
     )
-    result = diagnosed(case, rounded)
+    result: Any = diagnosed(case, rounded)
     assert result.verdict == "explained"
     assert [cause.place for cause in result.causes] == [place]
     low, high = result.causes[0].intervals[0]
@@ -177,7 +178,7 @@ def test_an_effect_of_a_large_size_does_not_hide_a_small_one():
     found = evidence.search.anchors(evidence.search.centre, evidence.linear_places)
     assert EffectPlace("encoder-harmonic", "outer-axis", 3) in {centre.places[-1] for centre in found}
     assert evidence.search.slack(found[0]) < 0.1 * evidence.search.slack(evidence.search.centre)
-    result = diagnosed(case, record)
+    result: Any = diagnosed(case, record)
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
 
@@ -187,7 +188,7 @@ def test_three_outliers_are_no_cause():
     """At most two: enough outliers explain anything."""
     effects = {place_of(4, 2): (4e-4,), place_of(21, 3): (-3e-4,), place_of(30, 1): (5e-4,)}
     case = case_with(effects, 13)
-    result = diagnosed(case, case.measured())
+    result: Any = diagnosed(case, case.measured())
     assert result.verdict == "unexplained"
     assert result.causes == ()
 

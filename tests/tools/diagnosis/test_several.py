@@ -11,10 +11,9 @@ import trihedron as th
 from instrument_records import at_a_table_and_by_hand, of_one_instrument
 from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
-from trihedron.tools import measured
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis import procedure, several
+from trihedron.tools.diagnosis import evidence_options, procedure, several
 from trihedron.tools.diagnosis.cause import Finding
 from trihedron.tools.diagnosis.several import Several, labels_of
 from trihedron.tools.errors import InputError
@@ -276,10 +275,10 @@ def test_options_of_one_kind_are_for_records_of_that_kind_and_refused_where_ther
     table, hand = of_one_instrument(21, 1, positions=(20, 20))[0], draw_clean_block(77, 0, "gravity").instrument
     named = {"table": table, "hand": replace(hand, temperature=None).measured(7, 0)}
     asked = {"noise_bound": SIGMA, "baseline": "symmetric", "rates": "averaged"}
-    of_each = {label: measured._asked(run, among=named, **asked) for label, run in named.items()}
+    of_each = {label: evidence_options(run, among=named, **asked) for label, run in named.items()}
     assert of_each["table"]["noise_bound"] == SIGMA
     assert of_each["table"]["baseline"] == "symmetric"
     assert "noise_bound" not in of_each["hand"]
     assert (of_each["hand"]["baseline"], of_each["hand"]["rates"]) == (None, "averaged")
     with pytest.raises(InputError, match="rates averaged: is of a strapdown record"):
-        measured._asked(table, among={"table": table}, **asked)
+        evidence_options(table, among={"table": table}, **asked)
