@@ -115,9 +115,7 @@ class _Handler(BaseHTTPRequestHandler):
         nonce = secrets.token_urlsafe(12)
         policy = f"default-src 'none'; style-src 'nonce-{nonce}'; script-src 'nonce-{nonce}'; connect-src 'self'"
         shell = _template().render(shell=True, nonce=nonce, style=_text("document", "page.css"))
-        self._answer(
-            200, shell.encode(), f"{policy}; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-        )
+        self._answer(200, shell.encode(), f"{policy}; {POLICY}")
 
     def do_POST(self) -> None:
         if not self._trusted(("word",)):

@@ -1,7 +1,6 @@
 """What a diagnosis says, whatever the record: lines for a terminal, and the page."""
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +8,12 @@ import numpy as np
 from ..diagnosis.cause import Cause
 from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.order import is_stable
-from ..diagnosis.result import Diagnosis, EffectWitness, OrderOfEffects, Witness
+from ..diagnosis.result import Diagnosis, OrderOfEffects, Witness
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, half_width, sentence, unit_of, unit_text
 from ..records import PositionRecord
 from ..rounding import digits, exactly, interval, residual, upwards
-from . import bench, beyond, calibration, evidence
+from . import bench, beyond, calibration, evidence, witnesses
 from .bench import cause_lines, of_bench
 from .inspection import carried_section, record_sections
 from .makers import cited, versions
@@ -70,7 +69,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
         f"({nominal.noise_bound_basis}); nominal model: radius {residual(nominal.radius)}",
         *bench.proof_lines(nominal),
     ]
-    said += evidence.turn_lines(result)
+    said += witnesses.turn_lines(result)
     for finding in sets_of(result)[:MOST_SETS]:
         for cause in finding.causes:
             said += _cause_lines(cause, result)
@@ -94,8 +93,8 @@ def _bench_lines(result: Diagnosis) -> list[str]:
         for one in turned
     ]
     if isinstance(result.judgement, Witness):
-        said += _witness_lines(result.judgement)
-    said += _each_lines(witnesses_of(result))
+        said += witnesses.witness_lines(result.judgement)
+    said += witnesses.each_lines(witnesses.witnesses_of(result))
     if (other := result.second_mounting) is not None:
         said.append(
             f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
@@ -131,7 +130,7 @@ def _carried_lines(result: Diagnosis) -> list[str]:
         f"{upwards(gain.held_out_max_before, 3)} -> {upwards(gain.held_out_max_after, 3)}"
         for gain in ([] if result.gain is None else [result.gain, *(result.gain.others or ())])
     ]
-    said += _each_lines(witnesses_of(result))
+    said += witnesses.each_lines(witnesses.witnesses_of(result))
     return [*said, *_why_lines(result), *_structure_lines(result, "error about axis", 4)]
 
 
@@ -144,29 +143,6 @@ def _cause_lines(cause: Cause, result: Diagnosis) -> list[str]:
         said.append(text.rstrip())
     told = "told" if of_bench(result) else "told in this record"
     return said + [f"  cannot be {told} from {other.title}" for other in cause.alike]
-
-
-def _witness_lines(told: Witness) -> list[str]:
-    """What readings that were left out say."""
-    said = [
-        f"left-out {name} ({score.scored} readings): rms {digits(score.rms_before)} -> {digits(score.rms_after)} g, "
-        f"max {upwards(score.max_before, 3)} -> {upwards(score.max_after, 3)} g"
-        for name, score in (("positions", told.folds), ("parts in time", told.blocks))
-        if score is not None
-    ]
-    if told.shuffles:
-        said.append(f"as good when shuffled: {told.shuffles.as_good} of {told.shuffles.tried}")
-    said += [] if told.not_judged is None else [told.not_judged]
-    return said + _each_lines(told.each)
-
-
-def _each_lines(witnesses: Sequence[EffectWitness]) -> list[str]:
-    """What was left out says of each of several effects."""
-    return [
-        f"left out: rms {digits(w.rms_without)} -> {digits(w.rms_with)} of the bound by {w.title}; as good when "
-        f"shuffled: {w.shuffles.as_good} of {w.shuffles.tried}"
-        for w in witnesses
-    ]
 
 
 def _structure_lines(result: Diagnosis, what: str, most: int) -> list[str]:
@@ -186,11 +162,6 @@ def bias_lines(result: Diagnosis) -> list[str]:
     if result.bias_at_rest.rms_if_left_in_arcmin is not None:
         text += f"; left in it would make the errors {digits(result.bias_at_rest.rms_if_left_in_arcmin)} arcmin rms"
     return [text]
-
-
-def witnesses_of(result: Diagnosis) -> tuple[EffectWitness, ...]:
-    """What was left out says of each effect of the first set."""
-    return result.judgement if isinstance(result.judgement, tuple) else ()
 
 
 def _length_lines(result: Diagnosis) -> list[str]:
@@ -301,7 +272,7 @@ def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
         given["a rate in the record is"] = result.evidence.rates
     if result.noise_bound_from:
         given["bounds from"] = result.noise_bound_from
-    if witnesses_of(result):
+    if witnesses.witnesses_of(result):
         given["seed of the shuffles"] = sum(part.error.size for part in result.evidence.parts)
     return given | versions()
 
@@ -338,7 +309,7 @@ def sections_of(result: Diagnosis) -> list[Section]:
         evidence.ranking_section(result),
         evidence.confusion_section(result),
         evidence.length_section(result),
-        evidence.judgement_section(result),
+        witnesses.judgement_section(result),
         evidence.structure_section(result),
         *evidence.excluded_sections(result),
         evidence.power_section(result),

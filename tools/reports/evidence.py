@@ -8,7 +8,7 @@ import numpy as np
 
 from ...models.effects import EffectPlace
 from ...models.effects.definition import ACCELEROMETERS, AXES
-from ..diagnosis.result import Diagnosis, Witness
+from ..diagnosis.result import Diagnosis
 from ..diagnosis.search import compared_places, likeness
 from ..document.blocks import Section, Table
 from ..document.notation import (
@@ -16,18 +16,17 @@ from ..document.notation import (
     Cell,
     bars,
     half_width,
-    sentence,
     symbol_text,
     unit_text,
 )
-from ..evidence.bench import TurnErrors
 from ..evidence.power import PIECES, SECTORS
 from ..rounding import digits, exactly, interval, residual, to_bound, upwards
 from .bench import of_bench, physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
+from .witnesses import turn_sections
 
-MOST_RANKED, MOST_TURNS = 16, 12
+MOST_RANKED = 16
 MOST_BARS = 18
 MOST_NEVER = 4
 """So many pairs that a record never shows are named in a line."""
@@ -77,40 +76,6 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         ),
         *turn_sections(result),
     ]
-
-
-def _turns(result: Diagnosis) -> TurnErrors | None:
-    """Errors of the turns between positions, without and with the first set of effects, where gyros have seen them."""
-    return result.evidence.turns_of(result.findings[0].fit if result.findings else result.evidence.baseline)
-
-
-def turn_lines(result: Diagnosis) -> list[str]:
-    """What gyros say of the turns, and accelerometers of the rests, each by itself."""
-    if (turns := _turns(result)) is None:
-        return []
-    told = [" -> ".join(map(residual, own[: 1 + bool(result.findings)])) for own in turns.alone]
-    return [
-        f"two witnesses, each by itself: accelerometers, over {result.evidence.calibration.positions} rests, radius "
-        f"{told[0]}; gyros, over {len(turns.first)} rests and turns, radius {told[1]}"
-    ]
-
-
-def turn_sections(result: Diagnosis) -> list[Section]:
-    """What is left of the turns between positions, without and with the effects, where gyros have seen them."""
-    if (turns := _turns(result)) is None:
-        return []
-    sizes = [np.abs(errors).max(axis=1) for errors in (turns.before, turns.after)]
-    said = (
-        "The gyros' integrals over rests, moves and parts of moves are held against the turns by the encoders. "
-        f"{sentence(turn_lines(result)[0])} The largest errors:"
-    )
-    rows: list[list[Cell]] = []
-    for k in np.argsort(-sizes[0], kind="stable")[:MOST_TURNS]:
-        degrees = (digits(float(np.degrees(angle)), 5) for angle in turns.turned[k])
-        ends = (digits(float(turns.first[k]), 6), digits(float(turns.last[k]), 6))
-        rows.append([*ends, *degrees, *(residual(float(own[k])) for own in sizes)])
-    header = ["from [s]", "to [s]", "outer turn [°]", "inner turn [°]", "error, over its bound", "with the effects"]
-    return [Section("Turns, as the gyros saw them", [said], table=Table(header, rows))]
 
 
 def as_stated(result: Diagnosis) -> str:
@@ -335,47 +300,6 @@ def length_section(result: Diagnosis) -> Section | None:
 def orders_of(result: Diagnosis) -> list[tuple[str, Any]]:
     """The order of the effects at each length that has one."""
     return [(length.over, length.order) for length in result.lengths or () if length.order is not None]
-
-
-def judgement_section(result: Diagnosis) -> Section | None:
-    """What was left out and shuffled says of the effects, and why they are not named."""
-    told = result.judgement
-    if not told and not result.not_named:
-        return None
-    said = [
-        "Parts of the record were left out in turn and predicted from the rest, without the effects and with them; "
-        "then their signatures were shuffled over the record. This is a second witness, no evidence: almost any effect "
-        "improves some of it."
-    ]
-    rows: list[list[Cell]] = []
-    if isinstance(told, Witness):
-        header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
-        for name, score in (("every fifth position", told.folds), ("every quarter of the time", told.blocks)):
-            if score is not None:
-                rms = (digits(figure, 2) for figure in (score.rms_before, score.rms_after))
-                largest = map(upwards, (score.max_before, score.max_after))
-                rows.append([name, score.scored, *rms, *largest])
-        if told.shuffles:
-            said.append(
-                f"Shuffled, the effects predicted what was left out as well in {told.shuffles.as_good} of "
-                f"{told.shuffles.tried} trials."
-            )
-        said += [] if told.not_judged is None else [sentence(told.not_judged)]
-        said += [
-            f"Beside the others, {w.title} brings what was left out from {digits(w.rms_without)} to "
-            f"{digits(w.rms_with)} of its bound (rms), and {w.shuffles.as_good} of {w.shuffles.tried} of its shuffles "
-            "do as well."
-            for w in told.each
-        ]
-    else:
-        header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
-        for w in told or ():
-            errors = (digits(value) for value in (w.rms_without, w.rms_with))
-            rows.append([w.title, *errors, f"{w.shuffles.as_good} of {w.shuffles.tried}"])
-        said.append("An effect that does not help, or whose shuffles do as well, is not named.")
-    said += [f"Not named: {text}." for text in result.not_named or ()]
-    said += [f"Against the first set: {text}." for text in result.objections or ()]
-    return Section("Left out, and shuffled", said, table=Table(header, rows) if rows else None)
 
 
 def structure_section(result: Diagnosis) -> Section | None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from ..diagnosis import Diagnosis
 from ..measure import Measured, Moment, Present, Session, Setting, Visit
-from ..rounding import digits, exactly, upwards
+from ..rounding import digits, exactly, residual, upwards
 
 
 def angles_text(alpha_deg: float, beta_deg: float) -> str:
@@ -63,8 +63,8 @@ def against_text(session: Session) -> str:
     good = session.good
     named = [f"rest {good[p - 1].number} f{a}" for p, a in against[:6] if p <= len(good)]
     more = f" and {len(against) - 6} more" if len(against) > 6 else ""
-    radius = digits(session.standing.radius, 3)
-    return f"no parameters explain the readings (they miss by {radius} σ at least): {', '.join(named)}{more}"
+    radius = residual(session.standing.radius)
+    return f"no parameters explain the readings (they leave {radius} σ at least): {', '.join(named)}{more}"
 
 
 def present_text(session: Session, present: Present) -> str:
