@@ -178,8 +178,8 @@ class Bench(Evidence):
         """How many rows are readings."""
         return len(self.here.residual)
 
-    def turns_of(self, fit: Fit) -> TurnErrors | None:
-        """What a fit leaves of the turns between positions; None of rests alone."""
+    def turns_of(self, fit: Fit | None) -> TurnErrors | None:
+        """What a fit, or the nominal model, leaves of the turns between positions; None of rests alone."""
         return None
 
     @property

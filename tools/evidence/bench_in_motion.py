@@ -299,11 +299,16 @@ class BenchInMotion(Bench):
             for p, channel in enumerate(self.rests.channels())
         ]
 
-    def turns_of(self, fit: Fit) -> TurnErrors:
-        """What a fit leaves of each turn, over its bounds."""
+    def turns_of(self, fit: Fit | None) -> TurnErrors | None:
+        """What a fit, or the nominal model, leaves of each turn, over its bounds; None where the latter's runs away."""
+        try:
+            nominal = self.baseline
+        except ValueError:
+            return None
+        fit = fit or nominal
         rows, turns = self.of_readings, self.whole.turns
         first, last = (3600.0 * self.travel.hours[ends] for ends in (self.travel.first, self.travel.last))
-        before, after = (left[rows:].reshape(-1, 3) for left in (self.baseline.left, fit.left / fit.allowed))
+        before, after = (left[rows:].reshape(-1, 3) for left in (nominal.left, fit.left / fit.allowed))
 
         def alone(own: slice) -> tuple[float, float]:
             """Radius of some of the rows by themselves, without effects and with them."""

@@ -230,7 +230,7 @@ class Stimulus(Section):
 class RecordSetting(Section):
     """What is written of the run: every n-th step, in which form, which columns."""
 
-    every: int = Field(default=1, ge=1)
+    every: int = Field(default=1, ge=1, le=MOST_STEPS)
     format: Literal["parquet", "csv"] = "parquet"
     columns: dict[str, str] | None = None
 

@@ -84,7 +84,7 @@ def judgement_section(result: Diagnosis) -> Section | None:
 
 def _turns(result: Diagnosis) -> TurnErrors | None:
     """Errors of the turns between positions, without and with the first set of effects, where gyros have seen them."""
-    return result.evidence.turns_of(result.findings[0].fit if result.findings else result.evidence.baseline)
+    return result.evidence.turns_of(result.findings[0].fit if result.findings else None)
 
 
 def turn_lines(result: Diagnosis) -> list[str]:

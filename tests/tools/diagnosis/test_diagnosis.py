@@ -57,6 +57,23 @@ def test_noise_at_its_very_bound_is_still_clean():
         assert diagnose(noisy, noise_bound=NOISE_BOUND).verdict == "consistent"
 
 
+def test_a_record_of_which_no_fit_is_found_is_unexplained_and_has_its_text():
+    """Four readings and two angles are twice what they were, as by hands that copied them."""
+    record = bench_case(4).measured()
+    force, alpha = record.specific_force.copy(), record.alpha.copy()
+    rng = np.random.default_rng(26)
+    wrong = rng.choice(len(alpha), 6, replace=False)
+    force[wrong[:4], rng.integers(0, 3, 4)] *= 2.0
+    alpha[wrong[4:]] *= 2.0
+    doubled = dataclasses.replace(record, specific_force=force, alpha=alpha)
+    evidence = bench_evidence(doubled, noise_bound=NOISE_BOUND)
+    with pytest.raises(ValueError, match="runs away"):
+        evidence.refit(())
+    result = diagnose(doubled, evidence=evidence, rerun=False)
+    assert result.verdict == "unexplained"
+    assert "unexplained" in str(result)
+
+
 @pytest.mark.parametrize("seed", [201, pytest.param(202, marks=pytest.mark.acceptance)])
 def test_a_hidden_effect_is_named_or_among_the_candidates(seed):
     """The diagnosis gets the record alone; all else is drawn. No wrong name, and the size inside its interval."""

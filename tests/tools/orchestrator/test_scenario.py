@@ -87,6 +87,7 @@ REFUSED = [
     ('from = "table', 'source = "table', r"connections\[1\]\.(from: is missing|source: unknown key)"),
     ("every = 2", "evry = 2", r"record\.evry: unknown key; did you mean 'every'\?"),
     ("every = 2", "every = 0", r"record\.every: .*greater than or equal to 1"),
+    ("every = 2", "every = 10000000000", r"record\.every: .*less than or equal to"),
     ("every = 2", "every = 1.5", r"record\.every: .*integer"),
     ('format = "csv"', 'format = "xlsx"', r"record\.format: .*'parquet' or 'csv', not 'xlsx'"),
     ("step_s = 0.1", "step_s = 0", r"run\.step_s: .*greater than 0"),
