@@ -27,7 +27,7 @@ from trihedron.tools import cli
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="processes are forked")]
 INPUTS = int(os.environ.get("TRIHEDRON_FUZZ", "10000"))
 FROM = int(os.environ.get("TRIHEDRON_FUZZ_FROM", "0"))
-FOUND = (2756, 3887, 3900, 8568, 21469, 23453)
+FOUND = (2756, 3887, 3900, 6789, 8568, 21469, 23453)
 """Seeds that found a fault: they are tried first."""
 MOST_SECONDS, MOST_BYTES = 60, 3 << 30
 """Of the processor, and of memory."""

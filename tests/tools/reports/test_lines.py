@@ -59,3 +59,11 @@ def test_the_page_of_a_run_is_the_same_each_time(tmp_path: Path) -> None:
     text = (tmp_path / "run.html").read_text()
     assert "table.specific_force[3]" in text
     assert "In rad/s" in text
+
+
+def test_a_number_that_no_axis_can_show_is_a_gap_and_stands_in_the_table() -> None:
+    value = np.where(TIME > 4.0, 1.7e308, TIME)
+    with np.errstate(over="raise"):
+        page = lines_page("<run>", "said", pl.DataFrame({"time_s": TIME, "w1_rad": value}).lazy(), {})
+    assert page.sections[-1].table is not None
+    assert "1.7e308" in [str(cell) for cell in page.sections[-1].table.rows[0]]

@@ -15,6 +15,8 @@ LETTERS, MARK = 88, 9
 """So many letters of names stand beside each other above a panel; the mark before each takes the room of so many."""
 TRUTH = "True or false"
 """What stands in place of a unit."""
+LARGEST_DRAWN = 1e300
+"""Beyond it there are no ticks of an axis that are numbers: a line has a gap there, its ends stand beside it."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class Line:
         """Of values (N,) at times (N,) [s]; where one is not known the line has a gap."""
         known = value[np.isfinite(value)]
         least, largest = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
-        return cls(name, *thinned(time, value), (float(value[0]), least, largest, float(value[-1])))
+        drawable = np.where(np.abs(value) < LARGEST_DRAWN, value, np.nan)
+        return cls(name, *thinned(time, drawable), (float(value[0]), least, largest, float(value[-1])))
 
 
 @drawn
