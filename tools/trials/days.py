@@ -28,7 +28,9 @@ class Days:
         truth, days = draw_truth(rng, symmetric=False), []
         for _ in range(count):
             bench, own = draw_bench(rng, positions), draw_truth(rng, symmetric=False)
-            table = {**own["TurntableMotion"], "gravity_error": truth["TurntableMotion"]["gravity_error"]}
+            # What the inner axis does on all days has one phase where the zero of its encoder is one.
+            kept = {name: truth["TurntableMotion"][name] for name in ("gravity_error", "beta_offset")}
+            table = {**own["TurntableMotion"], **kept}
             block = {**truth["AccelerometerBlock"], "bias": own["AccelerometerBlock"]["bias"]}
             of_day = {"truth": {"TurntableMotion": table, "AccelerometerBlock": block}, "mountings": ("identity",)}
             single = {"mounting_errors": bench.mounting_errors[:1], "mounting": np.zeros(len(bench.alpha), dtype=int)}
