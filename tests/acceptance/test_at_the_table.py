@@ -72,7 +72,7 @@ class Program:
         os.write(self._terminal, text.encode())
 
     def killed(self) -> None:
-        """As by a power cut."""
+        """At once, with no time to end anything."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 

@@ -201,7 +201,10 @@ def page_of(moment: Moment) -> str:
         trouble=moment.trouble or diagnosing.trouble,
         silent=int(moment.silent_s),
         source=moment.source,
-        proposals=[(one.why, [angles_text(*setting) for setting in one.settings]) for one in moment.proposals],
+        proposals=[
+            (one.why, [angles_text(*setting) for setting in one.settings], {"word": "yes", "proposal": one.word})
+            for one in moment.proposals
+        ],
         last=last and (visit_text(session, last), bool(last.bad)),
         bad=[visit_text(session, visit) for visit in bad if visit is not last][-8:],
         done=len(session.settings) - len(session.left),

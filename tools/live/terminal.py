@@ -30,6 +30,7 @@ class Terminal:
         self._out, self._tty = out, out.isatty()
         self._words: queue.Queue[str] = queue.Queue()
         self._said: tuple[Any, ...] = ()
+        self._proposed: list[dict[str, Any]] = []
         self._status = ""
         if typed is not None:
             self._line(HELP)
@@ -53,8 +54,8 @@ class Terminal:
                     found.append({"word": "end"})
                 case ["r" | "repeat", number] if number.isdecimal():
                     found.append({"word": "repeat", "visit": int(number)})
-                case [number] if number.isdecimal():
-                    found.append({"word": "yes", "proposal": int(number) - 1})
+                case [number] if number.isdecimal() and 1 <= int(number) <= len(self._proposed):
+                    found.append({"word": "yes", "proposal": self._proposed[int(number) - 1]})
                 case []:
                     pass
                 case _:
@@ -87,6 +88,7 @@ class Terminal:
             if line not in self._said and line[1]:
                 self._line(line[1])
         self._said = tuple(told)
+        self._proposed = [one.word for one in moment.proposals]
         silent = f"; nothing has come for {int(moment.silent_s)} s" if moment.silent_s else ""
         self._stand(f"{present_text(session, moment.present)}{silent}" if not moment.ended else "", moment)
 

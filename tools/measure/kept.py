@@ -54,9 +54,8 @@ class Kept:
             raise InputError(f"{self.words_file}: is no file of a session; give another --out") from None
         for name, value in self._header.items():
             if not isinstance(header, dict) or header.get(name) != value:
-                raise InputError(
-                    f"{self.words_file}: was begun with another plan ({name}); give that, or another --out"
-                )
+                said = "plan" if name == "settings" else name
+                raise InputError(f"{self.words_file}: was begun with another {said}; give that, or another --out")
         self._begin(cut=True)
 
     def _begin(self, *, cut: bool) -> None:
@@ -111,7 +110,9 @@ class Kept:
         if self._file is not None:
             with said_writable(self.record):
                 os.fsync(self._file)
-        if record is not None:
+        if record is None:
+            self.positions_file.unlink(missing_ok=True)
+        else:
             about = dict(record.about) | ({"resolution_mps2": repr(record.resolution)} if record.resolution else {})
             write_record(replace(record, about=about), self.positions_file)
 

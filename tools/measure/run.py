@@ -68,7 +68,7 @@ class View(Protocol):
         ...
 
     def words(self) -> Sequence[Mapping[str, Any]]:
-        """What the operator has said since: {"word": "yes", "proposal": 0}, "repeat" with its "visit", "end"."""
+        """What the operator has said since: "yes" with the word of the "proposal", "repeat" with its "visit", "end"."""
         ...
 
 
@@ -112,9 +112,9 @@ class Measurement:
                 one._visited(one.watch.take(part, one.lines.resolution))
                 rows += len(part)
                 while words and words[0]["rows"] <= rows:
-                    one._follow(words.pop(0))
+                    one._again(words.pop(0))
         for word in words:
-            one._follow(word)
+            one._again(word)
         if one.lines.header:
             one.lines.from_the_beginning()
             one.news = [("resumed", len(one.session.good))]
@@ -144,15 +144,23 @@ class Measurement:
         self.session = told(self.session, word)
         self.news.append(("word", word))
 
+    def _again(self, word: Mapping[str, Any]) -> None:
+        """Follow a word that was written down."""
+        try:
+            self._follow(word)
+        except (InputError, LookupError, TypeError, ValueError):
+            raise InputError(f"{self.kept.words_file}: {dict(word)}: cannot be followed; give another --out") from None
+
     def hear(self, word: Mapping[str, Any]) -> bool:
         """Follow a word of the operator's, and write it down; whether it ends the session."""
         if word.get("word") == "end":
             return True
         try:
             if word.get("word") == "yes":
-                word = self.proposals[int(word["proposal"])].word
+                # What was shown may not be proposed any more: then nothing else is taken for it.
+                word = next(one.word for one in self.proposals if one.word == word["proposal"])
             self._follow(word)
-        except (InputError, LookupError, TypeError, ValueError):
+        except (InputError, LookupError, StopIteration, TypeError, ValueError):
             self.news.append(("refused", f"{dict(word)}: cannot be followed"))
             return False
         self.kept.tell(word, self.lines.rows)

@@ -184,6 +184,10 @@ class Session:
             "settings": [[setting.alpha_deg, setting.beta_deg] for setting in self.programme.settings],
             "mounting": dict(self.programme.mounting),
             "baseline": self.programme.baseline,
+            "noise_bound": self.asked.noise_bound,
+            "gravity": self.asked.gravity,
+            "channels": list(self.asked.channels),
+            "dwell_s": self.asked.dwell_s,
         }
 
 
@@ -265,14 +269,9 @@ def proposals_of(session: Session, diagnosis: Diagnosis | None) -> list[Proposal
     asked = diagnosis.next_positions or ()
     angles = [(float(setting["alpha_deg"]), float(setting["beta_deg"])) for setting in asked]
     new = [k for k, at in enumerate(angles) if not any(setting.near(*at) for setting in session.left)][:MOST_PROPOSED]
-    if new and len(session.left) - len(_planned(session)) < MOST_PROPOSED:
+    if new and sum(bool(setting.why) for setting in session.left) < MOST_PROPOSED:
         names = list(dict.fromkeys(name for k in new for name in asked[k].get("separates", ())))
         more = f" and {len(names) - 3} more" if len(names) > 3 else ""
         why = f"tells apart {', '.join(names[:3])}{more}" if names else "tells more of what is wrong"
         found.append(Proposal(why, tuple(angles[k] for k in new)))
     return found
-
-
-def _planned(session: Session) -> list[Setting]:
-    """The settings of the plan that are not done, without those that were added."""
-    return [setting for setting in session.left if not setting.why]

@@ -1,10 +1,9 @@
 """What a measurement at the table says, while it is made and when it has ended: sentences for every view."""
 
-import math
 from collections.abc import Sequence
 
 from ..diagnosis import Diagnosis
-from ..measure import Measured, Moment, Present, Session, Setting, Visit
+from ..measure import Measured, Present, Session, Setting, Visit
 from ..rounding import digits, exactly, residual, upwards
 
 
@@ -119,21 +118,6 @@ def diagnosis_text(found: Diagnosis | None, of: int, *, now: int | None = None) 
     if found.verdict == "unexplained":
         return f"{measured}: the model is wrong, and nothing in the catalogue explains it for sure"
     return f"{measured}: {found.verdict}"
-
-
-def moment_lines(moment: Moment) -> list[str]:
-    """What is now: where to go, how the table stands, how far the promise is, what speaks against the model."""
-    session, diagnosing = moment.session, moment.diagnosing
-    lines = [next_text(session), present_text(session, moment.present), promise_text(session)]
-    if said := against_text(session):
-        lines.append(said)
-    if diagnosing.running:
-        lines.append("diagnosing ...")
-    if said := diagnosis_text(diagnosing.found, diagnosing.of, now=len(session.good)):
-        lines.append(said)
-    if moment.silent_s:
-        lines.append(f"nothing has come from {moment.source} for {math.floor(moment.silent_s)} s")
-    return lines
 
 
 def measured_lines(result: Measured) -> list[str]:

@@ -12,6 +12,7 @@ from simulated_table import HEADER, SimulatedTable, text_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.measure import Asked, Measurement, Session, read_programme
 from trihedron.tools.measure.programme import Programme
+from trihedron.tools.measure.session import Proposal
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.reports.measure import promise_text, visit_text
 
@@ -221,6 +222,49 @@ def test_another_plan_or_another_process_is_refused(growing, programme, tmp_path
     )
     with pytest.raises(InputError, match="another plan"):
         begun(read_programme(tmp_path / "other.csv"), tmp_path / "m.csv", resume=True)
+    with pytest.raises(InputError, match="another gravity"):
+        begun(programme, tmp_path / "m.csv", resume=True, gravity=9.81)
+
+
+def test_a_yes_is_to_what_was_shown_and_to_nothing_else(programme, tmp_path, monkeypatch):
+    """Between the look at a proposal and the yes another diagnosis may have ended."""
+    shown, now = Proposal("a", ((10.0, 20.0),)), Proposal("b", ((30.0, 40.0),))
+    monkeypatch.setattr(Measurement, "proposals", property(lambda self: [now]))
+    one = begun(programme, tmp_path / "m.csv")
+    planned = one.session.settings
+    for word in (shown.word, 0, -1, None):
+        assert not one.hear({"word": "yes", "proposal": word})
+        assert one.session.settings == planned
+        assert one.news.pop()[0] == "refused"
+    one.hear(json.loads(json.dumps({"word": "yes", "proposal": now.word})))
+    one.kept.close()
+    one.diagnosing.close()
+    assert [(s.alpha_deg, s.beta_deg) for s in one.session.settings if s.why] == [(30.0, 40.0)]
+
+
+def test_positions_that_are_all_to_be_repeated_leave_no_file_of_positions(programme, tmp_path):
+    table = SimulatedTable(tmp_path / "growing.csv")
+    for at in POSITIONS[:2]:
+        table.go(*at)
+    one = begun(programme, tmp_path / "m.csv")
+    one.feed(table.file.read_bytes())
+    assert (tmp_path / "m.positions.csv").exists()
+    one.hear({"word": "repeat", "visit": 1})
+    one.kept.close()
+    one.diagnosing.close()
+    assert not (tmp_path / "m.positions.csv").exists()
+
+
+@pytest.mark.parametrize("word", ['"word": 3', '"visit": 1', '"word": "add", "settings": 3', '"word": "repeat"'])
+def test_a_word_that_cannot_be_followed_again_is_refused_in_a_line(word: str, growing, programme, tmp_path):
+    one = begun(programme, tmp_path / "m.csv")
+    one.feed(growing.read_bytes()[:5000])
+    one.kept.close()
+    one.diagnosing.close()
+    with (tmp_path / "m.session.jsonl").open("a", encoding="utf-8") as file:
+        file.write(f'{{"rows": 3, {word}}}\n')
+    with pytest.raises(InputError, match=r"m\.session\.jsonl: .* cannot be followed"):
+        begun(programme, tmp_path / "m.csv", resume=True)
 
 
 def test_positions_that_determine_nothing_are_no_plan(tmp_path):
