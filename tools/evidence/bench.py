@@ -102,6 +102,7 @@ class Bench(Evidence):
     most_sets = None
     most_rows = None
     tries_all_sets = True
+    told_by = "any measurement with these mountings"
 
     @cached_property
     def residual(self) -> NDArray[np.float64]:

@@ -416,6 +416,9 @@ class Evidence:
     second_order: ClassVar[float] = 0.0
     """What the linear model may be wrong by, in units of the bounds."""
 
+    told_by: ClassVar[str] = "this record"
+    """What tells effects of different classes apart, in words."""
+
     def pairs(self) -> Sequence[Pair]:
         """Places, each with a quantity on which its error may depend, whatever the law; none by default."""
         return ()

@@ -15,7 +15,6 @@ from ..calibration.correction import Correction
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..diagnosis.cause import Cause
-from ..diagnosis.result import Diagnosis
 from ..document.blocks import Download, Section, Table
 from ..document.notation import Cell, effect_formula, equation, half_width, minus, signed, typeset
 from ..records import PositionRecord
@@ -32,11 +31,6 @@ VERDICTS = {
     "ambiguous": "ambiguous: several sets of effects would make the model consistent",
     "unexplained": "unexplained: the model is falsified and nothing that can be named mends it",
 }
-
-
-def of_bench(result: Diagnosis) -> bool:
-    """Whether the evidence is rests on a table, and not a block that was carried."""
-    return result.unit is None
 
 
 def measured_section(record: PositionRecord, result: Calibration) -> Section:

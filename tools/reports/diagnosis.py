@@ -1,27 +1,20 @@
 """What a diagnosis says, whatever the record: lines for a terminal, and the page."""
 
-import math
 from pathlib import Path
 
-import numpy as np
-
-from ..diagnosis.cause import Cause
 from ..diagnosis.hypothesis import Hypothesis
-from ..diagnosis.order import is_stable
-from ..diagnosis.result import Diagnosis, OrderOfEffects, Witness
+from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.notation import Cell, half_width, sentence, unit_of, unit_text
+from ..document.notation import Cell, sentence, unit_of, unit_text
 from ..records import PositionRecord
-from ..rounding import digits, exactly, interval, residual, upwards
-from . import bench, beyond, calibration, evidence, witnesses
-from .bench import cause_lines, of_bench
-from .inspection import carried_section, record_sections
-from .makers import cited, versions
+from ..rounding import digits, interval, residual, upwards
+from . import bench, beyond, evidence, witnesses
+from .bench import cause_lines
+from .kinds import kind_of
+from .makers import cited
 from .pictures.residuals import gain_picture, held_out
-from .verdict import cut_off, sentence_of, sentences_of, sets_of, verdict_line, verdict_sentence
+from .verdict import MOST_SETS, cut_off, sentences_of, sets_of, verdict_line, verdict_sentence
 
-MOST_SETS = 6
-"""So many sets that remain are printed."""
 ANSWERS = {
     "stands": "stands: it brings every error within its bound",
     "refuted": "refuted: no coefficients bring every error within its bound",
@@ -50,165 +43,15 @@ def lines(result: Diagnosis) -> list[str]:
     said += beyond.level_lines(result)
     said += [f"not excluded: {title}, which contains it" for title in containing_titles(result)]
     said += [f"caution: {text}" for text in result.caution or ()]
-    said += _bench_lines(result) if of_bench(result) else _carried_lines(result)
+    said += kind_of(result).lines(result)
     said += evidence.power_lines(result)
     said += beyond.lines(result)
     bound = float(result.evidence.calibration.linearised.bound.min()) if result.next_positions else None
     for position in result.next_positions or ():
         said.append(f"measure next: {bench.position_text(position, bound)}")
     said += [f"measure next: {text}" for text in result.next or ()]
-    warnings = result.evidence.calibration.warnings if of_bench(result) else result.warnings
-    warnings = (*warnings, *([] if result.cut_off_at is None else [cut_off(result.cut_off_at)]))
+    warnings = (*result.warnings, *([] if result.cut_off_at is None else [cut_off(result.cut_off_at)]))
     return said + [f"warning: {text}" for text in warnings]
-
-
-def _bench_lines(result: Diagnosis) -> list[str]:
-    nominal = result.evidence.calibration
-    said = [
-        f"{nominal.positions} positions, {nominal.measurements} readings, σ = {upwards(nominal.noise_bound, 3)} g "
-        f"({nominal.noise_bound_basis}); nominal model: radius {residual(nominal.radius)}",
-        *bench.proof_lines(nominal),
-    ]
-    said += witnesses.turn_lines(result)
-    for finding in sets_of(result)[:MOST_SETS]:
-        for cause in finding.causes:
-            said += _cause_lines(cause, result)
-        said.append(f"  radius with {'it' if len(finding.causes) == 1 else 'them'} {residual(finding.fit.radius)}")
-    if len(sets_of(result)) > MOST_SETS:
-        said.append(f"  ... and {len(sets_of(result)) - MOST_SETS} sets more")
-    said += [f"  cannot be told from {' and '.join(place.title for place in same)}" for same in result.equal_sets]
-    if (g := result.gain) is not None and g.over is None:
-        said.append(
-            f"held-out positions, simulated again ({int(np.isfinite(g.before).sum())} readings): "
-            f"rms {digits(g.held_out_rms_before)} -> {digits(g.held_out_rms_after)} g, "
-            f"max {upwards(g.held_out_max_before, 3)} -> {upwards(g.held_out_max_after, 3)} g"
-        )
-        said += [] if g.improves else ["warning: the extension does not improve the positions that were held out"]
-    elif g is None and result.verdict == "explained":
-        said.append("gain on held-out positions: not possible with these effects and positions")
-    turned = [] if g is None else [one for one in (g, *(g.others or ())) if one.over is not None]
-    said += [
-        f"{one.over} that were held out, simulated again ({one.pieces} pieces): rms {digits(one.held_out_rms_before)} "
-        f"-> {digits(one.held_out_rms_after)} {one.unit}"
-        for one in turned
-    ]
-    if isinstance(result.judgement, Witness):
-        said += witnesses.witness_lines(result.judgement)
-    said += witnesses.each_lines(witnesses.witnesses_of(result))
-    if (other := result.second_mounting) is not None:
-        said.append(
-            f"a second mounting ({other.mounting}) tells apart {' and '.join(other.separates)}: "
-            f"correlation {digits(other.correlation_before)} -> {digits(other.correlation_after)}"
-        )
-    return [*said, *_structure_lines(result, "residual of accelerometer", 5)]
-
-
-def _carried_lines(result: Diagnosis) -> list[str]:
-    said = [f"to add: {text}" for text in result.missing or ()]
-    if result.baseline.radius is None or result.noise_bound_arcmin is None:
-        return said
-    said.append(
-        f"reference {result.reference}, {result.baseline_model} block; bound "
-        f"{upwards(result.noise_bound_arcmin, 3)} arcmin ({result.noise_bound_from}); "
-        f"radius {residual(result.baseline.radius)}"
-    )
-    said += bias_lines(result)
-    sets = sets_of(result)
-    for number, finding in enumerate(sets[:MOST_SETS]):
-        said += ["or"] if number else []
-        for cause in finding.causes:
-            said += _cause_lines(cause, result)
-    if sets and result.extended is not None:
-        what = "the first set" if len(sets) > 1 else "it" if len(result.causes) == 1 else "them"
-        said.append(f"radius with {what} {residual(result.extended.radius)}")
-    if len(sets) > MOST_SETS:
-        said.append(f"... and {len(sets) - MOST_SETS} sets more")
-    said += _length_lines(result)
-    said += [
-        f"not used, simulated by the exported FMUs over {gain.over} ({gain.pieces} pieces): rms "
-        f"{digits(gain.held_out_rms_before)} -> {digits(gain.held_out_rms_after)} arcmin, max "
-        f"{upwards(gain.held_out_max_before, 3)} -> {upwards(gain.held_out_max_after, 3)}"
-        for gain in ([] if result.gain is None else [result.gain, *(result.gain.others or ())])
-    ]
-    said += witnesses.each_lines(witnesses.witnesses_of(result))
-    return [*said, *_why_lines(result), *_structure_lines(result, "error about axis", 4)]
-
-
-def _cause_lines(cause: Cause, result: Diagnosis) -> list[str]:
-    """A cause with its parameters."""
-    said = [f"cause: {cause.place.title}: {sentence_of(cause, result)}"]
-    for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-        shown, *ends = interval(value, low, high)
-        text = f"  {parameter.name} {shown}, within [{', '.join(ends)}] {unit_of(parameter.unit)}"
-        said.append(text.rstrip())
-    told = "told" if of_bench(result) else "told in this record"
-    return said + [f"  cannot be {told} from {other.title}" for other in cause.alike]
-
-
-def _structure_lines(result: Diagnosis, what: str, most: int) -> list[str]:
-    return [
-        f"{what} {entry.get('accelerometer', entry.get('axis'))}: {digits(100 * entry['explained'])} % of it is "
-        f"predicted by {entry['on']}; {digits(100 * entry['explainable'])} % is more than noise"
-        for entry in (result.residual_structure or ())[:most]
-    ]
-
-
-def bias_lines(result: Diagnosis) -> list[str]:
-    """The gyros' mean at rest that was taken out."""
-    if result.bias_at_rest is None:
-        return []
-    shown = ", ".join(digits(math.degrees(value), 4) for value in result.bias_at_rest.radps)
-    text = f"gyro bias at rest, taken out: {shown} deg/s"
-    if result.bias_at_rest.rms_if_left_in_arcmin is not None:
-        text += f"; left in it would make the errors {digits(result.bias_at_rest.rms_if_left_in_arcmin)} arcmin rms"
-    return [text]
-
-
-def _length_lines(result: Diagnosis) -> list[str]:
-    """What each length of windows or moves says, and the order in which effects help."""
-
-    def order_text(order: OrderOfEffects) -> str:
-        steps = [f"{step.effect} {digits(step.held_out_rms_arcmin)}" for step in order.steps]
-        helped = f", by order of help: {', '.join(steps)}" if steps else ", nothing helps"
-        return f"left out {digits(order.held_out_rms_arcmin)}{helped}"
-
-    said, lengths = [], result.lengths or ()
-    for length in lengths:
-        text = (
-            f"over {length.over} ({length.pieces} pieces): rms {digits(length.rms_arcmin)} arcmin, largest "
-            f"{upwards(length.max_arcmin, 3)}, bound {upwards(length.noise_bound_arcmin, 3)}, "
-            f"radius {residual(length.radius)}"
-        )
-        said.append(text if length.order is None else f"{text}; {order_text(length.order)}")
-        if length.order_as_measured is not None:
-            said.append(f"  with the bias at rest left in: {order_text(length.order_as_measured)}")
-    if result.order_stable is not None and len(lengths) > 1:
-        stable = "the same at every length" if result.order_stable else "not stable over the lengths"
-        said.append(f"the order of the effects is {stable}")
-    raw = [length.order_as_measured for length in lengths if length.order_as_measured is not None]
-    if len(raw) > 1:
-        said.append(f"with the bias at rest left in it is {'the same' if is_stable(raw) else 'not stable'}")
-    return said
-
-
-def _why_lines(result: Diagnosis) -> list[str]:
-    """Why nothing is named in a record that the simulation explains."""
-    if result.verdict != "consistent":
-        return []
-    said = [
-        "no effect is named: with the block's own parameters every error stays within the noise, so nothing more is "
-        "supported"
-    ]
-    excluded = result.excluded or ()
-    if excluded:
-        said.append(f"{len({(e['effect'], e['where']) for e in excluded})} effects are bounded by the record:")
-    for e in excluded:
-        if e["where"] in ("gyro-block", "attitude-computer"):
-            said.append(f"  {e['effect']} {e['parameter']} below {upwards(e['above'])} {unit_of(e['unit'])}".rstrip())
-    if result.cannot_be_seen:
-        names = dict.fromkeys(place.effect for place in result.cannot_be_seen)
-        said.append(f"this record cannot show: {', '.join(names)}")
-    return said
 
 
 # The page
@@ -216,27 +59,7 @@ def _why_lines(result: Diagnosis) -> list[str]:
 
 def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
     """Verdict, cause, gain and residuals; record (given where it is one of positions), model, evidence, what next."""
-    named = result.causes if result.verdict == "explained" else ()
-    if of_bench(result):
-        assert record is not None
-        name, nominal = record.path.name, result.evidence.calibration
-        values = bench.calibrated_values(nominal)
-        # With the effects that were found.
-        after = {t["symbol"]: (t["after"], half_width(t["low"], t["high"])) for t in result.targets or ()}
-        values |= {symbol: value for symbol, value in after.items() if symbol in values}
-        first = [bench.measured_section(record, nominal), bench.bench_section(nominal, values, named)]
-        key = bench.key_figures(nominal)
-        if result.findings:
-            key |= {f"with {evidence.first_words(result)}": f"{residual(result.findings[0].fit.radius)} σ"}
-        shuffled = result.witness is not None and result.witness.shuffles
-        rests_on = bench.provenance(nominal, {"seed of the shuffles": len(record)} if shuffled else {})
-    else:
-        name, own = result.evidence.found.record.path.name, result.baseline.parameters or ()
-        # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
-        forces = not any(p.name.startswith("accelerometer") for p in own)
-        first = record_sections(result.evidence.found, result.warnings, forces=forces, told=bool(result.missing))
-        first += [carried_section(result)] if result.evidence.parts else []
-        key, rests_on = _key_of_carried(result), _provenance_of_carried(result)
+    name, first, key, rests_on = kind_of(result).record(result, record)
     answer = [*beyond.sections(result), *answer_of(result)]
     return Page(
         f"Diagnosis of {name}",
@@ -250,62 +73,20 @@ def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
     )
 
 
-def _key_of_carried(result: Diagnosis) -> dict[str, object]:
-    """What stands below the verdict."""
-    key: dict[str, object] = {"rows": len(result.evidence.found.record), "reference": result.reference}
-    if result.baseline.radius is None or result.noise_bound_arcmin is None:
-        return key
-    key |= {f"bound, {evidence.quoted_words(result)}": f"{upwards(result.noise_bound_arcmin, 3)} arcmin"}
-    key |= {"largest error": f"{residual(result.baseline.radius)} of its bound"}
-    if result.extended is not None:
-        key[f"with {evidence.first_words(result)}"] = residual(result.extended.radius)
-    return key
-
-
-def _provenance_of_carried(result: Diagnosis) -> dict[str, object]:
-    """What the result rests on: record, options, versions, seeds."""
-    record = result.evidence.found.record
-    given: dict[str, object] = {"record": record.path.name, "record, SHA-256": record.sha256}
-    given |= {"reference": result.reference, "gravity": f"{exactly(result.evidence.found.gravity)} m/s²"}
-    given["model"] = f"{result.baseline_model} block"
-    if record.rate is not None:
-        given["a rate in the record is"] = result.evidence.rates
-    if result.noise_bound_from:
-        given["bounds from"] = result.noise_bound_from
-    if witnesses.witnesses_of(result):
-        given["seed of the shuffles"] = sum(part.error.size for part in result.evidence.parts)
-    return given | versions()
-
-
-def _errors(result: Diagnosis) -> list[Section]:
-    """Residuals of readings, or errors of pieces, with their pictures; the first is over the record."""
-    if of_bench(result):
-        return evidence.residual_sections(result)
-    bias = list(map(sentence, bias_lines(result)))
-    return evidence.error_sections(result, bias) if result.evidence.parts else []
-
-
 def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
     """The cause with its size, what it gains, and the residuals; `files` belong to the cause."""
-    told = [cause_section(result, files or []), gain_section(result), *_errors(result)[:1]]
+    told = [cause_section(result, files or []), gain_section(result), *kind_of(result).errors(result)[:1]]
     return [section for section in told if section is not None]
 
 
 def sections_of(result: Diagnosis) -> list[Section]:
     """What stands behind the answer: further pictures of residuals, evidence, what is excluded, what is next."""
-    if of_bench(result):
-        values = evidence.target_section(result) or calibration.target_section(result.evidence.calibration)
-        proof = bench.proof_section(result.evidence.calibration, result.evidence.numbers)
-        after = bench.next_section(result.evidence.calibration.linearised, result.next_positions or ())
-    else:
-        values, proof = evidence.parameter_section(result), None
-        after = Section("What to measure next", list(map(sentence, result.next))) if result.next else None
+    positions = result.next_positions
     told = [
-        *_errors(result)[1:],
+        *kind_of(result).errors(result)[1:],
         hypothesis_section(result),
         beyond.level_section(result),
-        values,
-        proof,
+        *kind_of(result).values(result),
         evidence.ranking_section(result),
         evidence.confusion_section(result),
         evidence.length_section(result),
@@ -313,7 +94,8 @@ def sections_of(result: Diagnosis) -> list[Section]:
         evidence.structure_section(result),
         *evidence.excluded_sections(result),
         evidence.power_section(result),
-        after,
+        bench.next_section(result.evidence.calibration.linearised, positions) if positions else None,
+        Section("What to measure next", list(map(sentence, result.next))) if result.next else None,
     ]
     return [section for section in told if section is not None]
 
@@ -338,7 +120,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     same = [place.title for cause in result.causes for place in cause.alike]
     same += [" with ".join(place.title for place in places) for places in result.equal_sets]
     if same and named:
-        said.append(sentence(f"{evidence.nothing_tells(result)} could tell it from: {', '.join(same)}"))
+        said.append(f"By {result.evidence.told_by} it cannot be told from: {', '.join(same)}.")
     if (other := result.second_mounting) is not None:
         said.append(
             f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
@@ -389,28 +171,15 @@ def gain_section(result: Diagnosis) -> Section | None:
 
 def sources(result: Diagnosis) -> list[str]:
     """Of a diagnosis, whatever the record."""
-    own = result.witness
-    if of_bench(result):
-        first = bench.calibration_sources(result.evidence.calibration)
-        shuffled, left_out = own and own.shuffles, own and (own.folds or own.blocks)
-        gained = result.gain
-    else:
-        found, carried = result.evidence.found, bool(result.evidence.parts)
-        norm = found.accelerometers is not None and found.accelerometers.least_squares is not None
-        first = cited(norm and "norm", found.gyros is not None and "allan")
-        first += cited("gyros", "attitude", "simplex", result.tried and "chebyshev") if carried else []
-        shuffled = left_out = result.judgement
-        gained = carried
-    return [
-        *first,
-        *cited(
-            result.tried and "lawson",
-            len(result.tried) > 1 and "angles",
-            shuffled and "shuffles",
-            left_out and "left-out",
-            gained and "fmi",
-        ),
-    ]
+    told, own = bool(result.judgement), result.witness
+    more = cited(
+        result.tried and "lawson",
+        len(result.tried) > 1 and "angles",
+        told and (own is None or own.shuffles) and "shuffles",
+        told and (own is None or own.folds or own.blocks) and "left-out",
+        result.gain and "fmi",
+    )
+    return list(dict.fromkeys([*kind_of(result).sources(result), *more]))
 
 
 # Formulas that a person states

@@ -21,7 +21,7 @@ from ..document.notation import (
 )
 from ..evidence.power import PIECES, SECTORS
 from ..rounding import digits, exactly, interval, residual, to_bound, upwards
-from .bench import of_bench, physical_words, proved
+from .bench import physical_words, proved
 from .inspection import own_words
 from .pictures import residuals as pictures
 from .witnesses import turn_sections
@@ -30,11 +30,6 @@ MOST_RANKED = 16
 MOST_BARS = 18
 MOST_NEVER = 4
 """So many pairs that a record never shows are named in a line."""
-
-
-def nothing_tells(result: Diagnosis) -> str:
-    """What it is that cannot tell effects of one class apart."""
-    return "no measurement with these mountings" if of_bench(result) else "nothing in this record"
 
 
 def first_words(result: Diagnosis) -> str:
@@ -217,7 +212,7 @@ def ranking_section(result: Diagnosis) -> Section | None:
     alone = [finding.causes[0] for finding in result.findings if len(finding.causes) == 1]
     remaining = {place.title for cause in alone for place in (cause.place, *cause.alike)}
     refused = len(mending - remaining)
-    if refused and remaining and of_bench(result):
+    if refused and remaining and result.evidence.tries_all_sets:
         which = "One of them is" if refused == 1 else f"{refused} of them are"
         said.append(
             f"{which} not among the sets that remain: only a size that is not possible, or only to first order, mends "
@@ -241,7 +236,7 @@ def confusion_section(result: Diagnosis) -> Section | None:
     causes = [cause for finding in result.findings for cause in finding.causes if cause.equivalents]
     rows: list[Sequence[Cell]] = [[cause.place.title, ", ".join(p.title for p in cause.alike)] for cause in causes]
     rows += [["the set that was named", " and ".join(place.title for place in same)] for same in result.equal_sets]
-    beyond = ", beyond what the model's parameters imitate" if of_bench(result) or result.baseline.parameters else ""
+    beyond = ", beyond what the model's parameters imitate" if result.evidence.names else ""
     said = [
         f"How alike effects look in this record{beyond}: 1 means that the one can be sized to look just like the "
         "other, 0 that it cannot at all. Close to 1 it takes small noise to confuse them."
@@ -250,9 +245,8 @@ def confusion_section(result: Diagnosis) -> Section | None:
         titles_too = " and ".join(place.title for place in places_too)
         said.append(f"Not excluded: {titles_too}, which contains what is named.")
     if result.findings and not rows:
-        tells = "some measurement on this bench" if of_bench(result) else "this record"
-        said.append(f"What was found is alone in its class: {tells} tells it from every other effect.")
-    header = ["effect", f"{nothing_tells(result)} tells it from"]
+        said.append(f"What was found is alone in its class: by {result.evidence.told_by} every other effect differs.")
+    header = ["effect", f"cannot be told by {result.evidence.told_by} from"]
     return Section(
         "Evidence: what could be taken for what",
         said,
@@ -307,7 +301,7 @@ def structure_section(result: Diagnosis) -> Section | None:
     if not result.residual_structure:
         return None
     shown = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
-    of = "accelerometer" if of_bench(result) else "axis"
+    of = "accelerometer" if "accelerometer" in shown[0] else "axis"
     return Section(
         "What the residual depends on",
         f"This is how much of the residual of each {of} a smooth function of one quantity, or of several together, "
@@ -371,11 +365,10 @@ def power_section(result: Diagnosis) -> Section | None:
     columns = [name for part in COLUMNS.values() for name in part if any(name in row for row in rows.values())]
     header = ["function of", "times", *columns, "unit"]
     table = [[*key[:2], *(row.get(column) for column in columns), key[2]] for key, row in rows.items()]
-    where = "at these positions" if of_bench(result) else "in this record"
     return Section(
         "What would have shown that is in no catalogue",
         [
-            f"From these sizes on every function of a quantity at a place contradicts the nominal model {where}, "
+            "From these sizes on every function of a quantity at a place contradicts the nominal model in this record, "
             "whatever the noise within its bound. The functions are straight between knots: "
             f"{PIECES} pieces over the range of the quantity, {SECTORS} round a circle. What the model's own "
             "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "

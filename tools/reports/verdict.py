@@ -5,24 +5,17 @@ from ..diagnosis.result import Diagnosis
 from ..document.notation import sentence
 from ..rounding import digits, residual
 from . import bench, beyond, evidence
-from .bench import of_bench
 
 FEW_RIVALS = 3
 """Up to so many sets of effects are named in the verdict."""
 OTHERS_MAY = "and others may that were not tried: the search was cut off"
-OF_CARRIED = {
-    "consistent": "consistent: the simulation explains the record within its noise; no effect is named",
-    "insufficient": "insufficient: the record cannot tell whether the simulation is wrong",
-    "explained": "explained: a smallest set of effects brings every error within its bound, and no other does",
-    "ambiguous": "ambiguous: several sets of effects would bring every error within its bound",
-    "unexplained": "unexplained: the simulation is falsified and nothing that can be named mends it",
-}
-"""The verdicts on a block that is carried."""
+MOST_SETS = 6
+"""So many sets that remain are printed."""
 
 
 def verdict_line(result: Diagnosis) -> str:
     """The first line for a terminal: the verdict, and on whose word it rests."""
-    said = (bench.VERDICTS if of_bench(result) else OF_CARRIED)[result.verdict]
+    said = bench.VERDICTS[result.verdict]
     if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
         return "unexplained: the model is falsified, and nothing that was tried mends it"
     if only_unlisted(result):
@@ -50,36 +43,32 @@ def _verdict(result: Diagnosis) -> str:
         if only_unlisted(result):
             against += f" {sentence(result.caution[0])}"
         return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
-    if of_bench(result):
-        nominal = result.evidence.calibration
-        if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
-            said = sentence(cut_off(result.cut_off_at))
-            return f"{lacks}: no parameters leave less than {residual(nominal.radius)} σ. {said}"
-        if result.verdict == "unexplained" and (said := beyond.proven_text(result)):
-            return f"{lacks}, and what is {said}."
-        if result.verdict == "unexplained":
-            least = f"no parameters leave less than {residual(nominal.radius)} σ"
-            if result.not_named:
-                return f"{lacks}: {least}, and {result.not_named[0]}."
-            said = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
-            return f"{said} {beyond.beyond_words(result)}".rstrip()
-        if result.verdict == "insufficient":
-            open_ones = bench.open_targets(nominal)
-            return f"Too little was measured to judge the simulation: the readings do not determine {open_ones}."
-        return sentence(bench.VERDICTS[result.verdict])
+    least = f"with the best parameters its largest error is {residual(result.baseline.radius or 0.0)} times its bound"
+    if result.verdict == "unexplained" and result.not_named:
+        return f"{lacks}: {least}, and {result.not_named[0]}."
+    if result.verdict == "unexplained" and result.cut_off_at is not None:
+        return f"{lacks}: {least}. {sentence(cut_off(result.cut_off_at))}"
+    if result.verdict == "unexplained" and (said := beyond.proven_text(result)):
+        return f"{lacks}, and what is {said}."
     if result.verdict == "unexplained":
-        why = result.not_named[0] if result.not_named else "nothing in the catalogue mends it"
-        if result.cut_off_at is not None and not result.not_named:
-            why = cut_off(result.cut_off_at)
-        return f"{lacks}: its largest error is {residual(result.baseline.radius or 0.0)} times its bound, and {why}."
-    if result.verdict == "insufficient" and result.missing:
-        return f"Too little was measured to judge the simulation. To add: {'; '.join(map(str, result.missing))}."
-    if result.verdict == "consistent" and result.baseline.radius is not None:
-        return (
-            "Consistent: the simulation explains the record within its noise; no error is more than "
-            f"{residual(result.baseline.radius)} of its bound, and no effect is named."
-        )
-    return sentence(OF_CARRIED[result.verdict])
+        said = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+        return f"{said} {beyond.beyond_words(result)}".rstrip()
+    if result.verdict == "insufficient":
+        return f"Too little was measured to judge the simulation: {missing_words(result)}."
+    return (
+        "Consistent: the simulation explains the record within its noise; no error is more than "
+        f"{residual(result.baseline.radius or 0.0)} of its bound, and no effect is named."
+    )
+
+
+def missing_words(result: Diagnosis) -> str:
+    """What is to be added, or which targets are left open."""
+    texts = [gap for gap in result.missing or () if isinstance(gap, str)]
+    return (
+        f"to add: {'; '.join(texts)}"
+        if texts
+        else f"the readings do not determine {bench.open_targets(result.evidence.calibration)}"
+    )
 
 
 def rivals(result: Diagnosis) -> str:
@@ -126,6 +115,5 @@ def cut_off(size: int) -> str:
 
 def only_unlisted(result: Diagnosis) -> bool:
     """Whether a record is ambiguous only by what is in no catalogue."""
-    return (
-        of_bench(result) and result.verdict == "ambiguous" and not result.alternatives and result.complete is not False
-    )
+    alone = result.verdict == "ambiguous" and not result.alternatives and result.complete is not False
+    return alone and bool(result.caution)
