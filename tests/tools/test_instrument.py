@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import trihedron as th
 from simulated_bench import random_bench, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
@@ -43,7 +44,7 @@ def made(tmp_path_factory) -> Path:
         read = read_record(made / f"{k}.csv", PositionRecord)
         (made / f"{k}.json").write_text(calibrate(read, noise_bound=SIGMA).json_text(), encoding="utf-8")
     for k in (2, 0, 1):
-        add_to_instrument(made / "unit", made / f"{k}.json", record=made / f"{k}.csv")
+        add_to_instrument(made / "unit", made / f"{k}.json", records=[made / f"{k}.csv"])
     return made
 
 
@@ -78,6 +79,40 @@ def test_a_scale_factor_that_changed_is_no_constant_since_that_date_and_nothing_
         assert (found[symbol].falsified, found[symbol].against) == ("2026-09-07", "2026-03-02")
         assert 1e-4 < found[symbol].at_least < 3e-4
     assert {one.falsified for name, one in found.items() if name not in ("X4", "X5")} == {None}
+
+
+def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_share_stands_once(made, tmp_path):
+    """Biases are of each record, at its own date; the scale factors of the first two days are at the second's."""
+    shared, files = tmp_path / "shared.json", [made / "0.csv", made / "1.csv"]
+    together = th.calibrate_together(*files, noise_bound=SIGMA)
+    shared.write_text(together.json_text(), encoding="utf-8")
+    entry = add_to_instrument(tmp_path / "unit", shared, records=files)
+    assert (entry.date, entry.temperature, entry.serial) == (DATES[1], DEGREES[1], "U-17")
+    assert [(one.record, one.date.removesuffix("T00:00")) for one in entry.dates] == list(
+        zip("01", DATES, strict=False)
+    )
+    add_to_instrument(tmp_path / "unit", made / "2.json", records=[made / "2.csv"])
+    trend = trend_of_instrument(tmp_path / "unit")
+    assert trend.dates == DATES
+    found = {one.name: one for one in trend.parameters}
+    known = {(p.name, p.record): (p.low, p.high) for p in together.parameters}
+    ends = {name: [(r.low, r.high) for r in one.records] for name, one in found.items()}
+    assert ends["X16"][:2] == [known["X16", "0"], known["X16", "1"]]
+    assert ends["X4"][:2] == [(None, None), known["X4", None]]
+    assert (found["X4"].falsified, found["X4"].against) == ("2026-09-07", DATES[1])
+    with pytest.raises(InputError, match="is there already"):
+        add_to_instrument(tmp_path / "unit", shared, records=files)
+    with pytest.raises(InputError, match="is not the record of"):
+        add_to_instrument(tmp_path / "other", shared, records=[made / "2.csv"])
+    assert nearest_of_instrument(tmp_path / "unit", date="2026-06-01").result == json.loads(shared.read_text("utf-8"))
+
+
+def test_several_records_of_other_instruments_are_no_entry(made, tmp_path):
+    files = [tmp_path / "0.csv", made / "1.csv"]
+    files[0].write_text((made / "0.csv").read_text("utf-8").replace("U-17", "U-16"), encoding="utf-8")
+    (tmp_path / "shared.json").write_text(th.calibrate_together(*files, noise_bound=SIGMA).json_text(), "utf-8")
+    with pytest.raises(InputError, match="its records are of several instruments: U-16, U-17"):
+        add_to_instrument(tmp_path / "unit", tmp_path / "shared.json", records=files)
 
 
 Ends = st.tuples(st.integers(-9, 9), st.integers(0, 6)).map(lambda pair: (pair[0], pair[0] + pair[1]))
@@ -121,7 +156,8 @@ def test_what_is_there_or_of_another_instrument_or_no_result_is_refused_in_one_l
         (first, {}, "no date: give --date"),
         (first, {"date": "1.2.2026"}, "--date 1.2.2026: write a date as"),
         (first, {"date": "2026-10-01", "temperature": 4e3}, "--temperature 4000"),
-        (first, {"record": made / "1.csv"}, "is not the record of"),
+        (first, {"records": [made / "1.csv"]}, "is not the record of"),
+        (first, {"records": [made / "1.csv", made / "0.csv"]}, "1.csv: is not the record of"),
         (made / "0.csv", {"date": "2026-10-01"}, "0.csv: is not JSON text"),
         (unit / before[0], {"date": "2026-10-01"}, "a calibration or a diagnosis is needed"),
     )

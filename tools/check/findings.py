@@ -71,7 +71,7 @@ class Check(Result):
     def verdict(self) -> str:
         """One line."""
         if self.good:
-            return f"{self.file}: a {self.kind}, nothing is wrong"
+            return f"{self.file}: {'an' if self.kind[0] in 'aeo' else 'a'} {self.kind}, nothing is wrong"
         count = len(self.problems) + self.not_listed
         return f"{self.file}: {count} problem{'s' if count > 1 else ''} ({self.kind})"
 

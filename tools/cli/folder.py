@@ -20,7 +20,7 @@ def add(
     result: Path,
     /,
     *,
-    record: Path | None = None,
+    records: Annotated[tuple[Path, ...], Parameter(name="--record")] = (),
     date: str | None = None,
     temperature: Degrees = None,
     serial: str | None = None,
@@ -30,15 +30,17 @@ def add(
 
     Example: trihedron instrument add unit-17 calibration.json --record monday.csv
 
+    Example: trihedron instrument add unit-17 together.json --record monday.csv --record tuesday.csv
+
     Parameters
     ----------
     folder
         The instrument's folder.
     result
-        The result of `trihedron calibrate --json` or `trihedron diagnose --json`.
-    record
+        The result of `trihedron calibrate --json`, of one record or several, or `trihedron diagnose --json` of one.
+    records
         The record that it was made from: its comment lines (# date: ..., # temperature: ..., # serial: ...) and its
-        temperatures say what the options do not.
+        temperatures say what the options do not; of several records once for each.
     date
         When it was measured, as 2026-11-23 or 2026-11-23T14:00.
     temperature
@@ -46,8 +48,11 @@ def add(
     serial
         Its serial number.
     """
-    distinct_files({"the result": result, "--record": record, "--json": json})
-    entry = folders.add_to_instrument(folder, result, record=record, date=date, temperature=temperature, serial=serial)
+    given = {f"--record {k}": path for k, path in enumerate(records, start=1)}
+    distinct_files({"the result": result, **given, "--json": json})
+    entry = folders.add_to_instrument(
+        folder, result, records=records, date=date, temperature=temperature, serial=serial
+    )
     return answer(entry, json, files=[folder / entry.file])
 
 

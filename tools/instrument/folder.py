@@ -10,9 +10,10 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
-from ...fmus.parameters import CALIBRATION
+from ...fmus.parameters import CALIBRATION, JOINT_CALIBRATION
 from ..calibration import Calibration
 from ..calibration.targets import NAMES
+from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cause import Number, SizedParameter
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
 from ..diagnosis.several import Repeated, repeated_of
@@ -23,8 +24,10 @@ from ..result import Result, Told, field_problems
 
 INSTRUMENT = "trihedron.instrument/1"
 Kept = TypeVar("Kept", bound=Result)
-KINDS: Mapping[Any, type[Calibration] | type[Diagnosis]] = {
+Held = Calibration | JointCalibration | Diagnosis
+KINDS: Mapping[Any, type[Held]] = {
     CALIBRATION: Calibration,
+    JOINT_CALIBRATION: JointCalibration,
     DIAGNOSIS: Diagnosis,
     FIRST_DIAGNOSIS: Diagnosis,
 }
@@ -39,11 +42,19 @@ COLDEST, HOTTEST = -100.0, 200.0
 """[°C]"""
 
 
+class OnDate(Result):
+    """When one of several records was measured (ISO 8601)."""
+
+    record: str
+    date: str
+
+
 class Entry(Told):
     """A calibration or diagnosis of an instrument, with when and how warm it was measured.
 
     `date` is ISO 8601; `sha256` is that of the result's file, `record_sha256` of the record's; `result` is the result
-    as it was published; `file` is the name of the entry's own file.
+    as it was published; `file` is the name of the entry's own file. Of several records calibrated together date and
+    temperature are those of the last, `dates` has those that are known, and the digests have spaces between them.
     """
 
     schema_: Literal["trihedron.instrument/1"] = Field(default=INSTRUMENT, alias="schema")
@@ -54,6 +65,7 @@ class Entry(Told):
     verdict: str
     sha256: str
     record_sha256: str = ""
+    dates: tuple[OnDate, ...] = ()
     result: dict[str, Any]
 
     file: str = Field(default="", exclude=True)
@@ -87,55 +99,70 @@ def add_to_instrument(
     folder: Path,
     result: Path,
     *,
-    record: Path | None = None,
+    records: Sequence[Path] = (),
     date: str | None = None,
     temperature: float | None = None,
     serial: str | None = None,
 ) -> Entry:
     """Put the file of a calibration or diagnosis into an instrument's folder, which is made where there is none.
 
-    What `date`, `temperature` [°C] and `serial` do not say the comment lines and temperatures of the record do. An
-    InputError for a file that is no such result, for no date, another instrument's serial number, a result or record
-    that is there.
+    What `date`, `temperature` [°C] and `serial` do not say the comment lines and temperatures of the records do; of
+    several records calibrated together the last that says it. An InputError for a file that is no such result, for no
+    date, another instrument's serial number, a result or record that is there.
     """
     data = bytes_of(result, most=LARGEST_RESULT)
     content = _object(data, result)
     read = _result_of(content, str(result))
+    digests = _digests_of(read)
+    said = _said_by(records, result, digests)
     known = {"date": date, "serial": serial, "temperature": None if temperature is None else str(temperature)}
-    digest = _digest_in(content)
-    if record is not None:
-        measured = read_record(record)
-        if digest and measured.sha256 != digest:
-            raise InputError(f"{record}: is not the record of {result}: its SHA-256 is another")
-        digest = measured.sha256
-        for name, keys in SAID.items():
-            known[name] = known[name] or next((measured.about[key] for key in keys if key in measured.about), None)
-        if known["temperature"] is None and measured.temperature is not None:
-            known["temperature"] = str(float(measured.temperature.mean()))
-    before = entries_of(folder).entries if folder.exists() else ()
-    kind: Literal["calibration", "diagnosis"] = "calibration" if isinstance(read, Calibration) else "diagnosis"
+    for name in known:
+        told = [one[name] for digest in (digests or said) if (one := said.get(digest, {})).get(name)]
+        known[name] = known[name] or next(reversed(told), None)
+        if name == "serial" and serial is None and len(set(told)) > 1:
+            raise InputError(f"{result}: its records are of several instruments: {', '.join(dict.fromkeys(told))}")
     if known["date"] is None:
         raise InputError(f"{result}: no date: give --date, or --record with a comment line '# date: 2026-11-23'")
+    dates = []
+    if isinstance(read, JointCalibration):
+        on = [(label, said.get(digest, {}).get("date")) for label, digest in zip(read.records, digests, strict=True)]
+        dates = [OnDate(record=label, date=_minute(told, "--record")) for label, told in on if told]
     made = Entry(
-        kind=kind,
-        date=moment(known["date"], "--date").isoformat(timespec="minutes"),
+        kind="diagnosis" if isinstance(read, Diagnosis) else "calibration",
+        date=_minute(known["date"], "--date"),
         temperature_degC=_degrees(known["temperature"]),
         serial=known["serial"],
         verdict=str(content["verdict"]),
         sha256=hashlib.sha256(data).hexdigest(),
-        record_sha256=digest,
-        result=content if isinstance(read, Calibration) else read.to_json(),
+        record_sha256=" ".join(sorted(filter(None, digests or said))),
+        dates=tuple(dates),
+        result=read.to_json() if isinstance(read, Diagnosis) else content,
     )
-    for other in before:
+    for other in entries_of(folder).entries if folder.exists() else ():
         if other.sha256 == made.sha256:
             raise InputError(f"{result}: is there already: {folder / other.file}")
-        if digest and (other.record_sha256, other.kind) == (digest, kind):
-            raise InputError(f"{result}: a {kind} of this record is there already: {folder / other.file}")
+        if made.record_sha256 and (other.record_sha256, other.kind) == (made.record_sha256, made.kind):
+            raise InputError(f"{result}: a {made.kind} of this record is there already: {folder / other.file}")
         if made.serial and other.serial and made.serial != other.serial:
             raise InputError(f"{folder}: is of the instrument {other.serial}, not of {made.serial}")
-    name = f"{made.date.replace(':', '')}-{kind}-{made.sha256[:8]}.json"
+    name = f"{made.date.replace(':', '')}-{made.kind}-{made.sha256[:8]}.json"
     write_text(folder / name, made.json_text())
     return made.model_copy(update={"file": name})
+
+
+def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dict[str, dict[str, str]]:
+    """What records say of date, temperature and serial number, by their SHA-256; an InputError for other records."""
+    found: dict[str, dict[str, str]] = {}
+    for path in paths:
+        measured = read_record(path)
+        if measured.sha256 not in digests if digests else found:
+            raise InputError(f"{path}: is not the record of {result}: its SHA-256 is another")
+        about = measured.about
+        of_it = {name: about[key] for name, keys in SAID.items() for key in reversed(keys) if key in about}
+        if measured.temperature is not None:
+            of_it.setdefault("temperature", str(float(measured.temperature.mean())))
+        found[measured.sha256] = of_it
+    return found
 
 
 def entries_of(folder: Path) -> Entries:
@@ -186,12 +213,13 @@ def trend_of_instrument(folder: Path) -> Trend:
     meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
     """
     held = entries_of(folder)
-    told = {entry.file: (entry.date, values) for entry in held.entries if (values := parameters_of(entry))}
+    told = [pair for entry in held.entries for pair in parameters_of(entry) if pair[1]]
+    told.sort(key=lambda pair: moment(pair[0], ""))
     if len(told) < 2:
-        raise InputError(f"{folder}: two entries at least must tell parameters, consistent or explained ones")
-    labels = _labels([date for date, _ in told.values()])
+        raise InputError(f"{folder}: two records at least must tell parameters, of consistent or explained results")
+    labels = _labels([date for date, _ in told])
     by_name: dict[tuple[str, str], dict[str, SizedParameter]] = {}
-    for label, (_, values) in zip(labels, told.values(), strict=True):
+    for label, (_, values) in zip(labels, told, strict=True):
         for key, value in values.items():
             by_name.setdefault(key, {})[label] = value
     parameters = []
@@ -212,24 +240,33 @@ def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str 
     return min(apart, key=lambda pair: (order.index(pair[0]), order.index(pair[1])), default=(None, None))
 
 
-def parameters_of(entry: Entry) -> dict[tuple[str, str], SizedParameter]:
-    """Name and unit of each parameter that an entry bounds -> what is possible of it; none where nothing stands."""
-    found: list[tuple[str, str, Any]] = []
+def parameters_of(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter]]]:
+    """Of each record of an entry the date, and by name and unit what is possible of each parameter that is bounded.
+
+    What several records share stands once, with the last of them.
+    """
     read = _result_of(entry.result, entry.file)
+    found: list[tuple[str, str, str, Any]] = []
+    dates, last = {"": entry.date}, ""
+    if isinstance(read, JointCalibration):
+        known, last = {one.record: one.date for one in entry.dates}, read.records[-1]
+        dates = {label: known.get(label, entry.date) for label in read.records}
+    if isinstance(read, JointCalibration) and read.verdict == "consistent":
+        found = [(p.record or last, p.name, p.unit, (p.estimate, p.low, p.high)) for p in read.parameters]
     if isinstance(read, Calibration) and read.verdict == "consistent":
-        found = [(p.symbol, p.unit, (p.estimate, p.low, p.high)) for p in read.parameters]
+        found = [("", p.symbol, p.unit, (p.estimate, p.low, p.high)) for p in read.parameters]
     if isinstance(read, Diagnosis) and read.verdict in ("consistent", "explained"):
         for t in read.targets or ():
             unit = NAMES.get(t["symbol"].partition("@")[0], ("", "1"))[1]
-            found.append((t["symbol"], unit, (t["after"], t["low"], t["high"])))
-        found += [(p.name, p.unit, (p.estimate, p.low, p.high)) for p in read.baseline.parameters or ()]
-        for cause in read.causes:
-            found += [(f"{cause.place.title}: {p.name}", p.unit, (p.estimate, p.low, p.high)) for p in cause.parameters]
-    return {
-        (name, unit): SizedParameter.of(name, unit, value[0], value[1:])
-        for name, unit, value in found
-        if None not in value
-    }
+            found.append(("", t["symbol"], unit, (t["after"], t["low"], t["high"])))
+        sized = [(p.name, p) for p in read.baseline.parameters or ()]
+        sized += [(f"{cause.place.title}: {p.name}", p) for cause in read.causes for p in cause.parameters]
+        found += [("", name, p.unit, (p.estimate, p.low, p.high)) for name, p in sized]
+    values: dict[str, dict[tuple[str, str], SizedParameter]] = {label: {} for label in dates}
+    for label, name, unit, value in found:
+        if None not in value:
+            values[label][name, unit] = SizedParameter.of(name, unit, value[0], value[1:])
+    return [(dates[label], values[label]) for label in dates]
 
 
 def moment(text: str, where: str) -> datetime:
@@ -239,6 +276,10 @@ def moment(text: str, where: str) -> datetime:
     except ValueError as error:
         raise InputError(f"{where} {text}: write a date as 2026-11-23 or 2026-11-23T14:00") from error
     return read if read.tzinfo is None else read.astimezone(UTC).replace(tzinfo=None)
+
+
+def _minute(text: str, where: str) -> str:
+    return moment(text, where).isoformat(timespec="minutes")
 
 
 def _labels(dates: Sequence[str]) -> list[str]:
@@ -266,7 +307,7 @@ def _read(model: type[Kept], content: Mapping[str, Any], where: str) -> Kept:
         raise InputError(f"{where}: {field_problems(error, model)[0][1]}") from error
 
 
-def _result_of(content: Mapping[str, Any], where: str) -> Calibration | Diagnosis:
+def _result_of(content: Mapping[str, Any], where: str) -> Held:
     """The result of which this is the object; an InputError, which begins with `where`, for any other."""
     schema = content.get("schema")
     if schema not in KINDS:
@@ -284,7 +325,9 @@ def _object(data: bytes, path: Path) -> dict[str, Any]:
     return content
 
 
-def _digest_in(content: Mapping[str, Any]) -> str:
-    """The record's SHA-256, where a result has it."""
-    of_calibration, of_diagnosis = content.get("provenance") or {}, content.get("record") or {}
-    return str(of_calibration.get("record_sha256", "") or of_diagnosis.get("sha256", ""))
+def _digests_of(read: Held) -> tuple[str, ...]:
+    """SHA-256 of the records of a result, in their order; none where it does not tell them."""
+    if isinstance(read, JointCalibration):
+        return read.sha256
+    used = read.provenance if isinstance(read, Calibration) else read.record
+    return (used.sha256,) if used is not None and used.sha256 else ()

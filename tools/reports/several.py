@@ -253,8 +253,9 @@ def trend_lines(result: Trend) -> list[str]:
         if one.falsified is not None:
             change = f"changes by {downwards(one.at_least)} {unit_text(one.unit)} at least"
             said.append(f"{words(one.name)}: no constant since {one.falsified} (beside {one.against}): {change}")
-    kept = sum(one.falsified is None and sum(r.low is not None for r in one.records) > 1 for one in result.parameters)
-    return [*said, f"{kept} of {len(result.parameters)} parameters may be constants over {len(result.dates)} dates"]
+    told = [one for one in result.parameters if sum(r.low is not None for r in one.records) > 1]
+    kept = sum(one.falsified is None for one in told)
+    return [*said, f"{kept} of {len(told)} parameters may be constants over {len(result.dates)} dates"]
 
 
 def trend_page(result: Trend) -> Page:
