@@ -37,6 +37,7 @@ BATCH = 500
 RECORD = "clean.csv measured.csv"
 FINISHED = "finished/campaign.json finished/SHA256SUMS finished/runs/part-00000.parquet"
 RAW = "raw.csv"
+UNIT = "unit/first.json"
 OPTIONS = "--gravity 9.80665 --baseline symmetric --bounds 3e-3 1e-2 --channels 1,2,3"
 TRIED = {
     "simulate {} --out out": (60, "run.toml bench.toml bench-positions.csv"),
@@ -102,9 +103,18 @@ SINCE = {
     "simulate {} --stop 0.5 --out out --plot out.html": (10, "block.fmu"),
     "compare {} second.csv --within 1e-6 --report out.html --json out.json": (20, "clean.csv raw.csv strapdown.csv"),
     "plot {} out.html": (10, "clean.csv strapdown.csv"),
+    "measure angles-to-set.csv --from {} --out out.csv --noise-bound 1e-5 --patience 0 --json out.json": (
+        12,
+        "growing.csv",
+    ),
+    "measure {} --from growing.csv --out out.csv --noise-bound 1e-5 --patience 0": (8, "angles-to-set.csv"),
+    "calibrate {} --latitude-deg 55.75 --azimuth-deg 20 --json out.json --report out.html": (8, "whole.csv"),
+    "diagnose {} --noise-bound 1e-5 --latitude-deg 55.75 --azimuth-deg 20 --json out.json": (5, "whole.csv"),
+    "instrument trend unit --json out.json --report out.html": (6, UNIT),
+    "instrument show unit --out out.json": (4, UNIT),
 }
 """The same of commands that came later, tried by part of the seeds: what a seed of FOUND tries stays as it was."""
-PART_SINCE = 0.08
+PART_SINCE = 0.12
 WORDS = {
     "record": ("scenario", "raw-record", "strapdown-record", "mounting", "recrd"),
     "scenario": ("record", "raw-record", "strapdown-record", "mounting", "scenari"),
@@ -187,6 +197,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "export-ssp run.toml --out system.ssp --flavour python",
             "simulate bench.toml --out raw",
             "import foreign.csv --out imported.csv --set decimal=,",
+            "hidden whole.csv --bench --clean --seed 7",
             "plan --target X4 --grid 30 --json plan.json",
             "plan --positions 6 --starts 1 --cuts 0 --out planned",
         ):
@@ -207,6 +218,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, make in {"xlsx": xlsx, "xlsb": xlsb, "xls": xls, "ods": ods}.items():
         (folder / f"book.{name}").write_bytes(make({"Sheet1": cells}))
     (folder / "foreign.csv.gz").write_bytes(gzip.compress((folder / "foreign.csv").read_bytes(), mtime=0))
+    next((folder / "unit").glob("2026-11-02*")).rename(folder / UNIT)
     matrix = "[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
     (folder / "mounting.toml").write_text(f"[turned]\nmatrix = {matrix}\n", encoding="utf-8")
     (folder / "named.toml").write_text(NAMED, encoding="utf-8")
