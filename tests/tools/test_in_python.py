@@ -113,6 +113,7 @@ def test_a_target_is_had_by_its_symbol_or_its_name(calibration):
         calibration["X44"]
 
 
+@pytest.mark.acceptance
 def test_the_page_and_its_pictures(record, calibration, tmp_path):
     page = calibration.report(tmp_path / "page.html").read_text(encoding="utf-8")
     known = calibration.figures()
@@ -128,6 +129,7 @@ def test_the_page_and_its_pictures(record, calibration, tmp_path):
         th.check(tmp_path / "page.html").report(tmp_path / "check.html")
 
 
+@pytest.mark.acceptance
 def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_record(record, Path("monday.csv"))

@@ -86,6 +86,7 @@ def test_records_go_to_tables_and_back(hidden):
     assert record.to_polars().columns[:4] == ["position", "time_s", "alpha_deg", "beta_deg"]
 
 
+@pytest.mark.acceptance
 def test_a_hidden_effect_is_named_and_stays_a_secret_when_printed(hidden, found):
     assert "quadratic" not in str(hidden) + hidden._repr_html_()
     assert hidden.secret["hidden"]["effect"] == "quadratic"

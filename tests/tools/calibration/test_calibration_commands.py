@@ -109,6 +109,7 @@ def test_refusals_are_one_line_and_write_nothing(folder, capsys, arguments, said
     assert sorted(path.name for path in folder.iterdir()) == before
 
 
+@pytest.mark.acceptance
 def test_the_page_shows_what_is_possible_jointly_what_it_bought_and_refused_rests(tmp_path):
     raw, _ = Bench(white=5e-6).run(PROGRAMME)
     rests = find_rests(raw)

@@ -289,6 +289,7 @@ def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, tru
         strapdown_by_table(result.model_copy(update={"verdict": "falsified"}), position_record_of(record), PLACE)
 
 
+@pytest.mark.acceptance
 def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
     """The bounds of an attitude that has Earth's rotation in it are those of noise and reference: far smaller."""
     places = tuple((90.0 * k, 90.0 * (k % 3)) for k in range(14))

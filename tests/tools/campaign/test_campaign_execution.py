@@ -118,6 +118,7 @@ def workers(monkeypatch: pytest.MonkeyPatch) -> ScriptedWorkers:
     return use(ScriptedWorkers(), monkeypatch)
 
 
+@pytest.mark.acceptance
 def test_several_processes_give_the_bytes_of_one(tmp_path, unbroken):
     done = run_campaign(written(tmp_path, CALIBRATION), tmp_path / "out", jobs=2)
     assert (done.runs, done.failed) == (14, 0)

@@ -84,6 +84,7 @@ def test_faultless_gyros_leave_the_algorithms_own_error():
     assert result.scalars["largest_error_rad"] == pytest.approx(own, rel=1e-6)
 
 
+@pytest.mark.acceptance
 def test_gyros_err_as_the_component_does():
     samples, _ = motion_samples("1", 1.0, 1.0, 0.01, 40)
     gamma, bias = np.linspace(-1e-3, 1e-3, 9), np.array([1e-3, -2e-3, 3e-3])
@@ -182,6 +183,7 @@ def test_a_column_becomes_a_number(take):
     assert reduced(np.array([1.0, 2.0, -3.0]), take) == pytest.approx(expected[take])
 
 
+@pytest.mark.acceptance
 def test_hidden_effect_cases_are_those_of_the_suite():
     text = "seed = 5\nrepeats = 1\n[hidden]\neffects = ['quadratic']\npositions = [14, 18]\nnoise = 'uniform'\n"
     suite: Any = run_suite(Options("single", ("quadratic",), (14, 18), "uniform"), 1, 5)

@@ -42,6 +42,7 @@ def test_starting_imports_nothing_that_takes_its_time(arguments: list[str]):
     assert imported_by(*arguments) & set(HEAVY) == set()
 
 
+@pytest.mark.acceptance
 def test_the_list_of_heavy_modules_is_one_of_modules_that_are_used():
     """A name that nothing ever imports would prove nothing: a real command imports them."""
     there = imported_by("check", str(SCENARIOS / "static-calibration.toml"))
@@ -63,6 +64,7 @@ def test_a_diagnosis_needs_no_library_of_distributions():
     assert said.stdout.strip() == "False"
 
 
+@pytest.mark.acceptance
 def test_plain_text_where_there_is_no_terminal():
     """Nor with a terminal that is asked to be plain."""
     commands = (["plan", "--help"], ["check", str(SCENARIOS / "table-attitude.toml")])

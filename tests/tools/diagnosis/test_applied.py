@@ -38,6 +38,7 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.acceptance
 def test_what_a_block_adds_is_taken_out_of_another_days_readings(folder, capsys):
     """What is left of it is what the first record leaves open of its size."""
     out, told = folder / "corrected.csv", folder / "applied.json"

@@ -51,6 +51,7 @@ def test_the_true_function_is_in_the_band():
     assert (np.sign(ends[:, 0]) == np.sign(ends[:, 1])).any()
 
 
+@pytest.mark.acceptance
 def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
     """The extended gyros carry gravity to where the accelerometers say it is, after every move, within the bounds."""
     case, result = of_hump()

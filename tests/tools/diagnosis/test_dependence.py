@@ -230,6 +230,7 @@ def test_a_diagnosis_of_the_first_schema_is_still_read():
     )
 
 
+@pytest.mark.acceptance
 def test_what_several_effects_do_together_is_one_function_of_one_quantity(tmp_path: Path):
     """A bump in an encoder, which harmonics imitate: the quantity is proven, of which laws it is made is not."""
     rng = np.random.default_rng([9, 0])

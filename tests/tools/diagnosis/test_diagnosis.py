@@ -126,6 +126,7 @@ def test_the_loop_is_closed_for_each_effect(place, values, symmetric):
     assert [p["name"] for p in said["causes"][0]["parameters"]] == [p.name for p in CATALOGUE[place.effect].parameters]
 
 
+@pytest.mark.acceptance
 def test_an_outlier_is_named_by_the_records_own_number_alone_and_beside_an_effect():
     record = bench_case(21, EffectPlace("quadratic", "accelerometer-2"), (2e-3,)).measured()
     clean = bench_case(3).measured()
@@ -232,6 +233,7 @@ def test_every_effect_is_in_one_class_and_the_judge_of_classes_can_see_one():
     assert not same_space(spaces[0], spaces[2])
 
 
+@pytest.mark.acceptance
 def test_what_is_not_found_is_bounded_and_what_is_found_moves_the_targets():
     """A quadratic term passes for scale-factor asymmetry: the targets move back when it is named."""
     case = bench_case(17, EffectPlace("quadratic", "accelerometer-2"), (1.5e-3,))

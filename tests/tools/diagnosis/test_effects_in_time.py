@@ -95,6 +95,7 @@ def test_a_lag_of_the_temperature_is_named_with_its_time_constant(seed, before):
     assert_named(diagnosed(record, coefficient * (lag - 20.0)), "thermal-lag", values)
 
 
+@pytest.mark.acceptance
 def test_a_drift_is_named_and_a_slow_warm_up_is_said_not_to_be_excluded():
     _, record = drawn(4, 20)
     hours = hours_of(record)

@@ -38,6 +38,7 @@ def test_what_is_in_the_model_or_is_not_needed_is_said_so(tmp_path):
     assert [named.effect for named in free.equivalents] == ["cubic"]
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("no_pictures")
 def test_it_is_told_printed_shown_and_exported(tmp_path, monkeypatch, capsys):
     """The JSON has the answers, the terminal and the page too; the exported FMUs give the record again."""

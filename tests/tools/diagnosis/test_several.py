@@ -128,6 +128,7 @@ def test_a_name_that_no_parameter_has_is_refused_before_any_diagnosis(monkeypatc
         th.diagnose_together(*records, noise_bound=SIGMA, own=["X99"])
 
 
+@pytest.mark.acceptance
 def test_records_without_a_secret_need_nothing():
     clean = th.diagnose_together(*of_one_instrument(21, positions=(20, 20)), noise_bound=SIGMA)
     assert clean.verdict == "consistent"

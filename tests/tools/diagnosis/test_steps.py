@@ -70,6 +70,7 @@ def test_a_weak_step_has_every_time_at_which_it_could_be_in_its_interval(seed):
     assert last - first > 1.5 * time_of(1)
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", some(0, of=range(3)))
 def test_a_strong_drift_is_no_step_and_nothing_is_found_where_nothing_is(seed):
     _, reading, alpha, beta = drawn(200 + seed)

@@ -68,6 +68,7 @@ def test_a_clean_block_is_consistent_and_its_parameters_are_within_their_interva
     assert any("no effect is named" in line for line in lines(found))
 
 
+@pytest.mark.acceptance
 def test_sensitivity_to_gravity_is_named_with_its_size_and_gains_on_moves_that_were_not_used(sensitive):
     matrix, found = sensitive
     assert found.verdict == "explained"

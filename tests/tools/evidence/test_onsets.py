@@ -244,6 +244,7 @@ def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_sta
     assert np.array(intervals)[:3].ravel() == pytest.approx(np.stack((low, high), axis=1).ravel(), abs=1e-9)
 
 
+@pytest.mark.acceptance
 def test_a_gain_that_needs_gyros_that_nobody_has_is_none():
     """Beyond the limits of the components nothing can be run."""
     evidence = made(filmed=True, step=2e-3)

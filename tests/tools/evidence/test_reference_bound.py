@@ -69,6 +69,7 @@ def needed(text: str) -> float:
     return float(re.findall(r"have to err by ([0-9.]+) arcmin or more at a row", text)[0])
 
 
+@pytest.mark.acceptance
 def test_without_it_the_objection_says_what_the_true_attitude_would_have_to_err_by(without):
     assert (without.verdict, without.causes) == ("unexplained", ())
     (said,) = too_large(without)
@@ -128,6 +129,7 @@ def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
     assert "as stated explain" in again
 
 
+@pytest.mark.acceptance
 def test_with_the_effects_that_help_what_they_need_is_enough(narrow):
     assert not any("were that all" in text for text in narrow.not_named or ())
     assert narrow.verdict == "explained"

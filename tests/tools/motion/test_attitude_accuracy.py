@@ -116,6 +116,7 @@ MINUTES = [
 ]
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(("algorithm", "frequency", "minutes"), MINUTES)
 def test_round_off_stays_under_2e_12_degrees_a_minute(algorithm: str, frequency: int, minutes: int) -> None:
     assert errors_deg(exact_samples(frequency, 60.0 * minutes), algorithm).max() <= 2e-12 * minutes

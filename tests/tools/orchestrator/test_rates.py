@@ -197,6 +197,7 @@ def test_a_slow_one_that_fails_or_ends_the_run_is_named_at_its_own_time(foreign:
         assert said == "FMU 'bad' (Failing.fmu): y is nan at 1.5 s"
 
 
+@pytest.mark.acceptance
 def test_one_that_can_interpolate_is_told_the_derivative(foreign: Path, tmp_path: Path) -> None:
     """x' = t: exact at one rate and at two, where the end of each step would give too much."""
     inside = {"u": 'causality="input"><Real start="0"/>', "x": 'causality="output"><Real/>'}

@@ -52,6 +52,7 @@ def test_rows_of_coarse_steps_come_out(quick):
         assert np.abs(row.ratio - 1.0).max() < bound, row.title
 
 
+@pytest.mark.acceptance
 def test_leaving_a_cause_out_spoils_the_rows_that_show_it(quick):
     assert {effect.cause for effect in quick.effects} == {"other_frequencies", "series_cut", "nodes_as_run"}
     for effect in quick.effects:

@@ -153,6 +153,7 @@ def plan_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.acceptance
 def test_the_plan_that_is_written(plan_folder: Path) -> None:
     plan = json.loads((plan_folder / "plan.json").read_text(encoding="utf-8"))
     assert json.loads(Path(f"{plan_folder}.json").read_text(encoding="utf-8")) == plan

@@ -98,6 +98,7 @@ def full_programme(columns: np.ndarray, a: np.ndarray) -> float:
     return -found.fun
 
 
+@pytest.mark.acceptance
 def test_a_fine_grid_needs_no_list_of_its_positions() -> None:
     """0.1°, thirteen million positions: the first angle with a certain sign is 1.4°."""
     (plan,) = plan_targets(["X2"], grid=0.1, admissible="tables")

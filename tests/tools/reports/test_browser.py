@@ -50,6 +50,7 @@ def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages, window: Win
     assert window.complaints == []
 
 
+@pytest.mark.acceptance
 def test_printed_pages_are_not_half_empty(pages, window: Window):
     for size, most in (("A4", 54), ("Letter", 60)):
         sheets = 0
@@ -77,6 +78,7 @@ def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path, window
     assert [part for part in expected if part not in said] == []
 
 
+@pytest.mark.acceptance
 @pytest.mark.usefixtures("chromium")
 def test_a_report_as_pdf_is_the_same_each_time(pages, tmp_path):
     for name in ("a.pdf", "b.PDF"):

@@ -168,6 +168,7 @@ def test_fmpy_gives_the_numbers_of_a_run_that_is_delayed(stimuli, tmp_path):
     assert compared > 20
 
 
+@pytest.mark.acceptance
 def test_timed_rows_go_out_as_components_that_give_the_same_run(tmp_path):
     scenario = bench(
         stimuli=ROWS,
@@ -253,6 +254,7 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
     assert "--coupling: belongs to an .ssp" in capsys.readouterr().err
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("more", [{}, {"stimuli": ROWS, "run": {"stop_s": 8.0, "step_s": EIGHTH}}])
 def test_different_steps_go_out_and_come_back(tmp_path, more):
     """A slow table, by a programme or by rows, with its computer beside a fast block."""

@@ -38,6 +38,7 @@ def test_nothing_is_named_on_clean_records_of_every_noise():
     assert Suite.model_validate_json(suite.json_text()) == suite
 
 
+@pytest.mark.acceptance
 def test_single_effects_of_the_second_size_are_named_and_their_sizes_are_inside():
     suite = part_of("quick-single", 1)
     assert suite.outcomes == {"right": suite.cases}
@@ -63,6 +64,7 @@ def test_a_step_is_drawn_between_two_rests_and_hidden_there():
     assert np.abs(own).max() <= 1.1 * NOISE_BOUND * STANDARD_GRAVITY
 
 
+@pytest.mark.acceptance
 def test_a_warm_up_is_held_against_the_clock_of_its_record():
     """What settles takes the beginning of each rest away, which moves the first row: in 1 s by 3 % of such a size."""
     case = draw_case(Options("single", effects=("warm-up",), positions=(16, 20), noise="uniform"), 13, 0)

@@ -20,6 +20,7 @@ def test_a_whole_bench_is_written_with_what_a_laboratory_knows(tmp_path, monkeyp
     capsys.readouterr()
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("options", "said"),
     [
