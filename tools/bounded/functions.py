@@ -7,12 +7,13 @@ function bends no more than the function does: what holds for all that bend so m
 functions that do.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
+from scipy.linalg import block_diag, qr
 
 from .programmes import Interval, Polytope, chebyshev_radius, column_space
 
@@ -34,6 +35,9 @@ class Unknown:
     angle that goes round, None of other quantities. A function in `steps` bends by the sizes of its jumps, any other
     one by the changes of its slope, over the whole range of the knots. `between` (M,): by how much errors differ at
     most, for each unit that a function bends, where it is not straight between knots.
+
+    `parts` are several functions that act together: their knots and columns one after the other, and what they bend
+    counts in all.
     """
 
     knots: NDArray[np.float64]
@@ -41,10 +45,41 @@ class Unknown:
     period: float | None = None
     steps: bool = False
     between: NDArray[np.float64] | None = None
+    parts: tuple["Unknown", ...] = ()
+
+    @staticmethod
+    def together(parts: Sequence["Unknown"]) -> "Unknown":
+        """Several functions that act together; of one itself."""
+        if len(parts) == 1:
+            return parts[0]
+        knots, columns = np.concatenate([p.knots for p in parts]), np.hstack([p.columns for p in parts])
+        between = [p.between for p in parts if p.between is not None]
+        # What is not straight bends somewhere: the errors differ by what the worst of them does to each.
+        missed = np.max(between, axis=0) if between else None
+        return Unknown(knots, columns, steps=parts[0].steps, between=missed, parts=tuple(parts))
+
+    @property
+    def of_slopes(self) -> "Unknown":
+        """The same, of which the changes of the slope count."""
+        return replace(self, steps=False, parts=tuple(part.of_slopes for part in self.parts))
+
+    @property
+    def plain(self) -> list[NDArray[np.float64]]:
+        """Functions (K,) as plain as can be: of an angle one wave, else a parabola, or one step in the middle."""
+        if self.parts:
+            ends = np.cumsum([0, *(len(part.knots) for part in self.parts)])
+            blocks = zip(self.parts, ends[:-1], ends[1:], strict=True)
+            return [np.pad(one, (low, ends[-1] - high)) for part, low, high in blocks for one in part.plain]
+        knots = self.knots - self.knots.mean()
+        if self.period is not None:
+            return [np.cos(2.0 * np.pi * knots / self.period)]
+        return [(knots > 0.0).astype(float) if self.steps else knots**2]
 
     @cached_property
     def bends(self) -> NDArray[np.float64]:
         """Rows (R, K) whose sizes add up to the bending of a function (K,)."""
+        if self.parts:
+            return np.asarray(block_diag(*(part.bends for part in self.parts)))
         count, eye = len(self.knots), np.eye(len(self.knots))
         if self.period is None:
             knots, values = self.knots, eye
@@ -133,7 +168,9 @@ class Functions:
     def band(self, at: NDArray[np.int_]) -> Band:
         """Ends of all possible functions at some knots (k,), given by their numbers."""
         least, own = self.least()
-        bending = MARGIN * (own + HIDDEN * max(self._just_shows(least, own), *map(self._just_shows, self._plain())))
+        bending = MARGIN * (
+            own + HIDDEN * max(self._just_shows(least, own), *map(self._just_shows, self.unknown.plain))
+        )
         lower, upper = self._lower.copy(), np.append(self._upper, bending / self._size)
         if self.unknown.between is not None:
             rows, more = slice(len(self.unknown.between)), bending * self.unknown.between
@@ -149,13 +186,6 @@ class Functions:
         low, high = -self._polytope.maximise(-weights)[0], self._polytope.maximise(weights)[0]
         return self._size * low, self._size * high
 
-    def _plain(self) -> list[NDArray[np.float64]]:
-        """Functions (K,) as plain as can be: of an angle one wave, else a parabola, or one step in the middle."""
-        knots = self.unknown.knots - self.unknown.knots.mean()
-        if self.unknown.period is not None:
-            return [np.cos(2.0 * np.pi * knots / self.unknown.period)]
-        return [(knots > 0.0).astype(float) if self.unknown.steps else knots**2]
-
     def _just_shows(self, values: NDArray, bending: float | None = None) -> float:
         """How much a function (K,) bends that is of this shape and just shows; 0 where it never does."""
         jacobian, _, bound = self._data
@@ -170,7 +200,7 @@ def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.fl
     Of these they are those that bend little: functions of the quantity, not of a few rows.
     """
     functions = _null_space(columns - base @ (base.T @ columns))
-    slopes = replace(unknown, steps=False)
+    slopes = unknown.of_slopes
     _, _, directions = np.linalg.svd(slopes.bends @ functions, full_matrices=True)
     found = functions @ directions.T
     least = [slopes.bending(one) <= SMOOTH * np.abs(one).max(initial=0.0) for one in found.T]

@@ -1,6 +1,6 @@
 """The band: what of a function of one quantity, at one place, a record leaves possible, whatever its law."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from ...models.effects.definition import AXES
 from ...models.effects.lookup import MOST_KNOTS, TILTS, TURN, Table
 from ..bounded.functions import Band, Functions, Unknown
 from ..evidence.evidence import Evidence
+from ..evidence.fit import Fit
 from ..evidence.pairs import Pair
 from ..result import Told
 from .cause import Number
@@ -18,7 +19,7 @@ from .cause import Number
 NEAREST = 1.0 / 4000.0
 """Values of a quantity nearer to each other than this part of their range are one knot."""
 MOST_TOLD = 41
-"""So many knots are told at most, and the functions' values between them at more."""
+"""So many knots are told at most, and the functions' values between them at more; of several functions in all."""
 INPUTS, RATES = ("n1", "n2", "n3"), ("w1", "w2", "w3", "dw1", "dw2", "dw3")
 
 
@@ -61,7 +62,7 @@ class BandOfFunctions(Told):
     def of(possible: "Possible") -> "BandOfFunctions":
         """The band of possible functions."""
         pair, band = possible.pair, possible.band
-        rows = possible.every.imitated[np.searchsorted(possible.knots, band.knots)]
+        rows = possible.every.imitated[: len(possible.knots)][np.searchsorted(possible.knots, band.knots)]
         ends = zip(band.knots, band.low, band.high, strict=True)
         knots = tuple(Knot(at=float(at), low=float(low), high=float(high)) for at, low, high in ends)
         named = {"factor": pair.factor} if pair.factor else {}
@@ -76,15 +77,29 @@ class BandOfFunctions(Told):
 
 @dataclass(frozen=True, eq=False)
 class Possible:
-    """The functions of a pair of place and quantity that evidence leaves possible; they may jump in `steps`."""
+    """The functions of a pair of place and quantity that evidence leaves possible; they may jump in `steps`.
+
+    `others`: pairs at other places, each with a function of its own that acts beside them.
+    """
 
     evidence: Evidence
     pair: Pair
     steps: bool = False
+    others: tuple["Possible", ...] = ()
+
+    @staticmethod
+    def each(evidence: Evidence, pair: Pair, steps: bool) -> "tuple[Possible, ...]":
+        """The functions of each of the places that a pair is made of, beside those of the others."""
+        alone = [Possible(evidence, one, steps) for one in pair.members or (pair,)]
+        return tuple(replace(one, others=tuple(o for o in alone if o is not one)) for one in alone)
 
     @cached_property
     def knots(self) -> NDArray[np.float64]:
         """The values of the quantity that the record has, of too many some; of an input the zero, where it bends."""
+        return self.spaced(self.places)
+
+    def spaced(self, places: int) -> NDArray[np.float64]:
+        """The knots of one of so many functions that act together."""
         values = np.unique(self.pair.values % TURN if self.pair.circle else self.pair.values)
         if self.pair.quantity in (*INPUTS, *RATES) and values[0] < 0.0 < values[-1]:
             values = np.unique(np.append(values, 0.0))
@@ -95,8 +110,13 @@ class Possible:
             elif value == 0.0:
                 kept[-1] = value
         knots = np.array(kept)
-        chosen = spread_over(len(knots), MOST_KNOTS - 1)
+        chosen = spread_over(len(knots), (MOST_KNOTS - 1) // places)
         return np.unique(np.append(knots[chosen], knots[knots == 0.0]))
+
+    @property
+    def places(self) -> int:
+        """How many functions act together."""
+        return 1 + len(self.others)
 
     @property
     def sign(self) -> float:
@@ -109,12 +129,17 @@ class Possible:
         table = Table("alpha" if around else "hours", "around" if around else "at", tuple(knots.tolist()))
         return table.columns(self.pair.values)
 
-    def functions(self, knots: NDArray) -> Functions:
-        """The functions, by their values at knots (K,)."""
-        evidence = self.evidence
+    def unknown(self, knots: NDArray) -> Unknown:
+        """A function at the place itself, by its values at knots (K,)."""
         columns = self.sign * self.pair.spread(self.hats(knots))
         missed = None if self.pair.missed is None or self.steps else self.pair.missed(knots) / np.ptp(knots)
-        unknown = Unknown(knots, columns, TURN if self.pair.circle else None, self.steps, missed)
+        return Unknown(knots, columns, TURN if self.pair.circle else None, self.steps, missed)
+
+    def functions(self, knots: NDArray) -> Functions:
+        """The functions, by their values at knots (K,), those of other places behind them."""
+        evidence = self.evidence
+        own = [other.unknown(other.spaced(self.places)) for other in self.others]
+        unknown = Unknown.together([self.unknown(knots), *own])
         bound = evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
         return Functions(evidence.nominal, evidence.residual, bound, unknown)
 
@@ -126,11 +151,21 @@ class Possible:
     @cached_property
     def band(self) -> Band:
         """The ends at so many knots as are told; a SolverError where no function is possible."""
-        return self.every.band(spread_over(len(self.knots), MOST_TOLD))
+        return self.every.band(spread_over(len(self.knots), MOST_TOLD // self.places))
+
+    @property
+    def least(self) -> NDArray[np.float64]:
+        """The function (K,) at all knots that bends least."""
+        return self.band.least[: len(self.knots)]
 
     def values_of(self, columns: NDArray) -> NDArray[np.float64]:
-        """The function (K,) at all knots that adds about these columns (M,) to the rows."""
-        return self.every.told(np.linalg.lstsq(self.every.unknown.columns, columns, rcond=None)[0])
+        """The function (K,) at all knots that adds about these columns (M,), beside those of other places."""
+        every = self.every.told(np.linalg.lstsq(self.every.unknown.columns, columns, rcond=None)[0])
+        return every[: len(self.knots)]
+
+    def drawn(self, fit: Fit) -> NDArray[np.float64]:
+        """The effects of a fit as a function (K,) at all knots, but for what the model without effects imitates."""
+        return self.values_of(fit.jacobian[:, len(fit.point) :] @ fit.stated)
 
 
 def spread_over(count: int, most: int) -> NDArray[np.int_]:

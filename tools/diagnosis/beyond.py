@@ -1,7 +1,7 @@
 """Beyond the catalogue: the functions that a record leaves possible, laws among them, and what extends the model."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -11,6 +11,7 @@ from pydantic import Field
 from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
+from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.lookup import TURN, Table
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
@@ -48,17 +49,25 @@ class StatedLaw(Cause):
         errors of positions that were left out, over their bounds; None where that is not possible
     shape : (float, float) or None
         of a law with a number that gives its shape, the ends of all its values that stand
+    beside : tuple of Cause or None
+        further effects of which it is made: of three gyros with a function each, those of the others
     """
 
     radius: Number
     left_out_rms: Number | None
     left_out_max: Number | None
     shape: tuple[Number, Number] | None = None
+    beside: tuple[Cause, ...] | None = None
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """All effects of which it is made."""
+        return (self, *(self.beside or ()))
 
     @property
     def words(self) -> str:
-        """The name of an effect of the catalogue, or what a formula adds."""
-        return words_of(self.place)
+        """The name of an effect of the catalogue, or what formulas add."""
+        return " with ".join(words_of(cause.place) for cause in self.causes)
 
 
 class FoundKnot(TypedDict):
@@ -84,7 +93,7 @@ class BeyondCatalogue(StatedLaw):
     quantity, factor : str
         of what it is a function, and what that is multiplied by
     knots : tuple of FoundKnot or None
-        of a table
+        of a table; of several the first
     noise_bound_needed : float or None
         where it does not stand: the noise bound with which it would
     gain : Gain or None
@@ -113,14 +122,19 @@ class Beyond:
     listed: Sequence[Fit] = ()
 
     @cached_property
+    def each(self) -> tuple[Possible, ...]:
+        """The functions that are possible of each place of the pair, beside those of its others."""
+        return Possible.each(self.evidence, self.pair, self.form.kind in ("jump", "sawtooth"))
+
+    @property
     def possible(self) -> Possible:
-        """The functions that are possible."""
-        return Possible(self.evidence, self.pair, self.form.kind in ("jump", "sawtooth"))
+        """The functions that are possible of the first place."""
+        return self.each[0]
 
     @cached_property
     def laws(self) -> list[Law]:
         """Laws that stand, those of the catalogue first."""
-        return Laws(self.evidence, self.possible, self._work).standing(self.listed)[:MOST_LAWS]
+        return Laws(self.evidence, self.pair, self.each, self._work).standing(self.listed)[:MOST_LAWS]
 
     @cached_property
     def _work(self) -> Work:
@@ -128,39 +142,43 @@ class Beyond:
         return Work(MOST_WORK)
 
     @cached_property
-    def band(self) -> BandOfFunctions | None:
-        """The band; None where the programmes have no solution."""
+    def bands(self) -> tuple[BandOfFunctions, ...]:
+        """The band of each place; none where the programmes have no solution."""
         try:
-            return BandOfFunctions.of(self.possible)
+            return tuple(map(BandOfFunctions.of, self.each))
         except SolverError:
-            return None
+            return ()
 
     @cached_property
     def table(self) -> Fit | None:
         """The model with a table of few knots that does; None where the place knows no table, or none does."""
-        for place in self._tables():
+        for places in self._tables():
             try:
-                fits = self.evidence.including([place]).mended([place], Work())
+                fits = self.evidence.including(places).mended(places, Work())
             except ValueError:
                 return None
             if fits:
                 return fits[0]
         return None
 
-    def _tables(self) -> Iterator[EffectPlace]:
-        """The table that suffices, or, where what does is none, through ever more knots, until one does."""
+    def _tables(self) -> Iterator[tuple[EffectPlace, ...]]:
+        """The table that suffices, or, where what does is none, through ever more knots, until one does.
+
+        Of several places one of each.
+        """
         pair, form = self.pair, self.form
         if form.kind == "jump":
             law = Table(pair.quantity.replace(" ", "*"), "jumps at", (form.at,), pair.factor).law
-            yield pair.table(law)
+            yield tuple(one.table(law) for one in pair.members or (pair,))
             return
         around = form.kind == "around" or pair.circle
         counts = [form.count] if form.kind in ("pieces", "around") else []
         most = MOST_PART * len(np.unique(pair.values))
         for count in [*counts, *(k for k in (*PIECES, *MORE_PIECES) if LEAST_AROUND <= k <= most and k not in counts)]:
             one = form if counts == [count] else Form("around" if around else "pieces", count)
-            if (place := self._place_of(np.sort(one.knots(pair.values)), around=around)) is not None:
-                yield place
+            knots = [np.sort(one.knots(own.pair.values)) for own in self.each]
+            if places := self._places_of(knots, around=around):
+                yield places
 
     @property
     def near_tables(self) -> list[Fit]:
@@ -169,13 +187,13 @@ class Beyond:
         Their knots have about as many values of the quantity between them, so that of each some are left where others
         are left out.
         """
-        pair, found = self.pair, []
-        values = np.unique(pair.values % TURN if pair.circle else pair.values)
-        for count in (count for count in PIECES if LEAST_AROUND <= count <= LARGEST_PART * len(values)):
-            parts = np.arange(count) / count if pair.circle else np.linspace(0.0, 1.0, count + 1)
-            place = self._place_of(np.unique(np.quantile(values, parts)), around=pair.circle)
+        circle, found = self.pair.circle, []
+        values = [np.unique(own.pair.values % TURN if circle else own.pair.values) for own in self.each]
+        for count in (count for count in PIECES if LEAST_AROUND <= count <= LARGEST_PART * len(values[0])):
+            parts = np.arange(count) / count if circle else np.linspace(0.0, 1.0, count + 1)
+            places = self._places_of([np.unique(np.quantile(own, parts)) for own in values], around=circle)
             try:
-                fit = self.evidence.including([place]).refit([place]) if place else None
+                fit = self.evidence.including(places).refit(places) if places else None
             except ValueError:
                 # The place knows no table, or the fit runs away.
                 continue
@@ -183,13 +201,16 @@ class Beyond:
                 found.append(fit)
         return sorted(found, key=lambda fit: fit.radius)
 
-    def _place_of(self, knots: NDArray, *, around: bool) -> EffectPlace | None:
-        """The table with these knots (K,); None where it would be nothing."""
-        pair, zero = self.pair, self.possible.functions(knots).zero
-        if len(zero) == len(knots):
-            return None
-        quantity, kind = pair.quantity.replace(" ", "*"), "around" if around else "at"
-        return pair.table(Table(quantity, kind, tuple(knots.tolist()), pair.factor, zero).law)
+    def _places_of(self, every: Sequence[NDArray], *, around: bool) -> tuple[EffectPlace, ...]:
+        """The table at each place with these knots (K,); none where it would be nothing."""
+        found, kind = [], "around" if around else "at"
+        for own, knots in zip(self.each, every, strict=True):
+            zero, pair = replace(own, others=()).functions(knots).zero, own.pair
+            if len(zero) == len(knots):
+                return ()
+            law = Table(pair.quantity.replace(" ", "*"), kind, tuple(knots.tolist()), pair.factor, zero).law
+            found.append(pair.table(law))
+        return tuple(found)
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -199,10 +220,11 @@ class Beyond:
     @property
     def is_one_law(self) -> bool:
         """Whether one law stands alone, and no other smooth function of its size does."""
-        if len(self.laws) != 1 or self.band is None or self._work.is_done:
+        # Laws of several places whose shape a number gives are not tried.
+        if len(self.laws) != 1 or not self.bands or self._work.is_done or self.pair.members:
             return False
         (law,), band = self.laws, self.possible.band
-        own = self.drawn(law.fit)
+        own = self.possible.drawn(law.fit)
         told = own[np.searchsorted(self.possible.knots, band.knots)]
         apart = np.maximum(band.high - told, told - band.low).max()
         return bool(apart <= NARROW * np.ptp(own))
@@ -216,7 +238,7 @@ class Beyond:
         """
         if self.pair.anything:
             return np.zeros(0), np.zeros(0)
-        pair, evidence, shown = self.pair, self.evidence, self.lines[0][1]
+        pair, evidence, shown = self.pair, self.evidence, self.lines_of(self.possible)[0][1]
         spread = self.possible.sign * pair.spread(np.eye(len(pair.values)))
         left = evidence.residual - self.possible.every.unknown.columns @ shown
         left = left - evidence.nominal @ np.linalg.lstsq(evidence.nominal, left, rcond=None)[0]
@@ -228,28 +250,24 @@ class Beyond:
         values = pair.values % TURN if pair.circle else pair.values
         return values[kept], says[kept]
 
-    @cached_property
-    def lines(self) -> list[tuple[str, NDArray[np.float64]]]:
-        """Functions (K,) to be drawn, with their names: laws; where none stands, a table, or what bends least."""
-        found = [(law.words, self.drawn(law.fit)) for law in self.laws]
+    def lines_of(self, own: Possible) -> list[tuple[str, NDArray[np.float64]]]:
+        """Functions (K,) of a place to be drawn, with names: laws; where none stands, a table, or what bends least."""
+        found = [(law.words, own.drawn(law.fit)) for law in self.laws]
         if not found and self.table is not None:
-            found.append(("table of knots", self.drawn(self.table)))
-        return found or [("bends least", self.possible.band.least)]
-
-    def drawn(self, fit: Fit) -> NDArray[np.float64]:
-        """The one effect of a fit as a function (K,) at all knots, but for what the model without effects imitates."""
-        columns = fit.jacobian[:, len(fit.point) :] @ fit.stated
-        return self.possible.values_of(columns)
+            found.append(("table of knots", own.drawn(self.table)))
+        return found or [("bends least", own.least)]
 
     @property
     def in_words(self) -> str:
         """Place, quantity, and the size of the function that bends least."""
-        pair, least = self.pair, self.possible.band.least
+        pair, largest = self.pair, max(float(np.ptp(own.least)) for own in self.each)
         times = in_words(pair.factor)
         of = f"{times} times a function" if times else "a function"
-        unit = "rad/s" if pair.where in GYROS else "rad" if pair.where.endswith("axis") or pair.where == "base" else "g"
+        turns = pair.where.endswith("axis") or pair.where == "base"
+        unit = "rad/s" if pair.where in (*GYROS, GYRO_BLOCK) else "rad" if turns else "g"
+        most = " at most" if pair.members else ""
         return (
-            f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(np.ptp(least))} {unit} in all"
+            f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(largest)} {unit} in all{most}"
         )
 
     @property
@@ -270,13 +288,17 @@ class Beyond:
         return StatedLaw(**self._cause(fit), **self._left_out(law.fit), shape=law.shape)
 
     def _cause(self, fit: Fit) -> dict[str, Any]:
-        """The effect of a centred fit, with intervals, as keys."""
+        """The first effect of a centred fit, with intervals, and those beside it, as keys."""
         more = 0.0 if fit.radius <= self.evidence.limit else (NEAR - 1.0) * float(fit.bound.min())
-        (ends,) = fit.intervals(self.evidence.room(fit) + more, self.evidence.most_rows)
-        (values,), ends = fit.values(), self.evidence.told(fit.places[0], ends)
-        inside = [min(max(value, low), high) for value, (low, high) in zip(values, ends, strict=True)]
-        cause = Cause.found(fit.places[0], (), inside, ends)
-        return {name: getattr(cause, name) for name in cause.model_fields_set}
+        intervals = fit.intervals(self.evidence.room(fit) + more, self.evidence.most_rows)
+        found = []
+        for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
+            ends = self.evidence.told(place, possible)
+            inside = [min(max(value, low), high) for value, (low, high) in zip(values, ends, strict=True)]
+            found.append(Cause.found(place, (), inside, ends))
+        first, *others = found
+        own = {name: getattr(first, name) for name in first.model_fields_set}
+        return own | ({"beside": tuple(others)} if others else {})
 
     def _folds(self, fit: Fit) -> dict[int, float]:
         """Errors of readings that were left out, over their bounds, by their numbers; of those that are predicted."""
@@ -364,10 +386,13 @@ def keys_of(beyond: Beyond, *, extend: bool, rerun: bool) -> Mapping[str, Any]:
 
     `extend`: whether the model is to be extended by what is in no catalogue; `rerun` is as for `Beyond.extension`.
     """
-    if beyond.band is None:
+    if not beyond.bands:
         return {}
-    told: dict[str, Any] = {"beyond": beyond, "band": beyond.band, "caution": beyond.caution}
-    told["laws"] = tuple(beyond.stated(law) for law in beyond.laws if len(law.fit.places) == 1)
+    told: dict[str, Any] = {"beyond": beyond, "caution": beyond.caution}
+    told |= {"bands": beyond.bands} if beyond.pair.members else {"band": beyond.bands[0]}
+    # Several effects of one place that add up to a law are told as causes.
+    several = len(beyond.each)
+    told["laws"] = tuple(beyond.stated(law) for law in beyond.laws if len(law.fit.places) in (1, several))
     if extend:
         told["extension"] = beyond.extension(rerun)
     return {key: value for key, value in told.items() if value not in (None, ())}

@@ -19,7 +19,7 @@ def export_extended(result: Diagnosis, folder: Path, flavour: str = "python") ->
     """
     standing = next((one.finding for one in result.hypotheses or () if one.answer == "stands"), None)
     if standing is None and result.extension is not None:
-        standing = Finding((result.extension,), result.extension.fit)
+        standing = Finding(result.extension.causes, result.extension.fit)
     if standing is None and result.verdict != "explained":
         return []
     finding = result.findings[0] if standing is None else standing

@@ -118,10 +118,11 @@ class Family:
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The laws of the functions of a pair."""
+    """The laws of the functions of a pair, `each` of a place of it."""
 
     evidence: Evidence
-    possible: Possible
+    pair: Pair
+    each: Sequence[Possible]
     work: Work
     proofs: dict[float, deque[NDArray[np.float64]]] = field(
         default_factory=lambda: {sign: deque(maxlen=MOST_PROOFS) for sign in (-1.0, 1.0)}
@@ -129,9 +130,9 @@ class Laws:
     """duals (M,) that refused shapes, for coefficients of each sign, the last first"""
 
     @property
-    def pair(self) -> Pair:
-        """Place and quantity."""
-        return self.possible.pair
+    def possible(self) -> Possible:
+        """The functions of the first place."""
+        return self.each[0]
 
     def standing(self, listed: Sequence[Fit]) -> list[Law]:
         """What of the catalogue stands (fits), then the formulas with fewest numbers of which one stands.
@@ -153,7 +154,7 @@ class Laws:
 
     def is_one(self, fit: Fit) -> bool:
         """Whether the effects of a fit are functions of the quantity at the place."""
-        if self.pair.where in GYROS:
+        if self.pair.anything:
             return Listed(self.evidence).is_of(fit, self.pair)
         if any(place.where != self.pair.where for place in fit.places):
             return False
@@ -175,9 +176,9 @@ class Laws:
         left = columns - own @ (own.T @ columns)
         return np.linalg.norm(left, axis=0) <= LIKE * np.linalg.norm(columns, axis=0)
 
-    def fitted(self, place: EffectPlace, shape: tuple[float, float] | None = None) -> list[Law]:
-        """An effect, where the model stands with it."""
-        fits = self.evidence.including([place]).mended([place], self.work)
+    def fitted(self, places: Sequence[EffectPlace], shape: tuple[float, float] | None = None) -> list[Law]:
+        """Effects, where the model stands with them."""
+        fits = self.evidence.including(places).mended(places, self.work)
         return [Law(fit, shape) for fit in fits[:1]]
 
     def is_known(self, law: Law, others: Sequence[Law]) -> bool:
@@ -189,36 +190,26 @@ class Laws:
         first, *spaces = spaces_beyond(self.evidence.nominal, columns)
         return any(same_space(first, other) for other in spaces)
 
-    def place_of(self, text: str) -> EffectPlace | None:
+    def places_of(self, text: str) -> list[EffectPlace]:
         """The effect of a formula in x, the quantity (a temperature from 20 degrees), or in y, the quantity as it is.
 
-        None where the place, or its factor, knows none, or the quantity is a sense, whose two values no formula orders.
+        Of several places one each. None where the place, or its factor, knows none, or the quantity is a sense, whose
+        two values no formula orders.
         """
-        pair = self.pair
-        tilted = pair.factor if pair.factor in TILTS else ""
-        left = LEFT.get((pair.where, tilted))
-        factor = "" if tilted else pair.factor
-        if left is None or pair.told or (factor and factor not in TIMES):
-            return None
-        if not set(pair.quantity.split()) <= set(TARGETS[left].names):
-            return None
-        y = pair.quantity.replace(" ", "*")
-        names = {"x": y.replace("temperature", TEMPERATURE), "y": y}
-        written = re.sub(r"\b[xy]\b", lambda found: names[found[0]], text)
-        return Formula.of(f"{left} += {TIMES[factor]}*({written})" if factor else f"{left} += {written}").place
+        found = [_place_of(one.pair, text) for one in self.each]
+        return [place for place in found if place is not None] if None not in found else []
 
     def of_size(self, size: int) -> Iterator[Law]:
         """Formulas with so many unknown numbers that stand."""
-        for text in formulas(self.pair, size):
-            place = self.place_of(text)
-            if place is not None:
-                yield from self.fitted(place)
-        for family in families(self.pair) if size == 2 else ():
-            if self.place_of(family.text.format(s=family.high)) is None:
+        for text in formulas(self.possible.pair, size):
+            if places := self.places_of(text):
+                yield from self.fitted(places)
+        for family in families(self.pair) if size == 2 and not self.pair.members else ():
+            if not self.places_of(family.text.format(s=family.high)):
                 continue
             for low, high in self.open_shapes(family):
-                place = self.place_of(family.text.format(s=float(f"{0.5 * (low + high):.6g}")))
-                if place is not None and (laws := self.fitted(place, (low, high))):
+                places = self.places_of(family.text.format(s=float(f"{0.5 * (low + high):.6g}")))
+                if places and (laws := self.fitted(places, (low, high))):
                     yield laws[0]
 
     def open_shapes(self, family: Family) -> list[tuple[float, float]]:
@@ -293,6 +284,20 @@ class Laws:
                 return False
             proofs.appendleft(duals)
         return True
+
+
+def _place_of(pair: Pair, text: str) -> EffectPlace | None:
+    tilted = pair.factor if pair.factor in TILTS else ""
+    left = LEFT.get((pair.where, tilted))
+    factor = "" if tilted else pair.factor
+    if left is None or pair.told or (factor and factor not in TIMES):
+        return None
+    if not set(pair.quantity.split()) <= set(TARGETS[left].names):
+        return None
+    y = pair.quantity.replace(" ", "*")
+    names = {"x": y.replace("temperature", TEMPERATURE), "y": y}
+    written = re.sub(r"\b[xy]\b", lambda found: names[found[0]], text)
+    return Formula.of(f"{left} += {TIMES[factor]}*({written})" if factor else f"{left} += {written}").place
 
 
 def words_of(place: EffectPlace) -> str:

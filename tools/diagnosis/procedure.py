@@ -122,7 +122,8 @@ def diagnosed(
     groups = equivalence_groups(evidence, found.fits)
     unlisted = Unlisted.of(told.get("dependence"), listed, groups[0][0])
     told |= {"caution": (*told.get("caution", ()), *unlisted.caution)}
-    if unlisted.held is not None and told.get("proven") is not None and not told["proven"].quantity:
+    proven = told.get("proven")
+    if unlisted.held is not None and not (proven is not None and proven.quantity):
         told["caution"] += laws_beside(evidence, unlisted.held, found.fits)
     tried = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
     findings = [finding for finding in tried if finding.acts]
@@ -170,7 +171,6 @@ def diagnosed(
         return _result("ambiguous", told | _named(best) | of_extension(told, rerun=rerun), probed)
     several_laws = unlisted.same is not None or ("beyond" in told and told["beyond"].caution)
     if unlisted.compared and "dependence" in told:
-        proven = told.get("proven")
         if proven is not None and proven.quantity:
             # Where other laws of the quantity were not compared, no law is the only one.
             told |= {"level": "quantity" if several_laws or "beyond" not in told else "law"}
@@ -272,7 +272,7 @@ def of_functions(
     `fits` are sets of effects of the catalogue that stand; `extend`, `rerun` are as for `diagnose`.
     """
     found = told.get("dependence")
-    if found is None or found.proven is None or found.proven.pair.members:
+    if found is None or found.proven is None:
         return {}
     beyond = Beyond(evidence, found.proven.pair, found.proven.form, tuple(fits))
     return keys_of(beyond, extend=extend, rerun=rerun)
@@ -282,10 +282,8 @@ def laws_beside(evidence: Evidence, held: Standing, fits: Sequence[Fit]) -> tupl
     """What else does as well as sets of the catalogue (fits) that one function holds, though no quantity is proven."""
     if evidence.tries_all_sets:
         return ()
-    if held.pair.members:
-        return (f"{held.pair.in_words} would do, and of which law it is, is not proven",)
     beyond = Beyond(evidence, held.pair, held.form, tuple(fits))
-    return () if beyond.band is None else beyond.caution
+    return beyond.caution if beyond.bands else ()
 
 
 def of_extension(told: Mapping[str, Any], *, rerun: bool) -> dict[str, Any]:

@@ -343,6 +343,8 @@ class Diagnosis(Told):
         what the record cannot tell from the causes, listed or not, and what else is to be borne in mind
     band : BandOfFunctions or None
         where place and quantity are proven: the ends of every function that the record leaves possible
+    bands : tuple of BandOfFunctions or None
+        where each of three gyros has a function of its own: the band of each, beside those of the others
     laws : tuple of StatedLaw
         laws that stand there: those of the catalogue, then short formulas, of the least size of which one stands
     extension : BeyondCatalogue or None
@@ -396,6 +398,7 @@ class Diagnosis(Told):
     noise_bound_needed: Number | None = None
     caution: tuple[str, ...] = ()
     band: BandOfFunctions | None = None
+    bands: tuple[BandOfFunctions, ...] | None = None
     laws: tuple[StatedLaw, ...] | None = None
     extension: BeyondCatalogue | None = None
     causes: tuple[Cause, ...]

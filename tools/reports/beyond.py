@@ -6,7 +6,10 @@ import numpy as np
 
 from ...models.effects.definition import GYRO_BLOCK
 from ...models.effects.formula import Formula
-from ..diagnosis.beyond import BeyondCatalogue, StatedLaw
+from ..diagnosis.band import BandOfFunctions, Possible
+from ..diagnosis.beyond import Beyond, BeyondCatalogue, StatedLaw
+from ..diagnosis.cause import Cause
+from ..diagnosis.laws import words_of
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Section, Table
 from ..document.notation import Cell, sentence, unit_of, unit_text
@@ -38,8 +41,9 @@ def lines(result: Diagnosis) -> list[str]:
     ]
     if (found := result.extension) is not None:
         what = f"a table of {len(found.knots)} knots" if found.knots else found.words
+        what += " of each gyro" if found.knots and found.beside else ""
         said.append(
-            f"beyond the catalogue: {_where(found)} {what}, a function of {in_words(found.quantity)}, extends the "
+            f"beyond the catalogue: {_where(found)} {what}, {_function_of(found)}, extends the "
             f"model: radius {residual(found.radius)}{_left_out(found)}{_needed(found)}"
         )
         if found.gain is not None:
@@ -55,20 +59,29 @@ def lines(result: Diagnosis) -> list[str]:
 
 def _where(law: StatedLaw) -> str:
     """The place of a law, of a gyro its number."""
-    if law.where != GYRO_BLOCK:
+    if law.where != GYRO_BLOCK or law.beside or not (law.axes or law.law):
         return law.where
-    return f"gyro-{law.axes[0] if law.axes else Formula.of(law.law or '').target.index + 1}"
+    return f"gyro-{_gyro_of(law)}"
+
+
+def _gyro_of(cause: Cause) -> int:
+    """The number of the gyro that a table or a formula is of."""
+    return cause.axes[0] if cause.axes else Formula.of(cause.law or "").target.index + 1
+
+
+def _function_of(found: BeyondCatalogue) -> str:
+    """Of what it is a function."""
+    return f"{'functions' if found.beside else 'a function'} of {in_words(found.quantity)}"
 
 
 def beyond_words(result: Diagnosis) -> str:
     """That the model is extended by what stands in no catalogue; empty where it is not."""
     if (found := result.extension) is None:
         return ""
-    what = "A table" if found.kind == "lookup" else f"The formula {found.words}"
-    return (
-        f"{what}, a function of {in_words(found.quantity)}, extends it beyond the catalogue: a description, no cause"
-        f"{_needed(found)}."
-    )
+    own = ("A table of each gyro", "Formulas, ") if found.beside else ("A table", "The formula ")
+    what = own[0] if found.kind == "lookup" else f"{own[1]}{found.words}"
+    extend = "extend" if found.beside else "extends"
+    return f"{what}, {_function_of(found)}, {extend} it beyond the catalogue: a description, no cause{_needed(found)}."
 
 
 def _needed(found: BeyondCatalogue) -> str:
@@ -80,9 +93,10 @@ def _needed(found: BeyondCatalogue) -> str:
 
 def _sizes(law: StatedLaw) -> str:
     told = []
-    for p, value, ends in zip(law.parameters, law.values, law.intervals, strict=True):
-        shown, low, high = interval(value, *ends)
-        told.append(f"{p.name} {shown} [{low}, {high}] {unit_of(p.unit)}".rstrip())
+    for cause in law.causes:
+        for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+            shown, low, high = interval(value, *ends)
+            told.append(f"{p.name} {shown} [{low}, {high}] {unit_of(p.unit)}".rstrip())
     return ", ".join(told)
 
 
@@ -93,34 +107,42 @@ def _left_out(law: StatedLaw) -> str:
 
 
 def sections(result: Diagnosis) -> list[Section]:
-    """The band as a picture with laws and readings, and a table of the laws; none where there is no band."""
-    if result.band is None or result.beyond is None:
+    """The band of each place as a picture with laws and readings, and a table of the laws; none where there is none."""
+    bands = result.bands or ((result.band,) if result.band else ())
+    if not bands or result.beyond is None:
         return []
-    beyond, band = result.beyond, result.band
-    circle, angular = beyond.pair.circle, is_angular(band.where)
+    first, *others = (_pictured(result.beyond, band, own) for band, own in zip(bands, result.beyond.each, strict=True))
+    _, picture, caption = first
+    points = [POINTS] if "readings" in caption else []
+    text = [sentence(said) for said in result.caution or ()] + [HOW_TO_READ, *points]
+    head = Section("What the record says, whatever the law", text, picture, caption, _table(result))
+    return [head, *(Section(title, (), picture, caption) for title, picture, caption in others)]
+
+
+def _pictured(beyond: Beyond, band: BandOfFunctions, own: Possible) -> tuple[str, str, str]:
+    """The title, the picture and the caption of the band of one place."""
+    circle, angular = own.pair.circle, is_angular(band.where)
     across, up, error = (math.degrees(1.0) if circle else 1.0), 1e5, "1e-5 g"
     if angular or band.where in GYROS:
         up, error = (ARCSECONDS, "arcsec") if angular else (1e3, "1e-3 rad/s")
     at, said = beyond.readings
-    own = "rad/s" if band.quantity.startswith("w") else "rad/s²" if band.quantity.startswith("d") else "g"
-    unit = "deg" if circle else UNITS.get(band.quantity, "·".join([own] * len(band.quantity.split())))
+    by = "rad/s" if band.quantity.startswith("w") else "rad/s²" if band.quantity.startswith("d") else "g"
+    unit = "deg" if circle else UNITS.get(band.quantity, "·".join([by] * len(band.quantity.split())))
     shown = BandDrawn(
         at=across * np.array([knot["at"] for knot in band.knots]),
         low=up * np.array([knot["low"] for knot in band.knots]),
         high=up * np.array([knot["high"] for knot in band.knots]),
-        knots=across * beyond.possible.knots,
+        knots=across * own.knots,
         readings=(across * at, up * said),
-        lines=[(name, up * values) for name, values in beyond.lines],
+        lines=[(name, up * values) for name, values in beyond.lines_of(own)],
         quantity=f"{ANGLES.get(band.quantity, in_words(band.quantity))} [{unit}]".replace(" []", ""),
         error=f"{band.where.replace('-', ' ')} [{error}]",
         steps=band.steps,
         circle=circle,
     )
     what = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
-    points = [POINTS] if len(at) else []
-    caption = f"{what}: what the record leaves possible, laws{', and the readings' if points else ''}."
-    text = [sentence(text) for text in result.caution or ()] + [HOW_TO_READ, *points]
-    return [Section("What the record says, whatever the law", text, band_picture(shown), caption, _table(result))]
+    caption = f"{what}: what the record leaves possible, laws{', and the readings' if len(at) else ''}."
+    return what, band_picture(shown), caption
 
 
 def _table(result: Diagnosis) -> Table | None:
@@ -130,9 +152,15 @@ def _table(result: Diagnosis) -> Table | None:
     laws = [*(result.laws or ()), *([found] if found is not None and found.kind == "lookup" else [])]
     for law in laws:
         name = law.words if not isinstance(law, BeyondCatalogue) or not law.knots else "table"
-        for p, value, ends in zip(law.parameters, law.values, law.intervals, strict=True):
-            left = "" if law.left_out_rms is None else digits(law.left_out_rms)
-            rows.append([name, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left])
+        left = "" if law.left_out_rms is None else digits(law.left_out_rms)
+        for cause in law.causes:
+            of = (
+                name
+                if not law.beside
+                else f"gyro {_gyro_of(cause)}: {name if name == 'table' else words_of(cause.place)}"
+            )
+            for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+                rows.append([of, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left])
     header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms"]
     return Table(header, rows) if rows else None
 
@@ -181,6 +209,6 @@ def level_section(result: Diagnosis) -> Section | None:
     ]
     header = ["place", "quantity", "form", "complexity", "radius"]
     # The band, where there is one, has the cautions.
-    caution = () if result.band else result.caution
+    caution = () if result.band or result.bands else result.caution
     paragraphs = [sentence(text) for text in (proven_text(result), *caution, bound_text(result)) if text]
     return Section("Place and quantity", paragraphs, table=Table(header, rows) if rows else None)

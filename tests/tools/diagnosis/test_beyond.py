@@ -67,8 +67,7 @@ def of_bump() -> tuple[PositionRecord, Diagnosis]:
 
 def told(beyond: Beyond, truth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The true function at the knots of the band, but for what the model imitates; lower and upper ends."""
-    possible, band = beyond.possible, beyond.band
-    assert band is not None
+    possible, (band,) = beyond.possible, beyond.bands
     own = possible.every.told(truth(possible.knots))
     at = np.array([knot["at"] for knot in band.knots])
     ends = np.array([(knot["low"], knot["high"]) for knot in band.knots])

@@ -360,7 +360,7 @@ def test_laws_that_were_not_all_tried_leave_none_alone(tmp_path: Path, monkeypat
     assert [law.words for law in whole.laws] == ["c n2⁵"]
     assert whole.is_one_law
     work = Work()
-    Laws(evidence, whole.possible, work).standing([])
+    Laws(evidence, whole.pair, whole.each, work).standing([])
     # The sixth and the seventh power come last.
     monkeypatch.setattr("trihedron.tools.diagnosis.beyond.MOST_WORK", 0.9 * work.done)
     short = Beyond(evidence, found.proven.pair, found.proven.form)

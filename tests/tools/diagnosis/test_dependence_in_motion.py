@@ -18,6 +18,7 @@ from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.evidence.references import Gravity
 from trihedron.tools.records import StrapdownRecord
+from trihedron.tools.reports.beyond import lines, sections
 
 PERIOD = 0.02
 SIZE = 4e-3
@@ -205,3 +206,43 @@ def test_a_wave_has_a_place_among_forms():
     assert columns == pytest.approx(
         np.stack([np.cos(1.5 * np.pi * values), np.sin(1.5 * np.pi * values)], axis=1), abs=1e-12
     )
+
+
+@pytest.mark.acceptance
+def test_of_three_gyros_each_has_a_band_that_holds_its_function_and_together_they_extend_the_model():
+    """The bias of each swings, in a size of its own, which no catalogue lists."""
+    sizes = SIZE * np.array([1.0, -0.8, 1.2])
+    result = diagnose(filmed(lambda time, rate: swing(time, rate)[:, None] * sizes), rerun=False)
+    assert isinstance(result, Diagnosis)
+    assert (result.verdict, result.level, result.band) == ("unexplained", "quantity", None)
+    assert result.proven is not None
+    assert (result.proven.place, result.proven.quantity) == ("gyro-block", "hours")
+    assert result.bands is not None
+    assert [(band.where, band.quantity) for band in result.bands] == [(f"gyro-{p}", "hours") for p in (1, 2, 3)]
+    swings = [
+        size * np.sin(2.0 * np.pi * 3600.0 * own.knots / 17.0)
+        for size, own in zip(sizes, result.beyond.each, strict=True)
+    ]
+    for p, (band, own) in enumerate(zip(result.bands, result.beyond.each, strict=True)):
+        others = [values for q, values in enumerate(swings) if q != p]
+        told = own.every.told(np.concatenate([swings[p], *others]))[: len(own.knots)]
+        told = told[np.searchsorted(own.knots, [knot["at"] for knot in band.knots])]
+        ends = np.array([(knot["low"], knot["high"]) for knot in band.knots])
+        assert (ends[:, 0] <= told).all()
+        assert (told <= ends[:, 1]).all()
+        # Three functions at once leave it wide, and it follows the function all the same.
+        assert np.corrcoef(ends.mean(axis=1)[1:-1], told[1:-1])[0, 1] > 0.9
+    assert result.extension is not None
+    assert len(result.extension.causes) == 3
+    assert len(sections(result)) == 3
+    assert "of each gyro" in " ".join(lines(result))
+
+
+@pytest.mark.acceptance
+def test_a_law_of_three_gyros_that_is_named_is_told_beside_those_that_do_as_well():
+    """Each errs with the fifth power of its own rate: the cube of the catalogue stands, and is not the only one."""
+    sizes = 0.05 * np.array([1.2e-3, -0.9e-3, 1.5e-3])
+    result = diagnose(filmed(lambda time, rate: sizes * rate**5), rerun=False)
+    assert isinstance(result, Diagnosis)
+    assert [cause.effect for cause in result.causes] == ["gyro-rate-cubed"]
+    assert any("c w1⁵ with c w2⁵ with c w3⁵" in text for text in result.caution)
