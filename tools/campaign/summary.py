@@ -32,6 +32,8 @@ CONFIDENCE = 0.95
 RESAMPLES = 200
 """Bootstrap samples behind the intervals of Sobol indices."""
 MOST_MESSAGES = 20
+MOST_RECORD_ROWS = 4_000_000
+"""With so many rows of records no further file is read."""
 CHANCE = 0.01
 """Probability that two campaigns that differ by chance alone are called different in anything."""
 ROUNDING = 1e-9
@@ -68,6 +70,19 @@ class Results:
     def numbers(self, name: str) -> NDArray:
         """A column as doubles; NaN where a run has no value."""
         return self.column(name).cast(pl.Float64).fill_null(math.nan).to_numpy()
+
+    def records(self) -> tuple[pl.LazyFrame, int] | None:
+        """The rows of the records that were kept, of the first so many runs; None of what has no time, or no rows."""
+        files, runs, rows = [], 0, 0
+        for partition in range(self.store.campaign.partitions):
+            if (path := self.store.records_path(partition)).is_file() and rows < MOST_RECORD_ROWS:
+                files.append(path)
+                rows += pl.scan_parquet(path, glob=False).select(pl.len()).collect().item()
+                runs = self.store.campaign.runs_of(partition)[-1] + 1
+        if not rows:
+            return None
+        table = pl.scan_parquet(files, glob=False)
+        return (table, runs) if "time_s" in table.collect_schema() else None
 
 
 class Failure(Result):

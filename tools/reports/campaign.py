@@ -20,6 +20,7 @@ from ..rounding import digits, exactly, interval, upwards
 from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Suite, cases_csv, confusion, named_suite
 from .bench import physical_words
+from .lines import spread_over_time
 from .makers import versions
 from .pictures import suites
 
@@ -144,6 +145,8 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     summary = summarise(store)
     sections = [] if comparison is None else [_changes(comparison)]
     sections += [_about(campaign), *_computed(summary.computed, results)]
+    if (kept := results.records()) is not None:
+        sections += spread_over_time(kept[0], f"Records of {kept[1]} runs: quantiles over the runs at each time.")
     if summary.failures:
         rows = [[entry.runs, entry.first_run, entry.message] for entry in summary.failures]
         sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
@@ -166,6 +169,7 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
             **versions(),
         },
         sources=[SALTELLI] if sobol else [],
+        zoom=kept is not None,
     )
 
 

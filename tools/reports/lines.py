@@ -86,6 +86,34 @@ def _drawn(
     return sections, rows, left
 
 
+SPREAD = {"least": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "largest": 1.0}
+"""Quantiles over the runs."""
+
+
+def spread_over_time(table: pl.LazyFrame, caption: str) -> list[Section]:
+    """Of each column of numbers its quantiles over runs at each time, a picture for each unit.
+
+    `table` has rows of many runs, with columns `run` and `time_s`.
+    """
+    numbers = [name for name, kind in table.collect_schema().items() if kind.is_numeric()]
+    by_unit: dict[str, list[list[Line]]] = {}
+    for name in [name for name in numbers if name not in ("run", "time_s")][:MOST_PANELS]:
+        value = pl.col(name).cast(pl.Float64)
+        quantiles = [value.quantile(at, "linear").alias(said) for said, at in SPREAD.items()]
+        found = table.group_by("time_s").agg(quantiles).sort("time_s").collect()
+        stem, unit = split(name, {})
+        lines = [
+            Line.of(f"{short(stem)}, {said}", found["time_s"].to_numpy(), found[said].to_numpy()) for said in SPREAD
+        ]
+        by_unit.setdefault(unit, []).append(lines)
+    return [
+        Section(
+            f"Over time, {f'in {unit}' if unit else 'pure numbers'}", svg=lines_picture(panels, unit), caption=caption
+        )
+        for unit, panels in by_unit.items()
+    ]
+
+
 MATCHED = {
     "rows": "rows of the same times",
     "position": "positions of the same numbers",

@@ -8,7 +8,7 @@ import polars as pl
 
 import trihedron as th
 from trihedron.tools.reports import write_plot
-from trihedron.tools.reports.lines import lines_page
+from trihedron.tools.reports.lines import lines_page, spread_over_time
 from trihedron.tools.reports.pictures.lines import MOST_LINES, TRUTH
 
 TIME = np.linspace(0.0, 9.0, 5001)
@@ -67,3 +67,34 @@ def test_a_number_that_no_axis_can_show_is_a_gap_and_stands_in_the_table() -> No
         page = lines_page("<run>", "said", pl.DataFrame({"time_s": TIME, "w1_rad": value}).lazy(), {})
     assert page.sections[-1].table is not None
     assert "1.7e308" in [str(cell) for cell in page.sections[-1].table.rows[0]]
+
+
+def test_the_spread_over_runs_is_that_of_the_values_at_each_time(monkeypatch) -> None:
+    drawn: list[list[list]] = []
+    monkeypatch.setattr(
+        "trihedron.tools.reports.lines.lines_picture", lambda panels, unit: drawn.append(panels) or "<svg role='img'/>"
+    )
+    runs = [pl.DataFrame({"run": k, "time_s": [2.0, 1.0], "error_rad": [k * 2.0, k * 1.0]}) for k in range(5)]
+    (section,) = spread_over_time(pl.concat(runs).lazy(), "said")
+    assert (section.title, section.caption) == ("Over time, in rad", "said")
+    ((panel,),) = drawn
+    assert [line.name for line in panel] == [
+        "error, least",
+        "error, 5 %",
+        "error, median",
+        "error, 95 %",
+        "error, largest",
+    ]
+    assert [line.time.tolist() for line in panel] == [[1.0, 2.0]] * 5
+    assert np.allclose([line.value for line in panel], [[0, 0], [0.2, 0.4], [2, 4], [3.8, 7.6], [4, 8]])
+
+
+def test_the_page_of_a_campaign_draws_the_records_that_it_kept(tmp_path: Path) -> None:
+    text = 'schema = "trihedron.campaign/1"\n[attitude]\nduration_s = 0.5\n[parameters]\n'
+    text += "bias_1_radps = { values = [1e-4, 2e-4] }\n"
+    for name, keep in {"kept": "[keep]\nrecord = true\n", "bare": ""}.items():
+        (tmp_path / f"{name}.toml").write_text(text + keep, encoding="utf-8")
+        th.run_campaign(tmp_path / f"{name}.toml", tmp_path / name, jobs=1)
+        page = (tmp_path / name / "index.html").read_text(encoding="utf-8")
+        assert ("Records of 2 runs: quantiles over the runs at each time." in page) == (name == "kept")
+        assert ("Over time, in rad" in page) == (name == "kept")
