@@ -203,7 +203,7 @@ def calibrate(
         What is known beforehand: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds; may be repeated.
     bench : Bench, optional
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are calibrated
-        too.
+        too. By default what its comment lines say.
 
     Raises
     ------
@@ -220,10 +220,12 @@ def calibrate(
     rests = records.read_record(record, records.PositionRecord, channels=channels)
     asked = {"noise_bound": noise_bound, "gravity": gravity, "convention": convention, "baseline": baseline}
     asked |= {"bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
+    bench = calibrations.Bench.given(rests, **({} if bench is None else vars(bench)))
     return calibrations.calibrate_whole(rests, bench, **asked).model_copy(update={"made_of": rests})
 
 
 def bench_at(
+    record: "records.PositionRecord | records.StrapdownRecord",
     *,
     latitude_deg: float | None = None,
     azimuth_deg: float | None = None,
@@ -235,10 +237,13 @@ def bench_at(
 
     Parameters
     ----------
+    record : record
+        Whose comment lines say what is not given.
     latitude_deg : float, optional
-        Of a bench record: where it was measured. With --azimuth-deg its gyros are taken, too.
+        Of a bench record: where it was measured; by default its comment line says. With --azimuth-deg its gyros are
+        taken, too.
     azimuth_deg : float, optional
-        Of a bench record: azimuth of the outer axis, from north towards east.
+        Of a bench record: azimuth of the outer axis, from north towards east; by default its comment line.
     gyro_noise : float, optional
         Bound of the mean of a gyro's noise over one second [rad/s]; over T it falls as 1/√T. By default the rests tell.
     encoder_bound : float, optional
@@ -249,10 +254,11 @@ def bench_at(
     Raises
     ------
     InputError
-        a number out of range, or one without the place
+        a number out of range, one without the place, or a place that is not the record's own
     """
-    place = {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
-    return calibrations.Bench.given(latitude_deg, azimuth_deg, **place)
+    place = {"latitude_deg": latitude_deg, "azimuth_deg": azimuth_deg}
+    place |= {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
+    return calibrations.Bench.given(record, **place)
 
 
 def apply(
@@ -368,6 +374,7 @@ def diagnose(
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
     asked = diagnosis.evidence_options(
         run,
+        bench=calibrations.Bench.given(run, **({} if bench is None else vars(bench))),
         noise_bound=noise_bound,
         gravity=gravity,
         baseline=baseline,
@@ -375,7 +382,6 @@ def diagnose(
         mounting=mounting,
         rates=rates,
         reference_bound=reference_bound,
-        bench=bench,
     )
     with own_effects.with_effects_of(effects_from):
         found = diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **asked)

@@ -4,9 +4,9 @@ The accelerometers at rest are calibrated first, by themselves; then their readi
 make one system, whose linear programmes give every target again. What both determine is never known worse.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite, radians
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError
 from ..motion.rests import check_meaning
-from ..records import BenchRecord, PositionRecord
+from ..records import BenchRecord, PositionRecord, StrapdownRecord
 from ..result import finite_or_none
 from ..rounding import exactly
 from .calibration import ROUNDING, Asked, calibrate, wanted_targets
@@ -37,6 +37,8 @@ GAINED = 0.99
 ANGLES_DEG = {"latitude_deg": 90.0, "azimuth_deg": 360.0}
 LARGEST_ENCODER = 1e-3
 """No encoder of a table is off by more [rad]."""
+SAME_DEG = 1e-6
+"""Angles that differ by less are the same, written with other digits."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Bench:
                 )
         for name, most in (("gyro_noise", 1.0), ("encoder_bound", LARGEST_ENCODER)):
             value = getattr(self, name)
-            if value is not None and not (isfinite(value) and 0.0 < value <= most):
+            if value is not None and not (math.isfinite(value) and 0.0 < value <= most):
                 raise InputError(
                     f"--{name.replace('_', '-')} {exactly(value)}: must be above 0 and at most {exactly(most)}"
                 )
@@ -73,16 +75,40 @@ class Bench:
         return float(noise_bound if self.encoder_bound is None else self.encoder_bound)
 
     @classmethod
-    def given(cls, latitude_deg: float | None, azimuth_deg: float | None, **options: Any) -> "Bench | None":
-        """The bench of a command's options; None where nothing is said."""
-        said = {"latitude_deg": latitude_deg, "azimuth_deg": azimuth_deg, **options}
-        if latitude_deg is not None and azimuth_deg is not None:
-            return cls(latitude_deg, azimuth_deg, **options)
-        if name := next((name for name, value in said.items() if value not in (None, "instantaneous")), None):
+    def given(cls, record: PositionRecord | StrapdownRecord, **options: Any) -> "Bench | None":
+        """The bench of options, and of what the comment lines of a bench record say; None where no place is said.
+
+        An InputError for an option without the place, or one that contradicts where the record says it was measured.
+        """
+        told: dict[str, Any] = {}
+        if isinstance(record, PositionRecord) and isinstance(record.raw, BenchRecord):
+            told = _said_in(record.raw)
+        said = {name: value for name, value in options.items() if value not in (None, "instantaneous")}
+        for name in ANGLES_DEG.keys() & said.keys() & told.keys():
+            if abs(math.remainder(said[name] - told[name], 360.0)) > SAME_DEG:
+                raise InputError(
+                    f"--{name.replace('_', '-')} {exactly(said[name])}: {record.path} says '# {name}: "
+                    f"{exactly(told[name])}'; leave the option out, or correct that line"
+                )
+        if told.keys() | said.keys() >= ANGLES_DEG.keys():
+            return cls(**told | said)
+        if name := next(iter(said), None):
             raise InputError(
                 f"--{name.replace('_', '-')}: gyros are calibrated where --latitude-deg and --azimuth-deg are given"
             )
         return None
+
+
+def _said_in(raw: BenchRecord) -> dict[str, float]:
+    """What comment lines of a bench record say of its place, and of how well turns are measured there."""
+    found = {}
+    for name in (*ANGLES_DEG, "gyro_noise", "encoder_bound"):
+        if (text := raw.about.get(name)) is not None:
+            try:
+                found[name] = float(text)
+            except ValueError:
+                raise InputError(f"{raw.path}: '# {name}: {text[:40]}': a number must stand there") from None
+    return found
 
 
 def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **options: Any) -> Calibration:
@@ -100,7 +126,10 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
         raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")
     asked = Asked(**options)
     if asked.priors:
-        raise InputError(f"--prior {asked.priors[0]}: is of accelerometers alone; leave --latitude-deg out")
+        raise InputError(
+            f"--prior {asked.priors[0]}: is of accelerometers alone; leave out where {record.path} was measured "
+            "(--latitude-deg, its comment line)"
+        )
     found = calibrate(record, **options)
     return with_gyros(found, record, bench, fit_whole(found.linearised, record, bench, found.noise_bound), asked)
 
@@ -110,7 +139,7 @@ def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_
     turns = turns_of(
         record,
         mounting=alone.parametrisation.matrices[0],
-        earth=earth_in_base(radians(bench.latitude_deg), radians(bench.azimuth_deg)),
+        earth=earth_in_base(math.radians(bench.latitude_deg), math.radians(bench.azimuth_deg)),
         encoder_bound=bench.encoder_within(noise_bound),
         noise_bound=bench.gyro_noise,
         rates=bench.rates,

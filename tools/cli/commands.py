@@ -174,7 +174,7 @@ def calibrate(
         return answer(joint, json)
     known = {} if about is None else reports.read_about(about)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
-    bench = measured.bench_at(**place, rates=rates)
+    bench = measured.bench_at(run, **place, rates=rates)
     result = measured.calibrate(run, bench=bench, **options)
     if report is not None:
         reports.write_report(report, result, run)
@@ -280,7 +280,7 @@ def diagnose(
         return answer(several, json)
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
-    bench = measured.bench_at(**place)
+    bench = measured.bench_at(run, **place)
     result = measured.diagnose(run, bench=bench, **options, progress=True)
     if report is not None:
         reports.write_report(report, result, run)

@@ -23,6 +23,7 @@ from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.exporting import write_fmpy_input
+from trihedron.tools.measured import bench_at
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.rests import position_record_of
@@ -271,6 +272,23 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     rate = [own[100:200].sum(axis=0) / 2.0 for own in (record.increment, better.increment)]
     assert np.linalg.norm(rate[0]) > 5e-4
     assert abs(np.linalg.norm(rate[1]) - 7.292e-5) < 4e-5
+
+
+def test_where_a_record_was_measured_its_comment_lines_say(record, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = {"latitude_deg": str(PLACE.latitude_deg), "azimuth_deg": str(PLACE.azimuth_deg - 360.0)}
+    told = position_record_of(replace(record, about=said))
+    assert bench_at(told, encoder_bound=2e-6) == replace(PLACE, azimuth_deg=PLACE.azimuth_deg - 360.0)
+    assert bench_at(told, azimuth_deg=PLACE.azimuth_deg) is not None
+    assert bench_at(position_record_of(record)) is None
+    write_record(replace(record, about=said), tmp_path / "bench.csv")
+    for command in ("calibrate", "diagnose"):
+        assert main([command, "bench.csv", "--noise-bound", str(SIGMA), "--latitude-deg", "10"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "--latitude-deg 10" in line
+        assert "leave the option out, or correct that line" in line
+    with pytest.raises(InputError, match="a number must stand there"):
+        bench_at(position_record_of(replace(record, about=said | {"azimuth_deg": "north"})))
 
 
 def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, truth, tmp_path):
