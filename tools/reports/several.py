@@ -180,7 +180,7 @@ def _repeatability(found: Sequence[Repeated]) -> list[Section]:
     labels = [record.record for record in found[0].records]
     rows: list[list[Cell]] = []
     for one in found:
-        cells = [None if record.estimate is None else _possible(record) for record in one.records]
+        cells = [None if record.estimate is None else minus(_possible(record)) for record in one.records]
         most = None if one.at_most is None else upwards(one.at_most)
         rows.append([words(one.name), one.of, *cells, downwards(one.at_least), most, unit_text(one.unit)])
     header = ["parameter", "of", *labels, "changes at least", "at most", "unit"]
@@ -217,7 +217,7 @@ def joint_calibration_page(result: JointCalibration) -> Page:
         rows: list[list[Cell]] = []
         for p in (p for p in result.parameters if p.record == record):
             value, low, high = (None,) * 3 if p.estimate is None else interval(p.estimate, p.low, p.high)
-            rows.append([minus(words(p.name)), value, low, high, unit_text(p.unit)])
+            rows.append([words(p.name), value, low, high, unit_text(p.unit)])
         said = ["Every value inside an interval is possible, none outside."] if record is None and rows else []
         said += [sentence(f"still open: {', '.join(result.missing)}")] if record is None and result.missing else []
         head = "The instrument" if record is None else f"{record} alone"
