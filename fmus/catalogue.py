@@ -12,6 +12,7 @@ from .instruments import (
     ATTITUDE_COMPUTER,
     GYRO_BLOCK,
     GYRO_COMPENSATION,
+    VELOCITY_COMPUTER,
 )
 from .motions import HARMONIC_MOTION, POSITION_PROGRAMME, TABLE_CONTROLLER, TURNTABLE_MOTION
 from .source import build_python_fmu
@@ -27,6 +28,7 @@ COMPONENTS = {
         GYRO_BLOCK,
         GYRO_COMPENSATION,
         ATTITUDE_COMPUTER,
+        VELOCITY_COMPUTER,
         TABLE_CONTROLLER,
     )
 }

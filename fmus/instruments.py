@@ -1,14 +1,14 @@
-"""The instruments: blocks of accelerometers and gyros, their inverses, and the attitude computer.
+"""The instruments: blocks of accelerometers and gyros, their inverses, and the computers of attitude and velocity.
 
 AccelerometerBlock, whose scale factors depend on the sign of the input, and AccelerometerCompensation; GyroBlock, three
 gyros that read increments, and GyroCompensation, which gives increments of the body; AttitudeComputer, attitude from
-angle increments.
+angle increments; VelocityComputer, velocity beside it.
 """
 
 import math
 
 from ..models import accelerometer, gyro
-from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, computer
+from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, computer, velocity
 from ..models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE
@@ -288,6 +288,12 @@ ATTITUDE_COMPUTER = Component(
             len(ALGORITHMS),
             start=tuple(float(a.previous) for a in ALGORITHMS),
         ),
+        state(
+            "products",
+            "number of the algorithm, i, j, k of each product k γi × γj; a zero behind them",
+            len(PRODUCTS),
+            start=PRODUCTS,
+        ),
         state("chosen", "what the algorithm that was chosen takes, and what is left of a sample", 4),
         state("table", "what a functional iteration needs", TABLE_SIZE),
         state("half_table", "what a functional iteration through half a window needs", HALF_TABLE_SIZE),
@@ -301,7 +307,7 @@ ATTITUDE_COMPUTER = Component(
         work("added", "what effects add to an increment", 3),
         state("sample", "increment of the part of a sample that has passed", 3),
     ),
-    model=(computer.initialise, computer.step),
+    model=(computer.begin_attitude, computer.step),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "the communication step is not the sample period, or does not follow the last one: one increment for each "
@@ -317,6 +323,65 @@ ATTITUDE_COMPUTER = Component(
         "(25): λ* = (cos(φ/2), φ sin(φ/2)/|φ|), φ = Σ γ + coning correction; (7.18): φ = γ",
     ),
     source="Chelnokov, Perelyaev, Chelnokova 2016",
+    any_step=False,
+    smooth=False,
+)
+
+
+_of_attitude = {v.name: v for v in ATTITUDE_COMPUTER.variables}
+
+VELOCITY_COMPUTER = Component(
+    name="VelocityComputer",
+    description="Strapdown velocity and attitude computer: from increments of angle and of velocity",
+    variables=(
+        _of_attitude.pop("increment"),
+        input_(
+            "velocity_increment",
+            "integral of the specific force in body axes over the last step",
+            within=(-velocity.LARGEST_INCREMENT, velocity.LARGEST_INCREMENT),
+            **units.VELOCITY,
+        ),
+        *(_of_attitude.pop(name) for name in ("algorithm", "sample_period", "initial_attitude")),
+        fixed("initial_velocity", "velocity at the start, in the reference", 3, "m/s"),
+        fixed(
+            "gravitation",
+            "acceleration that accelerometers do not feel, in the reference; 0: the velocity is that of specific force",
+            3,
+            "m/s2",
+            within=(-100.0, 100.0),
+        ),
+        fixed(
+            "form",
+            "how rotation is compensated: joint, of the algorithm's order; classic, of the third; first-order, of the "
+            "second; iterations and adaptive-degree need none",
+            start=velocity.JOINT,
+            type="enumeration",
+            items=velocity.FORMS,
+        ),
+        output("velocity", "velocity in the reference", **units.VELOCITY),
+        output(
+            "gained",
+            "velocity of the last step of the algorithm, compensated, in the body as it stood at its beginning",
+            **units.VELOCITY,
+        ),
+        *_of_attitude.values(),
+        state("collected_v", "velocity increments of the step that is not full yet", STEP_SIZE),
+        state("previous_v", "velocity increments of the step before", STEP_SIZE),
+        state("sample_v", "velocity increment of the part of a sample that has passed", 3),
+        work("node", "attitude at a node", 4),
+    ),
+    model=(velocity.initialise, velocity.step),
+    messages=(
+        *ATTITUDE_COMPUTER.messages,
+        f"velocity_increment is not finite or beyond {velocity.LARGEST_INCREMENT:g} m/s",
+    ),
+    equations=(
+        *ATTITUDE_COMPUTER.equations[:1],
+        "v(tₙ) = v(tₙ₋₁) + λ(tₙ₋₁) ∘ u ∘ λ*(tₙ₋₁) + g h",
+        "u = σ + (1 − cos φ)/φ² φ × σ + (φ − sin φ)/φ³ φ × (φ × σ)",
+        "φ = Σ γi + Σ kij γi × γj, σ = Σ υi + Σ kij (γi × υj + υi × γj)",
+    ),
+    source="Savage 1998, part 2; Roscoe 2001: sculling is coning's dual",
     any_step=False,
     smooth=False,
 )

@@ -58,6 +58,7 @@ UNITS = {
         Unit("m", "m", {"m": 1}),
         Unit("h", "h", {"s": 1}, factor=3600.0),
         Unit("Hz", "Hz", {"s": -1}),
+        Unit("m/s", "mps", {"m": 1, "s": -1}),
         Unit("rad", "rad", {"rad": 1}, display={"deg": 180.0 / math.pi, "arcsec": 648000.0 / math.pi}),
         Unit("rad/s", "radps", {"rad": 1, "s": -1}, display={"deg/s": 180.0 / math.pi}),
         Unit("rad/s2", "radps2", {"rad": 1, "s": -2}, display={"deg/s2": 180.0 / math.pi}),
@@ -109,6 +110,7 @@ def unit_named(name: str) -> Unit:
 FORCE: dict[str, Any] = {"size": 3, "unit": "m/s2", "display_unit": "g", "nominal": 10.0}
 RATE: dict[str, Any] = {"size": 3, "unit": "rad/s", "display_unit": "deg/s"}
 INCREMENT: dict[str, Any] = {"size": 3, "unit": "rad", "display_unit": "arcsec", "variability": "discrete"}
+VELOCITY: dict[str, Any] = {"size": 3, "unit": "m/s", "variability": "discrete"}
 AXES: dict[str, Any] = {"size": 2, "unit": "rad", "display_unit": "deg"}
 COMMAND: dict[str, Any] = AXES | {"variability": "discrete"}
 ATTITUDE: dict[str, Any] = {"size": 4, "start": (1.0, 0.0, 0.0, 0.0), "within": (-1.001, 1.001)}

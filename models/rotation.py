@@ -60,6 +60,16 @@ def to_body(q: Vector, x: float, y: float, z: float, result: Vector) -> None:
     result[2] = z + q[0] * tz + (q[2] * tx - q[1] * ty)
 
 
+def to_reference(q: Vector, x: float, y: float, z: float, result: Vector) -> None:
+    """Components in the reference of a vector (x, y, z) given in the body: q v q*; `result` (3,)."""
+    tx = 2.0 * (q[2] * z - q[3] * y)
+    ty = 2.0 * (q[3] * x - q[1] * z)
+    tz = 2.0 * (q[1] * y - q[2] * x)
+    result[0] = x + q[0] * tx + (q[2] * tz - q[3] * ty)
+    result[1] = y + q[0] * ty + (q[3] * tx - q[1] * tz)
+    result[2] = z + q[0] * tz + (q[1] * ty - q[2] * tx)
+
+
 def normalise(q: Vector) -> None:
     """Bring a quaternion (4,) back to the unit sphere."""
     scale = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -27,16 +28,12 @@ class ExactNumbers(ast.NodeTransformer):
         return node
 
 
-def computer_source() -> str:
-    """All kernels of the attitude computer."""
-    return flat_source(components()["AttitudeComputer"])
-
-
 @cache
-def precise_kernels(source: str) -> dict[str, Any]:
-    """The kernels of a source with mpmath's numbers and functions in place of floats and `math`."""
+def precise_kernels(component: str = "AttitudeComputer") -> dict[str, Any]:
+    """The kernels of a component with mpmath's numbers and functions in place of floats and `math`."""
     functions = {name: getattr(mpmath.mp, name) for name in ("sqrt", "sin", "cos", "atan2", "floor", "fabs", "pi")}
     namespace: dict[str, Any] = {"math": SimpleNamespace(**functions), "mpf": mpf}
+    source = flat_source(components()[component])
     tree = ast.fix_missing_locations(ExactNumbers().visit(ast.parse("from __future__ import annotations\n" + source)))
     exec(compile(tree, "<kernels in multiple precision>", "exec"), namespace)
     namespace["ITERATION_REMAINDER"] = mpf(10) ** -DIGITS
@@ -44,17 +41,26 @@ def precise_kernels(source: str) -> dict[str, Any]:
 
 
 @cache
-def updater(algorithm: Algorithm, source: str = "") -> Callable[[Sequence, Sequence | None], list]:
-    """A function that makes one update by the kernels of a source, by default those as they are.
+def tables(algorithm: Algorithm) -> tuple[list, list]:
+    """What an algorithm prepares once."""
+    table, half_table = [mpf(0)] * TABLE_SIZE, [mpf(0)] * HALF_TABLE_SIZE
+    entries = [Fraction(x) for product in algorithm.products for x in (algorithm.number, *product)]
+    catalogue = [mpf(x.numerator) / x.denominator for x in entries]
+    precise_kernels()["prepare_update"](mpf(algorithm.number), [*catalogue, mpf(0)], table, half_table)
+    return table, half_table
+
+
+@cache
+def updater(algorithm: Algorithm) -> Callable[[Sequence, Sequence | None], list]:
+    """A function that makes one update.
 
     Returns
     -------
     callable
         (increments of the step, those of the step before or None) -> quaternion; increments are flat lists
     """
-    kernels, number = precise_kernels(source or computer_source()), mpf(algorithm.number)
-    table, half_table = [mpf(0)] * TABLE_SIZE, [mpf(0)] * HALF_TABLE_SIZE
-    kernels["prepare_update"](number, table, half_table)
+    kernels, number = precise_kernels(), mpf(algorithm.number)
+    table, half_table = tables(algorithm)
 
     def update(g: Sequence, before: Sequence | None) -> list:
         empty = [mpf(0)] * STEP_SIZE

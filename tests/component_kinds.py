@@ -67,6 +67,7 @@ EXTENDED = {
     "HarmonicMotion": [],
     "PositionProgramme": [],
     "TableController": [],
+    "VelocityComputer": [],
 }
 
 

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.optimize import isotonic_regression
 
-from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from trihedron.models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
 from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from trihedron.models.rotation import multiply
 from trihedron.tools.files import write_text
@@ -135,7 +135,7 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
     tally = [0]
     number = _counting_number(tally)
     table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
-    prepare_update(float(algorithm.number), table, half_table)
+    prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
     values = [number(value) for value in np.asarray(increments).reshape(-1)]
     half = 3 * algorithm.samples
     given: dict[str, Any] = {
@@ -148,6 +148,8 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
         "half_table": half_table,
         "turned": [number(0.0)] * 4,
         "part": [number(0.0)] * 4,
+        "products": table,
+        "weighted": [number(0.0)] * 4,
     }
     kernel = algorithm.kernel
     names = kernel.__code__.co_varnames[: kernel.__code__.co_argcount]

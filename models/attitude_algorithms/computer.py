@@ -9,23 +9,15 @@ from ..restricted import Vector
 from ..rotation import multiply, normalise
 from .definition import MAX_INCREMENT
 from .formulas import (
-    five_sample_coning,
-    four_sample_coning,
-    four_sample_rotation_vector,
     mean_rate,
     one_sample_quaternion,
     one_sample_rodrigues,
     one_sample_rodrigues_symmetric,
-    panov,
-    panov_cut_off,
-    panov_series,
-    three_sample_coning,
     two_sample_fifth_power,
     two_sample_quaternion,
     two_sample_rodrigues,
     two_sample_rodrigues_second_iterate,
     two_sample_rodrigues_third_order,
-    two_sample_rotation_vector,
     two_sample_textbook,
     two_sample_textbook_as_run,
 )
@@ -39,6 +31,7 @@ from .iteration import (
     functional_iteration,
     prepare_functional_iteration,
 )
+from .products import by_products, by_products_and_series, by_products_cut_off, prepare_products
 
 STEP_SIZE = 3 * MOST_INCREMENTS
 """Length of the arrays with the increments of a step."""
@@ -65,18 +58,21 @@ SAMPLE_TOLERANCE = 1e-3
 """How far the end of a step may be off that of a sample [samples]: hosts add up rounded times."""
 
 
-def prepare_update(algorithm: float, table: Vector, half_table: Vector) -> None:
+def prepare_update(algorithm: float, catalogue: Vector, table: Vector, half_table: Vector) -> None:
     """Write the tables that an algorithm needs; called once, before the first update.
 
     Parameters
     ----------
     algorithm : float
         number of the algorithm
+    catalogue : (N,)
+        of all products, as `prepare_products` takes it
     table, half_table : (TABLE_SIZE,), (HALF_TABLE_SIZE,)
+        the first with the factors of products where the attitude is not iterated
     """
-    for count in range(FEWEST_INCREMENTS, MOST_INCREMENTS + 1):
-        if algorithm == 18.0 + count:
-            prepare_functional_iteration(count, table)
+    prepare_products(algorithm, catalogue, table)
+    if algorithm >= 18.0 + FEWEST_INCREMENTS and algorithm <= 18.0 + MOST_INCREMENTS:
+        prepare_functional_iteration(int(algorithm) - 18, table)
     if algorithm == 27.0:
         prepare_functional_iteration(8, table)
         prepare_functional_iteration(4, half_table)
@@ -139,30 +135,18 @@ def update(
         two_sample_textbook(g, turned)
     elif algorithm == 10.0:
         two_sample_textbook_as_run(g, turned)
-    elif algorithm == 11.0:
-        two_sample_rotation_vector(g, turned)
     elif algorithm == 12.0:
         two_sample_fifth_power(g, turned)
-    elif algorithm == 13.0:
-        panov(g, turned)
     elif algorithm == 14.0:
-        panov_series(g, turned)
+        by_products_and_series(previous, g, table, part, turned)
     elif algorithm == 15.0:
-        panov_cut_off(g, turned)
-    elif algorithm == 16.0:
-        four_sample_rotation_vector(g, turned)
-    elif algorithm == 17.0:
-        three_sample_coning(g, turned)
-    elif algorithm == 18.0:
-        four_sample_coning(g, turned)
-    elif algorithm == 19.0:
-        five_sample_coning(g, turned)
+        by_products_cut_off(previous, g, table, part, turned)
     elif algorithm == 27.0:
         adaptive_degree(previous, known, g, table, half_table, differences, rates, values, slopes, part, turned)
+    elif algorithm >= 18.0 + FEWEST_INCREMENTS and algorithm <= 18.0 + MOST_INCREMENTS:
+        return functional_iteration(int(algorithm) - 18, g, 0, table, rates, values, slopes, turned)
     else:
-        for count in range(FEWEST_INCREMENTS, MOST_INCREMENTS + 1):
-            if algorithm == 18.0 + count:
-                return functional_iteration(count, g, 0, table, rates, values, slopes, turned)
+        by_products(previous, g, table, part, turned)
     return 0
 
 
@@ -177,7 +161,7 @@ def increment_effects(before: Vector, increment: Vector, effect: Vector, added: 
     return 0.0
 
 
-def initialise(
+def begin_attitude(
     time: float,
     algorithm: float,
     sample_period: float,
@@ -198,6 +182,7 @@ def initialise(
     samples_of_update: Vector,
     longest_increment: Vector,
     reads_previous: Vector,
+    products: Vector,
     chosen: Vector,
 ) -> int:
     """Begin at the initial attitude; returns 0 or the number of a message."""
@@ -220,7 +205,7 @@ def initialise(
     for i in range(STEP_SIZE):
         collected[i] = 0.0
         previous[i] = 0.0
-    prepare_update(algorithm, table, half_table)
+    prepare_update(algorithm, products, table, half_table)
     at = int(algorithm) - 1
     chosen[SAMPLES] = samples_of_update[at]
     chosen[LONGEST_SQUARED] = longest_increment[at] * longest_increment[at]
@@ -229,36 +214,23 @@ def initialise(
     return 0
 
 
-def step(
+def collect(
     time: float,
     step: float,
     increment: Vector,
-    algorithm: float,
     effect: Vector,
-    renormalise: float,
-    attitude: Vector,
     updated: Vector,
     start: Vector,
     period: Vector,
     samples: Vector,
     waiting: Vector,
-    known: Vector,
     collected: Vector,
-    previous: Vector,
     chosen: Vector,
-    table: Vector,
-    half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
-    part: Vector,
-    turned: Vector,
     before: Vector,
     added: Vector,
     sample: Vector,
 ) -> int:
-    """Take the increment over (time, time + step] and update the attitude when a step of the algorithm is full.
+    """Take the increment over (time, time + step]; chosen[SAMPLES] are `waiting` when a step of the algorithm is full.
 
     Samples are counted in whole numbers; increments over parts of a sample add up to it. A step of 1e-14 s, with which
     some masters end, is no sample. Returns 0 or the number of a message.
@@ -308,30 +280,122 @@ def step(
     collected[at + 2] = z
     samples[0] = samples[0] + 1.0
     waiting[0] = waiting[0] + 1.0
-    if waiting[0] == chosen[SAMPLES]:
-        failed = update(
-            algorithm,
-            previous,
-            known[0],
-            collected,
-            table,
-            half_table,
-            differences,
-            rates,
-            values,
-            slopes,
-            part,
-            turned,
-        )
-        if failed == 1:
-            return 5
-        multiply(attitude, turned, attitude)
-        if renormalise == 1.0:
-            normalise(attitude)
-        if chosen[READS_PREVIOUS] == 1.0:
-            for i in range(at + 3):
-                previous[i] = collected[i]
-        known[0] = 1.0
-        waiting[0] = 0.0
-        updated[0] = 1.0
     return 0
+
+
+def turn_attitude(
+    algorithm: float,
+    renormalise: float,
+    attitude: Vector,
+    updated: Vector,
+    waiting: Vector,
+    known: Vector,
+    collected: Vector,
+    previous: Vector,
+    chosen: Vector,
+    table: Vector,
+    half_table: Vector,
+    differences: Vector,
+    rates: Vector,
+    values: Vector,
+    slopes: Vector,
+    part: Vector,
+    turned: Vector,
+) -> int:
+    """Update the attitude by the increments of a full step; returns 0 or the number of a message."""
+    failed = update(
+        algorithm,
+        previous,
+        known[0],
+        collected,
+        table,
+        half_table,
+        differences,
+        rates,
+        values,
+        slopes,
+        part,
+        turned,
+    )
+    if failed == 1:
+        return 5
+    multiply(attitude, turned, attitude)
+    if renormalise == 1.0:
+        normalise(attitude)
+    if chosen[READS_PREVIOUS] == 1.0:
+        size = 3 * int(chosen[SAMPLES])
+        for i in range(size):
+            previous[i] = collected[i]
+    known[0] = 1.0
+    waiting[0] = 0.0
+    updated[0] = 1.0
+    return 0
+
+
+def step(
+    time: float,
+    step: float,
+    increment: Vector,
+    algorithm: float,
+    effect: Vector,
+    renormalise: float,
+    attitude: Vector,
+    updated: Vector,
+    start: Vector,
+    period: Vector,
+    samples: Vector,
+    waiting: Vector,
+    known: Vector,
+    collected: Vector,
+    previous: Vector,
+    chosen: Vector,
+    table: Vector,
+    half_table: Vector,
+    differences: Vector,
+    rates: Vector,
+    values: Vector,
+    slopes: Vector,
+    part: Vector,
+    turned: Vector,
+    before: Vector,
+    added: Vector,
+    sample: Vector,
+) -> int:
+    """Take an increment and update the attitude when a step is full; returns 0 or the number of a message."""
+    refused = collect(
+        time,
+        step,
+        increment,
+        effect,
+        updated,
+        start,
+        period,
+        samples,
+        waiting,
+        collected,
+        chosen,
+        before,
+        added,
+        sample,
+    )
+    if refused > 0 or waiting[0] < chosen[SAMPLES]:
+        return refused
+    return turn_attitude(
+        algorithm,
+        renormalise,
+        attitude,
+        updated,
+        waiting,
+        known,
+        collected,
+        previous,
+        chosen,
+        table,
+        half_table,
+        differences,
+        rates,
+        values,
+        slopes,
+        part,
+        turned,
+    )

@@ -3,12 +3,23 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import TypeAlias
 
 MAX_INCREMENT = math.pi
 """Largest increment over one sample [rad] that any algorithm takes: beyond half a turn its direction is ambiguous."""
 
 RANGE_ERROR = 1e-3
 """Error of one update at a constant rate [rad] that sets the range of an algorithm whose series is cut off."""
+
+MOST_SAMPLES = 8
+"""Of one update of any algorithm."""
+
+SUM = MOST_SAMPLES
+"""In place of the first increment of a product: the sum of all of the step before the second one."""
+
+Product: TypeAlias = tuple[int, int, Fraction]
+"""i, j, k: the rotation vector has k γ_i × γ_j, i and j counted from the first increment of the step."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,9 @@ class Algorithm:
         whether a turn at a constant rate is exact but for rounding
     name : str
         how it is chosen; by default as its kernel
+    products : tuple of Product
+        of the rotation vector, or of the one that its formula stands for; velocity goes by them, too. None where the
+        attitude is iterated
     """
 
     number: int
@@ -55,6 +69,7 @@ class Algorithm:
     previous: bool = False
     constant_rate: bool = False
     name: str = ""
+    products: tuple[Product, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:

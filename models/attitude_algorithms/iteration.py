@@ -1,7 +1,7 @@
 """Functional iteration: the rate as the polynomial through N increments, the attitude iterated on Chebyshev nodes.
 
 In the manner of Wu 2018 (quaternion functional iterative integration): λ = 1 + ½∫ λ ∘ ω dt is iterated with ω the
-polynomial of degree N - 1 that has the given increments, at P = N + 5 Chebyshev nodes of the step, until the remainder
+polynomial of degree N - 1 that has the given increments, at P = N + 7 Chebyshev nodes of the step, until the remainder
 of the iteration is below rounding. Nothing of second order in the increments is left out, so that the error is that of
 the polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sample one is of order 4, as (22) is.)
 
@@ -28,10 +28,10 @@ from ..rotation import (
     scale_vector,
     set_quaternion,
 )
-from .definition import Algorithm
+from .definition import MOST_SAMPLES, Algorithm
 
-EXTRA_NODES = 5
-"""Nodes of the attitude beyond the degree of the angle; up to N = 6 the second power of the increments is exact."""
+EXTRA_NODES = 7
+"""Nodes of the attitude beyond the degree of the angle: the second power of the increments is exact."""
 
 ITERATION_REMAINDER = 1e-17
 """The iteration ends when (½∫|ω|)^k / k!, the bound of what is left, is below this."""
@@ -43,7 +43,7 @@ LONGEST_INCREMENT = 0.36
 """Valid range [rad]: to here the nodes carry a constant rate to 1e-13 rad, for any number of increments."""
 
 FEWEST_INCREMENTS = 2
-MOST_INCREMENTS = 8
+MOST_INCREMENTS = MOST_SAMPLES
 LARGEST_TABLE = (2 * MOST_INCREMENTS + EXTRA_NODES + 1) * (MOST_INCREMENTS + EXTRA_NODES)
 """Length of the table for the most increments."""
 
@@ -216,7 +216,7 @@ def quaternion_slope(rates: Vector, i: int, values: Vector, slopes: Vector) -> N
     slopes[4 * i + 3] = w * z + (a * y - b * x)
 
 
-def supported_degree(previous: Vector, known: float, g: Vector, differences: Vector) -> int:
+def supported_degree(previous: Vector, known: float, g: Vector, most: float, differences: Vector) -> int:
     """How many increments at a time (2, 4 or 8) the last ones support.
 
     Parameters
@@ -225,6 +225,8 @@ def supported_degree(previous: Vector, known: float, g: Vector, differences: Vec
         increments of the window before and of this one
     known : float
         1.0 where there is a window before
+    most : float
+        no more than so much, as the sum of their lengths, is given to one polynomial
     differences : (48,)
         working space
     """
@@ -237,7 +239,6 @@ def supported_degree(previous: Vector, known: float, g: Vector, differences: Vec
     else:
         for i in range(3 * WINDOW):
             differences[i] = g[i]
-    # No more than half a turn is given to one polynomial.
     longest = 0.0
     for i in range(WINDOW):
         longest = longest + math.sqrt(g[3 * i] * g[3 * i] + g[3 * i + 1] * g[3 * i + 1] + g[3 * i + 2] * g[3 * i + 2])
@@ -258,7 +259,7 @@ def supported_degree(previous: Vector, known: float, g: Vector, differences: Vec
         # The first eight increments have no eighth difference: their seventh stands for it.
         if n == 7 or n == 8:
             eighth = last
-    if longest > math.pi:
+    if longest > most:
         return 2
     falling = 0.0
     if length == 2 * WINDOW and last <= eighth and eighth <= fourth and fourth <= second:
@@ -318,7 +319,8 @@ def adaptive_degree(
     part, turned : (4,)
         working space; the quaternion of the window
     """
-    chosen = supported_degree(previous, known, g, differences)
+    # No more than half a turn is given to one polynomial.
+    chosen = supported_degree(previous, known, g, math.pi, differences)
     if chosen == 8 and functional_iteration(8, g, 0, table, rates, values, slopes, turned) == 1:
         chosen = 4
     if chosen == 4:

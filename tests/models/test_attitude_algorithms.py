@@ -235,7 +235,7 @@ def test_increments_of_no_smooth_rate_are_a_verdict_not_a_number() -> None:
 
 def chosen_degree(gammas: np.ndarray) -> int:
     flat = gammas.ravel().tolist()
-    return supported_degree(flat[:24], 1.0, flat[24:48], [0.0] * 48)
+    return supported_degree(flat[:24], 1.0, flat[24:48], math.pi, [0.0] * 48)
 
 
 @given(st.integers(0, 10**6))

@@ -19,9 +19,10 @@ from pydantic import Field
 from ...fmus.instruments import GYRO_BLOCK
 from ...fmus.source import instantiate
 from ...models import gyro, harmonic_motion, rotation
-from ...models.attitude_algorithms import ALGORITHMS, Algorithm
+from ...models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
 from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration
+from ...models.attitude_algorithms.products import by_products, by_products_and_series, by_products_cut_off
 from ..compiled import compile_callee, compiled
 from ..errors import InputError
 from ..progress import progress_bar
@@ -199,7 +200,7 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out.
     """
     table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
-    prepare_update(float(algorithm.number), table, half_table)
+    prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
     work = (np.array(table), np.array(half_table), *(np.zeros(WORK_SIZE) for _ in range(4)), np.zeros(4))
     _runner(algorithm)(np.ascontiguousarray(increments), renormalise, work, attitudes)
@@ -266,7 +267,12 @@ def _turn(algorithm: Algorithm) -> Callable[..., None]:
     """The kernel with one signature for all: previous increments, whether there are any, increments, work, result."""
     kernel = compiled(algorithm.kernel)
     samples = algorithm.samples
-    if algorithm.kernel is functional_iteration:
+    if algorithm.kernel in (by_products, by_products_and_series, by_products_cut_off):
+
+        def turn(previous, known, g, work, turned):
+            kernel(previous, g, work[0], work[6], turned)
+
+    elif algorithm.kernel is functional_iteration:
 
         def turn(previous, known, g, work, turned):
             kernel(samples, g, 0, work[0], work[3], work[4], work[5], turned)

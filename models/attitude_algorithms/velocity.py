@@ -1,0 +1,486 @@
+"""The strapdown velocity computer: velocity increments with rotation and sculling compensation, beside the attitude.
+
+The velocity of a step is u = ∫ C f dt, C from the body to where it stood at the beginning of the step, f the specific
+force. With ε² = 0 attitude and velocity are one equation: the dual rate ω + ε f turns the dual attitude λ̂ as ω turns λ.
+So each rotation vector φ = Σ γ_i + Σ k_ij γ_i × γ_j has a velocity of the same k_ij and the same orders,
+
+    σ = Σ υ_i + Σ k_ij (γ_i × υ_j + υ_i × γ_j),   u = σ + (1 - cos φ)/φ² φ × σ + (φ - sin φ)/φ³ φ × (φ × σ),
+
+υ_i = ∫ f dt over a sample: the products are sculling, the rest is rotation, exact where ω and f are constant. That is
+the form "joint". The classic one puts sums of increments into the rotation, α = Σ γ_i and υ = Σ υ_i in place of φ and
+σ, and adds what products add to σ behind it: of third order at most. Its first order has ½ α × υ for the rotation: of
+second order. Where the attitude is iterated, f is the polynomial through the increments as ω is, and C f is integrated
+over the nodes, after the last iteration.
+
+Source: P. Savage, "Strapdown inertial navigation integration algorithm design", part 2, JGCD 21(2), 1998, for the
+classic form; K. Roscoe, "Equivalency between strapdown inertial navigation coning and sculling integrals/algorithms",
+JGCD 24(2), 2001, for the duality, which the dual attitude makes exact. Both from memory: tests hold orders and drifts.
+"""
+
+import math
+
+from ..restricted import Vector
+from ..rotation import (
+    add_cross,
+    add_increment,
+    clear,
+    multiply,
+    set_quaternion,
+    square_of_vector,
+    sum_of_increments,
+    to_reference,
+)
+from .computer import LEFT, READS_PREVIOUS, SAMPLES, STEP_SIZE, begin_attitude, collect, turn_attitude
+from .iteration import (
+    EXTRA_NODES,
+    FEWEST_INCREMENTS,
+    MOST_INCREMENTS,
+    functional_iteration,
+    pair_of_increments,
+    supported_degree,
+)
+from .products import PRODUCTS_SIZE, rotation_vector, weighted_before
+
+FORMS = ("joint", "classic", "first-order")
+"""How rotation is compensated, from 1 on."""
+
+JOINT = 1.0
+FIRST_ORDER = 3.0
+
+LARGEST_INCREMENT = 1e6
+"""Longest velocity increment that is taken [m/s]."""
+
+
+def velocity_by_products(
+    form: float,
+    previous: Vector,
+    g: Vector,
+    previous_v: Vector,
+    v: Vector,
+    products: Vector,
+    weighted: Vector,
+    phi: Vector,
+    sigma: Vector,
+    gained: Vector,
+) -> None:
+    """Add the velocity of a step to `gained` (3,).
+
+    Parameters
+    ----------
+    form : float
+        of `FORMS`
+    previous, g, previous_v, v : (STEP_SIZE,)
+        increments of angle [rad] and velocity [m/s], of the step before and of this one
+    products : (PRODUCTS_SIZE,)
+        of `prepare_products`; where there are none, the step has one sample
+    weighted, phi, sigma : (4,)
+        working space
+    """
+    samples = int(products[PRODUCTS_SIZE - 1])
+    if samples == 0:
+        samples = 1
+    sum_of_increments(g, samples, phi)
+    sum_of_increments(v, samples, sigma)
+    if form != JOINT:
+        add_rotation(form, phi, sigma, gained)
+        for k in range(4):
+            sigma[k] = 0.0
+    for j in range(samples):
+        if weighted_before(products, j, previous, g, weighted) == 1.0:
+            add_cross(1.0, weighted, 0, v, j, sigma)
+            weighted_before(products, j, previous_v, v, weighted)
+            add_cross(1.0, weighted, 0, g, j, sigma)
+    if form == JOINT:
+        if products[PRODUCTS_SIZE - 1] > 0.0:
+            rotation_vector(previous, g, products, weighted, phi)
+        add_rotation(form, phi, sigma, gained)
+    else:
+        for k in range(3):
+            gained[k] = gained[k] + sigma[1 + k]
+
+
+def add_rotation(form: float, phi: Vector, sigma: Vector, gained: Vector) -> None:
+    """Add σ + a φ × σ + b φ × (φ × σ) to `gained` (3,); vectors in phi[1..3], sigma[1..3]."""
+    square = square_of_vector(phi)
+    a = 0.5 - square / 24.0
+    b = 1.0 / 6.0 - square / 120.0
+    if form == FIRST_ORDER:
+        a = 0.5
+        b = 0.0
+    elif square > 1e-8:
+        angle = math.sqrt(square)
+        sine = math.sin(0.5 * angle)
+        a = 2.0 * sine * sine / square
+        b = (angle - math.sin(angle)) / (square * angle)
+    x = phi[2] * sigma[3] - phi[3] * sigma[2]
+    y = phi[3] * sigma[1] - phi[1] * sigma[3]
+    z = phi[1] * sigma[2] - phi[2] * sigma[1]
+    gained[0] = gained[0] + sigma[1] + a * x + b * (phi[2] * z - phi[3] * y)
+    gained[1] = gained[1] + sigma[2] + a * y + b * (phi[3] * x - phi[1] * z)
+    gained[2] = gained[2] + sigma[3] + a * z + b * (phi[1] * y - phi[2] * x)
+
+
+def velocity_by_iteration(
+    count: int,
+    g: Vector,
+    v: Vector,
+    first: int,
+    table: Vector,
+    start: Vector,
+    rates: Vector,
+    values: Vector,
+    slopes: Vector,
+    node: Vector,
+    turned: Vector,
+    gained: Vector,
+) -> int:
+    """Add the velocity of `count` increments to `gained` (3,), which begin at the attitude `start` within the step.
+
+    Parameters
+    ----------
+    g, v : (3 * (first + count),) or longer
+        increments of angle [rad] and velocity [m/s]; those from number `first` on are taken
+    table, rates, values, slopes, turned
+        as of `functional_iteration`
+    node : (4,)
+        working space
+
+    Returns
+    -------
+    int
+        0, or 1 where the iteration does not end
+    """
+    if functional_iteration(count, g, first, table, rates, values, slopes, turned) == 1:
+        return 1
+    nodes = count + EXTRA_NODES
+    total_x = 0.0
+    total_y = 0.0
+    total_z = 0.0
+    for i in range(nodes):
+        weight = table[nodes * (count + nodes) + i]
+        x = 0.0
+        y = 0.0
+        z = 0.0
+        for n in range(count):
+            part = weight * table[count * i + n]
+            x = x + part * v[3 * (first + n)]
+            y = y + part * v[3 * (first + n) + 1]
+            z = z + part * v[3 * (first + n) + 2]
+        set_quaternion(1.0 + values[4 * i], values[4 * i + 1], values[4 * i + 2], values[4 * i + 3], node)
+        to_reference(node, x, y, z, rates)
+        total_x = total_x + rates[0]
+        total_y = total_y + rates[1]
+        total_z = total_z + rates[2]
+    to_reference(start, total_x, total_y, total_z, rates)
+    for k in range(3):
+        gained[k] = gained[k] + rates[k]
+    return 0
+
+
+def velocity_of_window(
+    previous: Vector,
+    known: float,
+    g: Vector,
+    previous_v: Vector,
+    v: Vector,
+    table: Vector,
+    half_table: Vector,
+    differences: Vector,
+    rates: Vector,
+    values: Vector,
+    slopes: Vector,
+    node: Vector,
+    part: Vector,
+    turned: Vector,
+    gained: Vector,
+) -> None:
+    """Add the velocity of a window of eight increments, as many at a time as those of angle and velocity both support.
+
+    `turned` (4,) is the quaternion of the window so far; others as of `velocity_by_iteration`.
+    """
+    chosen = supported_degree(previous, known, g, math.pi, differences)
+    other = supported_degree(previous_v, known, v, 1e300, differences)
+    if other < chosen:
+        chosen = other
+    set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
+    if chosen == 8 and (
+        velocity_by_iteration(8, g, v, 0, table, turned, rates, values, slopes, node, part, gained) == 1
+    ):
+        chosen = 4
+    if chosen < 8:
+        for half in range(2):
+            failed = 1
+            if chosen == 4:
+                failed = velocity_by_iteration(
+                    4, g, v, 4 * half, half_table, turned, rates, values, slopes, node, part, gained
+                )
+            if failed == 0:
+                multiply(turned, part, turned)
+            else:
+                for pair in range(2):
+                    first = 4 * half + 2 * pair
+                    velocity_of_pair(g, v, first, values, slopes, differences)
+                    to_reference(turned, differences[0], differences[1], differences[2], rates)
+                    for k in range(3):
+                        gained[k] = gained[k] + rates[k]
+                    pair_of_increments(g, first, part)
+                    multiply(turned, part, turned)
+
+
+def velocity_of_pair(g: Vector, v: Vector, first: int, phi: Vector, sigma: Vector, gained: Vector) -> None:
+    """Write the velocity (3,) of two increments into `gained`, with k = 2/3; `phi`, `sigma` (4,) are working space."""
+    clear(phi)
+    clear(sigma)
+    for i in range(2):
+        add_increment(1.0, g, first + i, phi)
+        add_increment(1.0, v, first + i, sigma)
+    add_cross(2.0 / 3.0, g, first, g, first + 1, phi)
+    add_cross(2.0 / 3.0, g, first, v, first + 1, sigma)
+    add_cross(2.0 / 3.0, v, first, g, first + 1, sigma)
+    for k in range(3):
+        gained[k] = 0.0
+    add_rotation(JOINT, phi, sigma, gained)
+
+
+def velocity_of_step(
+    algorithm: float,
+    form: float,
+    known: float,
+    previous: Vector,
+    collected: Vector,
+    previous_v: Vector,
+    collected_v: Vector,
+    table: Vector,
+    half_table: Vector,
+    differences: Vector,
+    rates: Vector,
+    values: Vector,
+    slopes: Vector,
+    node: Vector,
+    part: Vector,
+    turned: Vector,
+    gained: Vector,
+) -> int:
+    """Write the velocity (3,) of a full step, in the body as it stood at its beginning, into `gained` [m/s].
+
+    Arguments are those of `computer.update`, and increments of velocity as those of angle. Returns 0, or 1 where a
+    functional iteration does not end.
+    """
+    for k in range(3):
+        gained[k] = 0.0
+    if algorithm == 27.0:
+        velocity_of_window(
+            previous,
+            known,
+            collected,
+            previous_v,
+            collected_v,
+            table,
+            half_table,
+            differences,
+            rates,
+            values,
+            slopes,
+            node,
+            part,
+            turned,
+            gained,
+        )
+    elif algorithm >= 18.0 + FEWEST_INCREMENTS and algorithm <= 18.0 + MOST_INCREMENTS:
+        count = int(algorithm) - 18
+        set_quaternion(1.0, 0.0, 0.0, 0.0, part)
+        return velocity_by_iteration(
+            count, collected, collected_v, 0, table, part, rates, values, slopes, node, turned, gained
+        )
+    else:
+        velocity_by_products(form, previous, collected, previous_v, collected_v, table, node, part, turned, gained)
+    return 0
+
+
+def initialise(
+    time: float,
+    algorithm: float,
+    sample_period: float,
+    initial_attitude: Vector,
+    initial_velocity: Vector,
+    attitude: Vector,
+    velocity: Vector,
+    gained: Vector,
+    updated: Vector,
+    start: Vector,
+    period: Vector,
+    samples: Vector,
+    waiting: Vector,
+    known: Vector,
+    collected: Vector,
+    previous: Vector,
+    collected_v: Vector,
+    previous_v: Vector,
+    table: Vector,
+    half_table: Vector,
+    before: Vector,
+    sample: Vector,
+    sample_v: Vector,
+    samples_of_update: Vector,
+    longest_increment: Vector,
+    reads_previous: Vector,
+    products: Vector,
+    chosen: Vector,
+) -> int:
+    """Begin at the initial attitude and velocity; returns 0 or the number of a message."""
+    for k in range(3):
+        velocity[k] = initial_velocity[k]
+        gained[k] = 0.0
+        sample_v[k] = 0.0
+    for k in range(STEP_SIZE):
+        collected_v[k] = 0.0
+        previous_v[k] = 0.0
+    return begin_attitude(
+        time,
+        algorithm,
+        sample_period,
+        initial_attitude,
+        attitude,
+        updated,
+        start,
+        period,
+        samples,
+        waiting,
+        known,
+        collected,
+        previous,
+        table,
+        half_table,
+        before,
+        sample,
+        samples_of_update,
+        longest_increment,
+        reads_previous,
+        products,
+        chosen,
+    )
+
+
+def step(
+    time: float,
+    step: float,
+    increment: Vector,
+    velocity_increment: Vector,
+    algorithm: float,
+    form: float,
+    gravitation: Vector,
+    effect: Vector,
+    renormalise: float,
+    attitude: Vector,
+    velocity: Vector,
+    gained: Vector,
+    updated: Vector,
+    start: Vector,
+    period: Vector,
+    samples: Vector,
+    waiting: Vector,
+    known: Vector,
+    collected: Vector,
+    previous: Vector,
+    collected_v: Vector,
+    previous_v: Vector,
+    chosen: Vector,
+    table: Vector,
+    half_table: Vector,
+    differences: Vector,
+    rates: Vector,
+    values: Vector,
+    slopes: Vector,
+    node: Vector,
+    part: Vector,
+    turned: Vector,
+    before: Vector,
+    added: Vector,
+    sample: Vector,
+    sample_v: Vector,
+) -> int:
+    """Take the increments over (time, time + step], update attitude and velocity when a step of the algorithm is full.
+
+    As `computer.step`; returns 0 or the number of a message.
+    """
+    for k in range(3):
+        # Infinity and NaN fail the comparison.
+        if not math.fabs(velocity_increment[k]) <= LARGEST_INCREMENT:
+            return 6
+    taken = samples[0]
+    left = chosen[LEFT]
+    refused = collect(
+        time,
+        step,
+        increment,
+        effect,
+        updated,
+        start,
+        period,
+        samples,
+        waiting,
+        collected,
+        chosen,
+        before,
+        added,
+        sample,
+    )
+    if refused > 0 or (samples[0] == taken and chosen[LEFT] == left):
+        return refused
+    for k in range(3):
+        if left == period[0] or left <= 0.0:
+            sample_v[k] = 0.0
+        sample_v[k] = sample_v[k] + velocity_increment[k]
+    if samples[0] == taken:
+        return 0
+    for k in range(3):
+        collected_v[3 * (int(waiting[0]) - 1) + k] = sample_v[k]
+    if waiting[0] < chosen[SAMPLES]:
+        return 0
+    failed = velocity_of_step(
+        algorithm,
+        form,
+        known[0],
+        previous,
+        collected,
+        previous_v,
+        collected_v,
+        table,
+        half_table,
+        differences,
+        rates,
+        values,
+        slopes,
+        node,
+        part,
+        turned,
+        gained,
+    )
+    if failed == 1:
+        return 5
+    to_reference(attitude, gained[0], gained[1], gained[2], rates)
+    for k in range(3):
+        velocity[k] = velocity[k] + rates[k] + gravitation[k] * period[0] * chosen[SAMPLES]
+    if chosen[READS_PREVIOUS] == 1.0:
+        size = 3 * int(chosen[SAMPLES])
+        for k in range(size):
+            previous_v[k] = collected_v[k]
+    return turn_attitude(
+        algorithm,
+        renormalise,
+        attitude,
+        updated,
+        waiting,
+        known,
+        collected,
+        previous,
+        chosen,
+        table,
+        half_table,
+        differences,
+        rates,
+        values,
+        slopes,
+        part,
+        turned,
+    )
