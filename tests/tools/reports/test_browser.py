@@ -6,8 +6,11 @@ from typing import Any
 
 import pytest
 
+from bench_cases import write_hidden_record
 from browser import Window
+from command_table import make_inputs
 from page_text import text_of
+from trihedron.tools import cli
 from trihedron.tools.document.page import write_html
 
 PAGES = (
@@ -21,6 +24,29 @@ PAGES = (
 )
 
 
+COMMANDS_WITH_PAGES = (
+    "plan --positions 6 --starts 1 --cuts 0 --out out-planned --report out-plan.html",
+    "campaign kept.toml --jobs 1 --out out-campaign",
+    "hidden --cases 3 --positions 14 16 --out out-suite",
+    "diagnose clean.csv measured.csv again.csv --noise-bound 1e-5 --report out-several.html",
+    "calibrate clean.csv again.csv --noise-bound 1e-5 --report out-calibrated.html",
+    "instrument trend unit --report out-trend.html",
+    "compare clean.csv measured.csv --report out-compared.html",
+    "plot strapdown.csv out-lines.html",
+    "inspect strapdown.csv --plot out-inspected.html",
+    "simulate run.toml --out out-run --plot out-run.html",
+    "attitude strapdown.csv --out out-attitude --plot out-attitude.html",
+)
+PLAIN = ("out-calibrated.html",)
+"""Pages of tables alone."""
+KEPT = """schema = "trihedron.campaign/1"
+[attitude]
+duration_s = 2.0
+[parameters]
+bias_1_radps = { values = [1e-4, 2e-4] }
+[keep]
+record = true
+"""
 MARGIN: Any = dict.fromkeys(("top", "bottom", "left", "right"), "12mm")
 
 
@@ -34,19 +60,41 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     return found
 
 
+def assert_fits(window: Window, name: str, page: Path) -> None:
+    for width, dark, printed in ((1280, False, False), (400, True, False), (1280, True, False), (720, False, True)):
+        seen = window.open(page, width, dark=dark, printed=printed)
+        where = f"{name} at {width}"
+        assert seen["client"] == width, where
+        assert seen["scroll"] == width, where
+        assert seen["outside"] == [], where
+        assert seen["images"] == [], where
+        assert seen["pictures"] or name in PLAIN, where
+        assert all(w > 5 and h > 5 for w, h in seen["pictures"]), where
+        assert seen["height"] > 900 or name in PLAIN, where
+
+
 @pytest.mark.acceptance
 def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages, window: Window):
     for name, page in pages.items():
-        for width, dark, printed in ((1280, False, False), (400, True, False), (1280, True, False), (720, False, True)):
-            seen = window.open(page, width, dark=dark, printed=printed)
-            where = f"{name} at {width}"
-            assert seen["client"] == width, where
-            assert seen["scroll"] == width, where
-            assert seen["outside"] == [], where
-            assert seen["images"] == [], where
-            assert seen["pictures"], where
-            assert all(w > 5 and h > 5 for w, h in seen["pictures"]), where
-            assert seen["height"] > 900, where
+        assert_fits(window, name, page)
+    assert window.complaints == []
+
+
+@pytest.mark.acceptance
+def test_pages_of_every_command_fit(window: Window, tmp_path, monkeypatch):
+    make_inputs(tmp_path)
+    (tmp_path / "kept.toml").write_text(KEPT, encoding="utf-8")
+    write_hidden_record(tmp_path / "again.csv", 6, None, effects=())
+    monkeypatch.chdir(tmp_path)
+    for line in COMMANDS_WITH_PAGES:
+        assert cli.main([*line.split(), "--quiet"]) == 0, line
+    made = sorted(tmp_path.glob("out*.html")) + [
+        tmp_path / f"out-{kind}" / "index.html" for kind in ("campaign", "suite")
+    ]
+    made.append(tmp_path / "out-planned" / "operator.html")
+    for page in made:
+        assert_fits(window, page.relative_to(tmp_path).as_posix(), page)
+    assert len(made) >= len(COMMANDS_WITH_PAGES)
     assert window.complaints == []
 
 
