@@ -149,7 +149,8 @@ class Unlisted:
     the set; `same` a function of one quantity that
     does what several effects of the set do together; `alike`: pairs of several quantities that hold the set, as far as
     these rows tell; `percent`: by so much a larger noise bound would do without them, where that is little; `compared`:
-    whether functions that are in no catalogue could be compared, `roughly`: by a linear model that may be wrong.
+    whether functions that are in no catalogue could be compared, `roughly`: by a linear model that may be wrong;
+    `proven`: whether the rival, then one, is the place and quantity that are proven.
     """
 
     rivals: tuple[Standing, ...]
@@ -159,6 +160,7 @@ class Unlisted:
     compared: bool = True
     roughly: bool = False
     held: Standing | None = None
+    proven: bool = False
 
     @staticmethod
     def of(found: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
@@ -174,16 +176,26 @@ class Unlisted:
         needed = [one.complexity for one in own if not listed.is_wholly_of(fit, one.pair)]
         most = min([complexity_of(fit.places), *needed])
         rivals = tuple(one for one in found.standing if compared and one not in own and one.complexity <= most)
+        # Where not all sets are tried some stand that are more complex than what is proven, and elsewhere.
+        proven = found.proven is not None and not listed.evidence.tries_all_sets
+        if proven:
+            # All that stands is one quantity, as far as the record tells: no rival of itself, one of a set elsewhere.
+            rivals = () if own else rivals[:1]
         percent = 100.0 * (found.radius - 1.0) if found.is_near else None
         alike = {one.pair.depends_on: one.pair for one in reversed(own)}
         pairs = tuple(reversed(alike.values())) if len(alike) > 1 else ()
         held = own[0] if own else None
-        return Unlisted(rivals, held if several else None, percent, pairs, compared, not compared, held)
+        return Unlisted(rivals, held if several else None, percent, pairs, compared, not compared, held, proven)
 
     @property
     def caution(self) -> tuple[str, ...]:
         """What is not excluded, in sentences."""
-        said = [f"as simple, and in no catalogue: {rival.pair.in_words} would do" for rival in self.rivals]
+        said = [
+            f"what is proven does, too, and is no more complex than these effects: {rival.pair.in_words}"
+            if self.proven
+            else f"as simple, and in no catalogue: {rival.pair.in_words} would do"
+            for rival in self.rivals
+        ]
         if self.same is not None:
             said.append(
                 f"{self.same.pair.in_words} does what these effects do together: of which laws it is made is not proven"

@@ -11,7 +11,8 @@ from trihedron.models.effects.lookup import Table
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.band import Possible
 from trihedron.tools.diagnosis.beyond import Beyond
-from trihedron.tools.diagnosis.dependence import Dependence, dependence
+from trihedron.tools.diagnosis.dependence import Dependence, Standing, dependence
+from trihedron.tools.diagnosis.rivals import Listed, Unlisted
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_pairs import GyroPairs, pairs_of_accelerometers
 from trihedron.tools.evidence.carried_record import carried_evidence
@@ -246,3 +247,34 @@ def test_a_law_of_three_gyros_that_is_named_is_told_beside_those_that_do_as_well
     assert isinstance(result, Diagnosis)
     assert [cause.effect for cause in result.causes] == ["gyro-rate-cubed"]
     assert any("c w1⁵ with c w2⁵ with c w3⁵" in text for text in result.caution)
+
+
+@pytest.mark.acceptance
+def test_what_is_proven_is_no_rival_of_itself():
+    """Of a cube of the input at one gyro effects of the catalogue do as well, which need two and more numbers."""
+    rng = np.random.default_rng(4)
+    time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
+    rate[:, 0] += 6e-3 * n[:, 0] ** 3
+    read = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
+    result = diagnose(replace(read, attitude=seen_attitude(rng, attitude, 1e-4)), rerun=False)
+    assert isinstance(result, Diagnosis)
+    assert (result.verdict, len(result.causes)) == ("ambiguous", 2)
+    assert result.proven is not None
+    assert (result.proven.place, result.proven.quantity) == ("gyro-1", "n1")
+    assert not any("in no catalogue" in text for text in result.caution)
+    assert sum("no more complex than these effects" in text for text in result.caution) == 1
+    assert "c n1³" in [law.words for law in result.laws or ()]
+
+
+@pytest.mark.parametrize(("effect", "elsewhere"), [("gyro-rate-squared", False), ("gyro-g-sensitivity", True)])
+def test_what_is_proven_is_beside_a_set_that_acts_otherwise_and_beside_no_other(effect: str, elsewhere: bool):
+    evidence = carried_evidence(filmed(at_gyro(2, lambda time, rate: rate[:, 1] ** 2)))
+    assert isinstance(evidence, Carried)
+    (pair,) = (p for p in evidence.pairs() if (p.where, p.quantity, p.factor) == ("gyro-2", "w2", ""))
+    # Of the same quantity, and of another form than the effect has: what is the same is no rival of itself.
+    forms = [Standing(pair, Form("pieces", 2), 2, 0.9), Standing(pair, Form("jump", at=0.4), 2, 0.9)]
+    own = EffectPlace(effect, "gyro-block")
+    beside = Unlisted.of(Dependence(tuple(forms), (), ("gyro-2",), 3.0), Listed(evidence), evidence.refit([own]))
+    assert beside.rivals == (tuple(forms[:1]) if elsewhere else ())
+    assert [text for text in beside.caution if "catalogue" in text] == []
+    assert any("what is proven" in text for text in beside.caution) == elsewhere
