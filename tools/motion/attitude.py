@@ -20,9 +20,9 @@ from scipy.spatial.transform import Rotation
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ..errors import InputError, nearest
 from ..orchestrator import simulate
-from ..orchestrator.scenario import FmuSetting
+from ..orchestrator.scenario import FmuSetting, RecordSetting
 from ..records import StrapdownRecord
-from ..records.columns import INCREMENT, QUATERNION
+from ..records.columns import INCREMENT, QUATERNION, VELOCITY
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs, rotation_of
@@ -40,6 +40,9 @@ QUIET = 2.0
 
 FEWEST_PERIODS = 4
 """A period that is looked for is at most this part of the run."""
+
+SPEED = ("v1_mps", "v2_mps", "v3_mps")
+"""Columns of a velocity."""
 
 STRONG = 0.1
 """A line of the spectrum counts as a harmonic of the motion from this part of the strongest on."""
@@ -79,12 +82,17 @@ class AttitudeRun(Result):
         what a person should know of the gyros' limits
     files : tuple of Path
         what was written
+    velocity_at_end : tuple of 3 float or None
+        of `velocity`
     row : ndarray, shape (N,)
         the record's rows, as an editor counts lines
     time_s : ndarray, shape (N,)
         [s]
     attitude : ndarray, shape (N, 4)
         computed, unit quaternion, scalar first, body to reference
+    velocity : ndarray, shape (N, 3), or None
+        integral of the specific force, in the reference, from zero at the start: nothing of gravity is taken out [m/s];
+        of a record with increments of velocity
     error_rad : ndarray, shape (N, 3)
         rotation vector of the computed against the true attitude, components in the reference frame [rad]
     error_angle : ndarray, shape (N,)
@@ -113,9 +121,11 @@ class AttitudeRun(Result):
     trusted_until: float | None = Field(default=None, alias="trusted_until_s")
     warnings: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    velocity_at_end: tuple[float, float, float] | None = Field(default=None, alias="velocity_at_end_mps")
     row: Array = Field(default=ABSENT, exclude=True)
     time_s: Array = Field(default=ABSENT, exclude=True)
     attitude: Array = Field(default=ABSENT, exclude=True)
+    velocity: Array | None = Field(default=None, exclude=True)
     error_rad: Array = Field(default=ABSENT, exclude=True)
     error_angle: Array = Field(default=ABSENT, exclude=True)
     heading: Array | None = Field(default=None, exclude=True)
@@ -140,8 +150,10 @@ class AttitudeRun(Result):
         return total[np.searchsorted(begins, self.time_s, side="right")]
 
     def to_polars(self) -> pl.DataFrame:
-        """A row for each update: time_s, q0 to q3, error_rad, bridged_bound_rad, trusted."""
+        """A row for each update: time_s, q0 to q3, v1_mps to v3_mps where there is a velocity, error_rad and more."""
         quaternion = {name: self.attitude[:, k] for k, name in enumerate(QUATERNION)}
+        if self.velocity is not None:
+            quaternion |= {name: self.velocity[:, k] for k, name in enumerate(SPEED)}
         table = pl.DataFrame({"time_s": self.time_s, **quaternion, "error_rad": self.error_angle}).fill_nan(None)
         return table.with_columns(
             pl.Series("bridged_bound_rad", self.bridged_bound_at()), pl.Series("trusted", self.trusted)
@@ -217,16 +229,25 @@ def attitude_of_record(
             f"{downwards(chosen.max_increment, 3)} rad: sample faster or take mean-rate"
         )
     parameters = {"algorithm": chosen.number, "sample_period": increments.period, "initial_attitude": taken.start}
+    component, driven = "AttitudeComputer", inputs("computer.increment", INCREMENT, increments.angle)
+    if increments.velocity is not None:
+        component = "VelocityComputer"
+        driven |= inputs("computer.velocity_increment", VELOCITY, increments.velocity)
     scenario = carrying(
         f"attitude of {record.path.name}",
-        {"computer": FmuSetting(component="AttitudeComputer", parameters=parameters)},
-        inputs("computer.increment", INCREMENT, increments.angle),
+        {"computer": FmuSetting(component=component, parameters=parameters)},
+        driven,
         increments.time_s,
         increments.period,
     )
+    if increments.velocity is not None:
+        speeds = {name: f"computer.velocity[{i}]" for i, name in enumerate(SPEED, start=1)}
+        columns = RecordSetting(columns=dict(scenario.record.columns or {}) | speeds)
+        scenario = scenario.model_copy(update={"record": columns})
     done = simulate(scenario, marks=[(pl.col("time_s") < taken.worthless_from).alias("trusted")], **run)
     updated = done.table["updated"].to_numpy()
     attitude = done.table.select(QUATERNION).to_numpy()[updated]
+    velocity = None if increments.velocity is None else done.table.select(SPEED).to_numpy()[updated]
     index = first + rate_divisor * np.flatnonzero(updated)
     error = np.full((len(index), 3), np.nan)
     if record.attitude is not None:
@@ -264,6 +285,8 @@ def attitude_of_record(
         row=record.row[index],
         time_s=time,
         attitude=attitude,
+        velocity=velocity,
+        velocity_at_end_mps=None if velocity is None else tuple(velocity[-1].tolist()),
         error_rad=error,
         error_angle=angle,
         heading=heading,

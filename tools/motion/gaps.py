@@ -85,7 +85,7 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
     if record.attitude is not None:
         attitude = np.full((len(at), 4), np.nan)
         attitude[measured] = record.attitude
-    names = ("time_s", "rate", "increment", "specific_force", "temperature")
+    names = ("time_s", "rate", "increment", "velocity_increment", "specific_force", "temperature")
     filled = {name: on_lines(getattr(record, name)) for name in names}
     row = record.row[np.ceil(at).astype(int)]
     return replace(record, **filled, attitude=attitude, row=row), bridges

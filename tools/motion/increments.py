@@ -22,12 +22,14 @@ MOST_JITTER = 0.5
 class Increments:
     """Angle increments from a first row on: integrals (N, 3) of the body's rate over the intervals between rows [rad].
 
-    The times (N + 1,) are uniform, one period apart: the first row's and the ends of the intervals [s].
+    The times (N + 1,) are uniform, one period apart: the first row's and the ends of the intervals [s]. `velocity`
+    (N, 3) are the integrals of the specific force [m/s], of a record that has them.
     """
 
     period: float
     time_s: np.ndarray
     angle: np.ndarray
+    velocity: np.ndarray | None = None
 
 
 def sampling_period(record: StrapdownRecord) -> float:
@@ -109,7 +111,8 @@ def increments_from(
         angle = angle - period * bias
     check_turns(record, angle)
     time = record.time_s[0] + period * np.arange(first, len(record))
-    return Increments(period, time, np.ascontiguousarray(angle))
+    velocity = record.velocity_increment
+    return Increments(period, time, np.ascontiguousarray(angle), None if velocity is None else velocity[first + 1 :])
 
 
 def coarser(increments: Increments, divisor: int) -> Increments:
@@ -122,9 +125,13 @@ def coarser(increments: Increments, divisor: int) -> Increments:
     if not 1 <= divisor <= count:
         raise InputError(f"--rate-divisor {divisor}: give a whole number from 1 to {count}, the record's increments")
     kept = count // divisor
-    angle = increments.angle[: kept * divisor].reshape(kept, divisor, 3).sum(axis=1)
+
+    def added(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values[: kept * divisor].reshape(kept, divisor, 3).sum(axis=1))
+
     time = increments.time_s[: kept * divisor + 1 : divisor]
-    return Increments(divisor * increments.period, time, np.ascontiguousarray(angle))
+    velocity = None if increments.velocity is None else added(increments.velocity)
+    return Increments(divisor * increments.period, time, added(increments.angle), velocity)
 
 
 @dataclass(frozen=True)

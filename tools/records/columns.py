@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from .comments import Comments
 FORCE = ("f1_mps2", "f2_mps2", "f3_mps2")
 RATE = ("w1_radps", "w2_radps", "w3_radps")
 INCREMENT = ("dtheta1_rad", "dtheta2_rad", "dtheta3_rad")
+VELOCITY = ("dv1_mps", "dv2_mps", "dv3_mps")
 QUATERNION = ("q0", "q1", "q2", "q3")
 ANGLES = ("alpha_deg", "beta_deg")
 TEMPERATURE = "temperature_degC"
@@ -29,6 +30,7 @@ LIMITS = {
     TEMPERATURE: (-273.15, 1e4, "degrees Celsius are needed"),
     **dict.fromkeys(RATE, (-1e5, 1e5, "radians per second are needed")),
     **dict.fromkeys(INCREMENT, (-1e3, 1e3, "radians per interval are needed")),
+    **dict.fromkeys(VELOCITY, (-1e6, 1e6, "metres per second and interval are needed")),
 }
 """Beyond these no instrument's number lies, and arithmetic with doubles would lose what is asked of it."""
 
@@ -66,10 +68,11 @@ BENCH_INCREMENTS = Kind("bench record", ("time_s", *ANGLES, *INCREMENT, *FORCE),
 BENCH = (BENCH_RATES, BENCH_INCREMENTS)
 STRAPDOWN_RATES = Kind("strapdown record", ("time_s", *RATE, *FORCE), (*QUATERNION, TEMPERATURE))
 STRAPDOWN_INCREMENTS = Kind("strapdown record", ("time_s", *INCREMENT, *FORCE), (*QUATERNION, TEMPERATURE))
-STRAPDOWN_KINDS = (POSITION, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
+STRAPDOWN_VELOCITIES = Kind("strapdown record", ("time_s", *INCREMENT, *VELOCITY), (*FORCE, *QUATERNION, TEMPERATURE))
+STRAPDOWN_KINDS = (POSITION, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
 """For a reader that wants gyros, and no angles of a table: the first whose required columns are all there."""
 
-KINDS = (POSITION, *BENCH, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
+KINDS = (POSITION, *BENCH, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
 """Every kind, the most special first: the first whose required columns are all there is the record's."""
 
 
@@ -124,6 +127,25 @@ class Columns:
         return RecordError(self.path, int(self.row[index]), name, what)
 
 
+def with_force(columns: Columns) -> Columns:
+    """The columns with specific forces at the rows, where only increments of velocity are there.
+
+    The mean over the two intervals beside a row; at the last row over the one before it.
+    """
+    if columns.layout.kind is not STRAPDOWN_VELOCITIES or FORCE[0] in columns.numbers:
+        return columns
+    time, velocity = columns.numbers["time_s"], columns.group(VELOCITY)
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    step = np.concatenate([[usual], np.diff(time)])
+    # An interval that is none is a fault of the time, which is said by itself.
+    step[~(step >= SHORTEST)] = max(usual, SHORTEST)
+    two, span = velocity[:-1] + velocity[1:], step[:-1] + step[1:]
+    force = np.vstack([two / span[:, None], velocity[-1:] / step[-1]])
+    layout = replace(columns.layout, present=(*columns.layout.present, *FORCE))
+    numbers = columns.numbers | {name: force[:, axis] for axis, name in enumerate(FORCE)}
+    return replace(columns, layout=layout, numbers=numbers)
+
+
 def quoted(text: str) -> str:
     """A field or a name as it can stand in a one-line message: quoted, escaped, cut."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
@@ -157,6 +179,9 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
     missing = [name for name in QUATERNION if name not in names]
     if QUATERNION[0] in kind.optional and 0 < len(missing) < 4:
         raise RecordError(path, row, None, f"column '{missing[0]}' is missing: the attitude needs q0, q1, q2, q3")
+    lacks = [name for name in FORCE if name not in names]
+    if kind is STRAPDOWN_VELOCITIES and 0 < len(lacks) < 3:
+        raise RecordError(path, row, None, f"column '{lacks[0]}' is missing: give f1_mps2..f3_mps2 or none of them")
     present = tuple(name for name in kind.known if name in names)
     return Layout(kind, present, tuple(name for name in names if name not in present))
 

@@ -13,7 +13,18 @@ import numpy as np
 from ..errors import InputError
 from ..files import whole_file
 from .channels import Channels
-from .columns import ANGLES, APPROACH, FORCE, INCREMENT, MOUNTING, QUATERNION, RATE, TEMPERATURE, knocks_of
+from .columns import (
+    ANGLES,
+    APPROACH,
+    FORCE,
+    INCREMENT,
+    MOUNTING,
+    QUATERNION,
+    RATE,
+    TEMPERATURE,
+    VELOCITY,
+    knocks_of,
+)
 from .comments import comment_lines
 
 if TYPE_CHECKING:
@@ -98,6 +109,7 @@ CHANGED: dict[str, Callable[[Any, Channels], Any]] = {
     ),
     "rate": lambda rate, read: rate @ read.of_gyros.T,
     "increment": lambda increment, read: increment @ read.of_gyros.T,
+    "velocity_increment": lambda increment, read: increment @ read.of_accelerometers.T,
     "alpha": _turned("alpha"),
     "beta": _turned("beta"),
     "approach_alpha": _sense("alpha"),
@@ -386,6 +398,8 @@ class StrapdownRecord(_Record):
         integral of the rate over the interval that ends at `time_s` [rad]
     specific_force : ndarray, shape (N, 3)
         block frame [m/s²]
+    velocity_increment : ndarray, shape (N, 3), or None
+        beside `increment`: integral of the specific force over the same interval [m/s]
     attitude : ndarray, shape (N, 4), or None
         true attitude, unit quaternion, scalar first, body to reference; a row of NaN where it is not known
     temperature : ndarray, shape (N,), or None
@@ -399,6 +413,7 @@ class StrapdownRecord(_Record):
         "time_s": ("time_s",),
         "rate": RATE,
         "increment": INCREMENT,
+        "velocity_increment": VELOCITY,
         "specific_force": FORCE,
         "temperature": (TEMPERATURE,),
         "attitude": QUATERNION,
@@ -416,6 +431,7 @@ class StrapdownRecord(_Record):
     sha256: str = ""
     about: Mapping[str, str] = field(default_factory=dict)
     channels: Channels | None = None
+    velocity_increment: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if (self.rate is None) == (self.increment is None):

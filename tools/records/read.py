@@ -47,6 +47,7 @@ from .columns import (
     recognise,
     spoilt_attitudes,
     warnings,
+    with_force,
 )
 from .comments import comments_of
 from .kinds import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
@@ -200,6 +201,7 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
         yield _with_import(error, path, data)
         return None
     if columns is not None:
+        columns = with_force(columns)
         yield from faults(columns)
     return columns
 
@@ -460,7 +462,7 @@ def _read_parquet(path: Path, data: bytes, kinds: Sequence[Kind], *, trusted: bo
         raise RecordError(path, None, None, "has no rows; at least one is needed")
     numbers = {name: _parquet_numbers(path, frame[name]) for name in layout.numbers}
     resolution = 0.0
-    if any(frame[name].dtype == pl.Float32 for name in FORCE):
+    if FORCE[0] in layout.present and any(frame[name].dtype == pl.Float32 for name in FORCE):
         # half a last binary digit of readings that are kept in single precision
         largest = max(float(np.abs(frame[name].to_numpy()).max()) for name in FORCE)
         resolution = 0.5 * float(np.spacing(np.float32(largest)))

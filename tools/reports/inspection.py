@@ -183,6 +183,9 @@ def attitude_lines(run: AttitudeRun) -> list[str]:
         f"{how.get(run.rates, 'increments as measured')}"
     ]
     lines += care_lines(run)
+    if run.velocity_at_end is not None:
+        velocity = ", ".join(digits(value, 6) for value in run.velocity_at_end)
+        lines.append(f"velocity at the end, of the specific force alone, in the reference: ({velocity}) m/s")
     rms, maximum, final, drift = run.rms, run.maximum, run.final, run.drift
     if rms is None or maximum is None or final is None or drift is None:
         return [*lines, "attitude error: the record has no true attitude to compare with"]
