@@ -23,13 +23,14 @@ from .formulas import (
 )
 from .iteration import (
     EXTRA_NODES,
-    FEWEST_INCREMENTS,
     LARGEST_TABLE,
     MOST_INCREMENTS,
     WINDOW,
     adaptive_degree,
     functional_iteration,
+    increments_iterated,
     prepare_functional_iteration,
+    rodrigues_iteration,
 )
 from .products import by_products, by_products_and_series, by_products_cut_off, prepare_products
 
@@ -71,8 +72,9 @@ def prepare_update(algorithm: float, catalogue: Vector, table: Vector, half_tabl
         the first with the factors of products where the attitude is not iterated
     """
     prepare_products(algorithm, catalogue, table)
-    if algorithm >= 18.0 + FEWEST_INCREMENTS and algorithm <= 18.0 + MOST_INCREMENTS:
-        prepare_functional_iteration(int(algorithm) - 18, table)
+    count = increments_iterated(algorithm)
+    if count > 0:
+        prepare_functional_iteration(count, table)
     if algorithm == 27.0:
         prepare_functional_iteration(8, table)
         prepare_functional_iteration(4, half_table)
@@ -115,6 +117,7 @@ def update(
     int
         0, or 1 where a functional iteration does not end
     """
+    count = increments_iterated(algorithm)
     if algorithm == 1.0:
         two_sample_rodrigues(g, turned)
     elif algorithm == 2.0:
@@ -143,8 +146,10 @@ def update(
         by_products_cut_off(previous, g, table, part, turned)
     elif algorithm == 27.0:
         adaptive_degree(previous, known, g, table, half_table, differences, rates, values, slopes, part, turned)
-    elif algorithm >= 18.0 + FEWEST_INCREMENTS and algorithm <= 18.0 + MOST_INCREMENTS:
-        return functional_iteration(int(algorithm) - 18, g, 0, table, rates, values, slopes, turned)
+    elif algorithm >= 33.0:
+        return rodrigues_iteration(count, g, table, rates, values, slopes, turned)
+    elif count > 0:
+        return functional_iteration(count, g, 0, table, rates, values, slopes, turned)
     else:
         by_products(previous, g, table, part, turned)
     return 0

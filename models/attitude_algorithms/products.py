@@ -7,6 +7,12 @@ is the sum of the increments of the step before γ_j. So k_ij are the data of ev
 * optimised for coning, compressed: under coning the vector product of two increments has a mean that depends on their
   distance alone, so that all pairs of one distance may be put into one, (Σ k_p γ_{N-p}) × γ_N. The k_p solve, order by
   order in x = Ω Δt, Σ k_p · 4 sin²(x/2) sin(p x) = (N x - sin N x)/2. In general motion they are of third order only.
+  With increments before the step there are more k_p: the class of Ignagni 1996, of which the paper was not to be had;
+* uncompressed, with the k_p shared among the pairs of a distance so that the products are exact for polynomial rates,
+  too: the order of general motion comes back. Song, Wu and Pan 2013, by a table in the public domain that gives them
+  after Song's thesis; solved anew here;
+* recursive: the fast loop of Savage 1998, part 1, (46), (47): each increment with half the sum of those before it and
+  1/12 of the one before it, which is exact for a linear rate, however many there are in a step.
 
 Velocity has the same k_ij, by duality: `velocity`.
 """
@@ -25,7 +31,7 @@ from ..rotation import (
     square_of_vector,
     sum_of_increments,
 )
-from .definition import MOST_SAMPLES, Algorithm, Product
+from .definition import MOST_SAMPLES, SUM, Algorithm, Product
 
 ROW = 2 * MOST_SAMPLES + 1
 """Length of a row of `products`: the factors of the products with one γ_j, of the increments before the step, of those
@@ -71,6 +77,12 @@ def weighted_before(products: Vector, j: int, previous: Vector, g: Vector, weigh
                     weighted[k] = weighted[k] + factor * previous[3 * (samples + i) + k]
                 else:
                     weighted[k] = weighted[k] + factor * g[3 * i + k]
+    factor = products[ROW * j + MOST_SAMPLES + SUM]
+    if factor != 0.0:
+        found = 1.0
+        for i in range(j):
+            for k in range(3):
+                weighted[k] = weighted[k] + factor * g[3 * i + k]
     return found
 
 
@@ -111,6 +123,12 @@ def compressed(divisor: int, *numerators: int) -> tuple[Product, ...]:
     """Products with the last increment of a step, of as many increments before it as there are numerators."""
     last = len(numerators)
     return over(divisor, {(i, last): value for i, value in enumerate(numerators)})
+
+
+def recursive(count: int) -> tuple[Product, ...]:
+    """Products of the fast loop over so many samples."""
+    with_last = [(j - 1, j, Fraction(1, 12)) for j in range(count)]
+    return (*with_last, *((SUM, j, Fraction(1, 2)) for j in range(1, count)))
 
 
 PANOV = over(45, {(0, 2): 22, (0, 3): 22, (1, 2): 22, (1, 3): 22, (0, 1): 32, (2, 3): 32})
@@ -198,5 +216,64 @@ ALGORITHMS = (
         max_increment=math.pi / 5,
         name="five-sample-coning",
         products=compressed(504, 250, 525, 650, 1375),
+    ),
+    _for_coning(
+        28,
+        "two samples and two before, optimised for coning",
+        "Ignagni 1996, the class; solved here",
+        samples=2,
+        coning_order=8,
+        previous=True,
+        max_increment=math.pi / 2,
+        name="two-sample-coning-with-two-before",
+        products=over(420, {(0, 1): 323, (-1, 1): -26, (-2, 1): 3}),
+    ),
+    _for_coning(
+        29,
+        "three samples and three before, optimised for coning",
+        "Ignagni 1996, the class; solved here",
+        samples=3,
+        coning_order=12,
+        previous=True,
+        max_increment=math.pi / 3,
+        name="three-sample-coning-with-three-before",
+        products=over(27720, {(1, 2): 40461, (0, 2): 9642, (-1, 2): 1098, (-2, 2): -186, (-3, 2): 15}),
+    ),
+    Algorithm(
+        30,
+        "three samples, uncompressed",
+        "Song, Wu, Pan 2013, three-sample",
+        by_products,
+        samples=3,
+        order=4,
+        coning_order=6,
+        constant_rate=True,
+        max_increment=math.pi / 3,
+        name="three-sample-uncompressed",
+        products=over(40, {(0, 1): 27, (1, 2): 27, (0, 2): 18}),
+    ),
+    Algorithm(
+        31,
+        "four samples, uncompressed",
+        "Song, Wu, Pan 2013, four-sample",
+        by_products,
+        samples=4,
+        order=4,
+        coning_order=8,
+        constant_rate=True,
+        max_increment=math.pi / 4,
+        name="four-sample-uncompressed",
+        products=over(315, {(0, 1): 232, (2, 3): 232, (1, 2): 178, (0, 2): 138, (1, 3): 138, (0, 3): 162}),
+    ),
+    _for_coning(
+        32,
+        "four samples in a fast loop, with the one before",
+        "Savage 1998, part 1, two-speed recursive",
+        samples=4,
+        coning_order=4,
+        previous=True,
+        max_increment=math.pi / 4,
+        name="four-sample-recursive",
+        products=recursive(4),
     ),
 )

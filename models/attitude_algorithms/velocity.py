@@ -33,9 +33,8 @@ from ..rotation import (
 from .computer import LEFT, READS_PREVIOUS, SAMPLES, STEP_SIZE, begin_attitude, collect, turn_attitude
 from .iteration import (
     EXTRA_NODES,
-    FEWEST_INCREMENTS,
-    MOST_INCREMENTS,
     functional_iteration,
+    increments_iterated,
     pair_of_increments,
     supported_degree,
 )
@@ -268,6 +267,7 @@ def velocity_of_step(
     """
     for k in range(3):
         gained[k] = 0.0
+    count = increments_iterated(algorithm)
     if algorithm == 27.0:
         velocity_of_window(
             previous,
@@ -286,8 +286,7 @@ def velocity_of_step(
             turned,
             gained,
         )
-    elif algorithm >= 18.0 + FEWEST_INCREMENTS and algorithm <= 18.0 + MOST_INCREMENTS:
-        count = int(algorithm) - 18
+    elif count > 0:
         set_quaternion(1.0, 0.0, 0.0, 0.0, part)
         return velocity_by_iteration(
             count, collected, collected_v, 0, table, part, rates, values, slopes, node, turned, gained

@@ -22,7 +22,8 @@ TIME_SYMMETRIC = {
     *("two-sample-rodrigues", "mean-rate", "two-sample-quaternion", "two-sample-textbook"),
     *("two-sample-textbook-as-run", "two-sample-rotation-vector", "two-sample-fifth-power"),
     *("panov", "panov-series", "panov-cut-off", "four-sample-rotation-vector"),
-    *(a.name for a in ALGORITHMS if a.kernel.__name__ == "functional_iteration"),
+    *("three-sample-uncompressed", "four-sample-uncompressed"),
+    *(a.name for a in ALGORITHMS if a.kernel.__name__.endswith("_iteration")),
 }
 
 # Angular rate as a cubic polynomial of time [rad/s].

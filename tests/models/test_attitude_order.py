@@ -29,7 +29,11 @@ def _fifty_digits():
 
 
 def rates_for(algorithm: Algorithm) -> list:
-    return HIGH if algorithm.kernel.__name__ in ("functional_iteration", "adaptive_degree") else CUBIC
+    return (
+        HIGH
+        if algorithm.kernel.__name__ in ("functional_iteration", "rodrigues_iteration", "adaptive_degree")
+        else CUBIC
+    )
 
 
 @cache

@@ -21,7 +21,7 @@ from ...fmus.source import instantiate
 from ...models import gyro, harmonic_motion, rotation
 from ...models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
 from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
-from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration
+from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration, rodrigues_iteration
 from ...models.attitude_algorithms.products import by_products, by_products_and_series, by_products_cut_off
 from ..compiled import compile_callee, compiled
 from ..errors import InputError
@@ -271,6 +271,11 @@ def _turn(algorithm: Algorithm) -> Callable[..., None]:
 
         def turn(previous, known, g, work, turned):
             kernel(previous, g, work[0], work[6], turned)
+
+    elif algorithm.kernel is rodrigues_iteration:
+
+        def turn(previous, known, g, work, turned):
+            kernel(samples, g, work[0], work[3], work[4], work[5], turned)
 
     elif algorithm.kernel is functional_iteration:
 
