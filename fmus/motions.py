@@ -97,6 +97,7 @@ TURNTABLE_MOTION = Component(
         output("angle", "true angles: encoder readings less Δα + α* (outer) and Δβ (inner)", **units.AXES),
         output("angle_reading", "readings of the encoders, with their errors", **units.AXES),
         output("rate", "rates of the axes", 2, "rad/s", "deg/s"),
+        output("block_rate", "angular rate of the block against the base, in block axes", 3, "rad/s", "deg/s"),
         output(
             "increment",
             "integral of the block's angular rate against inertial space over the last step",

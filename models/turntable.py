@@ -21,6 +21,7 @@ from .turntable_geometry import (
     SHIFT,
     START,
     TRUE_GRAVITY,
+    find_block_rate,
     integrate_increment,
     move_axes,
     observe,
@@ -62,6 +63,7 @@ def initialise(
     angle: Vector,
     angle_reading: Vector,
     rate: Vector,
+    block_rate: Vector,
     increment: Vector,
     specific_force: Vector,
     attitude: Vector,
@@ -114,6 +116,7 @@ def initialise(
     context[TEMPERATURE] = temperature
     move_axes(time, stand, plan, motion, angle, rate, context)
     observe(stand, mounting_attitude, effect, angle, context, turns, work, attitude, specific_force)
+    find_block_rate(stand, mounting_attitude, angle, rate, block_rate)
     turn_with_earth(time - stand[START], stand, attitude, work, attitude_inertial)
     read_encoders(stand, effect, angle, fluctuation, motion, context, added, angle_reading)
     return 0
@@ -145,6 +148,7 @@ def step(
     angle: Vector,
     angle_reading: Vector,
     rate: Vector,
+    block_rate: Vector,
     increment: Vector,
     specific_force: Vector,
     attitude: Vector,
@@ -199,6 +203,7 @@ def step(
     )
     move_axes(time + step, stand, plan, motion, angle, rate, context)
     observe(stand, mounting_attitude, effect, angle, context, turns, work, attitude, specific_force)
+    find_block_rate(stand, mounting_attitude, angle, rate, block_rate)
     turn_with_earth(time + step - stand[START], stand, attitude, work, attitude_inertial)
     resting = 0.0
     if rate[0] == 0.0 and rate[1] == 0.0:

@@ -11,7 +11,7 @@ Source: Golovan, Matasov, Tarygin 2022, section 1; to first order this is (1.3).
 
 import math
 
-from .restricted import ALPHA, BETA, HOURS, SENSE_ALPHA, Vector
+from .restricted import ALPHA, BETA, HOURS, RATE, SENSE_ALPHA, Vector
 from .rotation import multiply, set_quaternion, to_body, turn, turn_by_vector
 from .table_commands import AXIS_PLAN_SIZE, fastest_rate, follow_move, phase_ends
 
@@ -88,6 +88,7 @@ def move_axes(
         follow_move(plan, axis, stand[ACCELERATION + axis], time, motion)
         angle[axis] = motion[2 * axis] - stand[SHIFT + axis]
         rate[axis] = motion[2 * axis + 1]
+        context[RATE + axis] = rate[axis]
         if rate[axis] > 0.0:
             context[SENSE_ALPHA + axis] = 1.0
         elif rate[axis] < 0.0:
@@ -123,6 +124,13 @@ def observe(
     if turned > 0.0:
         turn_by_vector(attitude, turns[4], turns[5], turns[6], work)
     to_body(attitude, 0.0, 0.0, stand[TRUE_GRAVITY], specific_force)
+
+
+def find_block_rate(stand: Vector, mounting_attitude: Vector, angle: Vector, rate: Vector, block_rate: Vector) -> None:
+    """Angular rate (3,) of the block against the base, in block axes, but for small turns that effects add."""
+    along = rate[0] * math.cos(stand[EPSILON])
+    third = rate[0] * math.sin(stand[EPSILON]) + rate[1]
+    to_body(mounting_attitude, along * math.cos(angle[1]), -along * math.sin(angle[1]), third, block_rate)
 
 
 def turn_with_earth(elapsed: float, stand: Vector, attitude: Vector, work: Vector, attitude_inertial: Vector) -> None:

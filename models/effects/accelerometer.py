@@ -19,6 +19,8 @@ hysteresis
     the reading lags the last change of the input
 lever_arm
     the size effect: an accelerometer that is not at the block's centre feels the block's turning
+accelerometer_lag
+    the reading follows its input through a low-pass of the first order, to first order of its time constant
 """
 
 import math
@@ -301,6 +303,29 @@ LEVER_ARM = accelerometer_effect(
         + " mm along the axes"
     ),
     in_motion=True,
+    formula="Δf_{p}/g = (ω × (ω × r) + ω' × r)_{p} / g, r = ({r_1}, {r_2}, {r_3}) 'm'",
+)
+
+
+def accelerometer_lag(context: Vector, n: Vector, p: int, time: float, added: Vector) -> None:
+    """Add -τ dn_p/dt to the reading of accelerometer p; where the block turns below a vertical, that is τ (ω × n)_p."""
+    change = context[RATE + 1] * n[2] - context[RATE + 2] * n[1]
+    if p == 1:
+        change = context[RATE + 2] * n[0] - context[RATE] * n[2]
+    if p == 2:
+        change = context[RATE] * n[1] - context[RATE + 1] * n[0]
+    added[p] = added[p] + time * change
+
+
+ACCELEROMETER_LAG = accelerometer_effect(
+    accelerometer_lag,
+    EffectParameter("time", "s", "time constant of the low-pass", 1e-2, smallest=0.0),
+    lambda place, rows: np.cross(rows.rate, rows.specific_force)[:, place.index],
+    lambda place, values: (
+        f"accelerometer {place.index + 1} lags its input by {1e3 * values['time']:.4g} ms, more than the others do"
+    ),
+    in_motion=True,
+    formula="Δf_{p}/g = {time} 's' (ω × n)_{p}",
 )
 
 EFFECTS = (
@@ -317,4 +342,5 @@ EFFECTS = (
     TEMPERATURE_SCALE,
     HYSTERESIS,
     LEVER_ARM,
+    ACCELEROMETER_LAG,
 )

@@ -205,7 +205,8 @@ class Effect:
         place -> the effect there, where parameters and kernel differ between the places; a ValueError where the
         place's law is none
     in_motion : bool
-        an effect of a record in motion: its signature takes `MotionRows`, and no record of rests shows it
+        an effect of a record in motion: its signature takes `MotionRows`, that of a table `Rows` with rates of its
+        axes, and no record of rests shows it
     sets_in : bool
         it acts from a time on, its last parameter "start" [h], which is found; its signature is that of what it does
         from then on, and its linear coefficients are the other parameters

@@ -46,6 +46,8 @@ class Rows:
         half of a last digit of the readings [g]
     temperature_resolution : float
         half of a last digit of the temperature [K]
+    axis_rates : (N, 2)
+        rates of both axes [rad/s]; zeros where not given: at rest
     from_vertical : float
         angle of the outer axis between the encoder's zero and the vertical, X2 [rad]
     """
@@ -69,6 +71,7 @@ class Rows:
     resolution: float = 0.0
     temperature_resolution: float = 0.0
     from_vertical: float = 0.0
+    axis_rates: NDArray[np.float64] = field(default_factory=_not_given)
 
     def __post_init__(self) -> None:
         instead = {
@@ -76,6 +79,7 @@ class Rows:
             "by_slip": np.zeros((*self.n.shape, 3)),
             **dict.fromkeys(("sense_alpha", "sense_beta"), np.zeros_like(self.hours)),
             **dict.fromkeys(("own", "prediction"), self.n),
+            "axis_rates": np.zeros((len(self.hours), 2)),
             "sense_told": np.ones(self.n.shape, dtype=bool),
         }
         for name, values in instead.items():

@@ -4,6 +4,8 @@ encoder_harmonic
     the reading of an encoder is the true angle plus a harmonic of it
 backlash
     the reading of an encoder depends on the sense of the last move of its axis
+encoder_lag
+    the reading of an encoder is late: it lacks what its axis turns within a time
 axis_wobble
     the direction of an axis moves periodically as it turns
 sag
@@ -18,7 +20,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..restricted import HOURS, SENSE_ALPHA, Vector
+from ..restricted import HOURS, RATE, SENSE_ALPHA, Vector
 from .definition import AXES, Effect, EffectParameter, EffectPlace, said, table_effect
 from .rows import Rows
 
@@ -78,6 +80,29 @@ BACKLASH = table_effect(
     "the {axis} has {width_arcsec:.4g} arcsec of backlash",
     stage="encoder_effects",
     formula="{angle}_read = {angle} − 'sense of the last move' · {width} / 2",
+)
+
+
+def encoder_lag(context: Vector, angles: Vector, axis: int, time: float, added: Vector) -> None:
+    """Add -time·rate to the reading of the encoder of an axis."""
+    added[axis] = added[axis] - time * context[RATE + axis]
+
+
+def encoder_lag_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+    """Small turns (N, 4, 1) per second of lag at given readings: the true angle is what the rate has added since."""
+    small = np.zeros((len(rows.hours), 4, 1))
+    small[:, 1 + 2 * place.index, 0] = rows.axis_rates[:, place.index]
+    return small
+
+
+ENCODER_LAG = table_effect(
+    encoder_lag,
+    EffectParameter("time", "s", "by which the encoder lags; negative: it leads", 1e-2),
+    encoder_lag_turns,
+    lambda place, values: f"the encoder of the {place.where.replace('-', ' ')} lags by {1e3 * values['time']:.4g} ms",
+    stage="encoder_effects",
+    in_motion=True,
+    formula="{angle}_read = {angle} − {time} 's' d{angle}/dt",
 )
 
 
@@ -234,4 +259,4 @@ BASE_DRIFT = table_effect(
     formula="Δκ = {kappa_rate} t, Δα* = {alpha_star_rate} t, t 'in hours'",
 )
 
-EFFECTS = (ENCODER_HARMONIC, BACKLASH, OUTER_WOBBLE, SAG, BASE_DRIFT)
+EFFECTS = (ENCODER_HARMONIC, BACKLASH, ENCODER_LAG, OUTER_WOBBLE, SAG, BASE_DRIFT)

@@ -143,7 +143,7 @@ def turns_of(
     clipped = np.cumsum(limits)
     kept = [(a, b) for a, b in ends if all(c[a] == c[b] for c in (broken, gap, clipped))]
     first, last = np.array(kept, dtype=int).T
-    slope = _slopes(sums, time)
+    slope = slopes_of(sums, time)
     seconds = time[last] - time[first]
     per_root_second, basis = noise_bound, "given"
     if per_root_second is None:
@@ -218,11 +218,12 @@ def _between_rows(angles: NDArray, bends: NDArray) -> NDArray[np.float64]:
     return (step[0] * bends[1] + step[1] * bends[0]) / 8.0
 
 
-def _slopes(sums: NDArray, time: NDArray) -> NDArray[np.float64]:
-    """How fast the moments grow at each row (N, 13) [1/s]."""
+def slopes_of(sums: NDArray, time: NDArray) -> NDArray[np.float64]:
+    """How fast moments, or an angle, grow at each row (N, ...) [1/s]."""
     rows = np.arange(len(time))
     low, high = np.maximum(rows - BESIDE, 0), np.minimum(rows + BESIDE, len(time) - 1)
-    return (sums[high] - sums[low]) / (time[high] - time[low])[:, None]
+    gone = sums[high] - sums[low]
+    return gone / (time[high] - time[low]).reshape(-1, *(1,) * (gone.ndim - 1))
 
 
 def _steady_row(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: int) -> int | None:

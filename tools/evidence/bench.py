@@ -179,6 +179,11 @@ class Bench(Evidence):
         """How many rows are readings."""
         return len(self.here.residual)
 
+    @property
+    def of_positions(self) -> NDArray[np.int_]:
+        """Which rows are readings at positions."""
+        return np.arange(len(self.here.residual))
+
     def turns_of(self, fit: Fit | None) -> TurnErrors | None:
         """What a fit, or the nominal model, leaves of the turns between positions; None of rests alone."""
         return None

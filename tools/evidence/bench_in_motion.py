@@ -1,7 +1,8 @@
 """The evidence of a whole bench: accelerometers at rest on a table, and gyros as it turns, as one system of rows.
 
-Readings at positions stand first, then what the gyros integrate over turns and rests. Bench, accelerometers and gyros
-have one set of parameters; an effect on the table is seen by both, each of them a witness.
+Readings stand first, at positions and in motion in the order of time, then what the gyros integrate over turns and
+rests. Bench, accelerometers and gyros have one set of parameters, with a lag of accelerometers and of gyros behind the
+encoders; an effect on the table is seen by both, each of them a witness.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,19 +16,20 @@ from numpy.typing import NDArray
 
 from ...fmus.parameters import elements_of
 from ...models.bench_turns import BIAS, MATRIX
-from ...models.effects import EffectPlace
+from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibration.calibration import Asked, radius_limit
 from ..calibration.gyros import Bench as Place
 from ..calibration.gyros import fit_whole, gyro_names, with_gyros
-from ..calibration.turns import WithTurns
+from ..calibration.turns import WithTurns, with_turns
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
 from .bench import FIT_TOLERANCE, GYROS_LEFT_OUT, Bench, TurnErrors, bench_evidence
 from .bench_again import effects_of_model, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
+from .bench_moving import Moving
 from .bench_scenario import extension_of_bench
 from .bench_search import LEAST_SLACK
 from .bench_travel import Travel, approached, effects_of_gyros
@@ -42,6 +44,13 @@ from .rows import About, Channel
 
 LARGEST_FLUCTUATION = 1e-4
 """An axis that turns by less [rad] has not been moved."""
+IN_MOTION = tuple(
+    place
+    for effect in CATALOGUE.values()
+    if effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion")
+    for place in effect.places
+)
+"""Effects of accelerometers and table that only motion shows."""
 MOST_SLACK = 0.5
 """What the linear model of a search may be wrong by at most, in bounds."""
 
@@ -50,11 +59,13 @@ MOST_SLACK = 0.5
 class BenchInMotion(Bench):
     """What rests on a table and turns between them say against the exact model of bench, accelerometers and gyros.
 
-    Rows are in units of their bounds: three readings of each position, then three integrals of each turn. `rests` is
-    what the positions say by themselves, `whole` the model fitted to both, `travel` the table's way between them.
+    Rows are in units of their bounds: three readings of each position and of each moment in motion, then three
+    integrals of each turn. `rests` is what the positions say by themselves, `moving` all readings, `whole` the model
+    fitted to readings and turns, `travel` the table's way. The last parameter is the accelerometers' lag.
     """
 
     rests: Bench
+    moving: Moving
     whole: WithTurns
     travel: Travel
     raw: BenchRecord
@@ -70,7 +81,29 @@ class BenchInMotion(Bench):
     @cached_property
     def nominal(self) -> NDArray[np.float64]:
         """Derivatives (M, P) by the parameters of bench, accelerometers and gyros, over the bounds."""
-        return self.whole.jacobian / self.whole.bound[:, None]
+        lagging = np.zeros((len(self.whole.bound), 1))
+        lagging[: self.of_readings, 0] = self.moving.lagging(0.0)[1]
+        return np.hstack([self.whole.jacobian, lagging]) / self.whole.bound[:, None]
+
+    @property
+    def of_readings(self) -> int:
+        """How many rows are readings."""
+        return len(self.moving.read.residual)
+
+    @property
+    def of_positions(self) -> NDArray[np.int_]:
+        """Which rows are readings at positions."""
+        return np.flatnonzero(np.repeat(self.moving.at_rest, 3))
+
+    @property
+    def falsified(self) -> bool:
+        """Whether the nominal model cannot be true of the record: of rests and turns, or of what is read in motion."""
+        return super().falsified or self.baseline.radius > self.limit
+
+    @property
+    def baseline_radius(self) -> float:
+        """Radius of the nominal model."""
+        return max(super().baseline_radius, self.baseline.radius)
 
     @cached_property
     def bound(self) -> NDArray[np.float64]:
@@ -87,11 +120,16 @@ class BenchInMotion(Bench):
         blocks, whole, own = blocks_of(places), self.whole, self.whole.own
         mine = [(place, block) for place, block in zip(places, blocks, strict=True) if acts_at_rest(place)]
         columns = np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.stop) for _, b in mine)])
-        read = self.rests.about([place for place, _ in mine], point[:own], coefficients[columns])
+        readings, slope = self.moving.lagging(float(point[-1]))
+        linear = [place for place, _ in mine]
+        read = replace(self.moving.read, readings=readings).about(linear, point[:own], coefficients[columns])
         jacobian, rate = np.zeros((2, len(whole.bound), len(point) + len(coefficients)))
-        residual, count = whole.residual_at(point), len(read.residual)
-        residual[:count] = read.residual
-        jacobian[:, : len(point)] = whole.jacobian_at(point)
+        residual, count = whole.residual_at(point[:-1]), len(read.residual)
+        moved = self._moved(places)
+        residual[:count] = read.residual - moved @ coefficients
+        jacobian[:, : len(point) - 1] = whole.jacobian_at(point[:-1])
+        jacobian[:count, len(point) - 1] = slope
+        jacobian[:count, len(point) :] = moved
         jacobian[:count, :own], rate[:count, :own] = read.jacobian[:, :own], read.rate[:, :own]
         jacobian[:count, len(point) + columns], rate[:count, len(point) + columns] = (
             read.jacobian[:, own:],
@@ -108,6 +146,10 @@ class BenchInMotion(Bench):
         residual, jacobian, rate = self.at(places, point, coefficients)
         return About(residual, jacobian, np.ones(len(residual)), rate)
 
+    def _moved(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """What effects that only motion shows add to the readings (M', K) [g]; zeros of others."""
+        return np.hstack([np.zeros((self.of_readings, 0)), *(self.moving.columns(place) for place in places)])
+
     def _turned(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """What effects add to the integrals (3 S, K) [rad]; zeros of those that act on accelerometers alone."""
         for place in places:
@@ -123,10 +165,10 @@ class BenchInMotion(Bench):
 
     def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """Columns (M, K) of linear effects over the bounds, at the nominal fit."""
-        whole, read = self.whole, np.zeros((self.of_readings, width_of(places)))
+        whole, read = self.whole, self._moved(places)
         for place, block in zip(places, blocks_of(places), strict=True):
             if acts_at_rest(place):
-                read[:, block] = self.rests.columns_of([place])
+                read[:, block] = self.moving.read.columns_of([place])
         return np.vstack([read, self._turned(places)]) / whole.bound[:, None]
 
     @property
@@ -179,12 +221,12 @@ class BenchInMotion(Bench):
         problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
         slack = self.limit - 1.0 + min(MOST_SLACK, LEAST_SLACK + self.second_order)
         for chosen in sets_of_size(problem, size, slack, MOST_OUTLIERS, work):
-            if all(row < self.of_readings for row in chosen.outliers):
+            if set(chosen.outliers) <= set(self.of_positions.tolist()):
                 yield (*(places[i] for i in chosen.effects), *(self.outlier_at(row) for row in chosen.outliers))
-        gyros = [place for place in self.classes.places if not acts_at_rest(place)]
+        gyros = [place for place in self.classes.places if place.definition.component == "GyroBlock"]
         for count in range(1, size + 1):
             others = [own for own in combinations(gyros, size - count) if self._turns_allow(own, slack, work)]
-            for bent in self.rests.search.candidates(count, work) if others else ():
+            for bent in self.moving.read.search.candidates(count, work) if others else ():
                 if not all(is_linear(place) for place in bent):
                     yield from ((*bent, *own) for own in others)
 
@@ -204,7 +246,7 @@ class BenchInMotion(Bench):
             return [] if possible is None else [possible]
         gyros = [place for place in places if not acts_at_rest(place)]
         found = []
-        for fit in self.rests.mended([place for place in places if acts_at_rest(place)], work):
+        for fit in self.moving.read.mended([place for place in places if acts_at_rest(place)], work):
             ways = [one for way in (fit, *fit.also) if (one := self._beside_turns(way, gyros)) is not None]
             if ways:
                 best, *others = sorted(ways, key=lambda one: one.radius)
@@ -214,7 +256,7 @@ class BenchInMotion(Bench):
     def _beside_turns(self, fit: Fit, gyros: Sequence[EffectPlace]) -> Fit | None:
         """A fit of the rests with the turns beside it, and effects of the gyros; None where it does not stand."""
         whole, count, first = self.whole, self.of_readings, len(fit.point)
-        point = np.append(fit.point, whole.point[whole.own :])
+        point = np.append(fit.point, self.point[whole.own :])
         more, own = width_of(gyros), len(fit.coefficients)
         places = (*fit.places, *gyros)
         blocks = (*fit.blocks, *(slice(b.start + own, b.stop + own) for b in blocks_of(gyros)))
@@ -223,14 +265,15 @@ class BenchInMotion(Bench):
         read = whole.bound[:count]
         jacobian = np.zeros((len(whole.bound), len(at)))
         jacobian[:count, chosen] = fit.jacobian / read[:, None]
-        turned = whole.jacobian_at(point)[count:]
+        jacobian[:count, len(point) - 1] = self.moving.lagging(0.0)[1] / read
+        turned = np.pad(whole.jacobian_at(point[:-1])[count:], ((0, 0), (0, 1)))
         # What is not linear acts on accelerometers alone.
         seen = np.zeros((len(self.whole.bound) - count, own + more))
         for place, block in zip(places, blocks, strict=True):
             if is_linear(place):
                 seen[:, block] = self._turned([place])
         jacobian[count:] = np.hstack([turned, seen]) / whole.bound[count:, None]
-        left = whole.residual_at(point)[count:] - seen[:, :own] @ fit.coefficients
+        left = whole.residual_at(point[:-1])[count:] - seen[:, :own] @ fit.coefficients
         residual = np.append(fit.residual / read, left / whole.bound[count:])
         bound = np.append(fit.bound / read, np.ones(len(left)))
 
@@ -257,7 +300,7 @@ class BenchInMotion(Bench):
     def fold_of_rows(self) -> NDArray[np.int_]:
         """Every fifth position is left out together, and with these every fifth turn."""
         turns = (len(self.residual) - self.of_readings) // 3
-        return np.append(self.rests.fold_of_rows(), np.repeat(np.arange(turns) % FOLDS, 3))
+        return np.append(self.moving.read.fold_of_rows(), np.repeat(np.arange(turns) % FOLDS, 3))
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Each effect of a fit but outliers: positions and turns left out without it, with it, and with it shuffled.
@@ -293,7 +336,7 @@ class BenchInMotion(Bench):
 
     def channels(self) -> Sequence[Channel]:
         """Those of the accelerometers, with what the whole model leaves of their readings."""
-        left = self.residual[: self.of_readings].reshape(-1, 3)
+        left = self.residual[self.of_positions].reshape(-1, 3)
         return [
             replace(channel, error=left[:, p], bound=np.ones(len(left)))
             for p, channel in enumerate(self.rests.channels())
@@ -366,7 +409,7 @@ class BenchInMotion(Bench):
             point, sizes = np.split(solution, [len(self.point)])
             effects = {p: sizes[block] for p, block in zip(places, blocks_of(places), strict=True)}
             try:
-                read = simulated_turns(self.raw, self.whole, self.travel, self.point + point, effects)
+                read = simulated_turns(self.raw, self.whole, self.travel, (self.point + point)[:-1], effects)
             except InputError:
                 # Values that no component takes.
                 return None
@@ -385,7 +428,7 @@ class BenchInMotion(Bench):
         made = extension_of_bench(self.readings, at_rest, ends[:own], effects, gravity)
 
         def said(values: NDArray) -> dict[str, Any]:
-            gyros = values[own:].tolist()
+            gyros = values[own:-1].tolist()
             return {"gravity": gravity, "bias": gyros[BIAS], "scale_misalignment": gyros[MATRIX]}
 
         least, most = (elements_of(said(end)) for end in ends.T)
@@ -393,16 +436,19 @@ class BenchInMotion(Bench):
         point = fit.estimate[: len(fit.point)]
         # Sensitivities and lag of the gyros are effects of theirs.
         further = dict(effects)
-        lowest, highest = (effects_of_model(end[own:]) for end in ends.T)
-        for place, values in effects_of_model(point[own:]).items():
+        lowest, highest = (effects_of_model(end[own:-1]) for end in ends.T)
+        for place, values in effects_of_model(point[own:-1]).items():
             further[place] = values, list(zip(lowest[place], highest[place], strict=True))
         starts = [Start.of(name, said(point), intervals, further) for name in ("GyroBlock", "GyroCompensation")]
         return Extension([*made.starts, *starts], made.scenarios)
 
 
 def acts_at_rest(place: EffectPlace) -> bool:
-    """Whether an effect acts on accelerometers or table, and not on the gyros alone."""
-    return place.definition.component not in ("GyroBlock", "AttitudeComputer")
+    """Whether an effect acts on accelerometers or table, and not on the gyros alone, or in motion on accelerometers."""
+    effect = place.definition
+    return effect.component not in ("GyroBlock", "AttitudeComputer") and not (
+        effect.in_motion and effect.component == "AccelerometerBlock"
+    )
 
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> BenchInMotion:
@@ -417,10 +463,13 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     whole = fit_whole(here, record, place, alone.noise_bound)
     found = with_gyros(alone, record, place, whole, Asked(**options))
     found = found.model_copy(update={"warnings": [said for said in found.warnings if said != GYROS_LEFT_OUT]})
-    travel = Travel.of(raw, whole, place.encoder_within(alone.noise_bound), alone.gravity)
+    encoder_bound = place.encoder_within(alone.noise_bound)
+    travel = Travel.of(raw, whole, encoder_bound, alone.gravity)
+    moving = Moving.of(rests, record, raw, encoder_bound, travel.to_block, travel.lean)
+    both = with_turns(moving.read.here, whole.turns, str(record.path))
     # Of a block that slips on the table gyros see the slip itself: that is not tried.
     seen = (p for p in rests.places if is_linear(p) or p.definition.stage != "geometry_effects")
-    places = (*seen, *effects_of_gyros())
-    names, bounds = (*rests.names, *gyro_names()), rests.bounds
+    places = (*seen, *IN_MOTION, *effects_of_gyros())
+    names, bounds = (*rests.names, *gyro_names(), ("accelerometer-lag", "s")), rests.bounds
     told = (found, here, rests.readings, rests.numbers, bounds)
-    return BenchInMotion((), names, whole.point, places, *told, rests, whole, travel, raw)
+    return BenchInMotion((), names, np.append(both.point, 0.0), places, *told, rests, moving, both, travel, raw)

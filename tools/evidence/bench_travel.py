@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
 from ..calibration.model import Positions, predicted_input
-from ..calibration.turns import WithTurns, motion_of
+from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord
 from ..records.rests import without_turns
 from .fit import coefficient_count
@@ -56,8 +56,8 @@ class Travel:
 
     `hours` (R,); `alpha`, `beta` (R,) [rad]; `turning` (R - 1, 3) [rad] turns of the inner frame between them, in its
     axes; `step` (R - 1,) [s]; `up` (R, 3) the vertical in block axes; `senses` (R, 2) of each axis' last move;
-    `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `to_gyros` (3, 3) what gyros read of turns of
-    the inner frame, `to_block` (3, 3) these in block axes.
+    `axis_rates` (R, 2) [rad/s]; `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `to_gyros` (3, 3)
+    what gyros read of turns of the inner frame, `to_block` (3, 3) these in block axes.
     """
 
     hours: NDArray[np.float64]
@@ -67,6 +67,7 @@ class Travel:
     step: NDArray[np.float64]
     up: NDArray[np.float64]
     senses: NDArray[np.float64]
+    axis_rates: NDArray[np.float64]
     temperature: NDArray[np.float64] | None
     first: NDArray[np.int_]
     last: NDArray[np.int_]
@@ -102,6 +103,7 @@ class Travel:
             np.diff(raw.time_s[kept]),
             predicted_input(whole.parametrisation, x, at),
             np.stack([_senses(values) for values in swing], axis=1),
+            np.stack([slopes_of(values, raw.time_s)[kept] for values in angles], axis=1),
             None if raw.temperature is None else raw.temperature[kept],
             np.searchsorted(kept, turns.first),
             np.searchsorted(kept, turns.last),
@@ -135,6 +137,7 @@ class Travel:
             sense_alpha=self.senses[:, 0],
             sense_beta=self.senses[:, 1],
             from_vertical=self.shift,
+            axis_rates=self.axis_rates,
         )
         turns = place.definition.turns
         assert turns is not None

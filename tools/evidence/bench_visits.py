@@ -41,7 +41,7 @@ class Circumstances:
 
     `before` (N, 2): encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None
     where the rows follow no order. `temperature_resolution`: half a last digit of the temperature as it was written
-    [K]; `began`: time of the record's first row [s].
+    [K]; `began`: time of the record's first row [s]; `axis_rates` (N, 2) of both axes [rad/s], None at rest.
     """
 
     hours: NDArray
@@ -52,6 +52,7 @@ class Circumstances:
     before: NDArray | None = None
     temperature_resolution: float = 0.0
     began: float = 0.0
+    axis_rates: NDArray | None = None
 
     def selected(self, rows: NDArray) -> "Circumstances":
         """The circumstances of some rows (n,) of int."""
@@ -146,7 +147,13 @@ class Visits:
             resolution=self.resolution,
             temperature_resolution=circumstances.temperature_resolution,
             from_vertical=float(vertical),
+            axis_rates=self._axis_rates,
         )
+
+    @property
+    def _axis_rates(self) -> NDArray[np.float64]:
+        rates = self.circumstances.axis_rates
+        return np.zeros((len(self), 2)) if rates is None else rates
 
     def rows_with(self, fit: Fit) -> Rows:
         """What signatures see where the table really stands with the effects of a fit."""
@@ -194,6 +201,7 @@ class Visits:
             temperature=self.circumstances.temperature,
             sense_alpha=self.circumstances.sense_alpha,
             sense_beta=self.circumstances.sense_beta,
+            axis_rates=self._axis_rates,
         )
         turns = np.zeros((len(at.alpha), 4))
         for place, coefficients in sized:

@@ -53,8 +53,8 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         which = "" if result.verdict == "explained" else f", {result.findings[0].title},"
         said += f" With {first_words(result)}{which} it leaves {residual(fit.radius)} σ."
     before = (here.residual / here.bound).reshape(-1, 3)
-    rows = result.evidence.of_readings
-    after = None if fit is None else (fit.left / fit.allowed)[:rows].reshape(-1, 3)
+    rows = result.evidence.of_positions
+    after = None if fit is None else (fit.left / fit.allowed)[rows].reshape(-1, 3)
     proof = proved(nominal, result.evidence.numbers)
     return [
         Section(

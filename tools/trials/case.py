@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 from ..diagnosis.cause import NamedEffect
 from ..errors import InputError, nearest
 from ..own_effects import OwnEffects
@@ -16,6 +16,8 @@ NOT_DRAWN = ("exchanged-readings",)
 """What no suite of a table's positions hides: exchanged channels have no size that could be near that of detection."""
 TAKEN_OUT = ("gyro-bias",)
 """The mean over the rests is taken out of every record before anything is judged: such a bias shows nowhere."""
+IN_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.in_motion)
+"""Effects that only a record in motion shows."""
 OF_SEVERAL, MOST_RECORDS = ("pairs", "clean"), 10
 """Modes of several records of one instrument, and how many there are at most."""
 BLOCK_SIZES = (2.0, 3.0)
@@ -107,7 +109,7 @@ class Options:
         if self.noise not in (*NOISES, "all"):
             raise InputError(f"--noise {self.noise}: {nearest(self.noise, (*NOISES, 'all'))}")
         for name in self.effects:
-            every = (*hidden_effects(), *STRAPDOWN_EFFECTS) if self.whole else hidden_effects()
+            every = (*hidden_effects(), *IN_MOTION) if self.whole else hidden_effects()
             if name not in every:
                 raise InputError(f"--effects {name}: {nearest(name, every)}")
         if not 1 <= self.records <= MOST_RECORDS:

@@ -96,6 +96,7 @@ class WholeBench(Bench):
             run={"step_s": STEP_S},
             connections=[
                 *({"from": f"table.{name}", "to": f"block.{name}"} for name in told),
+                {"from": "table.block_rate", "to": "block.rate"},
                 *({"from": f"table.{name}", "to": f"gyros.{name}"} for name in ("increment", "specific_force")),
             ],
             stimuli=[

@@ -13,6 +13,7 @@ from trihedron.tools.calibration.gyros import fit_whole
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Diagnosis
 from trihedron.tools.evidence.bench_again import simulated_turns
+from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_travel import Travel, approached
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
 from trihedron.tools.trials.sizes import Hidden
@@ -113,3 +114,27 @@ def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsy
     shutil.copy("bench.csv", "again.csv")
     assert main(["diagnose", "bench.csv", "again.csv", *options]) == 2
     assert "--latitude-deg: is of one record; give one" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("place", "values"),
+    [
+        (EffectPlace("lever-arm", "accelerometer-2"), (4e-4, -3e-4, 5e-4)),
+        (EffectPlace("accelerometer-lag", "accelerometer-1"), (6e-5,)),
+        (EffectPlace("encoder-lag", "outer-axis"), (-6e-5,)),
+    ],
+    ids=lambda value: value.title if isinstance(value, EffectPlace) else "",
+)
+def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
+    """The rests by themselves stand; the readings in motion do not, but with what was hidden in the components."""
+    record = measured(Hidden(place, values))
+    evidence = whole_evidence(record, bench().place, noise_bound=SIGMA)
+    assert evidence.calibration.verdict == "consistent" or place.effect == "encoder-lag"
+    assert evidence.falsified
+    fit = evidence.refit([place])
+    assert fit.radius <= 1.0
+    for value, (low, high) in zip(values, fit.intervals()[0], strict=True):
+        assert low <= value <= high
+        assert high - low < 2.0 * abs(value)
+    rivals = [EffectPlace("lever-arm", "accelerometer-1"), EffectPlace("accelerometer-lag", "accelerometer-3")]
+    assert all(evidence.refit([other]).radius > 1.0 for other in rivals)
