@@ -55,6 +55,11 @@ ACCELEROMETER_BLOCK = Component(
             follows=("specific_force", "temperature", "angle"),
             **units.FORCE,
         ),
+        output(
+            "increment_reading",
+            "readings as increments of velocity: their integral over the last step by the trapezoid rule",
+            **units.VELOCITY,
+        ),
         input_(
             "rate", "true angular rate at the end of the step, which effects of the block's size read", **units.RATE
         ),
@@ -67,6 +72,7 @@ ACCELEROMETER_BLOCK = Component(
         state("previous_input", "specific force at its last change", 3),
         state("context", "the circumstances that effects read", CONTEXT_SIZE),
         state("before", "hours and temperature [degC] of the step before", 2),
+        state("last_reading", "readings at the end of the step before [m/s²]", 3),
         state("kept", "what effects keep for each accelerometer", 3),
         work("n", "inputs in g", 3),
         work("added", "what effects add", 3),

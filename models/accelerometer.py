@@ -152,6 +152,22 @@ def initialise(
     previous_input: Vector,
     before: Vector,
     kept: Vector,
+    angle: Vector,
+    scale_error_plus: Vector,
+    scale_error_minus: Vector,
+    gamma_21: float,
+    gamma_31: float,
+    gamma_12: float,
+    gamma_32: float,
+    gamma_13: float,
+    gamma_23: float,
+    bias: Vector,
+    reading: Vector,
+    n: Vector,
+    added: Vector,
+    own: Vector,
+    last_reading: Vector,
+    increment_reading: Vector,
 ) -> int:
     """Draw the first errors; returns 0 or the number of a message."""
     if not gravity > 0.0:
@@ -171,6 +187,31 @@ def initialise(
     keep(temperature, effect, before, kept, context)
     held_dwell[0] = dwell
     draw_error(noise_bound, held_fraction, held, generator, error)
+    respond(
+        specific_force,
+        temperature,
+        angle,
+        gravity,
+        scale_error_plus,
+        scale_error_minus,
+        gamma_21,
+        gamma_31,
+        gamma_12,
+        gamma_32,
+        gamma_13,
+        gamma_23,
+        bias,
+        effect,
+        reading,
+        error,
+        context,
+        n,
+        added,
+        own,
+    )
+    for p in range(3):
+        last_reading[p] = reading[p]
+        increment_reading[p] = 0.0
     return 0
 
 
@@ -195,6 +236,21 @@ def step(
     previous_input: Vector,
     before: Vector,
     kept: Vector,
+    scale_error_plus: Vector,
+    scale_error_minus: Vector,
+    gamma_21: float,
+    gamma_31: float,
+    gamma_12: float,
+    gamma_32: float,
+    gamma_13: float,
+    gamma_23: float,
+    bias: Vector,
+    reading: Vector,
+    n: Vector,
+    added: Vector,
+    own: Vector,
+    last_reading: Vector,
+    increment_reading: Vector,
 ) -> int:
     """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
     for p in range(3):
@@ -217,6 +273,31 @@ def step(
         for p in range(3):
             held[p] = symmetric(generator)
     draw_error(noise_bound, held_fraction, held, generator, error)
+    respond(
+        specific_force,
+        temperature,
+        angle,
+        gravity,
+        scale_error_plus,
+        scale_error_minus,
+        gamma_21,
+        gamma_31,
+        gamma_12,
+        gamma_32,
+        gamma_13,
+        gamma_23,
+        bias,
+        effect,
+        reading,
+        error,
+        context,
+        n,
+        added,
+        own,
+    )
+    for p in range(3):
+        increment_reading[p] = 0.5 * step * (last_reading[p] + reading[p])
+        last_reading[p] = reading[p]
     return 0
 
 

@@ -18,6 +18,7 @@ from named import Named
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 from trihedron.models.attitude_algorithms.computer import STEP_SIZE, WORK_SIZE
 from trihedron.models.attitude_algorithms.velocity import FORMS
+from trihedron.models.effects import EffectPlace
 
 JOINT, CLASSIC, FIRST_ORDER = (float(k + 1) for k in range(len(FORMS)))
 FORCE = [[row[2], row[0] + 1, -row[1]] for row in HIGH]
@@ -181,3 +182,26 @@ def test_what_is_no_velocity_increment_is_refused_and_changes_nothing(bad: float
     model = computer(ALGORITHMS[1])
     assert "velocity_increment is not finite" in model.put(velocity_increment=(0.0, bad, 0.0)).refuses_step(0.0, 0.01)
     assert feed(model, np.zeros((1, 3)), np.ones((1, 3)))["velocity"].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_an_effect_in_motion_reaches_the_velocity() -> None:
+    """A block off the centre of a steady turn feels ω × (ω × r): its velocity is that of a point on a circle."""
+    arm, rate, period, count = 0.2, 0.5, 0.01, 400
+    effects = {EffectPlace("lever-arm", f"accelerometer-{p}"): (arm, 0.0, 0.0) for p in (1, 2)}
+    block = Named("AccelerometerBlock", effects, rate=(0.0, 0.0, rate)).begin()
+    model = computer(next(a for a in ALGORITHMS if a.name == "two-sample-rotation-vector"))
+    for k in range(count):
+        block.put(rate=(0.0, 0.0, rate)).step(period * k, period)
+        assert block["increment_reading"] == pytest.approx(period * block["reading"], abs=1e-15)
+        model.put(increment=(0.0, 0.0, rate * period), velocity_increment=block["increment_reading"])
+        model.step(period * k, period)
+    turn = rate * period * count
+    expected = arm * rate * np.array([-math.sin(turn), math.cos(turn) - 1.0, 0.0])
+    assert model["velocity"] == pytest.approx(expected, abs=1e-12)
+
+
+def test_increments_of_the_accelerometers_are_the_trapezoid_of_their_readings() -> None:
+    block = Named("AccelerometerBlock", specific_force=(1.0, 2.0, 3.0), bias=(1e-3, 0.0, 0.0)).begin()
+    before = block["reading"]
+    block.put(specific_force=(3.0, 2.0, 1.0)).step(0.0, 0.1)
+    assert block["increment_reading"] == pytest.approx(0.05 * (before + block["reading"]), rel=1e-15)
