@@ -197,6 +197,7 @@ def plan_positions(
     extra: int = 6,
     against_unlisted: bool = False,
     mountings: "Sequence[str | Mapping[str, ArrayLike]]" = ("identity",),
+    targets: Sequence[str] = (),
     seed: int = 0,
     starts: int = 30,
     cuts: int = 40,
@@ -232,6 +233,8 @@ def plan_positions(
         Choose the set that shows best what is in no catalogue, in place of that with the least costs.
     mountings : sequence
         Several mountings, presets or TOML files: the set is split over them.
+    targets : sequence of str
+        What the set is to determine, as X4 or X4-X5; all targets of the convention by default.
     seed : int
         Of search and random order.
     starts : int
@@ -266,6 +269,7 @@ def plan_positions(
         convention=convention,
         baseline=baseline,
         mountings=tuple(mountings),
+        targets=tuple(targets),
     )
     return planning.plan_positions(count, request, progress=progress)
 

@@ -79,15 +79,15 @@ def plan(
     more = {"dwell": dwell, "noise_bound": noise_bound, "out": out}
     given = {name: value for name, value in (uses | more).items() if value is not None}
     given |= {name: value for name, value in options.items() if name not in EVERY_PLAN}
-    others = {"--target": targets, "--grid": grid, "--continuum": continuum, "--picture": picture}
-    use = use_of(given, others)
+    others = {"--grid": grid, "--continuum": continuum, "--picture": picture}
+    use = use_of(given, others | ({"--target": targets} if check is not None else {}))
     if use is not None and report is not None and use != "positions":
         raise InputError(f"--report: does not go with --{use}; it is the page of --target or --positions")
     if use is not None:
         mounting = options.pop("mounting", "identity")
         if "mountings" in options and mounting != "identity":
             raise InputError("--mounting and --mountings: give one of the two")
-        request = planning.Request(**{"mountings": (mounting,), **options})
+        request = planning.Request(**{"mountings": (mounting,), **options}, targets=targets)
         if positions is not None:
             return _positions(positions, request, dwell, out, json, report)
         return _check(check, request, noise_bound, json) if curve is None else _curve(curve, request, out, json)
@@ -144,7 +144,9 @@ def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None
             raise InputError(f"--{_typed(name)}: does not go with --{use}")
     for name, value in others.items():
         if value:
-            raise InputError(f"{name}: does not go with --{use}; a common set serves all targets, at any angles")
+            raise InputError(
+                f"{name}: does not go with --{use}; a common set is sought at any angles, and checked for all targets"
+            )
     return use
 
 

@@ -140,14 +140,15 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     for the same arguments; the best found where Ctrl-C ended the search. An InputError for options that cannot be used,
     and for so few positions that no set was found.
     """
-    if not FEWEST <= count <= MOST_POSITIONS:
-        raise InputError(f"--positions {count}: must be between {FEWEST} and {MOST_POSITIONS}")
+    fewest = 1 if request.targets else FEWEST
+    if not fewest <= count <= MOST_POSITIONS:
+        raise InputError(f"--positions {count}: must be between {fewest} and {MOST_POSITIONS}")
     if not 0 <= request.repeat <= count:
         raise InputError(f"--repeat {request.repeat}: must be between 0 and the number of positions")
     effects = named_effects(request.detect)
     task = task_of(request, progress=progress)
     p, size = task.parametrisation, task.weights.shape[1]
-    if count < -(-size // 3):
+    if count < -(-size // 3) and not request.targets:
         raise InputError(
             f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )

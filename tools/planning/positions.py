@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calibration.model import Parametrisation, mountings_of, parametrise
-from ..calibration.targets import Target, convention_targets
+from ..calibration.targets import Target, asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import shown_status
 from .certificate import Columns, UndeterminedError, scaled_optimum
@@ -55,6 +55,7 @@ class Request:
     convention: str = "A1"
     baseline: str = "asymmetric"
     mountings: tuple[Mapping[str, ArrayLike] | str, ...] = ("identity",)
+    targets: tuple[str, ...] = ()
 
     def check(self) -> None:
         """Refuse options that no plan can fulfil: an InputError of one line that names the option."""
@@ -201,7 +202,7 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
     """
     request.check()
     p = request.parametrisation()
-    targets = convention_targets(p, request.convention)
+    targets = wanted(p, request.convention, request.targets)
     parsed = [parsed_keep_out(text) for text in request.keep_out]
     keep_out = tuple(tuple((low, high) for at, low, high in parsed if at == axis) for axis in (0, 1))
     for name, intervals in zip(("alpha", "beta"), keep_out, strict=True):
@@ -213,7 +214,7 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
         with shown_status("optima of the targets", show=progress):
             matrices = tuple((name, matrix.tobytes()) for name, matrix in zip(p.mountings, p.matrices, strict=True))
             asked = tuple(map(float, request.bounds)), request.admissible, request.convention
-            best, support = _optima(matrices, p.symmetric, *asked)
+            best, support = _optima(matrices, p.symmetric, *asked, request.targets)
     return Task(
         request,
         p,
@@ -229,6 +230,11 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
     )
 
 
+def wanted(p: Parametrisation, convention: str, expressions: tuple[str, ...]) -> list[Target]:
+    """The targets that are asked for; all of the convention where none are. An InputError for what is no target."""
+    return asked_targets(expressions, p) if expressions else convention_targets(p, convention)
+
+
 @lru_cache(maxsize=64)
 def _optima(
     mountings: tuple[tuple[str, bytes], ...],
@@ -236,6 +242,7 @@ def _optima(
     bounds: tuple[float, float],
     admissible: str,
     convention: str,
+    expressions: tuple[str, ...],
 ) -> tuple[NDArray, NDArray]:
     """The cost (K,) of each target's own optimal plan over all angles [σ], and the positions (n, 2) of them all [rad].
 
@@ -245,7 +252,7 @@ def _optima(
     p = parametrise(matrices, symmetric=symmetric)
     everywhere = Continuum(sheets(p, bounds=bounds, rule=admissible))
     try:
-        optima = [scaled_optimum(everywhere.optimum, target.weights) for target in convention_targets(p, convention)]
+        optima = [scaled_optimum(everywhere.optimum, target.weights) for target in wanted(p, convention, expressions)]
     except UndeterminedError:
         raise InputError("the admissible positions cannot determine every target; give smaller --bounds") from None
     best = np.array([optimum.cost for optimum in optima])

@@ -1,11 +1,10 @@
 """The best common set of positions, and what no set of so many can reach.
 
-Many starts are improved locally, and the best ones changed in part.
-
-Local improvement is sequential linear programming in the angles and all weights at once. Unknown are the angles θ and
-the weights Φ of every target's estimator: least r with Σ Φ F(θ) = a and Σ|Φ| ≤ r c. About the present weights the
-products Φ F(θ) are linear in dθ and the new Φ, to second order; readings that count must go on counting. A step is kept
-when the exact costs fall, and the region of trust follows what the steps are worth.
+Many starts are improved locally, and the best ones changed in part. Local improvement is sequential linear programming
+in the angles and all weights at once. Unknown are the angles θ and the weights Φ of every target's estimator: least r
+with Σ Φ F(θ) = a and Σ|Φ| ≤ r c. About the present weights the products Φ F(θ) are linear in dθ and the new Φ, to
+second order; readings that count must go on counting. A step is kept when the exact costs fall, and the region of
+trust follows what the steps are worth.
 
 Random numbers come from the seed, and the budget is counted in starts: the same options find the same plan.
 
@@ -13,9 +12,8 @@ Lower bounds come from an implicit hitting set on a pool of table positions. A s
 every target k and every y with a'y = c_k, one of its positions has |F'y| ≥ 1/r: at least one position of that region
 must be in the set. A linear programme over such cuts bounds the number of positions from below. Cuts are found where
 the programme's present answer violates them: positions are gathered, the heaviest first, while they cannot reach r
-together; the dual that proves that is the cut. Each cut holds for all images under the symmetries of the problem, and
-the programme has one variable for each group of images. The bound is proven for positions of a stated pool, not of the
-continuum: that would need regions of whole cells.
+together; the dual that proves that is the cut. It holds for all images under the symmetries of the problem: the
+programme has one variable for each group of images. The bound is proven for positions of a stated pool alone.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_array, block_diag, csc_array
 
-from ..bounded.programmes import linear_programme
+from ..bounded.programmes import SolverError, linear_programme
 from ..progress import progress_bar
 from ..rounding import upwards
 from .certificate import NO_WEIGHT, Columns
@@ -394,7 +392,10 @@ class HittingSet:
                 return True
             if most <= 0 or failures >= len(self._task.targets):
                 return False
-            found = self._cut(turn % len(self._task.targets), ratio, answer)
+            try:
+                found = self._cut(turn % len(self._task.targets), ratio, answer)
+            except SolverError:
+                found = None
             failures = failures + 1 if found is None else 0
             if found is not None:
                 self._height = np.column_stack([self._height, self._pool.heights(found)])

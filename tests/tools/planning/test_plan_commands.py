@@ -65,7 +65,7 @@ def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixtu
         ("--picture plan.svg", "--picture"),
         ("--baseline symmetric --target X5", "symmetric baseline has no X5"),
         ("--json same --report same", "same"),
-        ("--positions 12 --target X4", "--target: does not go with --positions"),
+        ("--check angles.csv --target X4", "--target: does not go with --check"),
         ("--positions 12 --grid 1", "--grid"),
         ("--positions 12 --curve 6 8", "--positions and --curve"),
         ("--reserve 1", "--reserve: goes with --positions"),
