@@ -228,7 +228,8 @@ def test_a_set_for_chosen_targets_costs_less_than_one_for_all() -> None:
     plan = plan_positions(7, request, stored=False)
     assert list(plan.costs) == ["X16", "X17", "X18"]
     angle = np.radians([(at.alpha_deg, at.beta_deg) for at in plan.positions])
-    own = own_costs(*angle.T, admissible(*angle.T, np.eye(3), rule="tables"))
+    alpha, beta = angle.T
+    own = own_costs(alpha, beta, admissible(alpha, beta, np.eye(3), rule="tables"))
     chosen = [target in plan.costs for target in TARGETS]
     assert np.allclose(own[chosen], [*plan.costs.values()], rtol=1e-7)
     # One set of so many for all 18 costs 1.44 times the optima at best.
