@@ -9,27 +9,23 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.optimize import isotonic_regression
 
-from trihedron.models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
-from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
-from trihedron.models.rotation import multiply
+from operations import operations_of_update
+from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from trihedron.models.harmonic_motion import store_harmonics
 from trihedron.tools.files import write_text
 from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles
-from trihedron.tools.motion.compare import run_algorithm, sample_motion
+from trihedron.tools.motion.compare import read_increments, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.progress import progress_bar
 from trihedron.tools.reports.pictures import (
     ALERT,
     BAND,
     FIRST,
-    INK,
     MUTED,
     SECOND,
     THIRD,
@@ -64,10 +60,6 @@ CONE = math.radians(1.0)
 """Half angle of the coning motion."""
 
 
-COSTLY = 10
-"""What a division, a root, a sine, a cosine or an arctangent counts as, in additions or multiplications."""
-
-
 @dataclass(frozen=True)
 class Situation:
     """A motion and a rate of gyro samples.
@@ -91,6 +83,30 @@ SITUATIONS = (
     Situation("first", 2000.0, "vibration 60 to 420 Hz, 2.5'' and 2', at 2 kHz"),
     Situation("second", 1000.0, "ten times stronger, at 1 kHz"),
 )
+ADAPTIVE = "adaptive-degree"
+
+CHARTED = (
+    ("slow, ±15° at 1 Hz, 100 Hz", "1", 100.0),
+    ("cone of 1° at 50 Hz, 1 kHz", "coning", 1000.0),
+    ("vibration to 420 Hz, 2 kHz", "first", 2000.0),
+)
+"""Motions of the chart with the rates of their gyro samples [Hz]."""
+
+CHARTED_DURATION = 20.0
+"""Length of its runs [s]."""
+
+READINGS = {"exact": (0.0, 0.0), "quanta of 0.5″": (0.5 * math.pi / 648000.0, 0.0), "noise of 20″/s": (0.0, 1e-4)}
+"""What gyros make of the motions: quantum [rad] and bound of the noise [rad/s]."""
+
+ENOUGH = 1.2
+
+KINDS: dict[str, dict[str, Any]] = {
+    "formulas": {"color": MUTED.light, "marker": "o", "label": "formulas"},
+    "products": {"color": SECOND.light, "marker": "s", "label": "products"},
+    "iteration": {"color": THIRD.light, "marker": "^", "label": "iteration"},
+}
+"""Marks of the algorithms, by the module that they stand in."""
+
 RATES = (500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1200.0, 1400.0, 1600.0, 2000.0, 2800.0, 4000.0, 8000.0)
 """Gyro sample rates of the picture of aliasing [Hz]."""
 
@@ -122,83 +138,6 @@ def situation_errors(situation: Situation, algorithms: Sequence[Algorithm]) -> l
 def _error(algorithm: Algorithm, increments: np.ndarray, angles: np.ndarray) -> float:
     attitudes = run_algorithm(algorithm, increments, renormalise=True)
     return float(angle_between(attitudes, attitudes_of_angles(angles)).max())
-
-
-def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
-    """Operations of one step of an algorithm and of the quaternion product that follows it.
-
-    Parameters
-    ----------
-    increments : ndarray, shape (2 * samples, 3)
-        of the step before and of this one [rad]: what some algorithms do depends on them
-    """
-    tally = [0]
-    number = _counting_number(tally)
-    table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
-    prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
-    values = [number(value) for value in np.asarray(increments).reshape(-1)]
-    half = 3 * algorithm.samples
-    given: dict[str, Any] = {
-        "previous": values[:half],
-        "known": 1.0,
-        "g": values[half:],
-        "count": algorithm.samples,
-        "first": 0,
-        "table": table,
-        "half_table": half_table,
-        "turned": [number(0.0)] * 4,
-        "part": [number(0.0)] * 4,
-        "products": table,
-        "weighted": [number(0.0)] * 4,
-    }
-    kernel = algorithm.kernel
-    names = kernel.__code__.co_varnames[: kernel.__code__.co_argcount]
-    _counting(kernel, tally)(*(given[name] if name in given else [number(0.0)] * WORK_SIZE for name in names))
-    attitude = [number(1.0), number(0.0), number(0.0), number(0.0)]
-    multiply(attitude, given["turned"], attitude)
-    return tally[0]
-
-
-def _counting_number(tally: list[int]) -> type[float]:
-    """A float whose arithmetic is counted; results count too."""
-
-    def counted(operation: Callable[[float, float], float], cost: int) -> Callable[[float, float], float]:
-        def apply(a: float, b: float) -> float:
-            tally[0] += cost
-            return Number(operation(float(a), float(b)))
-
-        return apply
-
-    class Number(float):
-        __add__ = __radd__ = counted(lambda a, b: a + b, 1)
-        __sub__ = counted(lambda a, b: a - b, 1)
-        __rsub__ = counted(lambda a, b: b - a, 1)
-        __mul__ = __rmul__ = counted(lambda a, b: a * b, 1)
-        __truediv__ = counted(lambda a, b: a / b, COSTLY)
-        __rtruediv__ = counted(lambda a, b: b / a, COSTLY)
-
-    return Number
-
-
-def _counting(kernel: Any, tally: list[int]) -> FunctionType:
-    """The kernel with functions of `math` that are counted, in all that it calls."""
-
-    def counted(function: Callable[..., float]) -> Callable[..., float]:
-        def apply(*arguments: float) -> float:
-            tally[0] += COSTLY
-            return function(*arguments)
-
-        return apply
-
-    functions = {name: counted(getattr(math, name)) for name in ("sqrt", "sin", "cos", "atan2")}
-    replaced = SimpleNamespace(**functions, floor=math.floor, fabs=math.fabs, pi=math.pi)
-    names = {name: kernel.__globals__[name] for name in kernel.__code__.co_names if name in kernel.__globals__}
-    for name, value in names.items():
-        if name == "math":
-            names[name] = replaced
-        elif isinstance(value, FunctionType):
-            names[name] = _counting(value, tally)
-    return FunctionType(kernel.__code__, names, kernel.__name__)
 
 
 def operations_per_sample(algorithm: Algorithm) -> float:
@@ -295,63 +234,128 @@ def aliasing_table(errors: Sequence[Sequence[float]], rates: Sequence[float]) ->
     return "\n".join(lines)
 
 
-def accuracy_against_cost(
-    situations: Sequence[Situation], names: Sequence[str], costs: Sequence[float], errors: Sequence[Sequence[float]]
-) -> str:
-    """Error [rad] of the named algorithms over operations per gyro sample, for each situation: the further down and
-    left the better (SVG)."""
+@dataclass(frozen=True)
+class Cell:
+    """One field of the chart: of every algorithm the operations per gyro sample and the largest error [deg].
+
+    `operations` and `degrees` go by the algorithm's name; `title` says motion and readings.
+    """
+
+    title: str
+    operations: dict[str, float]
+    degrees: dict[str, float]
+
+    @property
+    def frontier(self) -> list[str]:
+        """Those that no cheaper one betters, from the cheapest on."""
+        best: list[str] = []
+        for name in sorted(self.degrees, key=lambda name: (self.operations[name], self.degrees[name])):
+            if not best or self.degrees[name] < self.degrees[best[-1]]:
+                best.append(name)
+        return best
+
+    @property
+    def enough(self) -> str:
+        """The cheapest whose error is at most `ENOUGH` times the least."""
+        return next(name for name in self.frontier if self.degrees[name] <= ENOUGH * min(self.degrees.values()))
+
+
+def charted_cells(step: Callable[[], None] = lambda: None) -> list[Cell]:
+    """Every algorithm on the motions of `CHARTED`, its gyros exact, with quanta and with noise."""
+    cells = []
+    costs = {a.name: operations_per_sample(a) for a in ALGORITHMS}
+    for title, motion, rate in CHARTED:
+        samples = sample_motion(_harmonics(motion), 1.0 / rate, round(CHARTED_DURATION * rate))
+        for reading, (quantum, noise) in READINGS.items():
+            read = read_increments(samples, np.zeros(9), np.zeros(3), quantum, noise, 1) if quantum + noise else None
+            increments = samples.increments if read is None else read
+            found = {
+                a.name: math.degrees(_error(a, increments, samples.angles_at_steps(a)))
+                for a in ALGORITHMS
+                if np.linalg.norm(increments, axis=1).max() <= a.max_increment
+            }
+            adaptive = algorithm_named(ADAPTIVE)
+            window = increments[len(increments) // 2 :][: 2 * adaptive.samples]
+            own = {name: costs[name] for name in found}
+            own[ADAPTIVE] = operations_of_update(adaptive, window) / adaptive.samples
+            cells.append(Cell(f"{title}, {reading}", own, found))
+            step()
+    return cells
+
+
+def _harmonics(motion: str) -> np.ndarray:
+    """Of a motion of the paper, or of a cone of 1° at 50 Hz: ϑ = A sin Ωt, γ = A cos Ωt - A."""
+    if motion != "coning":
+        return paper_motion(motion, EXACT)
+    harmonics, rest, quarter = [0.0] * 36, [0.0] * 2, 0.5 * math.pi
+    store_harmonics(1, math.pi, [CONE, 0.0, *rest], [50.0, 0.0, *rest], [0.0, 0.0, *rest], harmonics)
+    store_harmonics(2, math.pi, [CONE, -CONE, *rest], [50.0, 0.0, *rest], [quarter, quarter, *rest], harmonics)
+    return np.array(harmonics)
+
+
+def beside_the_line(cell: Cell) -> float:
+    """Error of the adaptive algorithm, of the least of those that are no costlier."""
+    own = cell.operations[ADAPTIVE]
+    least = min(error for name, error in cell.degrees.items() if cell.operations[name] <= own)
+    return cell.degrees[ADAPTIVE] / least
+
+
+def picking_table(cells: Sequence[Cell]) -> str:
+    """Markdown: of each field of the chart what is enough, what is best, and how far the adaptive one is from it."""
+    lines = [
+        f"| motion, readings | cheapest within {ENOUGH:g} times of the best | its operations | best | its error [deg] "
+        f"| `{ADAPTIVE}`: operations | its error, of the best that is no costlier |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for cell in cells:
+        best = min(cell.degrees, key=lambda name: (cell.degrees[name], cell.operations[name]))
+        said = (
+            cell.title,
+            f"`{cell.enough}`",
+            f"{cell.operations[cell.enough]:.0f}",
+            f"`{best}`",
+            f"{cell.degrees[best]:.1e}",
+            f"{cell.operations[ADAPTIVE]:.0f}",
+            f"{beside_the_line(cell):.2f}",
+        )
+        lines.append(f"| {' | '.join(said)} |")
+    return "\n".join(lines)
+
+
+def accuracy_against_cost(cells: Sequence[Cell]) -> str:
+    """Error of all algorithms over operations per gyro sample, motions down, readings across: down and left is better
+    (SVG)."""
     with drawing():
-        figure = Figure(figsize=(WIDTH, 9.0), layout="constrained")
-        for axes, situation, found in zip(figure.subplots(len(situations), 1), situations, errors, strict=True):
-            degrees = np.degrees(found)
-            best = _best_for_cost(costs, degrees)
-            axes.plot(np.array(costs)[best], degrees[best], color=FIRST.light, drawstyle="steps-post", linewidth=0.9)
-            axes.plot(costs, degrees, marker="o", linestyle="none", markersize=4, color=INK.light)
-            axes.plot(np.array(costs)[best], degrees[best], "o", markersize=4.5, color=FIRST.light)
+        across = len(READINGS)
+        figure = Figure(figsize=(WIDTH, 7.5), layout="constrained")
+        panels = figure.subplots(len(cells) // across, across, sharex=True, sharey="row")
+        for axes, cell in zip(panels.flat, cells, strict=True):
+            frontier = cell.frontier
+            x, y = ([of[name] for name in frontier] for of in (cell.operations, cell.degrees))
+            axes.plot([*x, 6000.0], [*y, y[-1]], color=FIRST.light, drawstyle="steps-post", linewidth=0.9)
+            for kind, look in KINDS.items():
+                names = [a.name for a in ALGORITHMS if a.kernel.__module__.endswith(kind) and a.name in cell.degrees]
+                names = [name for name in names if name != ADAPTIVE]
+                places = ([of[name] for name in names] for of in (cell.operations, cell.degrees))
+                axes.plot(*places, linestyle="none", markersize=3.2, **look)
+            axes.plot(
+                cell.operations[ADAPTIVE],
+                cell.degrees[ADAPTIVE],
+                "*",
+                color=ALERT.light,
+                markersize=8,
+                label="adaptive",
+            )
             axes.set_xscale("log")
             axes.set_yscale("log")
             axes.set_xlim(25.0, 6000.0)
-            low, high = float(degrees.min()), float(degrees.max())
-            axes.set_ylim(low / 10.0**1.5, high * 10.0**1.5)
-            _name_points(axes, names, costs, degrees, np.log10(high / low) + 3.0)
             axes.yaxis.set_major_formatter(power_of_ten)
             axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-            axes.set_title(situation.title)
-            axes.set_ylabel("largest error in 60 s [deg]")
-        axes.set_xlabel("operations per gyro sample (a division, root, sine or cosine counts as ten)")
-        return svg_text(figure, "Error of attitude algorithms against their cost in three situations")
-
-
-def _name_points(axes: Axes, names: Sequence[str], costs: Sequence[float], degrees: np.ndarray, decades: float) -> None:
-    """Names right of the points, moved apart where they would meet."""
-    for cheap in (True, False):
-        group = [k for k in range(len(names)) if (costs[k] < 400.0) == cheap]
-        group.sort(key=lambda k: (degrees[k], -costs[k]))
-        x = 1.25 * max(costs[k] for k in group)
-        for k, height in zip(group, _apart(np.log10(degrees[group]), 0.07 * decades), strict=True):
-            axes.annotate(
-                names[k],
-                (costs[k], degrees[k]),
-                xytext=(x, 10.0**height),
-                fontsize=7.5,
-                va="center",
-                arrowprops={"arrowstyle": "-", "color": MUTED.light, "linewidth": 0.4, "shrinkA": 1.0, "shrinkB": 3.0},
-            )
-
-
-def _apart(heights: np.ndarray, room: float) -> np.ndarray:
-    """Ascending heights moved as little as need be until neighbours have `room` between them."""
-    offset = room * np.arange(len(heights))
-    return isotonic_regression(heights - offset).x + offset
-
-
-def _best_for_cost(costs: Sequence[float], degrees: np.ndarray) -> list[int]:
-    """Those that no cheaper one betters, from the cheapest on."""
-    best: list[int] = []
-    for k in sorted(range(len(costs)), key=lambda k: (costs[k], degrees[k])):
-        if not best or degrees[k] < degrees[best[-1]]:
-            best.append(k)
-    return best
+            axes.set_title(cell.title.replace(", ", "\n"), fontsize=8)
+        panels[0, 0].legend(fontsize=6.5, loc="upper right")
+        figure.supxlabel("operations per gyro sample (a division, root, sine or cosine counts as ten)", fontsize=8)
+        figure.supylabel(f"largest error in {CHARTED_DURATION:g} s [deg]", fontsize=8)
+        return svg_text(figure, "Error of all attitude algorithms against their cost, by motion and readings")
 
 
 def coning_drift(names: Sequence[str], phases: Sequence[float], drift: Sequence[Sequence[float]]) -> str:
@@ -401,24 +405,31 @@ def make_page(docs: Path, *, progress: bool = False) -> list[Path]:
     compared = [algorithm_named(name) for name in COMPARED]
     shown = [algorithm_named(name) for name in ALIASING_SHOWN]
     coning = [algorithm_named(name) for name in CONING_SHOWN]
-    with progress_bar("comparing algorithms", len(SITUATIONS) + len(RATES) + 1, show=progress) as advance:
+    with progress_bar(
+        "comparing algorithms", len(SITUATIONS) + len(RATES) + len(CHARTED) * len(READINGS) + 1, show=progress
+    ) as advance:
 
         def each(situation: Situation, algorithms: Sequence[Algorithm]) -> list[float]:
             found = situation_errors(situation, algorithms)
             advance(1)
             return found
 
+        cells = charted_cells(lambda: advance(1))
         errors = [each(situation, compared) for situation in SITUATIONS]
         by_rate = [each(Situation(ALIASING_MOTION, rate, ""), shown) for rate in RATES]
         drift = [[relative_coning_drift(a, phase) for phase in CONING_PHASES] for a in coning]
         advance(1)
-    costs = [operations_per_sample(algorithm) for algorithm in compared]
     pictures = {
-        "attitude-accuracy.svg": accuracy_against_cost(SITUATIONS, list(COMPARED.values()), costs, errors),
+        "attitude-accuracy.svg": accuracy_against_cost(cells),
         "attitude-coning.svg": coning_drift(CONING_SHOWN, CONING_PHASES, drift),
         "attitude-aliasing.svg": aliasing(ALIASING_SHOWN, RATES, by_rate, HIGHEST_FREQUENCY),
     }
-    tables = {"accuracy": accuracy_table(errors), "aliasing": aliasing_table(by_rate, RATES), "orders": order_table()}
+    tables = {
+        "accuracy": accuracy_table(errors),
+        "picking": picking_table(cells),
+        "aliasing": aliasing_table(by_rate, RATES),
+        "orders": order_table(),
+    }
     page = docs / PAGE
     text = page.read_text(encoding="utf-8")
     for name, table in tables.items():

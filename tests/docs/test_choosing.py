@@ -4,7 +4,6 @@ import math
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from choosing import (
@@ -12,6 +11,7 @@ from choosing import (
     PAGE,
     RATES,
     SITUATIONS,
+    Cell,
     Situation,
     accuracy_against_cost,
     aliasing,
@@ -81,10 +81,11 @@ def test_page_names_pictures_and_algorithms_that_exist():
 
 
 def test_pictures_are_the_same_bytes_each_time():
-    errors = [list(np.geomspace(1e-9, 1e-3, 4))] * len(SITUATIONS)
-    costs, names = [30.0, 50.0, 900.0, 2000.0], ["a", "b", "c", "d"]
-    first = accuracy_against_cost(SITUATIONS, names, costs, errors)
-    assert first == accuracy_against_cost(SITUATIONS, names, costs, errors)
+    operations = {a.name: 30.0 + 40.0 * k for k, a in enumerate(ALGORITHMS)}
+    cells = [Cell("a, b", operations, {name: 1e-3 / cost for name, cost in operations.items()})] * 9
+    first = accuracy_against_cost(cells)
+    assert first == accuracy_against_cost(cells)
+    assert cells[0].enough == cells[0].frontier[-6]
     assert "<svg" in coning_drift(["a"], [0.1, 0.2], [[1e-5, 1e-4]])
     assert "<svg" in aliasing(["a"], [500.0, 1000.0], [[1e-5], [1e-4]], 420.0)
 

@@ -1,0 +1,105 @@
+"""Drift of the velocity under sculling: the table of docs/velocity.md; `python docs/builders/sculling.py docs`."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from choosing import between_marks
+from trihedron.fmus.instruments import VELOCITY_COMPUTER
+from trihedron.fmus.source import instantiate, references
+from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from trihedron.models.attitude_algorithms.definition import SUM
+from trihedron.tools.files import write_text
+
+PAGE = "velocity.md"
+PHASES = (0.2, 0.4, 0.8)
+"""Ω Δt of one sample [rad], but for what makes a whole number of steps a period."""
+TURN = 1e-5
+"""A: amplitude of the turn [rad]."""
+
+
+def nearest_phase(algorithm: Algorithm, phase: float) -> float:
+    """The phase of a sample with which a whole number of steps makes a period."""
+    return 2.0 * math.pi / algorithm.samples / round(2.0 * math.pi / (phase * algorithm.samples))
+
+
+def products_by_distance(algorithm: Algorithm) -> dict[int, float]:
+    """Sums of the k_ij over pairs of one distance; of an iteration, those of the polynomial through its increments."""
+    products = [(i, j, float(k)) for i, j, k in algorithm.products]
+    if not products and algorithm.samples > 1:
+        count = algorithm.samples
+        at = np.arange(count + 1)
+        angles = [Polynomial.fit(at, at > i, count) for i in range(count)]
+        for i in range(count):
+            for j in range(i + 1, count):
+                swept = angles[i] * angles[j].deriv() - angles[j] * angles[i].deriv()
+                products.append((i, j, 0.5 * float(swept.integ()(count) - swept.integ()(0))))
+    sums: dict[int, float] = {}
+    for i, j, k in products:
+        for first in range(j) if i == SUM else [i]:
+            sums[j - first] = sums.get(j - first, 0.0) + k
+    return sums
+
+
+def theory(algorithm: Algorithm, phase: float) -> float:
+    """Relative drift: (Σ k_p 4 sin²(x/2) sin(p x) - (N x - sin N x)/2) / (N x/2)."""
+    whole = algorithm.samples * phase
+    made = sum(
+        k * 4.0 * math.sin(0.5 * phase) ** 2 * math.sin(p * phase) for p, k in products_by_distance(algorithm).items()
+    )
+    return (made - 0.5 * (whole - math.sin(whole))) / (0.5 * whole)
+
+
+def measured(algorithm: Algorithm, phase: float) -> float:
+    """Relative drift over a second period of θ = A sin Ωt and f = B sin Ωt across it, by the computer itself."""
+    count = round(2.0 * math.pi / phase)
+    model, at = instantiate(VELOCITY_COMPUTER), references(VELOCITY_COMPUTER)
+    model.set(at["algorithm"], algorithm.number)
+    model.set(at["sample_period"], 1.0)
+    assert model.initialise(0.0) == 0
+    reached = []
+    for k in range(2 * count):
+        begin, end = k * phase, (k + 1) * phase
+        model.set(at["increment[1]"], TURN * 2.0 * math.cos(0.5 * (begin + end)) * math.sin(0.5 * phase))
+        model.set(at["velocity_increment[2]"], 2.0 * math.sin(0.5 * (begin + end)) * math.sin(0.5 * phase))
+        assert model.do_step(float(k), 1.0) == 0
+        reached.append(model.get(at["velocity[3]"]))
+    # B J1(A), but for A²/8 of it.
+    return (reached[-1] - reached[count - 1]) / (math.pi * TURN) - 1.0
+
+
+def drift_table() -> str:
+    """Markdown: drift that is left, of the drift to compute, for each family of products and each iteration."""
+    lines = [
+        "| algorithm, and those that share its products | order | "
+        + " | ".join(f"Ω Δt = {p:g}: measured | theory" for p in PHASES)
+        + " |",
+        "|---|---|" + "---|---|" * len(PHASES),
+    ]
+    families: dict[tuple, list[Algorithm]] = {}
+    for algorithm in ALGORITHMS:
+        key = algorithm.products or (algorithm.samples, algorithm.number == 27)
+        families.setdefault(key, []).append(algorithm)
+    for first, *others in families.values():
+        cells = []
+        for phase in PHASES:
+            exact = nearest_phase(first, phase)
+            cells += [f"{measured(first, exact):.2e}", f"{theory(first, exact):.2e}"]
+        orders = sorted({a.order for a in (first, *others)})
+        shared = f" and {len(others)} more" if others else ""
+        lines.append(f"| `{first.name}`{shared} | {' to '.join(map(str, orders))} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def make_page(docs: Path) -> Path:
+    """Write the table into the page."""
+    page = docs / PAGE
+    write_text(page, between_marks(page.read_text(encoding="utf-8"), "drifts", drift_table()))
+    return page
+
+
+if __name__ == "__main__":
+    print(make_page(Path(sys.argv[1] if len(sys.argv) > 1 else "docs")))
