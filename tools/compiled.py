@@ -1,29 +1,23 @@
-"""Machine code made by numba: of kernels in restricted Python, of other loops, of the orchestrator's loop.
+"""Loops and kernels as machine code where numba is, the extra `fast`; else as plain Python, with the same results.
 
-The orchestrator keeps its loop as an object file: it needs nothing of this module, nor numba, to load it.
+Plain Python takes twice as long in a search for causes, and a hundred times as long in a run of a million samples.
 """
 
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from types import FunctionType
 from typing import Any
 
-import llvmlite.binding as llvm
-import numba
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
+COMPILES = find_spec("numba") is not None
+"""Whether there is a compiler."""
+numba: Any = import_module("numba") if COMPILES else None
 
-# Its calls have other arguments than its definition: the first one is numba's own.
-_intrinsic: Any = intrinsic
-_BYTE, _WORD = ir.IntType(8), ir.IntType(64)
-_KINDS = (
-    *(types.float64, types.float32, types.int8, types.uint8, types.int16),
-    *(types.uint16, types.int32, types.uint32, types.int64, types.uint64),
-)
-"""By the codes of the orchestrator's `ValueType`."""
-_REALS = 2
-"""So many of them are real."""
+
+def loop_compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A loop over kernels that are `compiled`; Python may call it."""
+    return numba.njit(nogil=True, error_model="numpy")(function) if COMPILES else function
 
 
 @cache
@@ -34,6 +28,8 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
     arrays for `Vector`; the same arithmetic as the kernel's, operation by operation, but that a division by zero gives
     an infinity, as in C, and no exception.
     """
+    if not COMPILES:
+        return kernel
     names = {name: kernel.__globals__[name] for name in kernel.__code__.co_names if name in kernel.__globals__}
     linked = {name: compiled(value) if isinstance(value, FunctionType) else value for name, value in names.items()}
     return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__))
@@ -41,6 +37,8 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
 
 def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
     """Machine code of a function that calls no kernel, kept on disk where there is a place for it."""
+    if not COMPILES:
+        return function
     try:
         return numba.njit(cache=True)(function)
     except RuntimeError:
@@ -49,138 +47,7 @@ def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def compile_callee(function: Callable[..., Any]) -> Callable[..., Any]:
     """Machine code that only compiled code can call."""
+    if not COMPILES:
+        return function
     options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return numba.njit(nogil=True, error_model="numpy", **options)(function)
-
-
-@_intrinsic
-def call(_context: Any, _function: Any, arguments: Any) -> Any:
-    """A call of int f(arguments) at an address; a boolean is passed as an int, of which its lowest byte is taken."""
-
-    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        machine = ir.FunctionType(ir.IntType(32), [context.get_value_type(kind) for kind in arguments])
-        given = [builder.extract_value(values[1], k) for k in range(len(arguments))]
-        return builder.call(builder.inttoptr(values[0], machine.as_pointer()), given)
-
-    return types.int32(types.int64, arguments), code
-
-
-@_intrinsic
-def load(_context: Any, _address: Any, kind: Any) -> Any:
-    """The number of a kind at an address."""
-    number = kind.instance_type
-
-    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        return builder.load(builder.inttoptr(values[0], context.get_value_type(number).as_pointer()), align=1)
-
-    return number(types.int64, kind), code
-
-
-@_intrinsic
-def store(_context: Any, _address: Any, number: Any) -> Any:
-    """Write a number to an address."""
-
-    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        builder.store(values[1], builder.inttoptr(values[0], values[1].type.as_pointer()), align=1)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, number), code
-
-
-@_intrinsic
-def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
-    """memcpy."""
-
-    def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
-        pointer = _BYTE.as_pointer()
-        copy = builder.module.declare_intrinsic("llvm.memcpy", [pointer, pointer, _WORD])
-        ends = [builder.inttoptr(value, pointer) for value in values[:2]]
-        builder.call(copy, [*ends, values[2], ir.Constant(ir.IntType(1), 0)])
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64, types.int64), code
-
-
-def _reader(as_number: Any, codes: range) -> Any:
-    """What reads a number by the code of its kind, an int64 where it is none of these codes."""
-
-    def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
-        return compile_callee(lambda code, at: as_number(load(at, kind)) if code == this else otherwise(code, at))
-
-    read = compile_callee(lambda _code, at: as_number(load(at, types.int64)))
-    for this in reversed(codes):
-        read = if_it_is(this, _KINDS[this], read)
-    return read
-
-
-_whole = _reader(types.int64, range(_REALS, len(_KINDS) - 2))
-_real = _reader(types.float64, range(len(_KINDS) - 2))
-
-
-def _converter() -> Any:
-    """What turns a number of one kind into one of another: factor * value + offset where that is real."""
-
-    def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
-        scaled = compile_callee(lambda of, at, factor, offset: kind(factor * _real(of, at) + offset))
-        number = scaled if this < _REALS else compile_callee(lambda of, at, _factor, _offset: kind(_whole(of, at)))
-        return compile_callee(
-            lambda code, to, at, of, factor, offset: (
-                store(to, number(of, at, factor, offset))
-                if code == this
-                else otherwise(code, to, at, of, factor, offset)
-            )
-        )
-
-    convert = compile_callee(lambda _code, to, at, of, _factor, _offset: store(to, _whole(of, at)))
-    for this in reversed(range(len(_KINDS) - 2)):
-        convert = if_it_is(this, _KINDS[this], convert)
-    return convert
-
-
-class _Machine:
-    """The primitives of the loop as machine code."""
-
-    copy, convert, real_of = copy_bytes, _converter(), _real
-    load_word = compile_callee(lambda at: load(at, types.int64))
-    load_byte = compile_callee(lambda at: load(at, types.uint8))
-    load_real = compile_callee(lambda at: load(at, types.float64))
-    store_word = compile_callee(lambda at, value: store(at, types.int64(value)))
-    store_real = compile_callee(lambda at, value: store(at, types.float64(value)))
-    call2 = compile_callee(lambda f, a, b: call(f, (a, b)))
-    call4 = compile_callee(lambda f, a, b, c, d: call(f, (a, b, c, d)))
-    call5 = compile_callee(lambda f, a, b, c, d, e: call(f, (a, b, c, d, e)))
-    step2 = compile_callee(lambda f, a, time, step, final: call(f, (a, time, step, types.int32(final))))
-    step3 = compile_callee(
-        lambda f, a, time, step, final, *told: call(
-            f, (a, time, step, types.int32(final), told[0], told[1], told[2], told[3])
-        )
-    )
-
-
-def object_code(loop_of: Callable[[Any], Any], machine: Any, name: str) -> bytes:
-    """The orchestrator's loop as an object file in which it has this name, without anything that belongs to Python.
-
-    Everything is an address or a number that is known only when it runs, so one compilation serves all FMUs and
-    wirings; it calls the FMUs' C functions by their addresses. A RuntimeError where something of Python remains.
-    """
-    pointers = [types.CPointer(kind) for kind in (types.int64, types.float64, types.int64, types.int64, types.float64)]
-    options: dict[str, Any] = {"nopython": True, "error_model": "numpy"}
-    made: Any = numba.cfunc(types.int64(*pointers), **options)(loop_of(_Machine))
-    module = llvm.parse_assembly(made.inspect_llvm())
-    inner = made.native_name.removeprefix("cfunc.")
-    for function in module.functions:
-        if function.name == inner:
-            function.name = name
-        elif not function.is_declaration:
-            function.linkage = "internal"
-    for value in module.global_variables:
-        if not value.is_declaration:
-            value.linkage = "internal"
-    passes = llvm.create_new_module_pass_manager()
-    passes.add_global_dead_code_eliminate_pass()
-    passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(3)))
-    needed = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.")]
-    needed += [v.name for v in module.global_variables if v.is_declaration]
-    if needed:
-        raise RuntimeError(f"the compiled loop needs {', '.join(needed)}")
-    return machine.emit_object(module)

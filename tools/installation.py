@@ -27,9 +27,15 @@ if TYPE_CHECKING:
 
 CORE = (
     *("numpy", "scipy", "highspy", "fmpy", "pythonfmu", "polars", "pydantic", "cyclopts", "rich", "jinja2"),
-    *("matplotlib", "numba", "llvmlite", "joblib", "lazy-loader", "python-calamine"),
+    *("matplotlib", "joblib", "lazy-loader", "python-calamine"),
 )
-EXTRAS = {"native": ("ziglang",), "docs": ("mkdocs-material",), "cluster": ("dask", "distributed", "cryptography")}
+EXTRAS = {
+    "fast": ("numba", "llvmlite"),
+    "native": ("ziglang",),
+    "cluster": ("dask", "distributed", "cryptography"),
+    "serial": ("pyserial",),
+    "docs": ("mkdocs-material",),
+}
 """What each extra of the package installs."""
 POSITIONS, DWELL_S = 12, 2.0
 """Of the run that is tried."""

@@ -11,8 +11,10 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from importlib.util import find_spec
 from io import StringIO, TextIOWrapper
 from pathlib import Path
+from time import monotonic
 from typing import Annotated, Any, Literal, TypeVar
 
 from cyclopts import CycloptsError, Parameter
@@ -25,6 +27,8 @@ Command = TypeVar("Command", bound=Callable[..., object])
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
 """What the machine says of a file or folder that the user named; everything else is a fault of the program."""
 
+LONG_S = 20.0
+"""Who has waited so long without numba is told of it [s]."""
 INTERRUPTED = 130
 """128 and the number of the signal, as shells count."""
 STANDARD_OUTPUT = Path("-")
@@ -76,12 +80,15 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
 
     `quiet`: print nothing but what was asked for by name: no text, no bars, no warnings.
     """
+    began = monotonic()
     with ExitStack() as silent:
         if quiet:
             silent.enter_context(redirect_stdout(StringIO()))
             silent.enter_context(redirect_stderr(StringIO()))
         with together():
             said = command()
+    if not quiet and monotonic() - began > LONG_S and find_spec("numba") is None:
+        print("trihedron[fast], which brings numba, makes searches and long runs faster", file=sys.stderr)
     if not isinstance(said, Answer):
         return 0
     if said.text and (said.wanted or not quiet):

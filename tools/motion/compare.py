@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, cast
 
-import numba
 import numpy as np
 import polars as pl
 from pydantic import Field
@@ -23,7 +22,7 @@ from ...models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
 from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration, rodrigues_iteration
 from ...models.attitude_algorithms.products import by_products, by_products_and_series, by_products_cut_off
-from ..compiled import compile_callee, compiled
+from ..compiled import compile_callee, compiled, loop_compiled
 from ..errors import InputError
 from ..progress import progress_bar
 from ..records import StrapdownRecord
@@ -218,7 +217,7 @@ def _sampler() -> Callable[..., None]:
         )
     )
 
-    @numba.njit(nogil=True, error_model="numpy")
+    @loop_compiled
     def sample(harmonics, period, intervals, pieces, increments, angles):
         angle, angle_rate, rate, increment = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
         for k in range(len(increments)):
@@ -239,7 +238,7 @@ def _runner(algorithm: Algorithm) -> Callable[..., None]:
     samples, keeps_previous = algorithm.samples, algorithm.previous
     multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
 
-    @numba.njit(nogil=True, error_model="numpy")
+    @loop_compiled
     def run(increments, renormalise, work, attitudes):
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
@@ -333,7 +332,7 @@ def read_increments(
 def _reader() -> Callable[..., int]:
     initialise, step = cast("tuple[Any, Any]", (compiled(gyro.initialise), compiled(gyro.step)))
 
-    @numba.njit(nogil=True, error_model="numpy")
+    @loop_compiled
     def read(period, rows, to_initialise, to_step, ports):
         increment, reading = ports
         status = initialise(0.0, *to_initialise)
@@ -375,7 +374,7 @@ def run_single(high: np.ndarray, low: np.ndarray, arithmetic: str) -> np.ndarray
 def _feedback() -> Callable[..., Any]:
     """What writes 32-bit increments (N, 3): the rounding error of each is added to the next."""
 
-    @numba.njit(nogil=True)
+    @loop_compiled
     def round_all(increments, rounded):
         for i in range(increments.shape[1]):
             carried = 0.0
@@ -389,29 +388,28 @@ def _feedback() -> Callable[..., Any]:
 
 @cache
 def _short_words() -> Callable[..., Any]:
-    compile_ = numba.njit(nogil=True, error_model="numpy")
     multiply = compiled(rotation.multiply)
 
-    @compile_
+    @loop_compiled
     def two_sum(a, b):
         total = a + b
         part = total - a
         return total, (a - (total - part)) + (b - part)
 
-    @compile_
+    @loop_compiled
     def split(a):
         big = SPLITTER * a
         high = big - (big - a)
         return high, a - high
 
-    @compile_
+    @loop_compiled
     def two_product(a, b):
         product = a * b
         a1, a2 = split(a)
         b1, b2 = split(b)
         return product, ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2
 
-    @compile_
+    @loop_compiled
     def rodrigues(high, low, k, x, x_low):
         """x of (22) as a pair: the sum of the increments is exact, the small terms are single."""
         a, b = high[k], high[k + 1]
@@ -424,14 +422,14 @@ def _short_words() -> Callable[..., Any]:
             small = first * a[i] + second * b[i] + SIXTH * (a[j] * b[m] - a[m] * b[j])
             x[i], x_low[i] = two_sum(QUARTER * total, QUARTER * rest + small)
 
-    @compile_
+    @loop_compiled
     def add_product(sign, q, q_low, v, v_low, d, d_low):
         """Add ± q v to the pair d, without an error in the leading product."""
         leading, error = two_product(q, v)
         total, rest = two_sum(d, sign * leading)
         return total, d_low + (rest + sign * (error + (q * v_low + q_low * v)))
 
-    @compile_
+    @loop_compiled
     def pair_product(q, q_low, v, v_low, d, d_low):
         """d = q ∘ v in pairs; component 0 of v is a single number."""
         left = ((0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3))
@@ -444,7 +442,7 @@ def _short_words() -> Callable[..., Any]:
                 total, rest = add_product(signs[i][j], q[a], q_low[a], v[b], v_low[b], total, rest)
             d[i], d_low[i] = total, rest
 
-    @compile_
+    @loop_compiled
     def run(high, low, arithmetic, attitudes):
         q, q_low = np.zeros(4, np.float32), np.zeros(4, np.float32)
         v, v_low = np.zeros(4, np.float32), np.zeros(4, np.float32)

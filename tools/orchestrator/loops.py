@@ -3,7 +3,7 @@
 Inputs that are set before doStep(t, h) hold over (t, t + h]. What an FMU puts out after its step goes at once to
 those that step after it (Gauss-Seidel), so an increment over a step is there when its consumer makes the same step.
 
-A program is run by machine code (`trihedron.tools.compiled`, kept as an object file, loaded without
+A program is run by machine code (`machine_code`, kept as an object file, loaded without
 numba) or by plain Python: before the first step, where strings are recorded, and where nothing compiles.
 """
 
@@ -321,14 +321,13 @@ def compiled_march() -> Callable[..., int]:
     name = "trihedron_march"
     made_from = [llvm.get_default_triple().encode(), cpu.encode(), features.encode(), name.encode()]
     made_from += [metadata.version(package).encode() for package in ("numba", "llvmlite")]
-    made_from += [
-        (Path(__file__).parent / name).read_bytes() for name in ("../compiled.py", "operations.py", "loops.py")
-    ]
+    sources = ("../compiled.py", "machine_code.py", "operations.py", "loops.py")
+    made_from += [(Path(__file__).parent / source).read_bytes() for source in sources]
     made_from.append(platform.python_version().encode())
     key = hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in made_from)).hexdigest()
 
     def make() -> bytes:
-        from ..compiled import object_code
+        from .machine_code import object_code
 
         return object_code(loop_of, machine, name)
 
