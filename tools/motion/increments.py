@@ -170,7 +170,7 @@ class Taken:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a person should know of the record, its stamps and the gyros' limits."""
-        limits = (line for line in self.limits.lines if line.startswith("w"))
+        limits = (line for line in self.limits.lines if line.startswith(("w", "dv")))
         return (*self.record.warnings, *jitter_line(self.record), *limits)
 
     def trusted_until(self, time: np.ndarray) -> float | None:

@@ -49,7 +49,7 @@ noise."""
 class Limits:
     """The limits of a record's channels.
 
-    `channels`: channel ("w1", "f3") -> its readings (N,) as they were measured, in [m/s²] and, of gyros, in `unit`;
+    `channels`: channel ("w1", "f3", "dv2") -> its readings (N,) as they were measured, in [m/s²], of gyros in `unit`;
     `rows`: channel -> mask (N,) of the rows at a limit of it, channels without one are left out; `time_s` (N,) [s].
     """
 
@@ -79,7 +79,7 @@ class Limits:
             levels = np.unique(self.channels[name][mask])
             at = " and ".join(f"{digits(level, 6)}" for level in levels) if len(levels) <= 2 else "several values"
             first = self.time_s[np.argmax(mask)]
-            unit = self.unit if name.startswith("w") else "m/s²"
+            unit = {"w": self.unit, "d": "m/s"}.get(name[0], "m/s²")
             said.append(
                 f"{name}: {int(mask.sum())} rows are saturated, at {at} {unit}, the first at {digits(first, 9)} s"
             )
@@ -94,6 +94,8 @@ def limits_of(record: StrapdownRecord | RawRecord) -> Limits:
         assert turning is not None
         channels = {f"w{axis}": values for axis, values in enumerate(turning.T, start=1)}
         unit = unit if record.rate is not None else "rad"
+        if record.velocity_increment is not None:
+            channels |= {f"dv{axis}": values for axis, values in enumerate(record.velocity_increment.T, start=1)}
     channels |= {f"f{axis}": values for axis, values in enumerate(record.specific_force.T, start=1)}
     found = {}
     for name, values in channels.items():

@@ -67,3 +67,17 @@ def test_a_part_of_the_specific_forces_is_refused(tmp_path, capsys) -> None:
     path.write_text("\n".join([lines[0] + ",f1_mps2", *(line + ",0" for line in lines[1:])]) + "\n")
     assert main(["attitude", str(path)]) == 2
     assert "column 'f2_mps2' is missing" in capsys.readouterr().err
+
+
+def test_a_saturated_accelerometer_is_told() -> None:
+    record = sculled(20)
+    noise = np.random.default_rng(1).normal(scale=1e-4, size=(3, len(record), 3))
+    free = np.asarray(record.velocity_increment) + noise[0]
+    velocity = free.copy()
+    velocity[:, 1] = np.minimum(velocity[:, 1], 0.03)
+    force, turn = record.specific_force + noise[1], np.asarray(record.increment) + 0.01 * noise[2]
+    spoilt = StrapdownRecord(record.time_s, None, turn, force, velocity_increment=velocity)
+    said = attitude_of_record(spoilt).warnings
+    assert any(line.startswith("dv2: ") and "saturated, at 0.03 m/s" in line for line in said)
+    whole = StrapdownRecord(record.time_s, None, turn, force, velocity_increment=free)
+    assert not any("dv" in line for line in attitude_of_record(whole).warnings)
