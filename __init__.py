@@ -27,6 +27,7 @@ _FUNCTIONS = {
         "hide",
         "new",
         "plan",
+        "plan_imu",
         "plan_positions",
         "plot",
         "run_campaign",

@@ -11,6 +11,7 @@ from .tools.library import export_notebook as export_notebook
 from .tools.library import hide as hide
 from .tools.library import new as new
 from .tools.library import plan as plan
+from .tools.library import plan_imu as plan_imu
 from .tools.library import plan_positions as plan_positions
 from .tools.library import plot as plot
 from .tools.library import run_campaign as run_campaign

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from . import calibration as calibrations
 from . import campaign as campaigns
 from . import orchestrator, own_effects, planning, reports, ssp, trials
 from .errors import InputError
@@ -272,6 +273,64 @@ def plan_positions(
         targets=tuple(targets),
     )
     return planning.plan_positions(count, request, progress=progress)
+
+
+def plan_imu(
+    minutes: float,
+    *,
+    gyro_noise: float = 1e-5,
+    encoder_bound: float | None = None,
+    latitude_deg: float = 55.75,
+    azimuth_deg: float = 0.0,
+    rate_dps: float = 100.0,
+    exchanges: int = 4,
+    noise_bound: float = 1e-5,
+    dwell_s: float = 20.0,
+    progress: bool = False,
+) -> "planning.ImuPlan":
+    """The programme of rests and turns that determines accelerometers, gyros and bench in so many minutes.
+
+    Parameters
+    ----------
+    minutes : float
+        Time on the table, for --imu.
+    gyro_noise : float
+        Bound of the mean of a gyro over one second [rad/s].
+    encoder_bound : float, optional
+        Bound of an encoder's error [rad]; by default σ.
+    latitude_deg, azimuth_deg : float
+        Where the bench stands, and its outer axis from north towards east [deg].
+    rate_dps : float
+        How fast the table turns [deg/s].
+    exchanges : int
+        How often what is chosen is improved.
+    noise_bound : float
+        σ, as a fraction of g.
+    dwell_s : float
+        Least rest at a position [s].
+    progress : bool
+        Show bars on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        for options that cannot be used, and too little time
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.plan_imu(30.0).worst_ratio  # doctest: +SKIP
+    """
+    bench = calibrations.Bench(latitude_deg, azimuth_deg, gyro_noise, encoder_bound)
+    return planning.plan_imu(
+        minutes,
+        bench,
+        noise_bound=noise_bound,
+        dwell_s=dwell_s,
+        rate_dps=rate_dps,
+        exchanges=exchanges,
+        progress=progress,
+    )
 
 
 def hide(

@@ -81,14 +81,15 @@ class Growth:
 class Polytope:
     """{x: lower ≤ J x ≤ upper}, kept warm so that many objectives are cheap.
 
-    J (M, n) has full column rank; tolerances are relative to `scale` (M,), the size of each row, positive.
+    J (M, n) has full column rank; tolerances are relative to `scale` (M,), the size of each row, positive. `begin`:
+    rows (indices) that are confined at all times and determine the columns, where others may have no ends.
     """
 
-    def __init__(self, jacobian: NDArray, scale: NDArray):
+    def __init__(self, jacobian: NDArray, scale: NDArray, begin: NDArray | None = None):
         self._unit = float(scale.min())
         self._scale = scale
         self._matrix = jacobian * (self._unit / scale)[:, None]
-        self._taken = first_rows(self._matrix)
+        self._taken = first_rows(self._matrix) if begin is None else begin
         columns = jacobian.shape[1]
         self._lower, self._upper = np.zeros((2, len(scale)))
         free, rows = np.full(columns, highspy.kHighsInf), len(self._taken)

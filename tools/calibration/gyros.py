@@ -152,9 +152,9 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
     raw, alone = record.raw, found.linearised
     assert isinstance(raw, BenchRecord)
     targets = wanted_targets(alone.parametrisation, asked)
-    wanted = [*targets, *_gyro_targets(here)]
+    wanted = [*targets, *gyro_targets(here.own)]
     of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
-    wanted = [_widened(target, len(here.point)) for target in wanted]
+    wanted = [widened(target, len(here.point)) for target in wanted]
     weights = np.vstack([*(target.weights for target in wanted), of_errors])
     possible = np.full((len(weights), 4), np.nan)
     feasible, slack = None, record.written_to(found.gravity) + ROUNDING
@@ -211,18 +211,18 @@ def gyro_names() -> list[tuple[str, str]]:
     return [(symbol, WORDS[symbol[0]][1]) for symbol in GYRO_PARAMETERS]
 
 
-def _gyro_targets(here: WithTurns) -> list[Target]:
-    """Each of the gyros' parameters."""
+def gyro_targets(own: int) -> list[Target]:
+    """Each of the gyros' parameters, which come behind so many of bench and accelerometers."""
     targets = []
     for k, symbol in enumerate(GYRO_PARAMETERS):
         name, unit = WORDS[symbol[0]]
-        weights = np.zeros(len(here.point))
-        weights[here.own + k] = 1.0
+        weights = np.zeros(own + len(GYRO_PARAMETERS))
+        weights[own + k] = 1.0
         targets.append(Target(symbol, "-".join((name, *symbol[1:2])) + symbol[2:], unit, weights))
     return targets
 
 
-def _widened(target: Target, count: int) -> Target:
+def widened(target: Target, count: int) -> Target:
     """A target of the bench, or of gyros, with weights for all parameters."""
     return Target(target.symbol, target.name, target.unit, np.pad(target.weights, (0, count - len(target.weights))))
 

@@ -225,6 +225,7 @@ TYPES: dict[str, Any] = {
     "dwell_s": Annotated[float, Parameter(name="--dwell", allow_leading_hyphen=True)],
     "effects": Annotated[tuple[str, ...], Parameter(name="--effect")],
     "effects_from": Annotated[Path | None, Parameter(name="--effects-from")],
+    "exchanges": Whole,
     "extra": Whole,
     "fmi": Literal["2", "3"],
     "gravity": Number,

@@ -21,16 +21,30 @@ Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings")
 FOR = {
-    "positions": (*SEARCH, "resolution_deg", "order", "repeat", "detect", "extra", "against_unlisted", "dwell", "out"),
+    "positions": (
+        *SEARCH,
+        "resolution_deg",
+        "order",
+        "repeat",
+        "detect",
+        "extra",
+        "against_unlisted",
+        "dwell_s",
+        "out",
+    ),
     "curve": (*SEARCH, "out"),
     "check": ("noise_bound",),
+    "imu": (
+        *("minutes", "gyro_noise", "encoder_bound", "latitude_deg", "azimuth_deg", "rate_dps", "exchanges"),
+        *("dwell_s", "noise_bound", "out"),
+    ),
 }
-"""Which options go with which of the three uses of a common set."""
+"""Which options go with which of the four programmes."""
 EVERY_PLAN = ("admissible", "bounds", "convention", "baseline", "mounting")
 """Options of every plan."""
 
 
-@takes(library.plan, library.plan_positions)
+@takes(library.plan, library.plan_positions, library.plan_imu)
 def plan(
     *,
     targets: Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)] = (),
@@ -39,7 +53,8 @@ def plan(
     positions: Optional = None,
     curve: Annotated[tuple[int, int] | None, Parameter(allow_leading_hyphen=True)] = None,
     check: Path | None = None,
-    dwell: Real = None,
+    imu: bool = False,
+    minutes: Real = None,
     noise_bound: Real = None,
     out: Folder = None,
     picture: File = None,
@@ -47,11 +62,13 @@ def plan(
     report: ReportFile = None,
     **options: Any,
 ) -> Answer:
-    """Or one set of N positions for all targets; what sets of more positions gain; or what setting errors do to a plan.
+    """Or one set of N positions for all; what more positions gain; what setting errors do; or turns for a whole IMU.
 
     Example: trihedron plan --target X4 --continuum --picture X4.svg
 
     Example: trihedron plan --positions 12 --reserve 0.1 --out plan12
+
+    Example: trihedron plan --imu --minutes 30 --gyro-noise 1e-5 --out imu30
 
     Parameters
     ----------
@@ -65,26 +82,35 @@ def plan(
         Cost against the number of positions, from LOW to HIGH.
     check
         Compare bias and noise of a plan at the angles that were set: planned_..., alpha_deg, ...
-    dwell
-        Time at each position [s], for --out; 20.
+    imu
+        Rests and turns that determine accelerometers, gyros and bench.
+    minutes
+        Time on the table, for --imu; 30.
+    dwell_s
+        Time at each position [s], for --out and --imu.
     noise_bound
-        σ, as a fraction of g, for --check; 1e-5.
+        σ, as a fraction of g, for --check and --imu; 1e-5.
     out
         Folder for programme, table list, operator's page, picture.
     picture
         Write the paper's figure, for one target, to this SVG file.
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
-    uses = {"positions": positions, "curve": curve, "check": check}
-    more = {"dwell": dwell, "noise_bound": noise_bound, "out": out}
+    uses = {"positions": positions, "curve": curve, "check": check, "imu": imu or None}
+    more = {"minutes": minutes, "noise_bound": noise_bound, "out": out}
     given = {name: value for name, value in (uses | more).items() if value is not None}
     given |= {name: value for name, value in options.items() if name not in EVERY_PLAN}
     others = {"--grid": grid, "--continuum": continuum, "--picture": picture}
-    use = use_of(given, others | ({"--target": targets} if check is not None else {}))
-    if use is not None and report is not None and use != "positions":
-        raise InputError(f"--report: does not go with --{use}; it is the page of --target or --positions")
+    use = use_of(given, others | ({"--target": targets} if check is not None or imu else {}))
+    if report is not None and use in ("curve", "check"):
+        raise InputError(f"--report: does not go with --{use}; it is the page of --target, --positions or --imu")
+    if use == "imu":
+        if wrong := next((name for name in EVERY_PLAN if name in options), None):
+            raise InputError(f"--{wrong}: does not go with --imu")
+        options |= {} if noise_bound is None else {"noise_bound": noise_bound}
+        return _imu(library.plan_imu(30.0 if minutes is None else minutes, **options, progress=True), out, json, report)
     if use is not None:
-        mounting = options.pop("mounting", "identity")
+        mounting, dwell = options.pop("mounting", "identity"), options.pop("dwell_s", None)
         if "mountings" in options and mounting != "identity":
             raise InputError("--mounting and --mountings: give one of the two")
         request = planning.Request(**{"mountings": (mounting,), **options}, targets=targets)
@@ -136,7 +162,7 @@ def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None
         raise InputError(f"--{uses[0]} and --{uses[1]}: give one of the two")
     if not uses:
         if given:
-            raise InputError(f"--{_typed(next(iter(given)))}: goes with --positions, --curve or --check")
+            raise InputError(f"--{_typed(next(iter(given)))}: goes with --positions, --curve, --check or --imu")
         return None
     use = uses[0]
     for name in given:
@@ -151,7 +177,7 @@ def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None
 
 
 def _typed(name: str) -> str:
-    return name.removesuffix("_deg").replace("_", "-")
+    return name.removesuffix("_deg").removesuffix("_s").replace("_", "-")
 
 
 def _positions(
@@ -162,6 +188,13 @@ def _positions(
     files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
     if page is not None:
         document.write_page(page, reports.operator_page(found, dwell_s))
+    return answer(found, json, files=files)
+
+
+def _imu(found: "planning.ImuPlan", out: Path | None, json: Path | None, page: Path | None) -> Answer:
+    files = reports.write_imu_plan(found, out) if out is not None else []
+    if page is not None:
+        reports.write_report(page, found)
     return answer(found, json, files=files)
 
 

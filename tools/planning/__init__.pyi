@@ -5,6 +5,8 @@ from .common import PositionPlan as PositionPlan
 from .common import checked_dwell as checked_dwell
 from .common import plan_curve as plan_curve
 from .common import plan_positions as plan_positions
+from .imu import ImuPlan as ImuPlan
+from .imu import plan_imu as plan_imu
 from .plan import Plans as Plans
 from .plan import plan_targets as plan_targets
 from .positions import Request as Request

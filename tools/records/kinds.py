@@ -5,6 +5,7 @@ import io
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
@@ -149,7 +150,7 @@ class _Record:
     def __len__(self) -> int:
         return len(self.time_s)
 
-    @property
+    @cached_property
     def knocks(self) -> np.ndarray:
         """Rows (N,) whose readings are beyond 10 times gravity: no rest or move with them is used."""
         return knocks_of(self.specific_force)

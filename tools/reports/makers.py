@@ -39,6 +39,7 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Entries": ("several", "entries_lines", None),
     "Entry": ("several", "entry_lines", None),
     "Exported": ("makers", "exported_lines", None),
+    "ImuPlan": ("imu_plan", "lines", "operator_page"),
     "Imported": ("makers", "import_lines", None),
     "Inspection": ("inspection", "inspection_lines", None),
     "Installation": ("makers", "installation_lines", None),

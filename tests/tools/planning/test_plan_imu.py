@@ -1,0 +1,121 @@
+"""Programmes of rests and turns for the whole IMU: what they promise is what records of them guarantee."""
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from scenario_runs import SCENARIOS
+from trihedron.tools.calibration import Bench
+from trihedron.tools.cli import main
+from trihedron.tools.demo import inside_intervals, true_targets
+from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.planning import ImuPlan
+from trihedron.tools.planning.imu_programme import Planned, Visit, record_of, seconds_of
+
+EARTH = np.array([3e-5, -1e-5, 6e-5])
+
+
+def test_the_planned_motion_is_that_of_the_table(tmp_path):
+    """The FMU of the table moves as the planned record does, at the same times."""
+    visits = [Visit(7.5, 7.5, 3.0, 57.29577951308232), Visit(367.5, 7.5, 2.0, 57.29577951308232)]
+    visits.append(Visit(37.5, 127.5, 2.0, 57.29577951308232))
+    rows = "\n".join(f"{v.alpha_deg},{v.beta_deg},{v.dwell_s}" for v in visits)
+    (tmp_path / "programme.csv").write_text(f"alpha_deg,beta_deg,dwell_s\n{rows}\n", encoding="utf-8")
+    first, limits = np.radians([7.5, 7.5]).tolist(), {"max_rate": [1.0, 1.0], "max_acceleration": [1.0, 1.0]}
+    still = {"initial_angle": first, "encoder_fluctuation_bound": 0.0}
+    run = th.simulate(
+        {
+            "schema": "trihedron.scenario/1",
+            "run": {"step_s": 0.01},
+            "fmus": {"table": {"component": "TurntableMotion", "parameters": limits | still}},
+            "stimuli": [
+                {"to": "table.command", "programme": str(tmp_path / "programme.csv")},
+                {"to": "table.temperature", "constant": 20.0},
+            ],
+            "record": {
+                "columns": {f"{name}_rad": f"table.angle_reading[{k}]" for k, name in ((1, "alpha"), (2, "beta"))}
+            },
+        }
+    )
+    planned = record_of(visits, EARTH)
+    assert run.table.height == len(planned)
+    assert len(planned) - 1 == round(seconds_of(visits) / 0.01)
+    for name in ("alpha", "beta"):
+        assert np.abs(run.table[f"{name}_rad"].to_numpy() - getattr(planned, name)).max() < 1e-9
+
+
+def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
+    planned = Planned(Bench(50.0, 10.0, gyro_noise=1e-5, encoder_bound=2e-6), 1e-5)
+    places = [(20.0 + 45.0 * k, b) for b in (25.0, 145.0, 265.0) for k in range(8)]
+    places += [(0.0, 0.0), (720.0, 0.0), (0.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 450.0), (0.0, 90.0)]
+    some = [Visit(*place, 5.0, 100.0) for place in places]
+    errors = planned.errors(planned.linearised(some))
+    assert np.isfinite(errors).all()
+    more = planned.errors(planned.linearised([*some, Visit(90.0, 90.0, 5.0, 100.0), Visit(90.0, 810.0, 5.0, 100.0)]))
+    assert (more <= errors * (1.0 + 1e-3)).all()
+    symbols = [target.symbol for target in planned.targets]
+    longer = planned.errors(planned.linearised([one._replace(dwell_s=20.0) for one in some]))
+    # Noise over a rest four times as long is half; the encoders' part falls faster.
+    assert longer[symbols.index("B1")] < 0.6 * errors[symbols.index("B1")]
+    # Eight positions at one inner angle: nothing turns about the inner axis.
+    still = planned.errors(planned.linearised(some[:8]))
+    assert np.isinf(still[symbols.index("M33")])
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--minutes", "1"], "--minutes 1: must be from 5 to 240"),
+        (["--rate-dps", "0"], "--rate-dps 0: must be from 1 to 360"),
+        (["--gyro-noise", "0"], "--gyro-noise 0: must be above 0"),
+        (["--dwell", "-1"], "--dwell -1: must be a positive number of seconds"),
+        (["--convention", "A2"], "--convention: does not go with --imu"),
+        (["--target", "X4"], "--target: does not go with --imu"),
+        (["--positions", "6"], "give one of the two"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(options, said, capsys):
+    assert main(["plan", "--imu", *options]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.acceptance
+def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(tmp_path):
+    """The planned programme as FMUs; its record guarantees what was promised, and holds its truth."""
+    place = {
+        "gyro_noise": 1e-5,
+        "encoder_bound": 2.424e-6,
+        "latitude_deg": float(np.degrees(0.973)),
+        "azimuth_deg": 20.0,
+    }
+    options = [text for k, v in place.items() for text in (f"--{k.replace('_', '-')}", repr(float(v)))]
+    assert main(["plan", "--imu", "--minutes", "30", *options, "--out", str(tmp_path / "imu")]) == 0
+    plan = ImuPlan.model_validate_json((tmp_path / "imu" / "imu-plan.json").read_text(encoding="utf-8"))
+    assert plan.minutes <= 30.0
+    usual = [one.worst_ratio for one in plan.practices if one.worst_ratio is not None]
+    assert usual
+    assert plan.worst_ratio - 1.0 <= 0.5 * (min(usual) - 1.0)
+    assert all(one.promised >= one.bound * (1.0 - 1e-6) for one in plan.targets)
+    text = (SCENARIOS / "imu-calibration.toml").read_text(encoding="utf-8")
+    first, rate = (
+        np.radians([plan.programme[0].alpha_deg, plan.programme[0].beta_deg]).tolist(),
+        float(np.radians(100.0)),
+    )
+    for old, new in (
+        ("imu-calibration-positions.csv", "imu/programme.csv"),
+        ("\ndwell_s = 62.0", ""),
+        ("max_rate = [1.0, 1.0]", f"max_rate = [{rate!r}, {rate!r}]"),
+        ("initial_angle = [0.3490658503988659, 0.4363323129985824]", f"initial_angle = {first}"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "planned.toml").write_text(text, encoding="utf-8")
+    run = th.simulate(tmp_path / "planned.toml", out=tmp_path / "run")
+    bench = Bench(place["latitude_deg"], float(np.degrees(0.35)), gyro_noise=1e-5, encoder_bound=2.424e-6)
+    found = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
+    assert found.verdict == "consistent"
+    assert found.gyros is not None
+    assert inside_intervals(found, true_targets(read_scenario(tmp_path / "planned.toml"))) == 18
+    for one, promised in zip([*found.parameters, *found.gyros.parameters], plan.targets, strict=True):
+        assert one.symbol == promised.symbol
+        assert one.guaranteed_error == pytest.approx(promised.promised, rel=plan.held_to), one.symbol
