@@ -76,7 +76,7 @@ pythons:
 	for p in python3.12 python3.13; do $$p -c "" 2>/dev/null || { echo "no $$p here"; continue; }; \
 		rm -rf build/$$p && $$p -m venv build/$$p && \
 		PYTHONWARNINGS=ignore build/$$p/bin/python -m pip install --quiet --disable-pip-version-check \
-			-e ".[fast]" "pytest>=8" "hypothesis>=6.100" "pytest-xdist>=3.5" && \
+			-e . "pytest>=8" "hypothesis>=6.100" "pytest-xdist>=3.5" && \
 		build/$$p/bin/trihedron demo --no-show --out build/$$p/demo --quiet && \
 		build/$$p/bin/python $(PART_OF_TESTS) -n $(WORKERS) || exit 1; done
 

@@ -7,9 +7,8 @@ from pathlib import Path
 
 
 def lowest(project: str) -> list[str]:
-    """Each dependency of a pyproject.toml, and of its compiler, at the version that it names."""
-    read = tomllib.loads(project)["project"]
-    named = [*read["dependencies"], *read["optional-dependencies"]["fast"]]
+    """Each dependency of a pyproject.toml at the version that it names."""
+    named = tomllib.loads(project)["project"]["dependencies"]
     found = {text: re.fullmatch(r"([\w.-]+)>=([\w.]+)", text) for text in named}
     if unknown := [text for text, match in found.items() if match is None]:
         raise SystemExit(f"pyproject.toml: {unknown[0]!r} names no least version as 'name>=version'")

@@ -1,6 +1,6 @@
-"""Loops and kernels as machine code where numba is, the extra `fast`; else as plain Python, with the same results.
+"""Loops and kernels as machine code where numba is; else as plain Python, with the same results.
 
-Plain Python takes twice as long in a search for causes, and a hundred times as long in a run of a million samples.
+Plain Python takes twice as long in a search for causes, and much longer in a run of a million samples.
 """
 
 from collections.abc import Callable

@@ -81,9 +81,8 @@ def by_pip(python: str, folder: Path, without: list[str]) -> list[str]:
     empty = megabytes(environment)
     new.own["PATH"] = f"{environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
     new.step(f"python -m pip wheel --quiet --no-deps --wheel-dir dist {checkout}", folder)
-    for what in ("dist/*.whl", "$(echo dist/*.whl)[fast]"):
-        new.step(f"python -m pip install --quiet {what}", folder)
-        print(f"  {megabytes(environment) - empty:7.0f} MB beside {empty:.0f} of an empty environment", flush=True)
+    new.step("python -m pip install --quiet dist/*.whl", folder)
+    print(f"  {megabytes(environment) - empty:7.0f} MB beside {empty:.0f} of an empty environment", flush=True)
     new.step("trihedron demo --no-show", folder)
     new.commands(checkout, without)
     return new.failed
