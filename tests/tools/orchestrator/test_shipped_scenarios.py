@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import trihedron as th
 from scenario_runs import SCENARIOS
-from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration import Bench, calibrate
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import simulate
@@ -97,3 +97,24 @@ def test_the_stabilised_table_gives_its_reference_results() -> None:
     last = run.table.row(-1, named=True)
     assert 2.0 * max(abs(last["q1"]), abs(last["q3"])) < math.radians(10.0 / 3600.0)
     assert abs(last["beta_deg"]) > 0.3
+
+
+@pytest.mark.acceptance
+def test_the_hour_of_the_whole_imu_gives_its_reference_results(tmp_path):
+    """An hour at 200 Hz: table, both blocks and attitude computer; then its calibration."""
+    run = th.simulate(SCENARIOS / "imu-calibration.toml", out=tmp_path / "run")
+    reference = REFERENCE["imu-calibration"]
+    assert run.table.height == reference["rows"]
+    for row, expected in zip(reference["at"], reference["readings"], strict=True):
+        shown = [run.table[name][row] for name in reference["columns"]]
+        assert shown == pytest.approx(expected, abs=ROUNDING)
+    bench = Bench(math.degrees(0.973), math.degrees(0.35), encoder_bound=2.424e-6)
+    result = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
+    assert result.gyros is not None
+    assert result.positions == reference["positions"]
+    assert result.radius == pytest.approx(reference["radius"], abs=1e-6)
+    for estimate, expected in zip([*result.parameters, *result.gyros.parameters], reference["parameters"], strict=True):
+        assert estimate.symbol == expected["symbol"]
+        assert estimate.low == pytest.approx(expected["low"], abs=1e-9)
+        assert estimate.high == pytest.approx(expected["high"], abs=1e-9)
+        assert estimate.guaranteed_error == pytest.approx(expected["guaranteed_error"], abs=1e-9)
