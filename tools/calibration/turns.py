@@ -1,9 +1,9 @@
 """Turns of a bench record: what the gyros integrate over pieces of it, and by how much that may be wrong.
 
-A piece is a rest, a move from one rest to the next, or either part of a move that is cut where the table turns
-steadily: there, and only there, a lag of the gyros behind the encoders shows. Over a piece the integral of the readings
-errs by the gyros' noise, by what the encoders are off at its ends and on the way, by what both axes do between rows,
-and by a moment at its ends.
+A piece is a rest, a move from one rest to the next, or a part of a move that is cut where the table turns steadily:
+there, and only there, a lag of the gyros behind the encoders shows, and what comes back with each whole turn. Over a
+piece the integral of the readings errs by the gyros' noise, by what the encoders are off at its ends and on the way, by
+what both axes do between rows, and by a moment at its ends.
 """
 
 from dataclasses import dataclass, fields
@@ -27,6 +27,8 @@ from .model import Linearisation
 
 STEADY = 0.02
 """A move is cut where its rate changes by no more than this part of it over a few rows to either side."""
+APART = np.radians(50.0)
+"""So far a long move turns between two cuts at least; of no harmonic up to the 36th that is a whole period."""
 BESIDE = 4
 """Rows to either side of an end, over which the table's rate there is taken."""
 SEEN = 4.0
@@ -135,8 +137,8 @@ def turns_of(
     ends = [_within(rest) for rest in used]
     for (_, begin), (end, _) in pairwise(list(ends)):
         ends.append((begin, end))
-        if (cut := _steady_row(time, alpha, beta, begin, end)) is not None:
-            ends += [(begin, cut), (cut, end)]
+        if cuts := _steady_rows(time, alpha, beta, begin, end):
+            ends += pairwise([begin, *cuts, end])
     broken = np.cumsum(sampling.broken)
     gap = np.cumsum(np.append(False, np.diff(time) > 1.5 * sampling.period))
     limits = sampling.limits.of("w")
@@ -226,11 +228,11 @@ def slopes_of(sums: NDArray, time: NDArray) -> NDArray[np.float64]:
     return gone / (time[high] - time[low]).reshape(-1, *(1,) * (gone.ndim - 1))
 
 
-def _steady_row(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: int) -> int | None:
-    """A row between two rests, near the middle of what is turned steadily; None where nothing is."""
+def _steady_rows(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: int) -> list[int]:
+    """Rows between two rests where both axes turn steadily, `APART` or farther; the middle one of a short move."""
     rows = np.arange(begin + 4 * BESIDE, end - 4 * BESIDE)
     if not len(rows):
-        return None
+        return []
 
     def rate(shift: int) -> NDArray:
         low, high = rows + shift - BESIDE, rows + shift + BESIDE
@@ -238,8 +240,14 @@ def _steady_row(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: i
 
     here, changes = rate(0), np.abs(rate(2 * BESIDE) - rate(-2 * BESIDE)).max(axis=0)
     fast = np.abs(here).max(axis=0)
-    good = rows[(changes <= STEADY * fast) & (fast > 0.5 * fast.max())]
-    return int(good[len(good) // 2]) if len(good) else None
+    steady = (changes <= STEADY * fast) & (fast > 0.5 * fast.max())
+    good = rows[steady]
+    if not len(good):
+        return []
+    gone = np.abs(alpha[good] - alpha[good[0]]) + np.abs(beta[good] - beta[good[0]])
+    parts = max(2, int(gone[-1] / APART))
+    at = np.searchsorted(gone, np.linspace(0.0, gone[-1], parts + 1)[1:-1])
+    return np.unique(good[np.minimum(at, len(good) - 1)]).tolist()
 
 
 @dataclass(frozen=True)

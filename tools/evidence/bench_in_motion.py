@@ -215,23 +215,34 @@ class BenchInMotion(Bench):
     ) -> Iterator[tuple[EffectPlace, ...]]:
         """Sets of linear effects and outliers that no bound refuses; then those with effects that are not linear.
 
-        These change no turn: the rests by themselves allow them, and the turns by themselves the others beside them.
+        These, and what they do at rests where the record does not tell it, change no turn: the rests by themselves
+        allow them, and the turns by themselves what is beside them.
         """
         places = self.classes.places if among is None else among
         problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
         slack = self.limit - 1.0 + min(MOST_SLACK, LEAST_SLACK + self.second_order)
+        seen = set()
         for chosen in sets_of_size(problem, size, slack, MOST_OUTLIERS, work):
             if set(chosen.outliers) <= set(self.of_positions.tolist()):
-                yield (*(places[i] for i in chosen.effects), *(self.outlier_at(row) for row in chosen.outliers))
+                found = (*(places[i] for i in chosen.effects), *(self.outlier_at(row) for row in chosen.outliers))
+                seen.add(frozenset(found))
+                yield found
         gyros = [place for place in self.classes.places if place.definition.component == "GyroBlock"]
+        search, allowed = self.moving.read.search, dict[tuple[EffectPlace, ...], bool]()
         for count in range(1, size + 1):
-            others = [own for own in combinations(gyros, size - count) if self._turns_allow(own, slack, work)]
-            for bent in self.moving.read.search.candidates(count, work) if others else ():
-                if not all(is_linear(place) for place in bent):
-                    yield from ((*bent, *own) for own in others)
+            for bent in search.candidates(count, work):
+                if all(is_linear(place) and place not in search.relaxed for place in bent):
+                    continue
+                turned = tuple(place for place in bent if is_linear(place) and place.definition.turns is not None)
+                for own in combinations(gyros, size - count):
+                    key = (*turned, *own)
+                    if key not in allowed:
+                        allowed[key] = self._turns_allow(key, slack, work)
+                    if allowed[key] and frozenset((*bent, *own)) not in seen:
+                        yield (*bent, *own)
 
     def _turns_allow(self, places: Sequence[EffectPlace], slack: float, work: Work) -> bool:
-        """Whether the turns by themselves stand with some effects of the gyros."""
+        """Whether the turns by themselves stand with some effects of the gyros and the table."""
         rows = self.matrix(places)[self.of_readings :]
         work.programme(*rows.shape)
         own = rows[:, np.abs(rows).max(axis=0) > 0.0]

@@ -164,7 +164,8 @@ class Visits:
 
         Without approach columns the sense is that of the change from the row before; the first row comes from no
         input. With them it is told where both axes, or the only one that moved, change the input in the same way when
-        they come to the position: else it depends on which of them came last, which no record says.
+        they come to the position: else it depends on which of them came last, which no record says. Nor does a series
+        say from where the table came to its first position.
         """
         p, circumstances = self.parametrisation, self.circumstances
         if not circumstances.approached and circumstances.before is not None:
@@ -176,7 +177,8 @@ class Visits:
         for alpha, beta in ((outer * circumstances.sense_alpha, 0.0), (0.0, inner * circumstances.sense_beta)):
             turning = replace(at, alpha=at.alpha + 1j * COMPLEX_STEP * alpha, beta=at.beta + 1j * COMPLEX_STEP * beta)
             ways.append(np.sign(np.imag(predicted_input(p, point, turning)) / COMPLEX_STEP))
-        told = ways[0] * ways[1] >= 0.0
+        unknown = (outer & (circumstances.sense_alpha == 0.0)) | (inner & (circumstances.sense_beta == 0.0))
+        told = (ways[0] * ways[1] >= 0.0) & ~unknown[:, None]
         return np.where(told, np.sign(ways[0] + ways[1]), 0.0), told
 
     def moved_axes(self, at: Positions | None = None) -> tuple[NDArray, NDArray]:
