@@ -161,6 +161,10 @@ def plan_imu(
             if not search.exchange():
                 break
             advance(1, None)
+    if len(search.taken) < 2:
+        raise InputError(
+            f"--minutes {minutes:g}: is too little for rests of {dwell_s:g} s; give more, or a shorter --dwell"
+        )
     programme = _stretched(search.programme(search.taken), seconds)
     here = planned.linearised(programme)
     errors, bound = planned.errors(here), together(pool, here, planned.targets)

@@ -69,6 +69,7 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
         (["--rate-dps", "0"], "--rate-dps 0: must be from 1 to 360"),
         (["--gyro-noise", "0"], "--gyro-noise 0: must be above 0"),
         (["--dwell", "-1"], "--dwell -1: must be a positive number of seconds"),
+        (["--minutes", "5", "--dwell", "250", "--exchanges", "0"], "--minutes 5: is too little for rests of 250 s"),
         (["--convention", "A2"], "--convention: does not go with --imu"),
         (["--target", "X4"], "--target: does not go with --imu"),
         (["--positions", "6"], "give one of the two"),
