@@ -51,7 +51,7 @@ class Driven:
         self.inputs = draw_inputs(component, rng)
         self.slave = slaves(path) if slaves else None
         self.model = None if slaves else Model.of(open_fmu(path, folder), component)
-        self.put(PROGRAMME if component.name == "PositionProgramme" else {})
+        self.put(PROGRAMME if component.name == "PositionProgramme" else self.over(0.0))
         if self.slave is not None:
             self.slave.setupExperiment(startTime=0.0)
             self.slave.enterInitializationMode()
@@ -69,14 +69,18 @@ class Driven:
         elif self.model is not None:
             assert all(self.model.set(name, every) == OK for name, every in values.items()), self.model.library.log
 
-    def step(self, time: float, length: float) -> bool:
-        """Whether the step was done."""
+    def over(self, length: float) -> dict[str, list[float]]:
+        """The inputs of a step of this length."""
         values = {}
         for v in self.component.interface:
             if v.causality == "input":
                 share = length / 0.02 if v.name in OVER_A_STEP else 1.0
                 values[v.name] = [share * self.inputs[e] for e in v.elements]
-        self.put(values)
+        return values
+
+    def step(self, time: float, length: float) -> bool:
+        """Whether the step was done."""
+        self.put(self.over(length))
         if self.model is not None:
             return self.model.library.step(self.model.instance, time, length) == OK
         assert self.slave is not None

@@ -79,9 +79,9 @@ def test_two_instances_and_different_fmus_share_a_process(fmu_folder, tmp_path, 
     for slave, component in ((a, block), (b, block), (c, extended)):
         setter_of(slave, component)(force)
     g = 9.80665
-    assert outputs_of(a, block) == pytest.approx([0.1 * g, 0.0, g], rel=1e-14)
-    assert outputs_of(b, block) == pytest.approx([0.2 * g, 0.0, g], rel=1e-14)
-    assert outputs_of(c, extended) == pytest.approx([0.3 * g, 0.0, 1.01 * g], rel=1e-14)
+    assert outputs_of(a, block)[:3] == pytest.approx([0.1 * g, 0.0, g], rel=1e-14)
+    assert outputs_of(b, block)[:3] == pytest.approx([0.2 * g, 0.0, g], rel=1e-14)
+    assert outputs_of(c, extended)[:3] == pytest.approx([0.3 * g, 0.0, 1.01 * g], rel=1e-14)
 
 
 @pytest.mark.parametrize("component", all_kinds(), ids=title)

@@ -260,14 +260,14 @@ class Beyond:
     @property
     def in_words(self) -> str:
         """Place, quantity, and the size of the function that bends least."""
-        pair, largest = self.pair, max(float(np.ptp(own.least)) for own in self.each)
+        pair, in_all = self.pair, max(float(np.ptp(own.least)) for own in self.each)
         times = in_words(pair.factor)
         of = f"{times} times a function" if times else "a function"
         turns = pair.where.endswith("axis") or pair.where == "base"
         unit = "rad/s" if pair.where in (*GYROS, GYRO_BLOCK) else "rad" if turns else "g"
         most = " at most" if pair.members else ""
         return (
-            f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(largest)} {unit} in all{most}"
+            f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(in_all)} {unit} in all{most}"
         )
 
     @property

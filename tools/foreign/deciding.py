@@ -17,6 +17,7 @@ from ..records.columns import (
     RAW,
     STRAPDOWN_INCREMENTS,
     STRAPDOWN_RATES,
+    STRAPDOWN_VELOCITIES,
     quoted,
 )
 from .deciding_units import decide_units
@@ -213,7 +214,8 @@ def _decide_kind(found: Understanding, places: dict[str, int]) -> None:
             )
             found.ask("kind", ("position record", "strapdown record"), why)
         named = STRAPDOWN_RATES.name if of_block and not of_table else POSITION.name
-    kinds = [kind for kind in KINDS if kind.name == named]
+    # Increments of velocity are not imported.
+    kinds = [kind for kind in KINDS if kind.name == named and kind is not STRAPDOWN_VELOCITIES]
     if len(kinds) > 1 and any(column in places for column in INCREMENT):
         kinds = [STRAPDOWN_INCREMENTS]
     found.kind = kinds[0]

@@ -92,7 +92,8 @@ def check_effect(path: str, effect: Effect) -> Effect:
             raise refuse("places", f"have {place.title}; axes are from 1 to 3, an order is a whole number from 1")
     if len(set(effect.places)) < len(effect.places):
         raise refuse("places", "have one twice")
-    if effect.in_motion != (stage[0] in ("GyroBlock", "AttitudeComputer")) and stage[0] != "AccelerometerBlock":
+    either = stage[0] in ("AccelerometerBlock", "TurntableMotion")
+    if effect.in_motion != (stage[0] in ("GyroBlock", "AttitudeComputer")) and not either:
         raise refuse("in_motion", f"is {effect.in_motion}; that of {stage[0]} is {not effect.in_motion}")
     for place in effect.places:
         with said_of_field(refuse, "of_place"):

@@ -174,6 +174,11 @@ def _gains(result: Several) -> list[Section]:
     return [Section("What one record says of the others", [said, *map(sentence, helps_lines(result))], table=table)]
 
 
+def _typeset(name: str) -> str:
+    """A parameter and its name, the sign of a symbol in typography."""
+    return words(name).replace("-X", "−X")
+
+
 def _repeatability(found: Sequence[Repeated]) -> list[Section]:
     if not found:
         return []
@@ -182,7 +187,7 @@ def _repeatability(found: Sequence[Repeated]) -> list[Section]:
     for one in found:
         cells = [None if record.estimate is None else minus(_possible(record)) for record in one.records]
         most = None if one.at_most is None else upwards(one.at_most)
-        rows.append([words(one.name), one.of, *cells, downwards(one.at_least), most, unit_text(one.unit)])
+        rows.append([_typeset(one.name), one.of, *cells, downwards(one.at_least), most, unit_text(one.unit)])
     header = ["parameter", "of", *labels, "changes at least", "at most", "unit"]
     said = (
         "Each record by itself, with the effects that are named. Every value inside an interval is possible, "
@@ -217,7 +222,7 @@ def joint_calibration_page(result: JointCalibration) -> Page:
         rows: list[list[Cell]] = []
         for p in (p for p in result.parameters if p.record == record):
             value, low, high = (None,) * 3 if p.estimate is None else interval(p.estimate, p.low, p.high)
-            rows.append([words(p.name), value, low, high, unit_text(p.unit)])
+            rows.append([_typeset(p.name), value, low, high, unit_text(p.unit)])
         said = ["Every value inside an interval is possible, none outside."] if record is None and rows else []
         said += [sentence(f"still open: {', '.join(result.missing)}")] if record is None and result.missing else []
         head = "The instrument" if record is None else f"{record} alone"
