@@ -204,6 +204,7 @@ def rows_at_rest() -> Rows:
         by_epsilon=by_epsilon,
         sense_alpha=rng.choice([-1.0, 1.0], ROWS),
         sense_beta=rng.choice([-1.0, 1.0], ROWS),
+        axis_rates=rng.uniform(-1.0, 1.0, (ROWS, 2)),
     )
 
 
@@ -262,6 +263,8 @@ def _context(effect: Effect, rows: Any, row: int) -> tuple[list[float], list[flo
     context[ALPHA], context[BETA] = angles
     if effect.component == "TurntableMotion":
         context[SENSE_ALPHA], context[SENSE_BETA] = float(rows.sense_alpha[row]), float(rows.sense_beta[row])
+        if effect.in_motion:
+            context[RATE : RATE + 2] = rows.axis_rates[row].tolist()
         return context, angles
     context[SENSE_INPUT : SENSE_INPUT + 3] = rows.input_sense[row].tolist()
     context[INPUT : INPUT + 3] = rows.n[row].tolist()
@@ -275,7 +278,8 @@ def _context(effect: Effect, rows: Any, row: int) -> tuple[list[float], list[flo
 def _check_signature(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     """The signature is what the kernel adds for one unit of each coefficient, in its sum."""
     count = len(effect.linear_parameters)
-    rows: Any = rows_in_motion() if effect.in_motion else rows_at_rest()
+    of_table = effect.component == "TurntableMotion"
+    rows: Any = rows_in_motion() if effect.in_motion and not of_table else rows_at_rest()
     with said_of_field(refuse, "signature"):
         columns = np.asarray(effect.signature(place, rows), dtype=float)
     if columns.shape != (ROWS, 3, count):
