@@ -34,7 +34,7 @@ from ..parquet import MAGIC
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
 from ..planning.plan import Plan, Plans
-from ..records.columns import ANGLES, FORCE, Columns, extra_warning, warnings
+from ..records.columns import ANGLES, FORCE, VELOCITY, Columns, extra_warning, warnings
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of
 from ..records.read import all_faults, read_record
@@ -136,7 +136,7 @@ def _check_table(found: Findings, data: bytes, channels: Sequence[str]) -> None:
     whether a raw record has rests.
     """
     names = [] if data.startswith(MAGIC) else _header(data)
-    if names and not set(names) & set(FORCE) and set(names) & {*ANGLES, "time_s"}:
+    if names and not set(names) & {*FORCE, *VELOCITY} and set(names) & {*ANGLES, "time_s"}:
         _check_commands(found, names)
         return
 

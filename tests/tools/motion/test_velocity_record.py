@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
+from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.motion import attitude_of_record
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
@@ -37,6 +38,7 @@ def test_a_record_of_increments_gives_the_velocity_of_strong_sculling(tmp_path, 
     path = without_force(sculled(), tmp_path / "sculled.csv")
     record = read_record(path)
     assert isinstance(record, StrapdownRecord)
+    assert check(path).kind == "strapdown record"
     # The specific force at a row is the mean of the intervals beside it, without a lag.
     error = np.abs(record.specific_force - sculled().specific_force)[1:-1]
     assert error.max() < 1.1 * FORCE * (2.0 * math.pi / 40) ** 2 / 6
