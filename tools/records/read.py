@@ -323,9 +323,9 @@ def written_resolution(largest: float, digits: int) -> float:
     """Half a last digit of the largest number in a column that is written with so many significant digits.
 
     It is half a unit of the last decimal where the number of decimals is fixed, and the largest rounding
-    error where the number of significant digits is.
+    error where the number of significant digits is; nothing is said of a number that no double can hold.
     """
-    if largest == 0.0 or digits == 0:
+    if largest == 0.0 or digits == 0 or math.isinf(largest):
         return 0.0
     return 0.5 * 10.0 ** (math.floor(math.log10(largest)) - digits + 1)
 

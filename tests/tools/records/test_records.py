@@ -148,6 +148,10 @@ def test_resolution_is_half_a_last_digit_of_the_largest_reading_and_some_reading
         assert 0.95 * resolution < error <= resolution * (1 + 1e-9)
 
 
+def test_a_number_that_no_double_holds_has_no_resolution():
+    assert written_resolution(float("1e400"), 2) == 0.0
+
+
 def test_what_rounding_does_to_readings_and_angles_is_nearly_what_is_allowed_for_it(tmp_path):
     """Angles of nine digits and readings of six, rounded as unluckily as can be."""
     rng = np.random.default_rng(2)
