@@ -10,7 +10,7 @@ is the sum of the increments of the step before γ_j. So k_ij are the data of ev
   With increments before the step there are more k_p: the class of Ignagni 1996, of which the paper was not to be had;
 * uncompressed, with the k_p shared among the pairs of a distance so that the products are exact for polynomial rates,
   too: the order of general motion comes back. Song, Wu and Pan 2013, by a table in the public domain that gives them
-  after Song's thesis; solved anew here;
+  after Song's thesis; tests of the orders hold them;
 * recursive: the fast loop of Savage 1998, part 1, (46), (47): each increment with half the sum of those before it and
   1/12 of the one before it, which is exact for a linear rate, however many there are in a step.
 

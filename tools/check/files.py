@@ -155,7 +155,8 @@ def _check_table(found: Findings, data: bytes, channels: Sequence[str]) -> None:
     if found.problems:
         return
     found.warnings += warnings(columns)
-    found.summary = (f"{len(columns.row)} rows, columns {', '.join(columns.layout.present)}",)
+    there = [name for name in columns.layout.present if not names or name in names]
+    found.summary = (f"{len(columns.row)} rows, columns {', '.join(there)}",)
     record = read_record(found.path, channels=channels)
     found.warnings += tuple(line for line in record.warnings if line not in found.warnings)
     if isinstance(record, PositionRecord):
