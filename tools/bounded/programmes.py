@@ -42,6 +42,15 @@ SCALED, UNSCALED = 2, 0
 """HiGHS' own scaling, and none: scaled, columns that are all but dependent may leave it without a basis."""
 
 
+class Solver(highspy.Highs):
+    """HiGHS without a word: from 1.16 on it says its name while it is made, before any option can be given."""
+
+    def enableCallbacks(self) -> None:
+        """As HiGHS does it when it is made, with the output off before."""
+        self.setOptionValue("output_flag", False)
+        super().enableCallbacks()
+
+
 class SolverError(ArithmeticError):
     """A programme that must have a solution was not solved."""
 
@@ -277,7 +286,7 @@ def least_largest(
 
 def solver() -> highspy.Highs:
     """HiGHS as every programme has it: simplex on one thread, without a word, to `TOLERANCE`."""
-    highs = highspy.Highs()
+    highs = Solver()
     options: Sequence[tuple[str, object]] = (
         ("output_flag", False),
         ("threads", 1),

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import block_array, block_diag, csc_array
 
-from ..bounded.programmes import SolverError, linear_programme
+from ..bounded.programmes import Solver, SolverError, linear_programme
 from ..progress import progress_bar
 from ..rounding import upwards
 from .certificate import NO_WEIGHT, Columns
@@ -258,7 +258,7 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
             np.concatenate([task.weights.ravel(), np.zeros(many), np.full(len(least), np.inf)]),
         ),
     )
-    highs = highspy.Highs()
+    highs = Solver()
     for name, option in (("output_flag", False), ("threads", 1), ("parallel", "off"), ("solver", "simplex")):
         highs.setOptionValue(name, option)
     if highs.passModel(model) == highspy.HighsStatus.kError:

@@ -1,5 +1,8 @@
 """The linear programmes, on cases that can be done by hand or by another solver."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -126,3 +129,10 @@ def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
                 assert proven_radius(*given, growth, duals) <= least + 1e-9
                 if moved == 0.01 and largest == 3.0:
                     assert proven_radius(*given, growth, duals) >= 0.9 * least
+
+
+def test_the_solver_says_nothing_of_itself():
+    """HiGHS 1.16 says its name once a process, when an instance is made: in the middle of what a command prints."""
+    program = "from trihedron.tools.bounded.programmes import solver; solver().run()"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
