@@ -13,11 +13,24 @@ from typing import Any
 COMPILES = find_spec("numba") is not None
 """Whether there is a compiler."""
 numba: Any = import_module("numba") if COMPILES else None
+Makers = tuple[Callable[..., Any], Callable[..., Any]]
+"""What makes kernels, and what makes the loop over them."""
+FEW = 2_000
+"""So many samples plain Python has gone through before a compiler is ready."""
 
 
 def loop_compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """A loop over kernels that are `compiled`; Python may call it."""
     return numba.njit(nogil=True, error_model="numpy")(function) if COMPILES else function
+
+
+def loops_over(rows: int) -> Makers:
+    """Machine code where it pays, the functions themselves where it does not."""
+    return (compiled, loop_compiled) if rows > FEW else (_plain, _plain)
+
+
+def _plain(function: Callable[..., Any]) -> Callable[..., Any]:
+    return function
 
 
 @cache

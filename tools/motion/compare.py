@@ -22,7 +22,7 @@ from ...models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
 from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
 from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration, rodrigues_iteration
 from ...models.attitude_algorithms.products import by_products, by_products_and_series, by_products_cut_off
-from ..compiled import compile_callee, compiled, loop_compiled
+from ..compiled import Makers, compile_callee, compiled, loop_compiled, loops_over
 from ..errors import InputError
 from ..progress import progress_bar
 from ..records import StrapdownRecord
@@ -189,7 +189,7 @@ def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: i
     shaking = axes[:, :, 0] != 0.0
     bandwidth = float((np.abs(axes[:, :, 1]) * (1.0 + np.abs(axes[:, :, 0])))[shaking].sum())
     pieces = 1 + math.floor(bandwidth * period / harmonic_motion.PHASE_OF_PIECE)
-    _sampler()(harmonics, period, intervals, pieces, increments, angles)
+    _sampler(loops_over(count))(harmonics, period, intervals, pieces, increments, angles)
     return Samples(period, increments, angles)
 
 
@@ -202,14 +202,15 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
     work = (np.array(table), np.array(half_table), *(np.zeros(WORK_SIZE) for _ in range(4)), np.zeros(4))
-    _runner(algorithm)(np.ascontiguousarray(increments), renormalise, work, attitudes)
+    _runner(algorithm, loops_over(len(increments)))(np.ascontiguousarray(increments), renormalise, work, attitudes)
     return attitudes
 
 
 @cache
-def _sampler() -> Callable[..., None]:
+def _sampler(made: Makers) -> Callable[..., None]:
+    kernel_made, loop_made = made
     trapezoid, exactly, move = (
-        compiled(kernel)
+        kernel_made(kernel)
         for kernel in (
             harmonic_motion.integrate_by_trapezoid,
             harmonic_motion.integrate_exactly,
@@ -217,7 +218,7 @@ def _sampler() -> Callable[..., None]:
         )
     )
 
-    @loop_compiled
+    @loop_made
     def sample(harmonics, period, intervals, pieces, increments, angles):
         angle, angle_rate, rate, increment = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
         for k in range(len(increments)):
@@ -233,12 +234,13 @@ def _sampler() -> Callable[..., None]:
 
 
 @cache
-def _runner(algorithm: Algorithm) -> Callable[..., None]:
-    turn = _turn(algorithm)
+def _runner(algorithm: Algorithm, made: Makers) -> Callable[..., None]:
+    kernel_made, loop_made = made
+    turn = _turn(algorithm, kernel_made)
     samples, keeps_previous = algorithm.samples, algorithm.previous
-    multiply, normalise = compiled(rotation.multiply), compiled(rotation.normalise)
+    multiply, normalise = kernel_made(rotation.multiply), kernel_made(rotation.normalise)
 
-    @loop_compiled
+    @loop_made
     def run(increments, renormalise, work, attitudes):
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
@@ -262,9 +264,9 @@ def _runner(algorithm: Algorithm) -> Callable[..., None]:
     return run
 
 
-def _turn(algorithm: Algorithm) -> Callable[..., None]:
+def _turn(algorithm: Algorithm, kernel_made: Callable[..., Any]) -> Callable[..., None]:
     """The kernel with one signature for all: previous increments, whether there are any, increments, work, result."""
-    kernel = compiled(algorithm.kernel)
+    kernel = kernel_made(algorithm.kernel)
     samples = algorithm.samples
     if algorithm.kernel in (by_products, by_products_and_series, by_products_cut_off):
 
@@ -296,7 +298,7 @@ def _turn(algorithm: Algorithm) -> Callable[..., None]:
         def turn(previous, known, g, work, turned):
             kernel(g, turned)
 
-    return compile_callee(turn)
+    return compile_callee(turn) if kernel_made is compiled else turn
 
 
 def read_increments(
@@ -323,16 +325,19 @@ def read_increments(
         return tuple(scalars.get(name, memory[name]) for name in names)
 
     read, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])
-    if status := _reader()(samples.period, read, arguments("initialise"), arguments("step"), ports):
+    if status := _reader(loops_over(len(read)))(
+        samples.period, read, arguments("initialise"), arguments("step"), ports
+    ):
         raise InputError(GYRO_BLOCK.messages[status - 1])
     return read
 
 
 @cache
-def _reader() -> Callable[..., int]:
-    initialise, step = cast("tuple[Any, Any]", (compiled(gyro.initialise), compiled(gyro.step)))
+def _reader(made: Makers) -> Callable[..., int]:
+    kernel_made, loop_made = made
+    initialise, step = cast("tuple[Any, Any]", (kernel_made(gyro.initialise), kernel_made(gyro.step)))
 
-    @loop_compiled
+    @loop_made
     def read(period, rows, to_initialise, to_step, ports):
         increment, reading = ports
         status = initialise(0.0, *to_initialise)

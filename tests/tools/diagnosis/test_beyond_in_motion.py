@@ -80,6 +80,7 @@ def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
     assert np.ptp((told - true) - np.mean(told - true)) < 0.5 * np.ptp(true)
 
 
+@pytest.mark.acceptance
 def test_bounds_as_much_larger_as_is_said_would_do():
     _, result = of_hump()
     evidence = result.evidence

@@ -85,6 +85,7 @@ def test_turns_change_as_the_extended_components_say(clean, place, values):
     assert np.abs(seen - told).max() < 0.02 * np.abs(told).max()
 
 
+@pytest.mark.acceptance
 def test_a_harmonic_of_an_encoder_has_two_witnesses(tmp_path, monkeypatch, capsys):
     """Named at a terminal with page and components; each witness by itself is satisfied."""
     monkeypatch.chdir(tmp_path)

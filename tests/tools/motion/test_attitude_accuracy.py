@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.models.harmonic_motion import move_harmonically
-from trihedron.tools.motion.compare import Samples, run_algorithm, sample_motion
+from trihedron.tools import compiled
+from trihedron.tools.motion.compare import Samples, read_increments, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.papers.reproduction import angle_errors
 
@@ -191,3 +192,16 @@ def test_a_fixed_high_degree_is_worse_on_vibration_near_the_nyquist_rate() -> No
 def test_where_no_noise_is_seen_vibration_gains_too() -> None:
     taken = samples("second", 4000, 20.0)
     assert errors_deg(taken, "two-sample-rodrigues").max() > 20 * errors_deg(taken, "adaptive-degree").max()
+
+
+@pytest.mark.acceptance
+def test_short_motions_need_no_compiler_and_have_the_same_bits(monkeypatch):
+    """Plain Python is ready at once; what is compiled for longer motions computes the same."""
+    answers = []
+    for few in (0, 100):
+        monkeypatch.setattr(compiled, "FEW", few)
+        samples = sample_motion(paper_motion("second", EXACT), 0.01, 100)
+        read = read_increments(samples, np.linspace(-1e-3, 1e-3, 9), np.full(3, 1e-4), 1e-6, 1e-7, 3)
+        answers.append((samples.increments, samples.angles, read, run_algorithm(BY_NAME[SMOOTH[0]], read)))
+    for machine, plain in zip(*answers, strict=True):
+        assert machine.tobytes() == plain.tobytes()

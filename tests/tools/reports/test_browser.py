@@ -109,6 +109,7 @@ def test_printed_pages_are_not_half_empty(pages, window: Window):
         assert sheets <= most, size
 
 
+@pytest.mark.acceptance
 def test_the_browser_does_complain_where_there_is_reason(pages, tmp_path, window: Window):
     page = pages["plans"].read_text(encoding="utf-8")
     page = page.replace("<main>", '<main><img src="missing.png" alt=""><p style="width: 2000px">wide</p>')

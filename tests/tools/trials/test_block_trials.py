@@ -185,6 +185,7 @@ def test_a_record_with_a_secret_is_written(tmp_path):
     assert len(read_record(tmp_path / "moved.csv")) > 5000
 
 
+@pytest.mark.acceptance
 def test_a_few_cases_are_named_and_clean_ones_are_not(tmp_path):
     """A share of the suite: an effect between rests, and a clean record; beside cameras effects are named elsewhere."""
     hidden = run_suite(Options(effects=("gyro-scale-asymmetry",), strapdown=True), 1, 34)
