@@ -208,6 +208,27 @@ def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
     )
 
 
+READ_AT = {
+    "rate": ("RATE", "ANGULAR_ACCELERATION"),
+    "angle": ("ALPHA", "BETA"),
+    "temperature": ("TEMPERATURE",),
+    "specific_force": ("INPUT",),
+}
+"""Inputs of components, by the names of the places of their context at which effects read them."""
+
+
+def inputs_read(component: Component, effects: Sequence[EffectPlace]) -> dict[str, EffectPlace]:
+    """Inputs of a component, besides what it reads itself at each step, with an effect that reads each."""
+    found = {}
+    for place in effects:
+        kernels = [k for k in (place.definition.kernel, place.definition.memory) if k is not None]
+        names = {name for kernel in kernels for name in kernel.__code__.co_names}
+        for variable in component.interface:
+            if variable.causality == "input" and names.intersection(READ_AT.get(variable.name, ())):
+                found.setdefault(variable.name, place)
+    return found
+
+
 def can_extend(component: Component, place: EffectPlace) -> bool:
     """Whether an effect extends a component: its own, or the inverse of its own where all that it does is add."""
     effect = place.definition

@@ -303,7 +303,7 @@ LEVER_ARM = accelerometer_effect(
         + " mm along the axes"
     ),
     in_motion=True,
-    formula="Δf_{p}/g = (ω × (ω × r) + ω' × r)_{p} / g, r = ({r_1}, {r_2}, {r_3}) 'm'",
+    formula="Δf_{p}/g = (ω × (ω × r) + dω/dt × r)_{p} / g, r = ({r_1}, {r_2}, {r_3}) 'm'",
 )
 
 

@@ -256,7 +256,7 @@ THERMAL_LAG = last_stage_effect(
     needs=("temperature",),
     contains=("temperature-bias", "bias-drift"),
     formula="Δf_{p}/g = {coefficient} (T_lag − 20 °C) + {settling} e^(−t/{time_constant}), "
-    "{time_constant} T_lag' = T − T_lag",
+    "{time_constant} dT_lag/dt = T − T_lag",
 )
 
 EFFECTS = (WARM_UP, THERMAL_LAG)

@@ -11,7 +11,7 @@ from ..orchestrator.archive import temporary_folder
 from ..orchestrator.load import Loaded, Sources, load, resolve_parameters
 from ..orchestrator.recorded import resolve_columns
 from ..orchestrator.scenario import RunSetting, Scenario, Stimulus
-from ..orchestrator.stimuli import check_single_sources, resolve_stimuli
+from ..orchestrator.stimuli import check_sources, resolve_stimuli
 from ..orchestrator.wiring import Wire, check_states, paces_of, resolve_connections, stepping_groups
 from ..result import Location, field_problems
 from ..rounding import exactly
@@ -183,7 +183,8 @@ class _System:
             elif stimulus.kind == "constant":
                 resolve(stimulus, number, step)
         with self.found.of(("stimuli",)):
-            check_single_sources(self.wires, drives)
+            # What is wrong elsewhere may be what feeds an input.
+            check_sources(self.wires, drives, {} if self.found.problems else self.loaded)
         if not written and not scenario.stimuli:
             with self.found.of(("run",)):
                 resolve_stimuli(scenario, sources, self.loaded)

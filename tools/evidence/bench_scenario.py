@@ -40,6 +40,8 @@ RUN_OF_TABLE: dict[str, object] = {
 }
 """Parameters of the table that belong to such a run."""
 COMPONENTS = {"table": "TurntableMotion", "block": "AccelerometerBlock"}
+FED = {"specific_force": "specific_force", "angle": "angle", "block_rate": "rate"}
+"""What the block hears of the table, effects' needs among it: outputs and the inputs that they feed."""
 READINGS = {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)}
 ANGLES = {"alpha_deg": "table.angle_reading[1]", "beta_deg": "table.angle_reading[2]"}
 """Columns of a record, and what is recorded as them."""
@@ -132,7 +134,7 @@ class Visited:
             "title": title,
             "run": {"start_s": began, "step_s": self.step, "stop_s": began + steps * self.step},
             "fmus": {**fmus, "table": {**fmus["table"], "parameters": own}},
-            "connections": [{"from": f"table.{name}", "to": f"block.{name}"} for name in ("specific_force", "angle")],
+            "connections": [{"from": f"table.{given}", "to": f"block.{name}"} for given, name in FED.items()],
             "stimuli": [{"table": timed, "columns": driven}],
             "record": {"columns": dict(columns)},
         }

@@ -63,11 +63,15 @@ class Sources:
 
 @dataclass(frozen=True)
 class Loaded:
-    """An FMU of the scenario, unpacked, with the values to set before it is initialised."""
+    """An FMU of the scenario, unpacked, with the values to set before it is initialised.
+
+    `read` are inputs that effects composed into it read, each with such an effect in words.
+    """
 
     fmu: UnpackedFmu
     interface: Interface
     values: Mapping[str, tuple[Variable, Value]]
+    read: Mapping[str, str] = field(default_factory=dict)
 
     def start_value(self, variable: Variable) -> Value | None:
         """What a variable starts with: the scenario's value, else the start value of its model description."""
@@ -164,8 +168,15 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
             interface = interface_of(name, label, fmu.description, lengths)
         calibrated = calibrated_parameters(name, setting, interface, sources)
         values = {**structural, **resolve_parameters(interface, others, calibrated, of_effects)}
-        loaded[name] = Loaded(fmu, interface, values)
+        read = _read_by_effects(str(setting.component), places) if places else {}
+        loaded[name] = Loaded(fmu, interface, values, read)
     return loaded
+
+
+def _read_by_effects(component: str, places: "tuple[EffectPlace, ...]") -> dict[str, str]:
+    from ...fmus.component import inputs_read
+
+    return {name: place.title for name, place in inputs_read(fmus.components()[component], places).items()}
 
 
 def _structural(

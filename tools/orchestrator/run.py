@@ -31,12 +31,12 @@ from ..records.read import read_written
 from ..records.rests import position_record_of
 from ..result import ABSENT, Result
 from .archive import temporary_folder
-from .load import Loaded, Sources, interfaces_of, load, resolve_parameters
+from .load import Sources, interfaces_of, load, resolve_parameters
 from .loops import Assembly, run_fmus
 from .ports import Ports
 from .recorded import Column, recorded_variables, resolve_columns
 from .scenario import Scenario
-from .stimuli import check_single_sources, resolve_stimuli
+from .stimuli import check_sources, resolve_stimuli
 from .wiring import check_states, paces_of, resolve_connections, stepping_groups
 
 SCHEMA = "trihedron.run/1"
@@ -177,9 +177,9 @@ class PreparedScenario:
         for name, given in parameters.items():
             entry = loaded[name]
             changed = resolve_parameters(entry.interface, given)
-            loaded[name] = Loaded(entry.fmu, entry.interface, {**entry.values, **changed})
+            loaded[name] = replace(entry, values={**entry.values, **changed})
         grid, drives = resolve_stimuli(self.scenario, self.sources, loaded)
-        check_single_sources(self._wires, drives)
+        check_sources(self._wires, drives, loaded)
         ports = {}
         for name, entry in loaded.items():
             own = [drive for _, drive in drives if drive.fmu == name]

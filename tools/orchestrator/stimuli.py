@@ -25,6 +25,8 @@ from .wiring import Wire
 
 ROW_TOLERANCE = 1e-3
 """How far (in steps) a row's time may be off a tick that it is meant for: digits that a file leaves off."""
+GIVEN_BY_TABLE = {"rate": "block_rate", "angle": "angle", "specific_force": "specific_force"}
+"""Outputs of a table that feed inputs which effects read."""
 PROGRAMME_COLUMNS = ["alpha_deg", "beta_deg", "dwell_s"]
 
 
@@ -445,8 +447,11 @@ def resolve_stimuli(
     return grid, drives
 
 
-def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]]) -> None:
-    """Refuse an input that two sources feed; a drive comes with what the user called its stimulus."""
+def check_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]], loaded: Mapping[str, Loaded]) -> None:
+    """Refuse an input that two sources feed, and one that an effect reads and nothing feeds: it would do nothing.
+
+    A drive comes with what the user called its stimulus.
+    """
     taken: dict[tuple[str, str], str] = {}
     sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]
     sources += [(drive.fmu, variable, name) for name, drive in drives for variable in drive.variables]
@@ -454,3 +459,12 @@ def check_single_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Driv
         before = taken.setdefault((fmu, variable.name), source)
         if before is not source:
             raise InputError(f"'{fmu}.{variable.name}' has two sources, {before} and {source}; one is possible")
+    for fmu, entry in loaded.items():
+        for name, effect in entry.read.items():
+            variables = entry.interface.find(name, ("input",))
+            if not any((fmu, v.name) in taken or v.name in entry.values for v in variables):
+                of_table = f" (from a table: its {GIVEN_BY_TABLE[name]})" if name in GIVEN_BY_TABLE else ""
+                raise InputError(
+                    f"fmus.{fmu}.effects: {effect} reads '{fmu}.{name}', and nothing feeds it; connect it{of_table}, "
+                    f"drive it by a stimulus, or give {name} a value among the parameters of '{fmu}'"
+                )

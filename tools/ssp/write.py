@@ -30,7 +30,7 @@ from ..orchestrator.stimuli import (
     Drive,
     Grid,
     NumberTable,
-    check_single_sources,
+    check_sources,
     make_grid,
     resolve_constant,
     resolve_programme,
@@ -213,7 +213,7 @@ def _members(
     (folder / "loaded").mkdir()
     loaded = load(whole, sources, folder / "loaded")
     wires = resolve_connections(whole.connections, interfaces_of(loaded))
-    check_single_sources(wires, [])
+    check_sources(wires, [], loaded)
     grid = make_grid(whole, [])
     files: dict[str, str] = {}
     members: dict[str, bytes] = {}

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from scenario_runs import GAIN, refusal
+from scenario_runs import GAIN, refusal, wires
 from scenario_runs import run as run_scenario
 from trihedron.tools.errors import InputError
 
@@ -225,3 +225,41 @@ def test_an_effect_reaches_the_fmu(tmp_path: Path) -> None:
     n3 = plain["table.specific_force[3]_mps2"].to_numpy() / 9.80665
     gain = (extended["block.reading[3]_mps2"] - plain["block.reading[3]_mps2"]).to_numpy() / 9.80665
     np.testing.assert_allclose(gain, 1e-3 * n3 * n3, rtol=1e-9)
+
+
+TABLE = {"component": "TurntableMotion", "parameters": {"initial_angle": [0.3, 0.4], "earth_rotation": False}}
+TURNING = {"to": "table.command", "constant": [3.0, 0.4]}
+
+
+def of_accelerometer_1(effect: str, **values: object) -> dict:
+    return {"component": "AccelerometerBlock", "effects": [{"effect": effect, "where": "accelerometer-1", **values}]}
+
+
+@pytest.mark.parametrize(
+    ("block", "input_", "told"),
+    [
+        (of_accelerometer_1("lever-arm", r_1=0.05, r_2=0.0, r_3=0.0), "rate", " (from a table: its block_rate)"),
+        (of_accelerometer_1("accelerometer-lag", time=1e-3), "rate", " (from a table: its block_rate)"),
+        (of_accelerometer_1("formula", law="f1 += c*sin(3*alpha)", c=1e-3), "angle", " (from a table: its angle)"),
+        (of_accelerometer_1("thermal-lag", coefficient=1e-5, settling=0.0, time_constant=0.1), "temperature", ""),
+    ],
+    ids=lambda value: value["effects"][0]["effect"] if isinstance(value, dict) else "",
+)
+def test_an_effect_of_which_nothing_feeds_the_input_is_refused(tmp_path: Path, block, input_, told) -> None:
+    """It would do nothing, without a word."""
+    fmus = {"table": TABLE, "block": block}
+    said = refusal(tmp_path, fmus, connections=wires("table.specific_force -> block.specific_force"))
+    assert f"'block.{input_}', and nothing feeds it; connect it{told}, " in said
+
+
+def test_a_size_effect_acts_while_the_table_turns(tmp_path: Path) -> None:
+    arm = of_accelerometer_1("lever-arm", r_1=0.05, r_2=0.0, r_3=0.0)
+    joined = wires("table.specific_force -> block.specific_force", "table.block_rate -> block.rate")
+    plain, extended = (
+        run_scenario(tmp_path, {"table": TABLE, "block": block}, connections=joined, stimuli=[TURNING]).table
+        for block in ({"component": "AccelerometerBlock"}, arm)
+    )
+    centripetal = -0.05 * (plain["table.block_rate[2]_radps"] ** 2 + plain["table.block_rate[3]_radps"] ** 2)
+    gained = extended["block.reading[1]_mps2"] - plain["block.reading[1]_mps2"]
+    assert np.abs(centripetal.to_numpy()).max() > 1e-3
+    np.testing.assert_allclose(gained.to_numpy(), centripetal.to_numpy(), atol=1e-12)
