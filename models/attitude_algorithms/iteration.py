@@ -7,14 +7,15 @@ the polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sa
 The Rodrigues vector of Wu's first paper (RodFIter, IEEE Trans. AES 54(5), 2018; its abstract and patent were to be had)
 is iterated on the same nodes: the same error to rounding, at more cost and in a shorter range.
 
-The algorithm of adaptive degree chooses it by what the increments support, without knowing anything of the motion.
-The N-th difference of the increments is the error with which N of them predict the next one. Taken over the last 16
-increments in the root mean square, a polynomial of higher degree is supported
+The algorithm of adaptive degree chooses it by what the increments support, without knowing anything of the motion. The
+N-th difference of the increments is the error with which N of them predict the next one. In the mean square over the
+last 16 increments,
 
-* where each further difference is at most half of the one before: the fourth a quarter of the second, the eighth a
-  sixteenth of the fourth. Noise and quantisation double with every difference, and vibration above a sixth of half the
-  sample rate does not halve: there a high degree would only carry more of the quantisation into the attitude; or
-* where the differences fall from the second to the fifteenth, the last that there is: then no noise is to be seen.
+* four at a time are supported where the fourth difference is no larger than the second. Vibration above a sixth of the
+  sample rate makes each difference larger than the one before, and a high degree carries it wrongly into the attitude;
+* eight where, from the fourth to the eighth, it grows less than half as much as noise alone would make it: then the
+  fourth is of the motion. What a low degree leaves out of a motion adds up; what a high one takes in of noise and
+  quanta is random, and small beside what they do to the sum of the increments.
 """
 
 import math
@@ -55,6 +56,10 @@ LARGEST_TABLE = (2 * MOST_INCREMENTS + EXTRA_NODES + 1) * (MOST_INCREMENTS + EXT
 
 WINDOW = 8
 """Increments of one update of adaptive degree."""
+
+RISE_OF_NOISE = 46.0
+"""A quarter of what noise makes of the mean square of differences from the fourth to the eighth: C(16, 8)/C(8, 4) = 184
+for white noise, C(18, 9)/C(10, 5) = 193 for the rests of quanta."""
 
 
 def increments_iterated(algorithm: float) -> int:
@@ -319,33 +324,23 @@ def supported_degree(previous: Vector, known: float, g: Vector, most: float, dif
     second = 0.0
     fourth = 0.0
     eighth = 0.0
-    last = 0.0
-    for n in range(1, length):
-        total = 0.0
-        for i in range(3 * (length - n)):
-            differences[i] = differences[i + 3] - differences[i]
-            total = total + differences[i] * differences[i]
-        last = total / (length - n)
-        if n == 2:
-            second = last
-        if n == 4:
-            fourth = last
+    for n in range(1, WINDOW + 1):
         # The first eight increments have no eighth difference: their seventh stands for it.
-        if n == 7 or n == 8:
-            eighth = last
-    if longest > most:
+        if n < length:
+            total = 0.0
+            for i in range(3 * (length - n)):
+                differences[i] = differences[i + 3] - differences[i]
+                total = total + differences[i] * differences[i]
+            eighth = total / (length - n)
+        if n == 2:
+            second = eighth
+        if n == 4:
+            fourth = eighth
+    if longest > most or fourth > second:
         return 2
-    falling = 0.0
-    if length == 2 * WINDOW and last <= eighth and eighth <= fourth and fourth <= second:
-        falling = 1.0
-    chosen = 2
-    if fourth <= second / 16.0:
-        chosen = 4
-        if eighth <= fourth / 256.0:
-            chosen = 8
-    if falling == 1.0:
-        chosen = 8
-    return chosen
+    if eighth > RISE_OF_NOISE * fourth:
+        return 4
+    return 8
 
 
 def pair_of_increments(g: Vector, first: int, part: Vector) -> None:
@@ -444,7 +439,7 @@ ALGORITHMS = (
     Algorithm(
         27,
         "two, four or eight samples at a time, by what the increments support",
-        "Trihedron: the degree whose differences still halve",
+        "Trihedron: the degree that the differences support",
         adaptive_degree,
         samples=WINDOW,
         order=10,

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.models.harmonic_motion import move_harmonically
+from trihedron.models.harmonic_motion import move_harmonically, store_harmonics
 from trihedron.tools import compiled
 from trihedron.tools.motion.compare import Samples, read_increments, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
@@ -182,6 +182,24 @@ def test_the_best_algorithm_is_never_worse_on_the_compositions(name: str, freque
 @pytest.mark.parametrize("name", ["first", "second"])
 def test_the_best_algorithm_is_never_worse_over_ten_minutes(name: str, frequency: int) -> None:
     never_worse(samples(name, frequency, 600.0))
+
+
+@pytest.mark.parametrize(("quantum", "noise"), [(2.4e-6, 0.0), (0.0, 6e-8)])
+def test_quanta_and_noise_do_not_keep_the_best_algorithm_from_coning(quantum: float, noise: float) -> None:
+    """A cone of 1° at 51 Hz, 1 kHz: what a lower degree leaves of it adds up, noise in a higher one does not."""
+    harmonics, turn, quarter = [0.0] * 36, 0.0175, 0.5 * np.pi
+    store_harmonics(1, np.pi, [turn, 0.0, 0.0, 0.0], [51.0] * 4, [0.0] * 4, harmonics)
+    store_harmonics(2, np.pi, [turn, -turn, 0.0, 0.0], [51.0, 0.0, 0.0, 0.0], [quarter] * 4, harmonics)
+    exact = sample_motion(np.array(harmonics), 1e-3, 20000)
+    square = dict.fromkeys(("functional-iteration-4", "functional-iteration-8", "adaptive-degree"), 0.0)
+    for seed in range(6):
+        draw = np.random.default_rng(seed)
+        read = exact.increments + noise * draw.normal(size=exact.increments.shape)
+        read[0] += quantum * draw.uniform(-0.5, 0.5, 3)
+        for name in square:
+            square[name] += errors_deg(exact, name, quantised(read, quantum) if quantum else read).max() ** 2
+    assert square["adaptive-degree"] < 1.2 * square["functional-iteration-8"]
+    assert square["adaptive-degree"] < 0.7 * square["functional-iteration-4"]
 
 
 def test_a_fixed_high_degree_is_worse_on_vibration_near_the_nyquist_rate() -> None:
