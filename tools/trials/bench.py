@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from ...models.bench import ELEMENTARY, elementary, elementary_reading
 from ...models.effects import POSITION_EFFECTS, Effect
 from ..calibration.calibration import Asked, fit_record
 from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
+from ..diagnosis.cause import NamedEffect
+from ..evidence.bench import Bench as Evidence
 from ..evidence.bench_predictions import dense_spaces
 from ..evidence.bench_visits import Circumstances, circumstances_of
 from ..evidence.fit import Classes, composed
@@ -25,7 +27,7 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
 from ..records import PositionRecord, RawRecord, read_record
 from ..records.rests import average_rests, find_rests
-from .sizes import Hidden
+from .sizes import RECORD_DECIMALS, Hidden, Secret
 
 NOISE_BOUND = 1e-5
 """σ of the records: bound of the sum of the block's error and the encoders' fluctuation."""
@@ -49,8 +51,6 @@ BLOCK_NOISE = NOISE_BOUND - 1.05 * ENCODER_FLUCTUATION
 STEP_S, FINE_STEP_S = 0.25, 0.05
 LONGEST_RUN_S = 4000.0
 """The temperature is laid down for so long."""
-RECORD_DECIMALS = 9
-"""Decimals of a record's numbers, as laboratories write them."""
 HELD = 0.9
 """What remains of an error that wanders, from one position to the next."""
 ERRORS = 1
@@ -77,6 +77,9 @@ class Bench:
     noise: str = "uniform"
     """one of "uniform", "edge" and "correlated" """
 
+    decimals: ClassVar[int | None] = RECORD_DECIMALS
+    """of the numbers of its record"""
+
     @property
     def baseline(self) -> str:
         """The model that the bench is diagnosed with."""
@@ -86,6 +89,45 @@ class Bench:
     def asked(self) -> dict[str, Any]:
         """What is known beside the record: σ, the mountings and the kind of block."""
         return {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
+
+    def as_measured(self, record: PositionRecord) -> PositionRecord | RawRecord:
+        """The record as a laboratory has it: of a whole bench the series, not its rests."""
+        return record
+
+    @property
+    def table(self) -> Mapping[str, Any]:
+        """The true parameters of the table."""
+        return self.truth["TurntableMotion"]
+
+    def as_recorded(self, hidden: Sequence[Hidden], evidence: Evidence) -> tuple[Hidden, ...]:
+        """What is hidden by the clock of the record: only it says when its first rest was.
+
+        What changes within a rest may take a part of it away.
+        """
+        seen = evidence.readings.circumstances
+        warm = None if seen.temperature is None else (float(temperature_at(np.zeros(1))[0]), float(seen.temperature[0]))
+        return tuple(one.since(seen.began / 3600.0, warm) for one in hidden)
+
+    def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
+        """The secret and the true parameters, for whoever wants to compare."""
+        told = [{**NamedEffect.keys(one.place), "parameters": one.parameters} for one in hidden]
+        return {"hidden": told[0] if told else {"effect": None}, "seed": seed, "truth": self.truth}
+
+    def told(self, seed: int, index: int, hidden: Sequence[Hidden]) -> dict[str, Any]:
+        """The case, as its outcome tells it."""
+        return {
+            "seed": seed,
+            "case": index,
+            "positions": len(self.alpha),
+            "mountings": self.mountings,
+            "baseline": self.baseline,
+            "noise": self.noise,
+            "hidden": tuple(map(Secret.hidden, hidden)),
+        }
+
+    def found(self, errors: tuple[float, ...], result: Any) -> dict[str, Any]:
+        """What a diagnosis made of it beside verdict and names."""
+        return {"errors": errors}
 
     @property
     def matrices(self) -> dict[str, NDArray]:

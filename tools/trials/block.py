@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import polars as pl
@@ -18,7 +18,7 @@ from ..motion.compare import sample_motion
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
 from ..records import StrapdownRecord
-from .sizes import Hidden
+from .sizes import RECORD_DECIMALS, Hidden
 
 UP = np.array([0.0, 0.0, 1.0])
 LARGEST_SWING = 1.2
@@ -125,6 +125,43 @@ class Block:
     """(N + 1,) [°C]; None: the record has none, and the block has 20 °C"""
     jitter: float = 0.0
     """bound of the errors of the time stamps, in periods; the sampling stays regular"""
+
+    asked: ClassVar[dict[str, Any]] = {}
+    """Nothing is known beside the record."""
+    table: ClassVar[None] = None
+    """There is none."""
+    decimals: ClassVar[int] = RECORD_DECIMALS
+    """of the numbers of its record"""
+
+    def as_measured(self, record: StrapdownRecord) -> StrapdownRecord:
+        """The record as a laboratory has it."""
+        return record
+
+    def as_recorded(self, hidden: Sequence[Hidden], evidence: Any) -> tuple[Hidden, ...]:
+        """The record's clock is that of the run."""
+        return tuple(hidden)
+
+    def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
+        """The secret and what is none of the instrument, for whoever wants to compare."""
+        return {
+            "seed": seed,
+            "case": index,
+            "reference": self.reference,
+            "hidden": hidden[0].entry if hidden else None,
+            "size": hidden[0].relative_size if hidden else 0.0,
+            "stamps_jitter_periods": self.jitter,
+            "gyros": dict(self.instruments.gyros),
+            "accelerometers": dict(self.instruments.accelerometers),
+        }
+
+    def told(self, seed: int, index: int, hidden: Sequence[Hidden]) -> dict[str, Any]:
+        """The case, as its outcome tells it."""
+        return {**self.answer(seed, index, hidden), "rows": len(self.motion) - 1}
+
+    def found(self, errors: tuple[float, ...], result: Any) -> dict[str, Any]:
+        """What a diagnosis made of it beside verdict and names."""
+        why = "; ".join((*(result.not_named or ()), *map(str, result.missing or ())))
+        return {"error": errors[0] if errors else None, "why": why}
 
     def measured(
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from ..diagnosis.cause import NamedEffect
 from ..errors import InputError, nearest
 from ..own_effects import OwnEffects
-from .bench import Bench
 from .sizes import Hidden
 
 MODES = ("clean", "single", "between", "pairs")
@@ -39,11 +37,6 @@ class Case:
     """effects that were drawn and put aside, as no possible size would do"""
 
     @property
-    def whole(self) -> bool:
-        """Whether the record is of a whole bench, with gyros."""
-        return "GyroBlock" in getattr(self.instrument, "truth", {})
-
-    @property
     def places(self) -> tuple[EffectPlace, ...]:
         """What is hidden."""
         return tuple(hidden.place for hidden in self.hidden)
@@ -54,22 +47,7 @@ class Case:
 
     def answer(self) -> dict[str, Any]:
         """The secret, for whoever wants to compare."""
-        own, hidden = self.instrument, next(iter(self.hidden), None)
-        if isinstance(own, Bench):
-            told = {"effect": None}
-            if hidden is not None:
-                told = {**NamedEffect.keys(hidden.place), "parameters": hidden.parameters}
-            return {"hidden": told, "seed": self.seed, "truth": own.truth}
-        return {
-            "seed": self.seed,
-            "case": self.index,
-            "reference": own.reference,
-            "hidden": None if hidden is None else hidden.entry,
-            "size": 0.0 if hidden is None else hidden.relative_size,
-            "stamps_jitter_periods": own.jitter,
-            "gyros": dict(own.instruments.gyros),
-            "accelerometers": dict(own.instruments.accelerometers),
-        }
+        return self.instrument.answer(self.seed, self.index, self.hidden)
 
 
 @dataclass(frozen=True)

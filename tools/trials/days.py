@@ -50,6 +50,10 @@ class Days:
             found[label] = bench.measured(seed, k, own, progress=progress)
         return found
 
+    def as_measured(self, record: PositionRecord) -> PositionRecord:
+        """A day's record as a laboratory has it."""
+        return record
+
 
 def joined(records: dict[str, PositionRecord]) -> Joint:
     """The evidence of the records together."""

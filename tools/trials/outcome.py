@@ -5,18 +5,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
 from typing import Any
 
-import numpy as np
-
 from ...models.effects import EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
 from ..diagnosis.cause import NamedEffect
 from ..diagnosis.several import Several, diagnosed_together
-from ..evidence.of_record import InRecord, in_record
-from ..result import ABSENT, Told, finite_or_none
-from .bench import NOISE_BOUND, Bench, temperature_at
+from ..result import ABSENT, Told
+from .bench import NOISE_BOUND
 from .case import Case
 from .days import Days
-from .sizes import Hidden
+from .sizes import Hidden, NamedInRecord, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
 """What can come of a case.
@@ -35,42 +32,6 @@ unexplained, consistent, insufficient
 """
 NOTHING = "nothing"
 """Stands for the secret of a clean record."""
-
-
-class NamedInRecord(NamedEffect):
-    """An effect at its place, of several records in one of them alone, or in all."""
-
-    record: str | None = None
-
-    @staticmethod
-    def of(place: EffectPlace) -> "NamedInRecord":
-        """The effect at a place."""
-        record = place.record if isinstance(place, InRecord) else None
-        own: dict[str, Any] = {} if record is None else {"record": record}
-        return NamedInRecord(**NamedEffect.keys(place), **own)
-
-    @property
-    def place(self) -> EffectPlace:
-        """The effect and its place."""
-        return super().place if self.record is None else in_record(super().place, self.record)
-
-
-class Secret(NamedInRecord):
-    """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory."""
-
-    parameters: dict[str, float]
-    size: float
-    """length of the vector of its linear coefficients; 1 for an effect that is not linear"""
-    surely_detected: float | None
-    rivals_excluded: float | None
-    """sizes in the same measure; None where there is none"""
-    last_rival: str | None
-    """the rival that is excluded last"""
-
-    @property
-    def relative_size(self) -> float:
-        """Size over that of sure detection."""
-        return 0.0 if self.surely_detected is None else self.size / self.surely_detected
 
 
 class Outcome(Told):
@@ -168,8 +129,7 @@ def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis | Se
     if isinstance(case.instrument, Days):
         alone = {label: diagnose(one, rerun=rerun, noise_bound=NOISE_BOUND) for label, one in record.items()}
         return diagnosed_together(alone, rerun=rerun)
-    known = case.instrument.asked if isinstance(case.instrument, Bench) else {}
-    return diagnose(record, rerun=rerun, **known)
+    return diagnose(record, rerun=rerun, **case.instrument.asked)
 
 
 def judged(case: Case, result: Diagnosis | Several) -> Outcome:
@@ -179,41 +139,11 @@ def judged(case: Case, result: Diagnosis | Several) -> Outcome:
     alone = isinstance(result, Diagnosis)
     others = (result.equal_sets, result.containing_sets) if alone else ()
     kind = kind_of(case.places, result.verdict, sets, *others)
-    table, secrets = None, case.hidden
-    if isinstance(own, Bench):
-        table = own.truth["TurntableMotion"]
-    if isinstance(own, Bench) and alone:
-        # Only the record says when its first rest was: what changes within a rest may take a part of it away.
-        seen = result.evidence.readings.circumstances
-        warm = None if seen.temperature is None else (float(temperature_at(np.zeros(1))[0]), float(seen.temperature[0]))
-        secrets = tuple(hidden.since(seen.began / 3600.0, warm) for hidden in case.hidden)
-    inside, errors = _held_against(secrets, kind, sets, table)
-    if isinstance(own, Bench):
-        told = {
-            "seed": case.seed,
-            "case": case.index or 0,
-            **({} if alone else {"records": len(result.records)}),
-            "positions": len(own.alpha),
-            "mountings": own.mountings,
-            "baseline": own.baseline,
-            "noise": own.noise,
-            "hidden": tuple(
-                Secret(
-                    **dict(NamedInRecord.of(hidden.place).to_json()),
-                    parameters=hidden.parameters,
-                    size=hidden.size,
-                    surely_detected=finite_or_none(hidden.sizes.detected),
-                    rivals_excluded=finite_or_none(hidden.sizes.excluded),
-                    last_rival=hidden.sizes.rival,
-                )
-                for hidden in secrets
-            ),
-            "errors": errors,
-        }
-    else:
-        why = "; ".join((*(result.not_named or ()), *map(str, result.missing or ())))
-        error = errors[0] if errors else None
-        told = {**case.answer(), "rows": len(own.motion) - 1, "error": error, "why": why}
+    secrets = own.as_recorded(case.hidden, result.evidence) if alone else case.hidden
+    inside, errors = _held_against(secrets, kind, sets, own.table)
+    told = own.told(case.seed, case.index or 0, secrets) | own.found(errors, result)
+    if not alone:
+        told["records"] = len(result.records)
     return Outcome(
         **told,
         redrawn=case.redrawn,

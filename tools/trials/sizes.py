@@ -26,7 +26,11 @@ from ..calibration.model import Linearisation
 from ..diagnosis.cause import NamedEffect
 from ..evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns, untold_readings
 from ..evidence.fit import coefficient_count
+from ..evidence.of_record import InRecord, in_record
+from ..result import finite_or_none
 
+RECORD_DECIMALS = 9
+"""Decimals of a record's numbers, as laboratories write them."""
 NOTHING_LEFT = 1e-8
 """A distance below this part of the effect's largest reading is rounding: the effect lies in the model."""
 TOLERANCE = 1e-3
@@ -103,6 +107,54 @@ class Hidden:
             both, left = values["coefficient"] * ahead, math.exp(-hours / constant[0])
             values["settling"] = values["settling"] * left + both * (1.0 if hours > 0.0 else -left)
         return replace(self, values=tuple(values.values()))
+
+
+class NamedInRecord(NamedEffect):
+    """An effect at its place, of several records in one of them alone, or in all."""
+
+    record: str | None = None
+
+    @staticmethod
+    def of(place: EffectPlace) -> "NamedInRecord":
+        """The effect at a place."""
+        record = place.record if isinstance(place, InRecord) else None
+        own: dict[str, Any] = {} if record is None else {"record": record}
+        return NamedInRecord(**NamedEffect.keys(place), **own)
+
+    @property
+    def place(self) -> EffectPlace:
+        """The effect and its place."""
+        return super().place if self.record is None else in_record(super().place, self.record)
+
+
+class Secret(NamedInRecord):
+    """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory."""
+
+    parameters: dict[str, float]
+    size: float
+    """length of the vector of its linear coefficients; 1 for an effect that is not linear"""
+    surely_detected: float | None
+    rivals_excluded: float | None
+    """sizes in the same measure; None where there is none"""
+    last_rival: str | None
+    """the rival that is excluded last"""
+
+    @staticmethod
+    def hidden(hidden: Hidden) -> "Secret":
+        """What was hidden."""
+        return Secret(
+            **dict(NamedInRecord.of(hidden.place).to_json()),
+            parameters=hidden.parameters,
+            size=hidden.size,
+            surely_detected=finite_or_none(hidden.sizes.detected),
+            rivals_excluded=finite_or_none(hidden.sizes.excluded),
+            last_rival=hidden.sizes.rival,
+        )
+
+    @property
+    def relative_size(self) -> float:
+        """Size over that of sure detection."""
+        return 0.0 if self.surely_detected is None else self.size / self.surely_detected
 
 
 def sure_sizes(

@@ -21,11 +21,10 @@ from ..errors import InputError, nearest
 from ..files import write_text
 from ..own_effects import with_effects_of
 from ..progress import tracked
-from ..records import BenchRecord, PositionRecord, write_record
+from ..records import PositionRecord, write_record
 from ..result import ABSENT, Result, Told
 from ..rounding import digits, exactly
 from ..workers import completed, started
-from .bench import RECORD_DECIMALS
 from .case import Case, Options
 from .draw import draw_alone, draw_case
 from .outcome import KINDS, Outcome, diagnosed, judged
@@ -67,11 +66,6 @@ def hidden_record(
     return HiddenRecord(case.measured(progress=progress), case.answer())
 
 
-def as_measured(record: Any) -> Any:
-    """The record as a laboratory has it: of a whole bench the series, not its rests."""
-    return record.raw if isinstance(getattr(record, "raw", None), BenchRecord) else record
-
-
 def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress: bool = False) -> None:
     """Measure a case and write its record; the secret goes to `answer`, or nowhere.
 
@@ -86,7 +80,8 @@ def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress
     if answer is not None:
         write_text(answer, json.dumps(case.answer(), indent=2) + "\n")
     try:
-        write_record(as_measured(record), path, decimals=None if case.whole else RECORD_DECIMALS)
+        own = case.instrument
+        write_record(own.as_measured(record), path, decimals=own.decimals)
     except InputError:
         if answer is not None:
             answer.unlink(missing_ok=True)
@@ -219,7 +214,8 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
         if records is not None:
             several = record if isinstance(record, dict) else {"": record}
             for label, one in several.items():
-                write_record(as_measured(one), records / f"case-{index:05d}{label and '-'}{label}.csv")
+                name = f"case-{index:05d}{label and '-'}{label}.csv"
+                write_record(case.instrument.as_measured(one), records / name)
         return judged(case, diagnosed(case, record))
 
 

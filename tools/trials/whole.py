@@ -6,7 +6,7 @@ Table, accelerometer block and gyro block are simulated in time, with the effect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.fit import composed
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
-from ..records import PositionRecord, read_record
+from ..records import PositionRecord, RawRecord, read_record
 from .bench import BLOCK_NOISE, ENCODER_FLUCTUATION, NOISE_BOUND, Bench, draw_truth, temperature_at
 from .case import Options
 from .sizes import Hidden, draw_direction, largest_size, sizes_of_change
@@ -39,6 +39,14 @@ class WholeBench(Bench):
 
     latitude: float = 0.0
     azimuth: float = 0.0
+
+    decimals: ClassVar[None] = None
+    """The numbers of its record are written whole."""
+
+    def as_measured(self, record: PositionRecord) -> RawRecord:
+        """The record as a laboratory has it: the series, not its rests."""
+        assert record.raw is not None
+        return record.raw
 
     @property
     def asked(self) -> dict[str, Any]:
