@@ -262,7 +262,7 @@ def bench_at(
 
 
 def apply(
-    found: "str | Path | calibrations.Calibration | diagnosis.JointCalibration | diagnosis.Diagnosis",
+    found: "str | Path | calibrations.Calibration | diagnosis.JointCalibration | diagnosis.Diagnosed",
     record: "records.Source",
     *,
     noise_bound: float = 0.0,
@@ -275,9 +275,10 @@ def apply(
 
     Parameters
     ----------
-    found : path, Calibration, JointCalibration or Diagnosis
-        The result of `trihedron calibrate --json`, of one record or of several, or `trihedron diagnose --json`. By
-        several a record among them has its own biases, another one those of the last.
+    found : path, Calibration, JointCalibration, Diagnosis or Several
+        The result of `trihedron calibrate --json` or `trihedron diagnose --json`, of one record or of several. By a
+        calibration of several a record among them has its own biases, another one those of the last; of a diagnosis of
+        several another record has what is the instrument's.
     record : path, table in memory or record
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
@@ -292,7 +293,7 @@ def apply(
         for a calibration that is not consistent, a diagnosis that names nothing, or a record that cannot be used
     """
     named = (diagnosis.read_diagnosis(Path(found)) or found) if isinstance(found, str | Path) else found
-    if not isinstance(named, diagnosis.Diagnosis):
+    if not isinstance(named, diagnosis.Diagnosed):
         applied = calibrations.apply_calibration(named, record, noise_bound=noise_bound, channels=channels)
         said = checks.channels_warning(applied.record, applied.correction.mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *said]})

@@ -3,6 +3,7 @@
 Results go to JSON, come back from it, and know nothing of what shows them.
 """
 
+import json
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence, Set
@@ -164,6 +165,32 @@ class Told(Result):
     def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         names = {field.alias or name: name for name, field in type(self).model_fields.items()}
         return {k: v for k, v in handler(self).items() if v is not None or names[k] in self.model_fields_set}
+
+
+Kind = TypeVar("Kind", bound=Result)
+
+
+def object_of(data: bytes, where: str) -> dict[str, Any]:
+    """The object of JSON that bytes hold; an InputError, which begins with `where`, for anything else."""
+    try:
+        content = json.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: is not JSON text") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{where}: is no object of JSON")
+    return content
+
+
+def result_of(content: Mapping[str, Any], kinds: Mapping[str, type[Kind]], where: str) -> Kind | None:
+    """The result of which this is the object, of one of some kinds by their schemas; None where it is of none.
+
+    An InputError, which begins with `where`, where it is not as its schema says.
+    """
+    kind = next((kind for schema, kind in kinds.items() if schema == content.get("schema")), None)
+    try:
+        return None if kind is None else kind.model_validate_json(json.dumps(content))
+    except ValidationError as error:
+        raise InputError(f"{where}: {field_problems(error, cast(Any, kind))[0][1]}") from error
 
 
 def finite_or_none(value: float) -> float | None:

@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import trihedron as th
+from instrument_records import of_one_instrument
 from simulated_bench import random_bench, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
+from trihedron.tools.diagnosis.several import JointCause
 from trihedron.tools.errors import InputError
 from trihedron.tools.instrument import (
     Trend,
@@ -105,6 +107,40 @@ def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_
     with pytest.raises(InputError, match="is not the record of"):
         add_to_instrument(tmp_path / "other", shared, records=[made / "2.csv"])
     assert nearest_of_instrument(tmp_path / "unit", date="2026-06-01").result == json.loads(shared.read_text("utf-8"))
+
+
+def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_date(tmp_path):
+    """Two days without a secret; then the same as if a scale factor of the second differed: that day tells it alone."""
+    files = [tmp_path / f"{k}.csv" for k in range(2)]
+    for path, date, record in zip(files, DATES, of_one_instrument(21, 2, positions=(20, 20)), strict=False):
+        write_record(record, path)
+        path.write_text(f"# date: {date}\n{path.read_text('utf-8')}", "utf-8")
+    found = th.diagnose_together(*files, noise_bound=SIGMA)
+    changed = JointCause(
+        title="X4 differs in 1", of="run", record="1", effect=None, parameter="X4", equivalents=(), parameters=()
+    )
+    own = {one.name: [(r.low, r.high) for r in one.records] for one in found.repeatability}
+    together = {p.name: (p.low, p.high) for p in found.parameters}
+    nothing = (None, None)
+    for name, result, x4 in (
+        ("same", found, [nothing, together["X4"]]),
+        (
+            "changed",
+            found.model_copy(update={"verdict": "explained", "causes": (changed,)}),
+            [together["X4"], own["X4"][1]],
+        ),
+    ):
+        (tmp_path / f"{name}.json").write_text(result.json_text(), encoding="utf-8")
+        entry = add_to_instrument(tmp_path / name, tmp_path / f"{name}.json", records=files)
+        assert (entry.kind, entry.date, len(entry.dates)) == ("diagnosis", DATES[1], 2)
+        ends = {
+            one.name: [(r.low, r.high) for r in one.records] for one in trend_of_instrument(tmp_path / name).parameters
+        }
+        assert ends["X16"] == own["X16"]
+        assert ends["X4"] == x4
+        assert ends["X9"] == [nothing, together["X9"]]
+        with pytest.raises(InputError, match="is there already"):
+            add_to_instrument(tmp_path / name, tmp_path / f"{name}.json", records=files)
 
 
 def test_several_records_of_other_instruments_are_no_entry(made, tmp_path):

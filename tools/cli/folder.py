@@ -37,7 +37,7 @@ def add(
     folder
         The instrument's folder.
     result
-        The result of `trihedron calibrate --json`, of one record or several, or `trihedron diagnose --json` of one.
+        The result of `trihedron calibrate --json` or `trihedron diagnose --json`, of one record or several.
     records
         The record that it was made from: its comment lines (# date: ..., # temperature: ..., # serial: ...) and its
         temperatures say what the options do not; of several records once for each.

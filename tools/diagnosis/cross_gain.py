@@ -1,25 +1,17 @@
-"""What was found in one record, applied to others: how much it helps there by the extended FMUs, or taken out."""
+"""What was found in one record, applied to others: how much it helps there by the extended FMUs."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import replace
-from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError
 
 from ...models.effects import EffectPlace
-from ..errors import InputError
 from ..evidence.evidence import Evidence, largest_size, rms_size
 from ..evidence.fit import blocks_of
-from ..files import LARGEST_RESULT, bytes_of
-from ..records import PositionRecord, StrapdownRecord
-from ..result import Result, Told, field_problems
-from .cause import Cause, Number
+from ..result import Result
+from .cause import Number
 from .order import HELPS, what_helps
-from .result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
+from .result import Diagnosis
 
 Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 """Effects with their linear coefficients."""
@@ -88,8 +80,8 @@ def cross_gains(alone: Mapping[str, Diagnosis]) -> tuple[tuple[CrossGain, ...], 
                 record=label,
                 over=over,
                 unit=unit,
-                **_figures(before, scale),
-                applied=tuple(WithFound(found_in=s, **_figures(e, scale)) for s, e in applied if e is not None),
+                **figures_of(before, scale),
+                applied=tuple(WithFound(found_in=s, **figures_of(e, scale)) for s, e in applied if e is not None),
             )
         )
     helps = [
@@ -104,7 +96,8 @@ def cross_gains(alone: Mapping[str, Diagnosis]) -> tuple[tuple[CrossGain, ...], 
     return tuple(gains), tuple(helps) if len(known) > 1 else ()
 
 
-def _figures(error: NDArray, scale: float) -> dict[str, float]:
+def figures_of(error: NDArray, scale: float) -> dict[str, float]:
+    """`rms` and `max` of the size of errors (S, d), quoted in a unit of this size."""
     return {"rms": rms_size(error) / scale, "max": largest_size(error) / scale}
 
 
@@ -115,89 +108,3 @@ def _helps(evidence: Evidence, sizes: Sizes, place: EffectPlace) -> bool:
     others = {other: size for other, size in sizes.items() if other != place}
     pairs = (({place: sizes[place]}, {}), (sizes, others))
     return any(evidence.rms_with(after) < (1.0 - HELPS) * evidence.rms_with(before) for after, before in pairs)
-
-
-class AppliedEffect(Result):
-    """An effect that was found, and what became of it in another record.
-
-    "corrected": what it adds was taken out of the readings; "simulated": the extended FMUs have it, but no inverse;
-    "left": it does not show in a record of this kind, or is not linear in its sizes.
-    """
-
-    effect: str
-    how: Literal["corrected", "simulated", "left"]
-
-
-class Applied(Told):
-    """Another record with what was found in one.
-
-    Errors are of the simulation of the record by FMUs, without and with the effects, over what `over` says, in `unit`;
-    None where nothing can be run. What is the record's own, its biases, is fitted to it in both. `record` is the record
-    with what could be taken out.
-    """
-
-    schema_: Literal["trihedron.applied/1"] = Field(default="trihedron.applied/1", alias="schema")
-    rows: int
-    effects: tuple[AppliedEffect, ...]
-    over: str | None = None
-    unit: str | None = None
-    rms_without: Number | None = None
-    rms_with: Number | None = None
-    max_without: Number | None = None
-    max_with: Number | None = None
-    warnings: tuple[str, ...] = ()
-
-    record: Any = Field(default=None, exclude=True)
-
-
-def read_diagnosis(path: Path) -> Diagnosis | None:
-    """The diagnosis that a file holds; None where it is something else. An InputError where it is not as its schema."""
-    try:
-        content = json.loads(bytes_of(path, most=LARGEST_RESULT).decode("utf-8"))
-        if not isinstance(content, dict) or content.get("schema") not in (DIAGNOSIS, FIRST_DIAGNOSIS):
-            return None
-        return Diagnosis.model_validate_json(json.dumps(content))
-    except ValidationError as error:
-        raise InputError(f"{path}: {field_problems(error, Diagnosis)[0][1]}") from error
-    except (ValueError, RecursionError):
-        return None
-
-
-def coefficients_of(cause: Cause) -> NDArray[np.float64]:
-    """Linear coefficients (K,) of a cause: of an amplitude and its phase those of cosine and sine."""
-    values, found = list(cause.values), []
-    for parameter, value, after in zip(cause.parameters, values, [*values[1:], 0.0], strict=True):
-        if parameter.name.endswith("amplitude"):
-            found += [value * np.cos(after), value * np.sin(after)]
-        elif not parameter.name.endswith("phase"):
-            found.append(value)
-    return np.array(found)
-
-
-def applied_to(found: Diagnosis, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
-    """What a diagnosis names, applied to another record, whose evidence is given.
-
-    An InputError for a diagnosis that names nothing, or a record that cannot be run.
-    """
-    if found.verdict != "explained":
-        raise InputError(f"the diagnosis is {found.verdict}: it names nothing that could be applied")
-    if missing := evidence.missing():
-        raise InputError(f"{record.path}: cannot be run: {'; '.join(map(str, missing.get('missing', ())))}")
-    places = {c.place: c for c in found.causes if c.place in evidence.linear_places}
-    sizes = {place: coefficients_of(cause) for place, cause in places.items()}
-    corrected, readings = evidence.without_added(sizes)
-    effects = tuple(
-        AppliedEffect(
-            effect=cause.place.title,
-            how="corrected" if cause.place in corrected else "simulated" if cause.place in sizes else "left",
-        )
-        for cause in found.causes
-    )
-    told: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
-    before, after = (evidence.applied(those) for those in ({}, sizes)) if sizes else (None, None)
-    if before is not None and after is not None:
-        over, unit, scale = evidence.quoted_errors
-        told |= {"over": over, "unit": unit}
-        for name, error in (("without", before), ("with", after)):
-            told |= {f"{key}_{name}": value for key, value in _figures(error, scale).items()}
-    return Applied(effects=effects, record=replace(record, **readings) if corrected else None, **told)

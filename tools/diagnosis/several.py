@@ -27,10 +27,10 @@ from ..evidence.of_record import (
     plain,
 )
 from ..result import Result, Told, finite_or_none
-from .cause import Finding, NamedEffect, Number, SizedParameter
+from .cause import Cause, Finding, NamedEffect, Number, SizedParameter
 from .cross_gain import CrossGain, Helps, cross_gains
 from .procedure import causes_of, centred, diagnosed, parameters_of
-from .result import Diagnosis, EffectWitness
+from .result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis, EffectWitness
 from .search import MOST_WORK
 
 SEVERAL = "trihedron.several/1"
@@ -147,6 +147,29 @@ class Several(Told):
         """Labels of the records that are judged together."""
         return tuple(one.record for one in self.records if one.left_out is None)
 
+    @property
+    def noise_bound(self) -> float | None:
+        """σ of the records at a table; None where there are none."""
+        return next((one.diagnosis.noise_bound for one in self.records if one.diagnosis.noise_bound is not None), None)
+
+    def causes_in(self, sha256: str) -> tuple[Cause, ...]:
+        """The effects that act in a record: the instrument's, and its own where it is one of these, by its SHA-256."""
+        own = {one.record for one in self.records if one.sha256 and one.sha256 == sha256}
+        return tuple(
+            Cause(**NamedEffect.keys(cause.effect.place), equivalents=(), parameters=cause.parameters)
+            for cause in self.causes
+            if cause.effect is not None and (cause.of == "instrument" or cause.record in own)
+        )
+
+
+Diagnosed = Diagnosis | Several
+DIAGNOSES: Mapping[str, type[Diagnosed]] = {
+    DIAGNOSIS: Diagnosis,
+    FIRST_DIAGNOSIS: Diagnosis,
+    SEVERAL: Several,
+}
+"""Schemas of diagnoses, of one record and of several."""
+
 
 def labels_of(paths: Sequence[Path]) -> list[str]:
     """What records are called: by the names of their files without ending, or, where two are alike, by number too."""
@@ -239,10 +262,10 @@ def _joined(
     return _joined(alone, reasons, shared, own) if any(reasons[label] for label in members) else joint
 
 
-def _unsought(fit: Fit, joint: Joint, k: int) -> bool:
-    """Whether a set that mends a record has an effect that is not sought in several records together."""
+def _unsought(fit: Fit, joint: Joint, k: int) -> tuple[EffectPlace, ...]:
+    """Those effects of a set that mends a record that are not sought in several records together."""
     known = {*joint.searched[k], *(place for place in fit.places if place.effect == "outlier" and joint.seeks_outliers)}
-    return not known.issuperset(fit.places)
+    return tuple(place for place in fit.places if place not in known)
 
 
 def _judged(joint: Joint, alone: Mapping[str, Diagnosis], found: Diagnosis) -> dict[str, Any]:
@@ -291,30 +314,33 @@ def _judged(joint: Joint, alone: Mapping[str, Diagnosis], found: Diagnosis) -> d
 def _with_unsought(
     joint: Joint, alone: Mapping[str, Diagnosis], size: int
 ) -> tuple[list[tuple[JointCause, ...]], tuple[str, ...]]:
-    """Sets, no larger, with one that mends a record by itself and is not sought in several; and what was not tried.
+    """Sets, no larger, with what mends a record by itself and is not sought in several; and what was not tried.
 
-    Each is tried as it acts there, beside sets that are sought. In a record that nothing falsifies by itself none was
-    sought: there anything might do where the others stand with one effect less.
+    What is not sought acts as it does there, beside what is. It was tried in a record in sets as large as mend that by
+    itself: where more is needed together, anything might do there, if the others stand with one effect less.
     """
     found, untried = [], []
     members = dict(zip(joint.labels, joint.members, strict=True))
     for k, (label, member) in enumerate(members.items()):
         every = alone[label].findings
+        reached = min((len(finding.fit.places) for finding in every), default=0)
         others = {other: those for other, those in members.items() if other != label}
-        if not member.falsified and _beside(join(others, *joint.asked), size - 1) is not None:
-            untried.append(label)
-        tried = [f for f in every if _unsought(f.fit, joint, k) and len(f.fit.places) <= size]
-        # What contains a set that stands there can always stand, too.
-        tried = [f for f in tried if not any(f.contains(other) for other in every)]
-        for finding in tried[:MOST_TRIED]:
-            beside = join(members | {label: Mended.of(member, finding.fit)}, *joint.asked)
-            more = _beside(beside, size - len(finding.fit.places))
+        if reached < size and _beside(join(others, *joint.asked), size - 1) is not None:
+            untried.append(f"{label}: {'fewer effects mend it' if reached else 'nothing falsifies it'} by itself")
+        tried: dict[tuple[EffectPlace, ...], Finding] = {}
+        for finding in every:
+            # What contains a set that stands there can always stand, too.
+            if not any(finding.contains(other) for other in every):
+                tried.setdefault(_unsought(finding.fit, joint, k), finding)
+        for places, finding in [pair for pair in tried.items() if 0 < len(pair[0]) <= size][:MOST_TRIED]:
+            beside = join(members | {label: Mended.of(member, finding.fit, places)}, *joint.asked)
+            more = _beside(beside, size - len(places))
             if more is not None:
-                found.append((*(_cause(in_record(c.place, label), c.parameters) for c in finding.causes), *more))
+                own = (cause for cause in finding.causes if cause.place in places)
+                found.append((*(_cause(in_record(c.place, label), c.parameters) for c in own), *more))
     return found, tuple(
-        f"{label}: nothing falsifies it by itself, so what is not sought in several records together was not tried "
-        "there, and might do as well"
-        for label in untried
+        f"{why}, so what is not sought in several records together was not tried there, and might do as well"
+        for why in untried
     )
 
 

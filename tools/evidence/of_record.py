@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,34 +77,41 @@ def in_record(place: EffectPlace, record: str) -> InRecord:
 
 @dataclass(frozen=True, eq=False)
 class Mended(Evidence):
-    """A record with what mends it by itself, linear about that fit, as parameters of its own.
+    """A record with effects that mend it by itself as parameters of its own, linear about the fit with them.
 
-    It tells whether the others stand beside it: an effect that is not linear acts as it does there.
+    It tells whether the others stand beside these: an effect that is not linear acts as it does there. `rows` are those
+    about the fit, by parameters and those effects.
     """
 
     before: Evidence
-    fit: Fit
+    rows: About
+    effects: tuple[EffectPlace, ...]
 
     @staticmethod
-    def of(before: Evidence, fit: Fit) -> "Mended":
-        """The record about a fit to it."""
-        more = tuple((f"{fit.title} {k}", "") for k in range(len(fit.stated)))
-        return Mended((), (*before.names, *more), fit.at, before.places, before, fit)
+    def of(before: Evidence, fit: Fit, effects: Sequence[EffectPlace]) -> "Mended":
+        """The record with some effects of a fit to it; the fit's others may act in all records, and are taken out."""
+        widths = [block.stop - block.start for block in fit.blocks]
+        held = np.append(np.full(len(fit.point), True), np.repeat([place in effects for place in fit.places], widths))
+        residual = fit.residual + fit.jacobian[:, ~held] @ fit.at[~held]
+        matrix = fit.jacobian[:, held]
+        more = tuple((f"{fit.title} {k}", "") for k in range(int(held.sum()) - len(fit.point)))
+        rows = About(residual, matrix, fit.allowed, np.zeros_like(matrix))
+        return Mended((), (*before.names, *more), fit.at[held], before.places, before, rows, tuple(effects))
 
-    @cached_property
+    @property
     def residual(self) -> NDArray[np.float64]:
         """Errors (M,) at the fit."""
-        return self.fit.residual
+        return self.rows.residual
 
-    @cached_property
+    @property
     def nominal(self) -> NDArray[np.float64]:
         """Derivatives (M, P + K) by parameters and coefficients."""
-        return self.fit.jacobian
+        return self.rows.jacobian
 
-    @cached_property
+    @property
     def bound(self) -> NDArray[np.float64]:
         """Bounds (M,) with what the sizes there leave open."""
-        return self.fit.allowed
+        return self.rows.bound
 
     @property
     def limit(self) -> float:
@@ -114,15 +120,16 @@ class Mended(Evidence):
 
     @property
     def linear_places(self) -> list[EffectPlace]:
-        """Those of the record that the fit has not."""
-        return [place for place in self.before.linear_places if place not in self.fit.places]
+        """Those of the record that are no parameters here."""
+        return [place for place in self.before.linear_places if place not in self.effects]
 
     def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
         """The rows about parameters and coefficients, linear about the fit."""
-        count = len(self.fit.point)
-        at = self.before.about(places, self.fit.point, np.zeros(width_of(places)))
-        matrix = np.hstack([self.nominal, at.jacobian[:, count:]])
-        rate = np.hstack([np.zeros_like(self.nominal), at.rate[:, count:]])
+        count = len(self.before.names)
+        at = self.before.about(places, self.point[:count], np.zeros(width_of(places)))
+        matrix, rate = (
+            np.hstack([own, more[:, count:]]) for own, more in ((self.nominal, at.jacobian), (self.rows.rate, at.rate))
+        )
         step = np.concatenate([point - self.point, coefficients])
         return About(self.residual - matrix @ step, matrix, self.bound, rate)
 

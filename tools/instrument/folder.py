@@ -1,36 +1,29 @@
 """An instrument's folder: calibrations and diagnoses as plain JSON, by date and temperature; what is no constant."""
 
 import hashlib
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from ...fmus.parameters import CALIBRATION, JOINT_CALIBRATION
 from ..calibration import Calibration
 from ..calibration.targets import NAMES
 from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cause import Number, SizedParameter
-from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
-from ..diagnosis.several import Repeated, repeated_of
+from ..diagnosis.result import Diagnosis
+from ..diagnosis.several import DIAGNOSES, Diagnosed, Repeated, Several, repeated_of
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, write_text
 from ..records import read_record
-from ..result import Result, Told, field_problems
+from ..result import Result, Told, object_of, result_of
 
 INSTRUMENT = "trihedron.instrument/1"
-Kept = TypeVar("Kept", bound=Result)
-Held = Calibration | JointCalibration | Diagnosis
-KINDS: Mapping[Any, type[Held]] = {
-    CALIBRATION: Calibration,
-    JOINT_CALIBRATION: JointCalibration,
-    DIAGNOSIS: Diagnosis,
-    FIRST_DIAGNOSIS: Diagnosis,
-}
+Held = Calibration | JointCalibration | Diagnosed
+KINDS: Mapping[str, type[Held]] = {CALIBRATION: Calibration, JOINT_CALIBRATION: JointCalibration, **DIAGNOSES}
 """Schemas of results that a folder holds."""
 SAID = {
     "date": ("date", "measured", "measured at"),
@@ -53,8 +46,8 @@ class Entry(Told):
     """A calibration or diagnosis of an instrument, with when and how warm it was measured.
 
     `date` is ISO 8601; `sha256` is that of the result's file, `record_sha256` of the record's; `result` is the result
-    as it was published; `file` is the name of the entry's own file. Of several records calibrated together date and
-    temperature are those of the last, `dates` has those that are known, and the digests have spaces between them.
+    as it was published; `file` is the name of the entry's own file. Of several records together date and temperature
+    are those of the last, `dates` has those that are known, and the digests have spaces between them.
     """
 
     schema_: Literal["trihedron.instrument/1"] = Field(default=INSTRUMENT, alias="schema")
@@ -107,13 +100,14 @@ def add_to_instrument(
     """Put the file of a calibration or diagnosis into an instrument's folder, which is made where there is none.
 
     What `date`, `temperature` [°C] and `serial` do not say the comment lines and temperatures of the records do; of
-    several records calibrated together the last that says it. An InputError for a file that is no such result, for no
+    several records together the last that says it. An InputError for a file that is no such result, for no
     date, another instrument's serial number, a result or record that is there.
     """
     data = bytes_of(result, most=LARGEST_RESULT)
-    content = _object(data, result)
-    read = _result_of(content, str(result))
-    digests = _digests_of(read)
+    content = object_of(data, str(result))
+    read = _held(content, str(result))
+    by_label = digests_of(read)
+    digests = [digest for digest in by_label.values() if digest]
     said = _said_by(records, result, digests)
     known = {"date": date, "serial": serial, "temperature": None if temperature is None else str(temperature)}
     for name in known:
@@ -123,19 +117,17 @@ def add_to_instrument(
             raise InputError(f"{result}: its records are of several instruments: {', '.join(dict.fromkeys(told))}")
     if known["date"] is None:
         raise InputError(f"{result}: no date: give --date, or --record with a comment line '# date: 2026-11-23'")
-    dates = []
-    if isinstance(read, JointCalibration):
-        on = [(label, said.get(digest, {}).get("date")) for label, digest in zip(read.records, digests, strict=True)]
-        dates = [OnDate(record=label, date=_minute(told, "--record")) for label, told in on if told]
+    on = [(label, said.get(digest, {}).get("date")) for label, digest in by_label.items() if label]
+    dates = tuple(OnDate(record=label, date=_minute(date, "--record")) for label, date in on if date)
     made = Entry(
-        kind="diagnosis" if isinstance(read, Diagnosis) else "calibration",
+        kind="diagnosis" if isinstance(read, Diagnosed) else "calibration",
         date=_minute(known["date"], "--date"),
         temperature_degC=_degrees(known["temperature"]),
         serial=known["serial"],
         verdict=str(content["verdict"]),
         sha256=hashlib.sha256(data).hexdigest(),
-        record_sha256=" ".join(sorted(filter(None, digests or said))),
-        dates=tuple(dates),
+        record_sha256=" ".join(sorted(digests or said)),
+        dates=dates,
         result=read.to_json() if isinstance(read, Diagnosis) else content,
     )
     for other in entries_of(folder).entries if folder.exists() else ():
@@ -171,11 +163,11 @@ def entries_of(folder: Path) -> Entries:
         raise InputError(f"{folder}: is no folder")
     found = []
     for path in sorted(folder.glob("*.json")):
-        content = _object(bytes_of(path, most=LARGEST_RESULT), path)
-        if content.get("schema") != INSTRUMENT:
+        content = object_of(bytes_of(path, most=LARGEST_RESULT), str(path))
+        entry = result_of(content, {INSTRUMENT: Entry}, str(path))
+        if entry is None:
             raise InputError(f"{path}: schema {content.get('schema')!r}: is no entry of an instrument's folder")
-        entry = _read(Entry, content, str(path))
-        _result_of(entry.result, f"{path}: result")
+        _held(entry.result, f"{path}: result")
         moment(entry.date, f"{path}: date")
         found.append(entry.model_copy(update={"file": path.name}))
     found.sort(key=lambda entry: (moment(entry.date, ""), entry.file))
@@ -213,7 +205,7 @@ def trend_of_instrument(folder: Path) -> Trend:
     meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
     """
     held = entries_of(folder)
-    told = [pair for entry in held.entries for pair in parameters_of(entry) if pair[1]]
+    told = [pair for entry in held.entries for pair in _dated(entry) if pair[1]]
     told.sort(key=lambda pair: moment(pair[0], ""))
     if len(told) < 2:
         raise InputError(f"{folder}: two records at least must tell parameters, of consistent or explained results")
@@ -240,33 +232,61 @@ def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str 
     return min(apart, key=lambda pair: (order.index(pair[0]), order.index(pair[1])), default=(None, None))
 
 
-def parameters_of(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter]]]:
-    """Of each record of an entry the date, and by name and unit what is possible of each parameter that is bounded.
-
-    What several records share stands once, with the last of them.
-    """
-    read = _result_of(entry.result, entry.file)
-    found: list[tuple[str, str, str, Any]] = []
-    dates, last = {"": entry.date}, ""
+def digests_of(read: Held) -> dict[str, str]:
+    """SHA-256 of each record of a result by its label, in their order; empty where it is not known."""
+    if isinstance(read, Several):
+        return {one.record: one.sha256 for one in read.records}
     if isinstance(read, JointCalibration):
-        known, last = {one.record: one.date for one in entry.dates}, read.records[-1]
-        dates = {label: known.get(label, entry.date) for label in read.records}
-    if isinstance(read, JointCalibration) and read.verdict == "consistent":
-        found = [(p.record or last, p.name, p.unit, (p.estimate, p.low, p.high)) for p in read.parameters]
-    if isinstance(read, Calibration) and read.verdict == "consistent":
-        found = [("", p.symbol, p.unit, (p.estimate, p.low, p.high)) for p in read.parameters]
-    if isinstance(read, Diagnosis) and read.verdict in ("consistent", "explained"):
+        return dict(zip(read.records, read.sha256, strict=True))
+    used = read.provenance if isinstance(read, Calibration) else read.record
+    return {"": "" if used is None else used.sha256}
+
+
+def parameters_of(read: Held) -> Iterator[tuple[str, str, str, Any]]:
+    """What a consistent or explained result tells: label of the record, name, unit, and what has estimate and ends.
+
+    What several records share stands once, with the last of them that has the shared value.
+    """
+    if read.verdict not in ("consistent", "explained"):
+        return
+    if isinstance(read, Several):
+        yield from _of_several(read)
+    elif isinstance(read, JointCalibration):
+        yield from ((p.record or read.records[-1], p.name, p.unit, p) for p in read.parameters)
+    elif isinstance(read, Calibration):
+        yield from (("", p.symbol, p.unit, p) for p in read.parameters)
+    else:
         for t in read.targets or ():
             unit = NAMES.get(t["symbol"].partition("@")[0], ("", "1"))[1]
-            found.append(("", t["symbol"], unit, (t["after"], t["low"], t["high"])))
-        sized = [(p.name, p) for p in read.baseline.parameters or ()]
-        sized += [(f"{cause.place.title}: {p.name}", p) for cause in read.causes for p in cause.parameters]
-        found += [("", name, p.unit, (p.estimate, p.low, p.high)) for name, p in sized]
-    values: dict[str, dict[tuple[str, str], SizedParameter]] = {label: {} for label in dates}
-    for label, name, unit, value in found:
-        if None not in value:
-            values[label][name, unit] = SizedParameter.of(name, unit, value[0], value[1:])
-    return [(dates[label], values[label]) for label in dates]
+            own = SizedParameter(name=t["symbol"], unit=unit, estimate=t["after"], low=t["low"], high=t["high"])
+            yield "", own.name, unit, own
+        yield from (("", p.name, p.unit, p) for p in read.baseline.parameters or ())
+        for cause in read.causes:
+            yield from (("", f"{cause.place.title}: {p.name}", p.unit, p) for p in cause.parameters)
+
+
+def _of_several(read: Several) -> Iterator[tuple[str, str, str, Any]]:
+    """Of records that were judged together: of a shared parameter that differs in one, that tells it by itself."""
+    apart = {(cause.record, cause.parameter) for cause in read.causes}
+    for p in read.parameters:
+        yield next(one for one in reversed(read.judged) if (one, p.name) not in apart), p.name, p.unit, p
+    named = [(cause, cause.effect.place.title) for cause in read.causes if cause.effect is not None]
+    for cause, title in named:
+        yield from ((cause.record or read.judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
+    for one in read.repeatability:
+        for own in one.records:
+            if own.record in read.judged and (one.of == "run" or (own.record, one.name) in apart):
+                yield own.record, one.name, one.unit, own
+
+
+def _dated(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter]]]:
+    """Of each record of an entry its date, and by name and unit what is possible of each parameter that is bounded."""
+    read, known = _held(entry.result, entry.file), {one.record: one.date for one in entry.dates}
+    values: dict[str, dict[tuple[str, str], SizedParameter]] = {label: {} for label in digests_of(read)}
+    for label, name, unit, p in parameters_of(read):
+        if None not in (p.estimate, p.low, p.high):
+            values[label][name, unit] = SizedParameter.of(name, unit, p.estimate, (p.low, p.high))
+    return [(known.get(label, entry.date), of_it) for label, of_it in values.items()]
 
 
 def moment(text: str, where: str) -> datetime:
@@ -300,34 +320,9 @@ def _degrees(text: str | None) -> float | None:
     return value
 
 
-def _read(model: type[Kept], content: Mapping[str, Any], where: str) -> Kept:
-    try:
-        return model.model_validate_json(json.dumps(content))
-    except ValidationError as error:
-        raise InputError(f"{where}: {field_problems(error, model)[0][1]}") from error
-
-
-def _result_of(content: Mapping[str, Any], where: str) -> Held:
+def _held(content: Mapping[str, Any], where: str) -> Held:
     """The result of which this is the object; an InputError, which begins with `where`, for any other."""
-    schema = content.get("schema")
-    if schema not in KINDS:
-        raise InputError(f"{where}: schema {schema!r}: a calibration or a diagnosis is needed")
-    return _read(KINDS[schema], content, where)
-
-
-def _object(data: bytes, path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not JSON text") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: is no object of JSON")
-    return content
-
-
-def _digests_of(read: Held) -> tuple[str, ...]:
-    """SHA-256 of the records of a result, in their order; none where it does not tell them."""
-    if isinstance(read, JointCalibration):
-        return read.sha256
-    used = read.provenance if isinstance(read, Calibration) else read.record
-    return (used.sha256,) if used is not None and used.sha256 else ()
+    read = result_of(content, KINDS, where)
+    if read is None:
+        raise InputError(f"{where}: schema {content.get('schema')!r}: a calibration or a diagnosis is needed")
+    return read

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from ..calibration.targets import NAMES
+from ..diagnosis.applied import Applied
 from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cause import SizedParameter
-from ..diagnosis.cross_gain import Applied
 from ..diagnosis.several import InOneRecord, JointCause, Repeated, Several
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, minus, sentence, unit_text

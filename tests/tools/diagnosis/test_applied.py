@@ -13,7 +13,9 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Applied, Diagnosis, applied_to, diagnose, evidence_of
-from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.diagnosis.cause import Cause, NamedEffect
+from trihedron.tools.diagnosis.several import JointCause, OneRecord, Several
+from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.trials.draw import draw_clean_block
 from trihedron.tools.trials.sizes import Hidden
@@ -68,6 +70,24 @@ def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(fold
     assert main(asked) == 2
     assert "nothing that was found can be taken out of readings" in capsys.readouterr().err
     assert not (folder / "no.csv").exists()
+
+
+def test_of_several_records_another_one_has_what_is_the_instruments_and_one_of_them_its_own_too(folder):
+    alone = Diagnosis.model_validate_json((folder / "block.json").read_text(encoding="utf-8"))
+    (cause,) = alone.causes
+    ends = {"equivalents": (), "parameter": None, "parameters": cause.parameters}
+    shared = JointCause(title="", of="instrument", record=None, effect=NamedEffect.of(cause.place), **ends)
+    cubic = NamedEffect(effect="cubic", where="accelerometer-1")
+    own = JointCause(title="", of="run", record="monday", effect=cubic, **ends)
+    used = read_record(folder / "block-monday.csv").sha256
+    records = (OneRecord(record="monday", sha256=used, left_out=None, diagnosis=alone),)
+    file, monday, tuesday = folder / "several.json", folder / "block-monday.csv", folder / "block-tuesday.csv"
+    file.write_text(Several(verdict="explained", records=records, causes=(shared, own)).json_text(), encoding="utf-8")
+    of_one, of_all = th.apply(folder / "block.json", tuesday), th.apply(file, tuesday)
+    assert of_all == of_one
+    assert [one.effect for one in th.apply(file, monday).effects] == [QUADRATIC.title, "cubic accelerometer-1"]
+    with pytest.raises(InputError, match="names nothing that is the instrument's"):
+        th.apply(Several(verdict="explained", records=records, causes=(own,)), tuesday)
 
 
 def test_what_names_nothing_or_is_not_as_its_schema_says_is_refused(folder, capsys):

@@ -108,6 +108,18 @@ def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_a
 
 
 @pytest.mark.acceptance
+def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_all(monkeypatch):
+    """By itself the second record needs the step and the term of all: together the step is one of two, not three."""
+    step = EffectPlace("bias-step", "accelerometer-2")
+    own = {1: [(step, (3e-5, 0.009))]}
+    result = judged(monkeypatch, of_one_instrument(33, positions=(16, 16), shared=[(QUADRATIC, (4e-4,))], own=own))
+    sets = [{cause.title for cause in causes} for causes in (result.causes, *result.alternatives)]
+    assert {len(titles) for titles in sets} == {2}
+    assert {"bias-step accelerometer-2 in record-2", QUADRATIC.title} in sets
+    assert result.runs["record-2"] == "open"
+
+
+@pytest.mark.acceptance
 def test_a_step_that_only_the_others_show_is_not_taken_for_what_is_sought_in_all(monkeypatch):
     """By itself the second record falsifies nothing, so its step was never sought: no single cause is said."""
     step = EffectPlace("bias-step", "accelerometer-2")

@@ -1,0 +1,108 @@
+"""What was found in one record, or in several, applied to another: taken out of its readings, or simulated."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ..errors import InputError
+from ..evidence.evidence import Evidence
+from ..files import LARGEST_RESULT, bytes_of
+from ..records import PositionRecord, StrapdownRecord
+from ..result import Result, Told, object_of, result_of
+from .cause import Cause, Number
+from .cross_gain import figures_of
+from .result import Diagnosis
+from .several import DIAGNOSES, Diagnosed
+
+
+class AppliedEffect(Result):
+    """An effect that was found, and what became of it in another record.
+
+    "corrected": what it adds was taken out of the readings; "simulated": the extended FMUs have it, but no inverse;
+    "left": it does not show in a record of this kind, or is not linear in its sizes.
+    """
+
+    effect: str
+    how: Literal["corrected", "simulated", "left"]
+
+
+class Applied(Told):
+    """Another record with what was found in one.
+
+    Errors are of the simulation of the record by FMUs, without and with the effects, over what `over` says, in `unit`;
+    None where nothing can be run. What is the record's own, its biases, is fitted to it in both. `record` is the record
+    with what could be taken out.
+    """
+
+    schema_: Literal["trihedron.applied/1"] = Field(default="trihedron.applied/1", alias="schema")
+    rows: int
+    effects: tuple[AppliedEffect, ...]
+    over: str | None = None
+    unit: str | None = None
+    rms_without: Number | None = None
+    rms_with: Number | None = None
+    max_without: Number | None = None
+    max_with: Number | None = None
+    warnings: tuple[str, ...] = ()
+
+    record: Any = Field(default=None, exclude=True)
+
+
+def read_diagnosis(path: Path) -> Diagnosed | None:
+    """The diagnosis that a file holds, of one record or several; None where it is something else.
+
+    An InputError where it is not as its schema says.
+    """
+    data = bytes_of(path, most=LARGEST_RESULT)
+    try:
+        content = object_of(data, str(path))
+    except InputError:
+        return None
+    return result_of(content, DIAGNOSES, str(path))
+
+
+def coefficients_of(cause: Cause) -> NDArray[np.float64]:
+    """Linear coefficients (K,) of a cause: of an amplitude and its phase those of cosine and sine."""
+    values, found = list(cause.values), []
+    for parameter, value, after in zip(cause.parameters, values, [*values[1:], 0.0], strict=True):
+        if parameter.name.endswith("amplitude"):
+            found += [value * np.cos(after), value * np.sin(after)]
+        elif not parameter.name.endswith("phase"):
+            found.append(value)
+    return np.array(found)
+
+
+def applied_to(found: Diagnosed, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
+    """What a diagnosis names, applied to another record, whose evidence is given.
+
+    Of several records what is the instrument's, and what is the record's own where it is one of them. An InputError for
+    a diagnosis that names nothing, or a record that cannot be run.
+    """
+    if found.verdict != "explained":
+        raise InputError(f"the diagnosis is {found.verdict}: it names nothing that could be applied")
+    if not (causes := found.causes if isinstance(found, Diagnosis) else found.causes_in(record.sha256)):
+        raise InputError("the diagnosis names nothing that is the instrument's: what is a run's is of no other record")
+    if missing := evidence.missing():
+        raise InputError(f"{record.path}: cannot be run: {'; '.join(map(str, missing.get('missing', ())))}")
+    places = {c.place: c for c in causes if c.place in evidence.linear_places}
+    sizes = {place: coefficients_of(cause) for place, cause in places.items()}
+    corrected, readings = evidence.without_added(sizes)
+    effects = tuple(
+        AppliedEffect(
+            effect=cause.place.title,
+            how="corrected" if cause.place in corrected else "simulated" if cause.place in sizes else "left",
+        )
+        for cause in causes
+    )
+    told: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
+    before, after = (evidence.applied(those) for those in ({}, sizes)) if sizes else (None, None)
+    if before is not None and after is not None:
+        over, unit, scale = evidence.quoted_errors
+        told |= {"over": over, "unit": unit}
+        for name, error in (("without", before), ("with", after)):
+            told |= {f"{key}_{name}": value for key, value in figures_of(error, scale).items()}
+    return Applied(effects=effects, record=replace(record, **readings) if corrected else None, **told)
