@@ -65,6 +65,19 @@ def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> NDArray[np.float
     return sums
 
 
+def growth_of(angles: NDArray, rates: NDArray, accelerations: NDArray) -> NDArray[np.float64]:
+    """How fast the moments grow (2, N, 13): first and second derivatives by time, from angles (2, N) and theirs."""
+    (turn, swing), (faster, quicker), (alpha, beta) = rates, accelerations, angles
+    cos, sin, none = np.cos(beta), np.sin(beta), np.zeros_like(beta)
+    first = [turn * cos, turn * sin, turn, swing]
+    second = [faster * cos - turn * swing * sin, faster * sin + turn * swing * cos, faster, quicker]
+    outer, outer_rates = _harmonics(alpha), (none, -turn * np.sin(alpha), turn * np.cos(alpha))
+    inner, inner_rates = _harmonics(beta), (none, -swing * sin, swing * cos)
+    first += [a * b for a in outer for b in inner]
+    second += [outer_rates[i] * inner[j] + outer[i] * inner_rates[j] for i in range(3) for j in range(3)]
+    return np.stack([np.stack(first, axis=1), np.stack(second, axis=1)])
+
+
 def _harmonics(angle: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return np.ones_like(angle), np.cos(angle), np.sin(angle)
 
@@ -73,7 +86,7 @@ def integrated_readings(
     targets: ArrayLike,
     gyros: ArrayLike,
     moments: NDArray,
-    slopes: NDArray,
+    growth: NDArray,
     mounting: ArrayLike,
     earth: ArrayLike,
 ) -> NDArray:
@@ -85,15 +98,18 @@ def integrated_readings(
         in the order of `trihedron.models.bench.TARGETS`
     gyros : (22,) array
         in the order of `GYRO_PARAMETERS`
-    moments, slopes : (S, 13) array
-        of the pieces, and how fast they change as a piece moves on in time [1/s]
+    moments : (S, 13) array
+        of the pieces
+    growth : (2, S, 13) array
+        how they change as a piece moves on in time: first [1/s] and second derivatives [1/s²]; of a lag of some
+        milliseconds, while both axes turn by some rad/s, less than 1e-7 rad is left
     mounting : (3, 3) array
         Q
     earth : (3,) array
         `earth_in_base`
     """
     x, g = np.asarray(targets), np.asarray(gyros)
-    moments = moments - g[LAG] * slopes
+    moments = moments - g[LAG] * (growth[0] - 0.5 * g[LAG] * growth[1])
     block = small_turn(x[_TURN]) @ np.asarray(mounting)
     lean = np.cos(x[_EPSILON]), np.sin(x[_EPSILON])
     own = [lean[0] * moments[:, 0], -lean[0] * moments[:, 1], lean[1] * moments[:, 2] + moments[:, 3]]

@@ -28,10 +28,11 @@ from .turns import WithTurns, turns_of, with_turns
 
 WORDS = {
     "B": ("gyro-bias", "rad/s"),
-    "M": ("gyro-scale-misalignment", "1"),
+    "M": ("gyro-misalignment", "rad"),
     "S": ("gyro-g-sensitivity", "rad/s/g"),
     "L": ("gyro-lag", "s"),
 }
+"""Name and unit of the gyros' parameters by their symbols' letter; the diagonal of M are scale-factor errors."""
 GAINED = 0.99
 """A guaranteed error that becomes smaller than this part of itself is a gain."""
 ANGLES_DEG = {"latitude_deg": 90.0, "azimuth_deg": 360.0}
@@ -207,8 +208,8 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
 
 
 def gyro_names() -> list[tuple[str, str]]:
-    """Name and unit of each of the gyros' parameters."""
-    return [(symbol, WORDS[symbol[0]][1]) for symbol in GYRO_PARAMETERS]
+    """Symbol and unit of each of the gyros' parameters."""
+    return [(target.symbol, target.unit) for target in gyro_targets(0)]
 
 
 def gyro_targets(own: int) -> list[Target]:
@@ -216,9 +217,12 @@ def gyro_targets(own: int) -> list[Target]:
     targets = []
     for k, symbol in enumerate(GYRO_PARAMETERS):
         name, unit = WORDS[symbol[0]]
+        place = symbol[1:]
+        if name == "gyro-misalignment" and place[0] == place[1]:
+            name, unit, place = "gyro-scale-factor-error", "1", place[0]
         weights = np.zeros(own + len(GYRO_PARAMETERS))
         weights[own + k] = 1.0
-        targets.append(Target(symbol, "-".join((name, *symbol[1:2])) + symbol[2:], unit, weights))
+        targets.append(Target(symbol, f"{name}-{place}" if place else name, unit, weights))
     return targets
 
 

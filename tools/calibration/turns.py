@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench import small_turn
-from ...models.bench_turns import GYRO_PARAMETERS, LAG, MATRIX, MOMENTS, integrated_jacobian, integrated_readings
+from ...models.bench_turns import (
+    GYRO_PARAMETERS,
+    LAG,
+    MATRIX,
+    MOMENTS,
+    growth_of,
+    integrated_jacobian,
+    integrated_readings,
+)
 from ...models.bench_turns import moments_of as integrated_angles
 from ..errors import InputError
 from ..motion.increments import mean_rates
@@ -45,15 +53,15 @@ class Turns:
     """Pieces of a bench record.
 
     `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] what the gyros integrate from one to the
-    other; `moments`, `slopes` (S, 13) as of `models.bench_turns`; `noise` (S,) [rad] bounds what gyros add; `swept`
-    (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame.
+    other; `moments` (S, 13), `growth` (2, S, 13) as of `models.bench_turns`; `noise` (S,) [rad] bounds what gyros add;
+    `swept` (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame.
     """
 
     first: NDArray[np.int_]
     last: NDArray[np.int_]
     integral: NDArray[np.float64]
     moments: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    growth: NDArray[np.float64]
     noise: NDArray[np.float64]
     swept: NDArray[np.float64]
     mounting: NDArray[np.float64]
@@ -62,7 +70,7 @@ class Turns:
 
     @property
     def _rest(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        return self.moments, self.slopes, self.mounting, self.earth
+        return self.moments, self.growth, self.mounting, self.earth
 
     def residual(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
         """What is left (3 S,) of the integrals [rad]."""
@@ -87,7 +95,7 @@ class Turns:
         turns[0, 0], turns[1, 1], turns[2, 3] = 1.0, -1.0, 1.0
         still = gyros.copy()
         still[LAG] = 0.0
-        read = integrated_readings(targets, still, turns, np.zeros_like(turns), self.mounting, self.earth)
+        read = integrated_readings(targets, still, turns, np.zeros((2, *turns.shape)), self.mounting, self.earth)
         return read.T
 
 
@@ -145,7 +153,9 @@ def turns_of(
     clipped = np.cumsum(limits)
     kept = [(a, b) for a, b in ends if all(c[a] == c[b] for c in (broken, gap, clipped))]
     first, last = np.array(kept, dtype=int).T
-    slope = slopes_of(sums, time)
+    turning = [slopes_of(values, time) for values in (alpha, beta)]
+    faster = [slopes_of(values, time) for values in turning]
+    growth = growth_of(np.stack([alpha, beta]), np.stack(turning), np.stack(faster))
     seconds = time[last] - time[first]
     per_root_second, basis = noise_bound, "given"
     if per_root_second is None:
@@ -160,7 +170,7 @@ def turns_of(
     if rates == "instantaneous" and raw.rate is not None:
         # Each of the eight corners of a move's rates is cut by an eighth of a bend at most.
         noise = noise + [bends[:, a : b + 1].max(axis=1).sum() for a, b in zip(first, last, strict=True)]
-    moment = sampling.jitter_max * (np.abs(slope[last]) + np.abs(slope[first]))
+    moment = sampling.jitter_max * (np.abs(growth[0, last]) + np.abs(growth[0, first]))
     across = ends_off + way + between[last] - between[first] + moment[:, 2]
     swept = np.stack([across, across, ends_off + moment[:, 3]], axis=1)
     return Turns(
@@ -168,7 +178,7 @@ def turns_of(
         last,
         angle[last] - angle[first],
         sums[last] - sums[first],
-        slope[last] - slope[first],
+        growth[:, last] - growth[:, first],
         noise,
         swept,
         np.asarray(mounting),
@@ -220,12 +230,11 @@ def _between_rows(angles: NDArray, bends: NDArray) -> NDArray[np.float64]:
     return (step[0] * bends[1] + step[1] * bends[0]) / 8.0
 
 
-def slopes_of(sums: NDArray, time: NDArray) -> NDArray[np.float64]:
-    """How fast moments, or an angle, grow at each row (N, ...) [1/s]."""
+def slopes_of(values: NDArray, time: NDArray) -> NDArray[np.float64]:
+    """How fast an angle (N,) grows at each row, over a few rows to either side [1/s]."""
     rows = np.arange(len(time))
     low, high = np.maximum(rows - BESIDE, 0), np.minimum(rows + BESIDE, len(time) - 1)
-    gone = sums[high] - sums[low]
-    return gone / (time[high] - time[low]).reshape(-1, *(1,) * (gone.ndim - 1))
+    return (values[high] - values[low]) / (time[high] - time[low])
 
 
 def _steady_rows(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: int) -> list[int]:
@@ -238,7 +247,9 @@ def _steady_rows(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: 
         low, high = rows + shift - BESIDE, rows + shift + BESIDE
         return np.stack([(a[high] - a[low]) / (time[high] - time[low]) for a in (alpha, beta)])
 
-    here, changes = rate(0), np.abs(rate(2 * BESIDE) - rate(-2 * BESIDE)).max(axis=0)
+    # Where a short move is fastest the rates to either side are alike, and less.
+    here = rate(0)
+    changes = np.ptp([rate(-2 * BESIDE), here, rate(2 * BESIDE)], axis=0).max(axis=0)
     fast = np.abs(here).max(axis=0)
     steady = (changes <= STEADY * fast) & (fast > 0.5 * fast.max())
     good = rows[steady]

@@ -49,9 +49,8 @@ def simulated_turns(
     targets, gyros = whole.parametrisation.selection[0] @ point[:own], point[own:]
     alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
     moments, none = integrated_angles(time, alpha, beta), np.zeros(len(GYRO_PARAMETERS))
-    turned = integrated_readings(
-        targets, none, moments, np.zeros_like(moments), whole.turns.mounting, whole.turns.earth
-    )
+    still = np.zeros((2, *moments.shape))
+    turned = integrated_readings(targets, none, moments, still, whole.turns.mounting, whole.turns.earth)
     on_gyros: list[tuple[EffectPlace, Sequence[float]]] = list(effects_of_model(gyros).items())
     for place, coefficients in effects.items():
         if place.definition.component == "GyroBlock":

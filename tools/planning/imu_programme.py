@@ -84,7 +84,7 @@ def record_of(programme: Sequence[Visit], earth: NDArray, step_s: float = STEP_S
     time = step_s * np.arange(len(alpha))
     sums = np.diff(moments_of(time, alpha, beta), axis=0)
     zeros = np.zeros(len(TARGETS)), np.zeros(len(GYRO_PARAMETERS))
-    turned = integrated_readings(*zeros, sums, np.zeros_like(sums), np.eye(3), earth)
+    turned = integrated_readings(*zeros, sums, np.zeros((2, *sums.shape)), np.eye(3), earth)
     force = STANDARD_GRAVITY * nominal_input(alpha, beta, np.eye(3))
     return BenchRecord(time, alpha, beta, force, increment=np.vstack([np.zeros((1, 3)), turned]))
 

@@ -42,10 +42,8 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
         f"{result.measurements} readings are used."
     ]
     if record.raw is not None:
-        found = len(record.rests)
-        said.append(
-            f"They are averages of the rests that were found in a time series: {found}, of which {len(record)}."
-        )
+        found, taken = len(record.rests), f", of which {len(record)} are used" * (len(record.rests) != len(record))
+        said.append(f"They are averages of the rests that were found in a time series: {found}{taken}.")
     known = []
     if record.temperature is not None:
         low, high = float(record.temperature.min()), float(record.temperature.max())
@@ -272,8 +270,8 @@ BIAS = ("X16", "X17", "X18")
 
 PHYSICAL_WORDS = (
     (r"gyro-bias-(\d)", r"bias of gyro \1"),
-    (r"gyro-scale-misalignment-(\d)\1", r"scale-factor error of gyro \1"),
-    (r"gyro-scale-misalignment-(\d)(\d)", r"misalignment of gyro \1 towards axis \2"),
+    (r"gyro-scale-factor-error-(\d)", r"scale-factor error of gyro \1"),
+    (r"gyro-misalignment-(\d)(\d)", r"misalignment of gyro \1 towards axis \2"),
     (r"gyro-g-sensitivity-(\d)(\d)", r"sensitivity of gyro \1 to specific force along axis \2"),
     (r"gyro-lag", "lag of the gyros behind the encoders"),
     (r"scale-factor-error-plus-(\d)", r"scale-factor error of accelerometer \1 for positive input"),

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import trihedron as th
-from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, attitudes_of, bench_record
+from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Programme, Truth, attitudes_of, bench_record
 from scenario_runs import SCENARIOS
 from trihedron.models.bench import TARGETS
 from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings
@@ -104,10 +104,23 @@ def test_the_model_gives_what_an_exact_bench_integrates(truth):
     assert np.abs(turns(exact).residual(np.array(truth.targets), off)).max() > 1e-4
 
 
+def test_a_lag_is_exact_of_moves_of_both_axes_and_of_moves_that_are_never_steady(truth):
+    """A short move is fastest for a moment only; in a fast one the block's rate turns with the inner axis."""
+    late = replace(truth, lag=4e-3)
+    short = tuple((angle * (k % 2), angle * (k % 2)) for k, angle in enumerate((30.0, 35.0, 40.0, 45.0, 50.0, 55.0)))
+    places = ((0.0, 0.0), (360.0, 300.0), (0.0, 0.0), (-300.0, 360.0), (0.0, 0.0), *short)
+    exact = bench_record(late, Programme(places, dwell=4.0, rate=2.0, step=0.01), Errors(force=0.0, rate=0.0))
+    found = turns(exact)
+    left = found.residual(np.array(late.targets), np.array(late.gyros))
+    assert np.abs(left / found.bound(np.array(late.targets), np.array(late.gyros))).max() < 0.5
+    assert len(found.first) > 2 * len(places)
+    assert np.abs(left).max() < 6e-6
+
+
 def test_derivatives_are_those_of_the_model(record, truth):
     own = turns(record)
     x, g = np.array(truth.targets), np.array(truth.gyros)
-    rest = own.moments, own.slopes, own.mounting, own.earth
+    rest = own.moments, own.growth, own.mounting, own.earth
     jacobian = integrated_jacobian((x, g), rest)
     at = np.concatenate([x, g])
     for k in range(len(at)):
@@ -175,6 +188,12 @@ def test_rates_say_what_increments_say(record, result):
     for one, other in zip(gyros_of(found).parameters, gyros_of(result).parameters, strict=True):
         assert one.guaranteed_error is not None
         assert one.low == pytest.approx(other.low, abs=0.02 * one.guaranteed_error)
+    # What a rate does between samples nobody has seen.
+    sampled = told(rates, replace(PLACE, rates="instantaneous"))
+    for one, other in zip(gyros_of(sampled).parameters, gyros_of(found).parameters, strict=True):
+        assert one.guaranteed_error is not None
+        assert other.guaranteed_error is not None
+        assert one.guaranteed_error > 1.02 * other.guaranteed_error or one.symbol[0] in "BS"
 
 
 def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
@@ -252,9 +271,11 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     assert main([*alone, *place, "--encoder-bound", "2e-6", "--json", "imu.json", "--ssv", "imu.ssv"]) == 0
     said = capsys.readouterr().out
     assert "the turns make X3 better known" in said
-    assert "gyro-scale-misalignment-11" in said
+    assert "gyro-misalignment-12" in said
     again = Calibration.model_validate_json((tmp_path / "imu.json").read_text(encoding="utf-8"))
     assert [e.symbol for e in gyros_of(again).parameters] == list(GYRO_PARAMETERS)
+    units = {e.name: e.unit for e in gyros_of(again).parameters}
+    assert (units["gyro-scale-factor-error-1"], units["gyro-misalignment-12"]) == ("1", "rad")
     written = (tmp_path / "imu-gyros.ssv").read_text(encoding="utf-8")
     assert f'value="{gyros_of(again).parameters[3].estimate!r}"' in written
     assert "bias" in (tmp_path / "imu.ssv").read_text(encoding="utf-8")
