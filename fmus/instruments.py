@@ -9,7 +9,8 @@ import math
 
 from ..models import accelerometer, gyro
 from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, computer, velocity
-from ..models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+from ..models.attitude_algorithms.computer import HALF_TABLE_SIZE, PROGRESS_SIZE, STEP_SIZE, TABLE_SIZE
+from ..models.attitude_algorithms.iteration import SPACE_SIZE
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE
 from . import units
@@ -269,30 +270,14 @@ ATTITUDE_COMPUTER = Component(
             start=1.0,
             type="boolean",
         ),
-        state("start", "time of the start", 1),
-        state("period", "time between increments", 1),
-        state("samples", "increments taken", 1),
-        state("waiting", "increments that wait for an update", 1),
-        state("known", "whether there was a step before", 1),
+        state("progress", "what was taken, what waits, and what the algorithm that was chosen takes", PROGRESS_SIZE),
         state("collected", "increments of the step that is not full yet", STEP_SIZE),
         state("previous", "increments of the step before", STEP_SIZE),
         state(
-            "samples_of_update",
-            "increments that one update of each algorithm takes",
-            len(ALGORITHMS),
-            start=tuple(float(a.samples) for a in ALGORITHMS),
-        ),
-        state(
-            "longest_increment",
-            "longest increment in the valid range of each algorithm",
-            len(ALGORITHMS),
-            start=tuple(a.max_increment for a in ALGORITHMS),
-        ),
-        state(
-            "reads_previous",
-            "1 for each algorithm that reads the increments of the step before",
-            len(ALGORITHMS),
-            start=tuple(float(a.previous) for a in ALGORITHMS),
+            "algorithms",
+            "of each: increments that one update takes, longest increment, 1 where it reads those of the step before",
+            3 * len(ALGORITHMS),
+            start=tuple(float(x) for a in ALGORITHMS for x in (a.samples, a.max_increment, a.previous)),
         ),
         state(
             "products",
@@ -300,13 +285,9 @@ ATTITUDE_COMPUTER = Component(
             len(PRODUCTS),
             start=PRODUCTS,
         ),
-        state("chosen", "what the algorithm that was chosen takes, and what is left of a sample", 4),
         state("table", "what a functional iteration needs", TABLE_SIZE),
         state("half_table", "what a functional iteration through half a window needs", HALF_TABLE_SIZE),
-        work("differences", "differences of the increments", WORK_SIZE),
-        work("rates", "rates at the nodes of an iteration", WORK_SIZE),
-        work("values", "attitude at the nodes of an iteration", WORK_SIZE),
-        work("slopes", "derivative of the attitude at the nodes of an iteration", WORK_SIZE),
+        work("space", "differences of the increments; rates, attitude and its derivative at the nodes", SPACE_SIZE),
         work("part", "quaternion of a part of the step", 4),
         work("turned", "quaternion of the step", 4),
         state("before", "the increment before", 3),

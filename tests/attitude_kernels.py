@@ -13,7 +13,8 @@ from mpmath import mpf
 from trihedron.fmus import components
 from trihedron.fmus.source import flat_source
 from trihedron.models.attitude_algorithms import Algorithm
-from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE
+from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE
+from trihedron.models.attitude_algorithms.iteration import SPACE_SIZE
 
 DIGITS = 50
 
@@ -64,7 +65,6 @@ def updater(algorithm: Algorithm) -> Callable[[Sequence, Sequence | None], list]
 
     def update(g: Sequence, before: Sequence | None) -> list:
         empty = [mpf(0)] * STEP_SIZE
-        work = [[mpf(0)] * WORK_SIZE for _ in range(4)]
         turned = [mpf(0)] * 4
         failed = kernels["update"](
             number,
@@ -73,7 +73,7 @@ def updater(algorithm: Algorithm) -> Callable[[Sequence, Sequence | None], list]
             [*g, *empty][:STEP_SIZE],
             table,
             half_table,
-            *work,
+            [mpf(0)] * SPACE_SIZE,
             [mpf(0)] * 4,
             turned,
         )

@@ -45,7 +45,7 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
         return kernel
     names = {name: kernel.__globals__[name] for name in kernel.__code__.co_names if name in kernel.__globals__}
     linked = {name: compiled(value) if isinstance(value, FunctionType) else value for name, value in names.items()}
-    return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__))
+    return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__), allocates=False)
 
 
 def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,9 +58,15 @@ def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(function)
 
 
-def compile_callee(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Machine code that only compiled code can call."""
+def compile_callee(function: Callable[..., Any], *, allocates: bool = True) -> Callable[..., Any]:
+    """Machine code that only compiled code can call.
+
+    What allocates nothing is written into who calls it: to count references and to call would cost several times what a
+    short kernel does.
+    """
     if not COMPILES:
         return function
     options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    if not allocates:
+        options |= {"_nrt": False, "forceinline": True}
     return numba.njit(nogil=True, error_model="numpy", **options)(function)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from trihedron.models.attitude_algorithms import PRODUCTS, Algorithm
-from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
+from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, prepare_update
+from trihedron.models.attitude_algorithms.iteration import SPACE_SIZE
 from trihedron.models.rotation import multiply
 
 COSTLY = 10
@@ -44,7 +45,7 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
     }
     kernel = algorithm.kernel
     names = kernel.__code__.co_varnames[: kernel.__code__.co_argcount]
-    _counting(kernel, tally)(*(given[name] if name in given else [number(0.0)] * WORK_SIZE for name in names))
+    _counting(kernel, tally)(*(given[name] if name in given else [number(0.0)] * SPACE_SIZE for name in names))
     attitude = [number(1.0), number(0.0), number(0.0), number(0.0)]
     multiply(attitude, given["turned"], attitude)
     return tally[0]

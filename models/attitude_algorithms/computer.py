@@ -43,17 +43,26 @@ TABLE_SIZE = LARGEST_TABLE
 HALF_TABLE_SIZE = (WINDOW + EXTRA_NODES + 1) * (WINDOW // 2 + EXTRA_NODES)
 """Length of `half_table`."""
 
-WORK_SIZE = 4 * (MOST_INCREMENTS + EXTRA_NODES)
-"""Length of each of the working arrays `differences`, `rates`, `values`, `slopes`."""
-
-SAMPLES = 0
-"""Place in `chosen`: increments of one update of the algorithm that was chosen."""
-LONGEST_SQUARED = 1
-"""square of the longest increment in its valid range [rad²]"""
-READS_PREVIOUS = 2
+START = 0
+"""Place in `progress`: time of the start [s]"""
+PERIOD = 1
+"""time between increments [s]"""
+TAKEN = 2
+"""increments taken"""
+WAITING = 3
+"""increments that wait for an update"""
+KNOWN = 4
+"""1.0 where there was a step before"""
+SAMPLES = 5
+"""increments of one update of the algorithm that was chosen"""
+LONGEST = 6
+"""longest increment in its valid range [rad]"""
+READS_PREVIOUS = 7
 """1.0 where it reads the increments of the step before"""
-LEFT = 3
+LEFT = 8
 """time that is left of a sample [s]; the sample period while no part has passed"""
+PROGRESS_SIZE = 9
+"""Length of `progress`."""
 
 SAMPLE_TOLERANCE = 1e-3
 """How far the end of a step may be off that of a sample [samples]: hosts add up rounded times."""
@@ -87,10 +96,7 @@ def update(
     g: Vector,
     table: Vector,
     half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     part: Vector,
     turned: Vector,
 ) -> int:
@@ -105,9 +111,7 @@ def update(
     known : float
         1.0 where there is a step before; where not, `previous` is zero
     table, half_table : from `prepare_update`
-    differences, rates, values, slopes : (WORK_SIZE,)
-        working space
-    part : (4,)
+    space, part : (SPACE_SIZE,), (4,)
         working space
     turned : (4,)
         the quaternion; on the unit sphere but for what the algorithm cuts off
@@ -145,11 +149,11 @@ def update(
     elif algorithm == 15.0:
         by_products_cut_off(previous, g, table, part, turned)
     elif algorithm == 27.0:
-        adaptive_degree(previous, known, g, table, half_table, differences, rates, values, slopes, part, turned)
+        adaptive_degree(previous, known, g, table, half_table, space, part, turned)
     elif algorithm >= 33.0:
-        return rodrigues_iteration(count, g, table, rates, values, slopes, turned)
+        return rodrigues_iteration(count, g, 0, table, space, turned)
     elif count > 0:
-        return functional_iteration(count, g, 0, table, rates, values, slopes, turned)
+        return functional_iteration(count, g, 0, table, space, turned)
     else:
         by_products(previous, g, table, part, turned)
     return 0
@@ -173,22 +177,15 @@ def begin_attitude(
     initial_attitude: Vector,
     attitude: Vector,
     updated: Vector,
-    start: Vector,
-    period: Vector,
-    samples: Vector,
-    waiting: Vector,
-    known: Vector,
+    progress: Vector,
     collected: Vector,
     previous: Vector,
     table: Vector,
     half_table: Vector,
     before: Vector,
     sample: Vector,
-    samples_of_update: Vector,
-    longest_increment: Vector,
-    reads_previous: Vector,
+    algorithms: Vector,
     products: Vector,
-    chosen: Vector,
 ) -> int:
     """Begin at the initial attitude; returns 0 or the number of a message."""
     square = 0.0
@@ -199,11 +196,6 @@ def begin_attitude(
         return 1
     normalise(attitude)
     updated[0] = 1.0
-    start[0] = time
-    period[0] = sample_period
-    samples[0] = 0.0
-    waiting[0] = 0.0
-    known[0] = 0.0
     for i in range(3):
         before[i] = 0.0
         sample[i] = 0.0
@@ -211,11 +203,13 @@ def begin_attitude(
         collected[i] = 0.0
         previous[i] = 0.0
     prepare_update(algorithm, products, table, half_table)
-    at = int(algorithm) - 1
-    chosen[SAMPLES] = samples_of_update[at]
-    chosen[LONGEST_SQUARED] = longest_increment[at] * longest_increment[at]
-    chosen[READS_PREVIOUS] = reads_previous[at]
-    chosen[LEFT] = sample_period
+    for place in range(PROGRESS_SIZE):
+        progress[place] = 0.0
+    progress[START] = time
+    progress[PERIOD] = sample_period
+    progress[LEFT] = sample_period
+    for k in range(3):
+        progress[SAMPLES + k] = algorithms[3 * (int(algorithm) - 1) + k]
     return 0
 
 
@@ -225,51 +219,48 @@ def collect(
     increment: Vector,
     effect: Vector,
     updated: Vector,
-    start: Vector,
-    period: Vector,
-    samples: Vector,
-    waiting: Vector,
+    progress: Vector,
     collected: Vector,
-    chosen: Vector,
     before: Vector,
     added: Vector,
     sample: Vector,
 ) -> int:
-    """Take the increment over (time, time + step]; chosen[SAMPLES] are `waiting` when a step of the algorithm is full.
+    """Take the increment over (time, time + step]; progress[SAMPLES] wait when a step of the algorithm is full.
 
     Samples are counted in whole numbers; increments over parts of a sample add up to it. A step of 1e-14 s, with which
     some masters end, is no sample. Returns 0 or the number of a message.
     """
-    if period[0] <= 0.0:
-        period[0] = step
-        chosen[LEFT] = step
-    if step <= 1e-9 * period[0]:
+    if progress[PERIOD] <= 0.0:
+        progress[PERIOD] = step
+        progress[LEFT] = step
+    period = progress[PERIOD]
+    if step <= 1e-9 * period:
         return 0
-    missing = (samples[0] + 1.0) * period[0] - (time + step - start[0])
-    tolerance = SAMPLE_TOLERANCE * period[0]
-    if not missing >= -tolerance or not math.fabs(missing - (chosen[LEFT] - step)) <= tolerance:
+    missing = (progress[TAKEN] + 1.0) * period - (time + step - progress[START])
+    tolerance = SAMPLE_TOLERANCE * period
+    if not missing >= -tolerance or not math.fabs(missing - (progress[LEFT] - step)) <= tolerance:
         return 2
     x = increment[0]
     y = increment[1]
     z = increment[2]
-    if chosen[LEFT] != period[0]:
+    if progress[LEFT] != period:
         x = sample[0] + x
         y = sample[1] + y
         z = sample[2] + z
     size = x * x + y * y + z * z
     if not size <= MAX_INCREMENT * MAX_INCREMENT:
         return 3
-    if size > chosen[LONGEST_SQUARED]:
+    if size > progress[LONGEST] * progress[LONGEST]:
         return 4
     updated[0] = 0.0
     sample[0] = x
     sample[1] = y
     sample[2] = z
     if missing > tolerance:
-        chosen[LEFT] = missing
+        progress[LEFT] = missing
         return 0
-    chosen[LEFT] = period[0]
-    if samples[0] == 0.0:
+    progress[LEFT] = period
+    if progress[TAKEN] == 0.0:
         # Before the first step the body turned as in it.
         for i in range(3):
             before[i] = sample[i]
@@ -279,12 +270,12 @@ def collect(
         x = x + added[0]
         y = y + added[1]
         z = z + added[2]
-    at = 3 * int(waiting[0])
+    at = 3 * int(progress[WAITING])
     collected[at] = x
     collected[at + 1] = y
     collected[at + 2] = z
-    samples[0] = samples[0] + 1.0
-    waiting[0] = waiting[0] + 1.0
+    progress[TAKEN] = progress[TAKEN] + 1.0
+    progress[WAITING] = progress[WAITING] + 1.0
     return 0
 
 
@@ -293,46 +284,27 @@ def turn_attitude(
     renormalise: float,
     attitude: Vector,
     updated: Vector,
-    waiting: Vector,
-    known: Vector,
+    progress: Vector,
     collected: Vector,
     previous: Vector,
-    chosen: Vector,
     table: Vector,
     half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     part: Vector,
     turned: Vector,
 ) -> int:
     """Update the attitude by the increments of a full step; returns 0 or the number of a message."""
-    failed = update(
-        algorithm,
-        previous,
-        known[0],
-        collected,
-        table,
-        half_table,
-        differences,
-        rates,
-        values,
-        slopes,
-        part,
-        turned,
-    )
-    if failed == 1:
+    if update(algorithm, previous, progress[KNOWN], collected, table, half_table, space, part, turned) == 1:
         return 5
     multiply(attitude, turned, attitude)
     if renormalise == 1.0:
         normalise(attitude)
-    if chosen[READS_PREVIOUS] == 1.0:
-        size = 3 * int(chosen[SAMPLES])
+    if progress[READS_PREVIOUS] == 1.0:
+        size = 3 * int(progress[SAMPLES])
         for i in range(size):
             previous[i] = collected[i]
-    known[0] = 1.0
-    waiting[0] = 0.0
+    progress[KNOWN] = 1.0
+    progress[WAITING] = 0.0
     updated[0] = 1.0
     return 0
 
@@ -346,20 +318,12 @@ def step(
     renormalise: float,
     attitude: Vector,
     updated: Vector,
-    start: Vector,
-    period: Vector,
-    samples: Vector,
-    waiting: Vector,
-    known: Vector,
+    progress: Vector,
     collected: Vector,
     previous: Vector,
-    chosen: Vector,
     table: Vector,
     half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     part: Vector,
     turned: Vector,
     before: Vector,
@@ -367,40 +331,9 @@ def step(
     sample: Vector,
 ) -> int:
     """Take an increment and update the attitude when a step is full; returns 0 or the number of a message."""
-    refused = collect(
-        time,
-        step,
-        increment,
-        effect,
-        updated,
-        start,
-        period,
-        samples,
-        waiting,
-        collected,
-        chosen,
-        before,
-        added,
-        sample,
-    )
-    if refused > 0 or waiting[0] < chosen[SAMPLES]:
+    refused = collect(time, step, increment, effect, updated, progress, collected, before, added, sample)
+    if refused > 0 or progress[WAITING] < progress[SAMPLES]:
         return refused
     return turn_attitude(
-        algorithm,
-        renormalise,
-        attitude,
-        updated,
-        waiting,
-        known,
-        collected,
-        previous,
-        chosen,
-        table,
-        half_table,
-        differences,
-        rates,
-        values,
-        slopes,
-        part,
-        turned,
+        algorithm, renormalise, attitude, updated, progress, collected, previous, table, half_table, space, part, turned
     )

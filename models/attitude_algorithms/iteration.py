@@ -30,6 +30,7 @@ from ..rotation import (
     multiply,
     scale_vector,
     set_quaternion,
+    square_of_vector,
 )
 from .definition import MOST_SAMPLES, Algorithm
 
@@ -53,6 +54,15 @@ FEWEST_INCREMENTS = 2
 MOST_INCREMENTS = MOST_SAMPLES
 LARGEST_TABLE = (2 * MOST_INCREMENTS + EXTRA_NODES + 1) * (MOST_INCREMENTS + EXTRA_NODES)
 """Length of the table for the most increments."""
+
+VALUES = 4 * (MOST_INCREMENTS + EXTRA_NODES)
+SLOPES = 2 * VALUES
+SPACE_SIZE = 3 * VALUES
+"""Places in the working space, and its length."""
+
+QUATERNION = 1.0
+RODRIGUES = 2.0
+"""What is iterated, and how steep its equation is beside the quaternion's."""
 
 WINDOW = 8
 """Increments of one update of adaptive degree."""
@@ -135,7 +145,7 @@ def node_integral(nodes: int, s: float, end: float) -> float:
     return total
 
 
-def rates_at_nodes(count: int, g: Vector, first: int, table: Vector, rates: Vector) -> float:
+def rates_at_nodes(count: int, g: Vector, first: int, table: Vector, space: Vector) -> float:
     """Write the rates at the nodes, in units of half a step; returns the fastest: ½∫|ω| is at most that."""
     nodes = count + EXTRA_NODES
     fastest = 0.0
@@ -148,16 +158,16 @@ def rates_at_nodes(count: int, g: Vector, first: int, table: Vector, rates: Vect
             x = x + weight * g[3 * (first + n)]
             y = y + weight * g[3 * (first + n) + 1]
             z = z + weight * g[3 * (first + n) + 2]
-        rates[3 * i] = x
-        rates[3 * i + 1] = y
-        rates[3 * i + 2] = z
-        fastest = max_of(fastest, dot(rates, i, rates, i))
+        space[3 * i] = x
+        space[3 * i + 1] = y
+        space[3 * i + 2] = z
+        square = dot(space, i, space, i)
+        if square > fastest:
+            fastest = square
     return math.sqrt(fastest)
 
 
-def functional_iteration(
-    count: int, g: Vector, first: int, table: Vector, rates: Vector, values: Vector, slopes: Vector, turned: Vector
-) -> int:
+def functional_iteration(count: int, g: Vector, first: int, table: Vector, space: Vector, turned: Vector) -> int:
     """Quaternion of the step from `count` increments.
 
     Parameters
@@ -166,8 +176,8 @@ def functional_iteration(
         the increments; those from number `first` on are taken
     table : ((N + P + 1) * P,)
         from `prepare_functional_iteration`
-    rates, values, slopes : (3 * P,), (4 * P,), (4 * P,)
-        working space: the rate, λ - 1 and its derivative at the nodes
+    space : (SPACE_SIZE,)
+        working space: the rates at the nodes, from VALUES on λ - 1, from SLOPES on its derivative
     turned : (4,)
         the quaternion
 
@@ -176,84 +186,75 @@ def functional_iteration(
     int
         0, or 1 where the polynomial swings so far that the iteration does not end
     """
-    nodes = count + EXTRA_NODES
-    fastest = rates_at_nodes(count, g, first, table, rates)
-    for i in range(nodes):
-        for k in range(4):
-            values[4 * i + k] = 0.0
-    remainder = 1.0
-    iterations = 0
-    while remainder > ITERATION_REMAINDER and iterations < MOST_ITERATIONS:
-        iterations = iterations + 1
-        remainder = remainder * fastest / iterations
-        for i in range(nodes):
-            quaternion_slope(rates, i, values, slopes)
-        for i in range(nodes):
-            weighted_sum(nodes, table, nodes * (count + i), slopes, values, 4 * i)
-    if not remainder <= ITERATION_REMAINDER:
-        return 1
-    for i in range(nodes):
-        quaternion_slope(rates, i, values, slopes)
-    weighted_sum(nodes, table, nodes * (count + nodes), slopes, turned, 0)
+    failed = iterate(QUATERNION, count, g, first, table, space, turned)
     turned[0] = 1.0 + turned[0]
-    return 0
+    return failed
 
 
-def rodrigues_iteration(
-    count: int, g: Vector, table: Vector, rates: Vector, values: Vector, slopes: Vector, turned: Vector
-) -> int:
+def rodrigues_iteration(count: int, g: Vector, first: int, table: Vector, space: Vector, turned: Vector) -> int:
     """Quaternion of the step by iterating the Rodrigues vector ρ = 2 tan(φ/2) e, dρ/dt = ω + ½ ρ × ω + ¼ (ρ·ω) ρ.
 
-    Arguments and result as of `functional_iteration`, in the same space; half a turn is beyond any ρ.
+    Arguments and result as of `functional_iteration`; half a turn is beyond any ρ.
     """
+    failed = iterate(RODRIGUES, count, g, first, table, space, turned)
+    # (1, ρ/2), brought to the unit sphere.
+    turned[0] = 1.0 / math.sqrt(1.0 + 0.25 * square_of_vector(turned))
+    scale_vector(0.5 * turned[0], turned)
+    return failed
+
+
+def iterate(steep: float, count: int, g: Vector, first: int, table: Vector, space: Vector, turned: Vector) -> int:
+    """Write what the step adds to λ or ρ, by `steep`; arguments and result as of `functional_iteration`."""
     nodes = count + EXTRA_NODES
-    fastest = rates_at_nodes(count, g, 0, table, rates)
-    for i in range(nodes):
-        for k in range(4):
-            values[4 * i + k] = 0.0
+    fastest = rates_at_nodes(count, g, first, table, space)
+    for k in range(4 * nodes):
+        space[VALUES + k] = 0.0
     remainder = 1.0
     iterations = 0
     while remainder > ITERATION_REMAINDER and iterations < MOST_ITERATIONS:
         iterations = iterations + 1
-        # The equation is steeper than the quaternion's.
-        remainder = remainder * 2.0 * fastest / iterations
+        remainder = remainder * steep * fastest / iterations
+        slopes_at_nodes(steep, nodes, space)
         for i in range(nodes):
-            rodrigues_slope(rates, i, values, slopes)
-        for i in range(nodes):
-            weighted_sum(nodes, table, nodes * (count + i), slopes, values, 4 * i)
+            weighted_sum(nodes, table, nodes * (count + i), space, space, VALUES + 4 * i)
     if not remainder <= ITERATION_REMAINDER:
         return 1
-    for i in range(nodes):
-        rodrigues_slope(rates, i, values, slopes)
-    weighted_sum(nodes, table, nodes * (count + nodes), slopes, turned, 0)
-    # (1, ρ/2), brought to the unit sphere.
-    turned[0] = 1.0 / math.sqrt(1.0 + 0.25 * dot_at(turned, 1, turned, 1))
-    scale_vector(0.5 * turned[0], turned)
+    slopes_at_nodes(steep, nodes, space)
+    weighted_sum(nodes, table, nodes * (count + nodes), space, turned, 0)
     return 0
 
 
-def rodrigues_slope(rates: Vector, i: int, values: Vector, slopes: Vector) -> None:
-    """dρ/dt at node i; ρ stands behind a zero, as the vector of a quaternion does."""
-    along = 0.25 * dot_at(values, 4 * i + 1, rates, 3 * i)
-    x = rates[3 * i]
-    y = rates[3 * i + 1]
-    z = rates[3 * i + 2]
-    a = values[4 * i + 1]
-    b = values[4 * i + 2]
-    c = values[4 * i + 3]
-    slopes[4 * i] = 0.0
-    slopes[4 * i + 1] = x + 0.5 * (b * z - c * y) + along * a
-    slopes[4 * i + 2] = y + 0.5 * (c * x - a * z) + along * b
-    slopes[4 * i + 3] = z + 0.5 * (a * y - b * x) + along * c
+def slopes_at_nodes(steep: float, nodes: int, space: Vector) -> None:
+    """Write the derivatives of λ or ρ at the nodes."""
+    # dλ/dt = ½ λ ∘ ω
+    size = 1.0
+    if steep == QUATERNION:
+        size = 0.5
+    for i in range(nodes):
+        x = size * space[3 * i]
+        y = size * space[3 * i + 1]
+        z = size * space[3 * i + 2]
+        a = space[VALUES + 4 * i + 1]
+        b = space[VALUES + 4 * i + 2]
+        c = space[VALUES + 4 * i + 3]
+        at = SLOPES + 4 * i
+        if steep == QUATERNION:
+            w = 1.0 + space[VALUES + 4 * i]
+            space[at] = -(a * x + b * y + c * z)
+            space[at + 1] = w * x + (b * z - c * y)
+            space[at + 2] = w * y + (c * x - a * z)
+            space[at + 3] = w * z + (a * y - b * x)
+        else:
+            # ρ stands behind a zero, as the vector of a quaternion does.
+            along = 0.25 * (a * x + b * y + c * z)
+            space[at] = 0.0
+            space[at + 1] = x + 0.5 * (b * z - c * y) + along * a
+            space[at + 2] = y + 0.5 * (c * x - a * z) + along * b
+            space[at + 3] = z + 0.5 * (a * y - b * x) + along * c
 
 
-def dot_at(a: Vector, i: int, b: Vector, j: int) -> float:
-    """Scalar product of the vectors from a[i] and b[j] on."""
-    return a[i] * b[j] + a[i + 1] * b[j + 1] + a[i + 2] * b[j + 2]
-
-
-def weighted_sum(nodes: int, table: Vector, row: int, slopes: Vector, result: Vector, at: int) -> None:
-    """Sum of the quaternions in `slopes`, weighted by `table` from `row` on, into result[at] and on.
+def weighted_sum(nodes: int, table: Vector, row: int, space: Vector, result: Vector, at: int) -> None:
+    """Sum of the slopes in `space`, weighted by `table` from `row` on, into result[at] and on.
 
     The four sums are made side by side: none waits for another.
     """
@@ -263,39 +264,17 @@ def weighted_sum(nodes: int, table: Vector, row: int, slopes: Vector, result: Ve
     z = 0.0
     for j in range(nodes):
         weight = table[row + j]
-        w = w + weight * slopes[4 * j]
-        x = x + weight * slopes[4 * j + 1]
-        y = y + weight * slopes[4 * j + 2]
-        z = z + weight * slopes[4 * j + 3]
+        w = w + weight * space[SLOPES + 4 * j]
+        x = x + weight * space[SLOPES + 4 * j + 1]
+        y = y + weight * space[SLOPES + 4 * j + 2]
+        z = z + weight * space[SLOPES + 4 * j + 3]
     result[at] = w
     result[at + 1] = x
     result[at + 2] = y
     result[at + 3] = z
 
 
-def max_of(a: float, b: float) -> float:
-    """The larger of two numbers."""
-    if a > b:
-        return a
-    return b
-
-
-def quaternion_slope(rates: Vector, i: int, values: Vector, slopes: Vector) -> None:
-    """½ λ ∘ ω at node i, with λ - 1 in `values`."""
-    x = 0.5 * rates[3 * i]
-    y = 0.5 * rates[3 * i + 1]
-    z = 0.5 * rates[3 * i + 2]
-    w = 1.0 + values[4 * i]
-    a = values[4 * i + 1]
-    b = values[4 * i + 2]
-    c = values[4 * i + 3]
-    slopes[4 * i] = -(a * x + b * y + c * z)
-    slopes[4 * i + 1] = w * x + (b * z - c * y)
-    slopes[4 * i + 2] = w * y + (c * x - a * z)
-    slopes[4 * i + 3] = w * z + (a * y - b * x)
-
-
-def supported_degree(previous: Vector, known: float, g: Vector, most: float, differences: Vector) -> int:
+def supported_degree(previous: Vector, known: float, g: Vector, most: float, space: Vector) -> int:
     """How many increments at a time (2, 4 or 8) the last ones support.
 
     Parameters
@@ -306,18 +285,18 @@ def supported_degree(previous: Vector, known: float, g: Vector, most: float, dif
         1.0 where there is a window before
     most : float
         no more than so much, as the sum of their lengths, is given to one polynomial
-    differences : (48,)
+    space : (48,) or longer
         working space
     """
     length = WINDOW
     if known == 1.0:
         length = 2 * WINDOW
         for i in range(3 * WINDOW):
-            differences[i] = previous[i]
-            differences[3 * WINDOW + i] = g[i]
+            space[i] = previous[i]
+            space[3 * WINDOW + i] = g[i]
     else:
         for i in range(3 * WINDOW):
-            differences[i] = g[i]
+            space[i] = g[i]
     longest = 0.0
     for i in range(WINDOW):
         longest = longest + math.sqrt(g[3 * i] * g[3 * i] + g[3 * i + 1] * g[3 * i + 1] + g[3 * i + 2] * g[3 * i + 2])
@@ -329,8 +308,8 @@ def supported_degree(previous: Vector, known: float, g: Vector, most: float, dif
         if n < length:
             total = 0.0
             for i in range(3 * (length - n)):
-                differences[i] = differences[i + 3] - differences[i]
-                total = total + differences[i] * differences[i]
+                space[i] = space[i + 3] - space[i]
+                total = total + space[i] * space[i]
             eighth = total / (length - n)
         if n == 2:
             second = eighth
@@ -367,35 +346,22 @@ def adaptive_degree(
     g: Vector,
     table: Vector,
     half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     part: Vector,
     turned: Vector,
 ) -> None:
     """Quaternion of a window of eight increments, taken two, four or eight at a time.
 
-    Parameters
-    ----------
-    previous, g : (24,)
-        increments of the window before and of this one
-    known : float
-        1.0 where there is a window before
-    table, half_table : from `prepare_functional_iteration` for 8 and 4 increments
-    differences, rates, values, slopes : (48,), (39,), (52,), (52,)
-        working space
-    part, turned : (4,)
-        working space; the quaternion of the window
+    Arguments are those of `computer.update`.
     """
     # No more than half a turn is given to one polynomial.
-    chosen = supported_degree(previous, known, g, math.pi, differences)
-    if chosen == 8 and functional_iteration(8, g, 0, table, rates, values, slopes, turned) == 1:
+    chosen = supported_degree(previous, known, g, math.pi, space)
+    if chosen == 8 and functional_iteration(8, g, 0, table, space, turned) == 1:
         chosen = 4
     if chosen == 4:
         set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
         for half in range(2):
-            if functional_iteration(4, g, 4 * half, half_table, rates, values, slopes, part) == 1:
+            if functional_iteration(4, g, 4 * half, half_table, space, part) == 1:
                 chosen = 2
             multiply(turned, part, turned)
     if chosen == 2:

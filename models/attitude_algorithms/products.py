@@ -19,8 +19,8 @@ Velocity has the same k_ij, by duality: `velocity`.
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
-from functools import partial
 
 from ..restricted import Vector
 from ..rotation import (
@@ -33,15 +33,9 @@ from ..rotation import (
 )
 from .definition import MOST_SAMPLES, SUM, Algorithm, Product
 
-ROW = 2 * MOST_SAMPLES + 1
-"""Length of a row of `products`: the factors of the products with one γ_j, of the increments before the step, of those
-in it, of the sum of those before γ_j."""
-PRODUCTS_SIZE = ROW * MOST_SAMPLES + 1
-"""Length of `products`: a row for each γ_j, and the number of samples."""
-
 
 def prepare_products(algorithm: float, catalogue: Vector, products: Vector) -> None:
-    """Write the factors of an algorithm's products (PRODUCTS_SIZE,).
+    """Write the products of an algorithm.
 
     Parameters
     ----------
@@ -49,50 +43,69 @@ def prepare_products(algorithm: float, catalogue: Vector, products: Vector) -> N
         number of the algorithm
     catalogue : (N,)
         of all algorithms: number, i, j, k_ij of each product, and a zero behind them
+    products : (3 * M + 2,) or longer
+        overwritten: the number of samples, 0 where there are no products; j + 1, i, k_ij of each, in the order of j and
+        then of i; a zero behind them
     """
-    for place in range(PRODUCTS_SIZE):
-        products[place] = 0.0
-    at = 0
-    while catalogue[at] != 0.0:
-        if catalogue[at] == algorithm:
-            j = int(catalogue[at + 2])
-            products[ROW * j + MOST_SAMPLES + int(catalogue[at + 1])] = catalogue[at + 3]
-            if j + 1.0 > products[PRODUCTS_SIZE - 1]:
-                products[PRODUCTS_SIZE - 1] = j + 1.0
-        at = at + 4
+    products[0] = 0.0
+    at = 1
+    for j in range(MOST_SAMPLES):
+        for i in range(-MOST_SAMPLES, SUM + 1):
+            entry = 0
+            while catalogue[entry] != 0.0:
+                if catalogue[entry] == algorithm and catalogue[entry + 1] == i and catalogue[entry + 2] == j:
+                    products[0] = j + 1.0
+                    products[at] = j + 1.0
+                    products[at + 1] = catalogue[entry + 1]
+                    products[at + 2] = catalogue[entry + 3]
+                    at = at + 3
+                entry = entry + 4
+    products[at] = 0.0
 
 
-def weighted_before(products: Vector, j: int, previous: Vector, g: Vector, weighted: Vector) -> float:
-    """Write Σ k_ij γ_i over all i before j into `weighted` (3,); returns 1.0 where there are any, else 0.0."""
-    samples = int(products[PRODUCTS_SIZE - 1])
-    found = 0.0
-    for k in range(3):
-        weighted[k] = 0.0
-    for i in range(-samples, j):
-        factor = products[ROW * j + MOST_SAMPLES + i]
-        if factor != 0.0:
-            found = 1.0
-            for k in range(3):
-                if i < 0:
-                    weighted[k] = weighted[k] + factor * previous[3 * (samples + i) + k]
-                else:
-                    weighted[k] = weighted[k] + factor * g[3 * i + k]
-    factor = products[ROW * j + MOST_SAMPLES + SUM]
-    if factor != 0.0:
-        found = 1.0
-        for i in range(j):
-            for k in range(3):
-                weighted[k] = weighted[k] + factor * g[3 * i + k]
-    return found
+def weighted_before(products: Vector, at: int, previous: Vector, g: Vector, weighted: Vector) -> int:
+    """Write Σ k_ij γ_i into `weighted` (3,), over the products from place `at` on that have one γ_j.
+
+    Returns the place where those of the next γ_j begin.
+    """
+    samples = int(products[0])
+    j = int(products[at])
+    x = 0.0
+    y = 0.0
+    z = 0.0
+    while products[at] == j:
+        i = int(products[at + 1])
+        factor = products[at + 2]
+        if i == SUM:
+            for n in range(j - 1):
+                x = x + factor * g[3 * n]
+                y = y + factor * g[3 * n + 1]
+                z = z + factor * g[3 * n + 2]
+        elif i < 0:
+            i = 3 * (samples + i)
+            x = x + factor * previous[i]
+            y = y + factor * previous[i + 1]
+            z = z + factor * previous[i + 2]
+        else:
+            i = 3 * i
+            x = x + factor * g[i]
+            y = y + factor * g[i + 1]
+            z = z + factor * g[i + 2]
+        at = at + 3
+    weighted[0] = x
+    weighted[1] = y
+    weighted[2] = z
+    return at
 
 
 def rotation_vector(previous: Vector, g: Vector, products: Vector, weighted: Vector, turned: Vector) -> None:
-    """Write φ into turned[1..3]; increments before the step and in it, factors of `prepare_products`, space (4,)."""
-    samples = int(products[PRODUCTS_SIZE - 1])
-    sum_of_increments(g, samples, turned)
-    for j in range(samples):
-        if weighted_before(products, j, previous, g, weighted) == 1.0:
-            add_cross(1.0, weighted, 0, g, j, turned)
+    """Write φ into turned[1..3]; increments before the step and in it, products of `prepare_products`, space (4,)."""
+    sum_of_increments(g, int(products[0]), turned)
+    at = 1
+    while products[at] > 0.0:
+        j = int(products[at]) - 1
+        at = weighted_before(products, at, previous, g, weighted)
+        add_cross(1.0, weighted, 0, g, j, turned)
 
 
 def by_products(previous: Vector, g: Vector, products: Vector, weighted: Vector, turned: Vector) -> None:
@@ -131,149 +144,139 @@ def recursive(count: int) -> tuple[Product, ...]:
     return (*with_last, *((SUM, j, Fraction(1, 2)) for j in range(1, count)))
 
 
-PANOV = over(45, {(0, 2): 22, (0, 3): 22, (1, 2): 22, (1, 3): 22, (0, 1): 32, (2, 3): 32})
+def exact(
+    number: int, name: str, title: str, source: str, orders: tuple[int, int], products: tuple[Product, ...]
+) -> Algorithm:
+    """An algorithm with the exact formulas of (25): it takes half a turn over a step."""
+    samples = 1 + max(j for _, j, _ in products)
+    return Algorithm(
+        number,
+        title,
+        source,
+        by_products,
+        samples=samples,
+        order=orders[0],
+        coning_order=orders[1],
+        previous=min(i for i, _, _ in products) < 0,
+        constant_rate=True,
+        max_increment=math.pi / samples,
+        name=name,
+        products=products,
+    )
 
-_of_four = partial(Algorithm, kernel=by_products, samples=4, order=4, coning_order=6, max_increment=math.pi / 4)
-_for_coning = partial(Algorithm, kernel=by_products, order=3, constant_rate=True)
+
+PANOV = exact(
+    13,
+    "panov",
+    "four samples, Panov's rotation vector and exact formulas",
+    "Chelnokov et al. 2016, (24), (25)",
+    (4, 6),
+    over(45, {(0, 2): 22, (0, 3): 22, (1, 2): 22, (1, 3): 22, (0, 1): 32, (2, 3): 32}),
+)
 
 ALGORITHMS = (
-    Algorithm(
+    exact(
         11,
+        "two-sample-rotation-vector",
         "two samples, rotation vector and exact formulas",
         "Miller 1983, two-sample; Chelnokov et al. 2016, (25)",
-        by_products,
-        samples=2,
-        order=4,
-        coning_order=4,
-        constant_rate=True,
-        max_increment=math.pi / 2,
-        name="two-sample-rotation-vector",
-        products=over(3, {(0, 1): 2}),
+        (4, 4),
+        over(3, {(0, 1): 2}),
     ),
-    _of_four(
-        13,
-        "four samples, Panov's rotation vector and exact formulas",
-        "Chelnokov et al. 2016, (24), (25)",
-        constant_rate=True,
-        name="panov",
-        products=PANOV,
-    ),
-    _of_four(
-        14,
-        "four samples, Panov's rotation vector and series",
-        "Chelnokov et al. 2016, (24), (25) as series to the fifth power",
+    PANOV,
+    replace(
+        PANOV,
+        number=14,
+        title="four samples, Panov's rotation vector and series",
+        source="Chelnokov et al. 2016, (24), (25) as series to the fifth power",
         kernel=by_products_and_series,
         norm_order=5,
+        constant_rate=False,
         max_increment=0.44,
         name="panov-series",
-        products=PANOV,
     ),
-    _of_four(
-        15,
-        "four samples, Panov's rotation vector and a series cut off too early",
-        "Chelnokov et al. 2016, remark 3 (fitted to the published errors)",
+    replace(
+        PANOV,
+        number=15,
+        title="four samples, Panov's rotation vector and a series cut off too early",
+        source="Chelnokov et al. 2016, remark 3 (fitted to the published errors)",
         kernel=by_products_cut_off,
         order=2,
         norm_order=3,
+        constant_rate=False,
         max_increment=0.07,
         name="panov-cut-off",
-        products=PANOV,
     ),
-    _of_four(
+    exact(
         16,
+        "four-sample-rotation-vector",
         "four samples, rotation vector of a cubic rate",
         "Jiang and Lin 1992, four-sample polynomial algorithm",
-        constant_rate=True,
-        name="four-sample-rotation-vector",
-        products=over(945, {(0, 1): 736, (2, 3): 736, (0, 2): 334, (1, 3): 334, (0, 3): 526, (1, 2): 654}),
+        (4, 6),
+        over(945, {(0, 1): 736, (2, 3): 736, (0, 2): 334, (1, 3): 334, (0, 3): 526, (1, 2): 654}),
     ),
-    _for_coning(
+    exact(
         17,
+        "three-sample-coning",
         "three samples, optimised for coning",
         "Miller 1983, three-sample",
-        samples=3,
-        coning_order=6,
-        max_increment=math.pi / 3,
-        name="three-sample-coning",
-        products=compressed(20, 9, 27),
+        (3, 6),
+        compressed(20, 9, 27),
     ),
-    _for_coning(
+    exact(
         18,
+        "four-sample-coning",
         "four samples, optimised for coning",
         "Lee et al. 1990; Savage 1998",
-        samples=4,
-        coning_order=8,
-        max_increment=math.pi / 4,
-        name="four-sample-coning",
-        products=compressed(105, 54, 92, 214),
+        (3, 8),
+        compressed(105, 54, 92, 214),
     ),
-    _for_coning(
+    exact(
         19,
+        "five-sample-coning",
         "five samples, optimised for coning",
         "Savage 1998, five-sample",
-        samples=5,
-        coning_order=10,
-        max_increment=math.pi / 5,
-        name="five-sample-coning",
-        products=compressed(504, 250, 525, 650, 1375),
+        (3, 10),
+        compressed(504, 250, 525, 650, 1375),
     ),
-    _for_coning(
+    exact(
         28,
+        "two-sample-coning-with-two-before",
         "two samples and two before, optimised for coning",
         "Ignagni 1996, the class; solved here",
-        samples=2,
-        coning_order=8,
-        previous=True,
-        max_increment=math.pi / 2,
-        name="two-sample-coning-with-two-before",
-        products=over(420, {(0, 1): 323, (-1, 1): -26, (-2, 1): 3}),
+        (3, 8),
+        over(420, {(0, 1): 323, (-1, 1): -26, (-2, 1): 3}),
     ),
-    _for_coning(
+    exact(
         29,
+        "three-sample-coning-with-three-before",
         "three samples and three before, optimised for coning",
         "Ignagni 1996, the class; solved here",
-        samples=3,
-        coning_order=12,
-        previous=True,
-        max_increment=math.pi / 3,
-        name="three-sample-coning-with-three-before",
-        products=over(27720, {(1, 2): 40461, (0, 2): 9642, (-1, 2): 1098, (-2, 2): -186, (-3, 2): 15}),
+        (3, 12),
+        over(27720, {(1, 2): 40461, (0, 2): 9642, (-1, 2): 1098, (-2, 2): -186, (-3, 2): 15}),
     ),
-    Algorithm(
+    exact(
         30,
+        "three-sample-uncompressed",
         "three samples, uncompressed",
         "Song, Wu, Pan 2013, three-sample",
-        by_products,
-        samples=3,
-        order=4,
-        coning_order=6,
-        constant_rate=True,
-        max_increment=math.pi / 3,
-        name="three-sample-uncompressed",
-        products=over(40, {(0, 1): 27, (1, 2): 27, (0, 2): 18}),
+        (4, 6),
+        over(40, {(0, 1): 27, (1, 2): 27, (0, 2): 18}),
     ),
-    Algorithm(
+    exact(
         31,
+        "four-sample-uncompressed",
         "four samples, uncompressed",
         "Song, Wu, Pan 2013, four-sample",
-        by_products,
-        samples=4,
-        order=4,
-        coning_order=8,
-        constant_rate=True,
-        max_increment=math.pi / 4,
-        name="four-sample-uncompressed",
-        products=over(315, {(0, 1): 232, (2, 3): 232, (1, 2): 178, (0, 2): 138, (1, 3): 138, (0, 3): 162}),
+        (4, 8),
+        over(315, {(0, 1): 232, (2, 3): 232, (1, 2): 178, (0, 2): 138, (1, 3): 138, (0, 3): 162}),
     ),
-    _for_coning(
+    exact(
         32,
+        "four-sample-recursive",
         "four samples in a fast loop, with the one before",
         "Savage 1998, part 1, two-speed recursive",
-        samples=4,
-        coning_order=4,
-        previous=True,
-        max_increment=math.pi / 4,
-        name="four-sample-recursive",
-        products=recursive(4),
+        (3, 4),
+        recursive(4),
     ),
 )

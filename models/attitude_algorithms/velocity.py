@@ -30,15 +30,28 @@ from ..rotation import (
     sum_of_increments,
     to_reference,
 )
-from .computer import LEFT, READS_PREVIOUS, SAMPLES, STEP_SIZE, begin_attitude, collect, turn_attitude
+from .computer import (
+    KNOWN,
+    LEFT,
+    PERIOD,
+    READS_PREVIOUS,
+    SAMPLES,
+    STEP_SIZE,
+    TAKEN,
+    WAITING,
+    begin_attitude,
+    collect,
+    turn_attitude,
+)
 from .iteration import (
     EXTRA_NODES,
+    VALUES,
     functional_iteration,
     increments_iterated,
     pair_of_increments,
     supported_degree,
 )
-from .products import PRODUCTS_SIZE, rotation_vector, weighted_before
+from .products import rotation_vector, weighted_before
 
 FORMS = ("joint", "classic", "first-order")
 """How rotation is compensated, from 1 on."""
@@ -70,27 +83,29 @@ def velocity_by_products(
         of `FORMS`
     previous, g, previous_v, v : (STEP_SIZE,)
         increments of angle [rad] and velocity [m/s], of the step before and of this one
-    products : (PRODUCTS_SIZE,)
+    products
         of `prepare_products`; where there are none, the step has one sample
     weighted, phi, sigma : (4,)
         working space
     """
-    samples = int(products[PRODUCTS_SIZE - 1])
-    if samples == 0:
-        samples = 1
+    samples = 1
+    if products[0] > 0.0:
+        samples = int(products[0])
     sum_of_increments(g, samples, phi)
     sum_of_increments(v, samples, sigma)
     if form != JOINT:
         add_rotation(form, phi, sigma, gained)
         for k in range(4):
             sigma[k] = 0.0
-    for j in range(samples):
-        if weighted_before(products, j, previous, g, weighted) == 1.0:
-            add_cross(1.0, weighted, 0, v, j, sigma)
-            weighted_before(products, j, previous_v, v, weighted)
-            add_cross(1.0, weighted, 0, g, j, sigma)
+    at = 1
+    while products[0] > 0.0 and products[at] > 0.0:
+        j = int(products[at]) - 1
+        weighted_before(products, at, previous, g, weighted)
+        add_cross(1.0, weighted, 0, v, j, sigma)
+        at = weighted_before(products, at, previous_v, v, weighted)
+        add_cross(1.0, weighted, 0, g, j, sigma)
     if form == JOINT:
-        if products[PRODUCTS_SIZE - 1] > 0.0:
+        if products[0] > 0.0:
             rotation_vector(previous, g, products, weighted, phi)
         add_rotation(form, phi, sigma, gained)
     else:
@@ -126,9 +141,7 @@ def velocity_by_iteration(
     first: int,
     table: Vector,
     start: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     node: Vector,
     turned: Vector,
     gained: Vector,
@@ -139,7 +152,7 @@ def velocity_by_iteration(
     ----------
     g, v : (3 * (first + count),) or longer
         increments of angle [rad] and velocity [m/s]; those from number `first` on are taken
-    table, rates, values, slopes, turned
+    table, space, turned
         as of `functional_iteration`
     node : (4,)
         working space
@@ -149,7 +162,7 @@ def velocity_by_iteration(
     int
         0, or 1 where the iteration does not end
     """
-    if functional_iteration(count, g, first, table, rates, values, slopes, turned) == 1:
+    if functional_iteration(count, g, first, table, space, turned) == 1:
         return 1
     nodes = count + EXTRA_NODES
     total_x = 0.0
@@ -165,15 +178,21 @@ def velocity_by_iteration(
             x = x + part * v[3 * (first + n)]
             y = y + part * v[3 * (first + n) + 1]
             z = z + part * v[3 * (first + n) + 2]
-        set_quaternion(1.0 + values[4 * i], values[4 * i + 1], values[4 * i + 2], values[4 * i + 3], node)
-        to_reference(node, x, y, z, rates)
-        total_x = total_x + rates[0]
-        total_y = total_y + rates[1]
-        total_z = total_z + rates[2]
-    to_reference(start, total_x, total_y, total_z, rates)
-    for k in range(3):
-        gained[k] = gained[k] + rates[k]
+        at = VALUES + 4 * i
+        set_quaternion(1.0 + space[at], space[at + 1], space[at + 2], space[at + 3], node)
+        to_reference(node, x, y, z, space)
+        total_x = total_x + space[0]
+        total_y = total_y + space[1]
+        total_z = total_z + space[2]
+    add_turned(start, total_x, total_y, total_z, space, gained)
     return 0
+
+
+def add_turned(q: Vector, x: float, y: float, z: float, space: Vector, gained: Vector) -> None:
+    """Add q v q* of a vector (x, y, z) to `gained` (3,); `space` (3,) is working space."""
+    to_reference(q, x, y, z, space)
+    for k in range(3):
+        gained[k] = gained[k] + space[k]
 
 
 def velocity_of_window(
@@ -184,10 +203,7 @@ def velocity_of_window(
     v: Vector,
     table: Vector,
     half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     node: Vector,
     part: Vector,
     turned: Vector,
@@ -197,31 +213,25 @@ def velocity_of_window(
 
     `turned` (4,) is the quaternion of the window so far; others as of `velocity_by_iteration`.
     """
-    chosen = supported_degree(previous, known, g, math.pi, differences)
-    other = supported_degree(previous_v, known, v, 1e300, differences)
+    chosen = supported_degree(previous, known, g, math.pi, space)
+    other = supported_degree(previous_v, known, v, 1e300, space)
     if other < chosen:
         chosen = other
     set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
-    if chosen == 8 and (
-        velocity_by_iteration(8, g, v, 0, table, turned, rates, values, slopes, node, part, gained) == 1
-    ):
+    if chosen == 8 and velocity_by_iteration(8, g, v, 0, table, turned, space, node, part, gained) == 1:
         chosen = 4
     if chosen < 8:
         for half in range(2):
             failed = 1
             if chosen == 4:
-                failed = velocity_by_iteration(
-                    4, g, v, 4 * half, half_table, turned, rates, values, slopes, node, part, gained
-                )
+                failed = velocity_by_iteration(4, g, v, 4 * half, half_table, turned, space, node, part, gained)
             if failed == 0:
                 multiply(turned, part, turned)
             else:
                 for pair in range(2):
                     first = 4 * half + 2 * pair
-                    velocity_of_pair(g, v, first, values, slopes, differences)
-                    to_reference(turned, differences[0], differences[1], differences[2], rates)
-                    for k in range(3):
-                        gained[k] = gained[k] + rates[k]
+                    velocity_of_pair(g, v, first, node, part, space)
+                    add_turned(turned, space[0], space[1], space[2], space, gained)
                     pair_of_increments(g, first, part)
                     multiply(turned, part, turned)
 
@@ -251,10 +261,7 @@ def velocity_of_step(
     collected_v: Vector,
     table: Vector,
     half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     node: Vector,
     part: Vector,
     turned: Vector,
@@ -270,27 +277,11 @@ def velocity_of_step(
     count = increments_iterated(algorithm)
     if algorithm == 27.0:
         velocity_of_window(
-            previous,
-            known,
-            collected,
-            previous_v,
-            collected_v,
-            table,
-            half_table,
-            differences,
-            rates,
-            values,
-            slopes,
-            node,
-            part,
-            turned,
-            gained,
+            previous, known, collected, previous_v, collected_v, table, half_table, space, node, part, turned, gained
         )
     elif count > 0:
         set_quaternion(1.0, 0.0, 0.0, 0.0, part)
-        return velocity_by_iteration(
-            count, collected, collected_v, 0, table, part, rates, values, slopes, node, turned, gained
-        )
+        return velocity_by_iteration(count, collected, collected_v, 0, table, part, space, node, turned, gained)
     else:
         velocity_by_products(form, previous, collected, previous_v, collected_v, table, node, part, turned, gained)
     return 0
@@ -306,11 +297,7 @@ def initialise(
     velocity: Vector,
     gained: Vector,
     updated: Vector,
-    start: Vector,
-    period: Vector,
-    samples: Vector,
-    waiting: Vector,
-    known: Vector,
+    progress: Vector,
     collected: Vector,
     previous: Vector,
     collected_v: Vector,
@@ -320,11 +307,8 @@ def initialise(
     before: Vector,
     sample: Vector,
     sample_v: Vector,
-    samples_of_update: Vector,
-    longest_increment: Vector,
-    reads_previous: Vector,
+    algorithms: Vector,
     products: Vector,
-    chosen: Vector,
 ) -> int:
     """Begin at the initial attitude and velocity; returns 0 or the number of a message."""
     for k in range(3):
@@ -341,22 +325,15 @@ def initialise(
         initial_attitude,
         attitude,
         updated,
-        start,
-        period,
-        samples,
-        waiting,
-        known,
+        progress,
         collected,
         previous,
         table,
         half_table,
         before,
         sample,
-        samples_of_update,
-        longest_increment,
-        reads_previous,
+        algorithms,
         products,
-        chosen,
     )
 
 
@@ -374,22 +351,14 @@ def step(
     velocity: Vector,
     gained: Vector,
     updated: Vector,
-    start: Vector,
-    period: Vector,
-    samples: Vector,
-    waiting: Vector,
-    known: Vector,
+    progress: Vector,
     collected: Vector,
     previous: Vector,
     collected_v: Vector,
     previous_v: Vector,
-    chosen: Vector,
     table: Vector,
     half_table: Vector,
-    differences: Vector,
-    rates: Vector,
-    values: Vector,
-    slopes: Vector,
+    space: Vector,
     node: Vector,
     part: Vector,
     turned: Vector,
@@ -406,50 +375,32 @@ def step(
         # Infinity and NaN fail the comparison.
         if not math.fabs(velocity_increment[k]) <= LARGEST_INCREMENT:
             return 6
-    taken = samples[0]
-    left = chosen[LEFT]
-    refused = collect(
-        time,
-        step,
-        increment,
-        effect,
-        updated,
-        start,
-        period,
-        samples,
-        waiting,
-        collected,
-        chosen,
-        before,
-        added,
-        sample,
-    )
-    if refused > 0 or (samples[0] == taken and chosen[LEFT] == left):
+    taken = progress[TAKEN]
+    left = progress[LEFT]
+    refused = collect(time, step, increment, effect, updated, progress, collected, before, added, sample)
+    if refused > 0 or (progress[TAKEN] == taken and progress[LEFT] == left):
         return refused
     for k in range(3):
-        if left == period[0] or left <= 0.0:
+        if left == progress[PERIOD] or left <= 0.0:
             sample_v[k] = 0.0
         sample_v[k] = sample_v[k] + velocity_increment[k]
-    if samples[0] == taken:
+    if progress[TAKEN] == taken:
         return 0
     for k in range(3):
-        collected_v[3 * (int(waiting[0]) - 1) + k] = sample_v[k]
-    if waiting[0] < chosen[SAMPLES]:
+        collected_v[3 * (int(progress[WAITING]) - 1) + k] = sample_v[k]
+    if progress[WAITING] < progress[SAMPLES]:
         return 0
     failed = velocity_of_step(
         algorithm,
         form,
-        known[0],
+        progress[KNOWN],
         previous,
         collected,
         previous_v,
         collected_v,
         table,
         half_table,
-        differences,
-        rates,
-        values,
-        slopes,
+        space,
         node,
         part,
         turned,
@@ -457,29 +408,13 @@ def step(
     )
     if failed == 1:
         return 5
-    to_reference(attitude, gained[0], gained[1], gained[2], rates)
+    to_reference(attitude, gained[0], gained[1], gained[2], space)
     for k in range(3):
-        velocity[k] = velocity[k] + rates[k] + gravitation[k] * period[0] * chosen[SAMPLES]
-    if chosen[READS_PREVIOUS] == 1.0:
-        size = 3 * int(chosen[SAMPLES])
+        velocity[k] = velocity[k] + space[k] + gravitation[k] * progress[PERIOD] * progress[SAMPLES]
+    if progress[READS_PREVIOUS] == 1.0:
+        size = 3 * int(progress[SAMPLES])
         for k in range(size):
             previous_v[k] = collected_v[k]
     return turn_attitude(
-        algorithm,
-        renormalise,
-        attitude,
-        updated,
-        waiting,
-        known,
-        collected,
-        previous,
-        chosen,
-        table,
-        half_table,
-        differences,
-        rates,
-        values,
-        slopes,
-        part,
-        turned,
+        algorithm, renormalise, attitude, updated, progress, collected, previous, table, half_table, space, part, turned
     )

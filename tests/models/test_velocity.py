@@ -16,7 +16,8 @@ from test_attitude_order import HALF, HIGH, attitude_series, increments, rates_f
 from attitude_kernels import precise_kernels, product, tables
 from named import Named
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
-from trihedron.models.attitude_algorithms.computer import STEP_SIZE, WORK_SIZE
+from trihedron.models.attitude_algorithms.computer import STEP_SIZE
+from trihedron.models.attitude_algorithms.iteration import SPACE_SIZE
 from trihedron.models.attitude_algorithms.velocity import FORMS
 from trihedron.models.effects import EffectPlace
 
@@ -34,11 +35,10 @@ def gained(algorithm: Algorithm, g: list, v: list, before: Sequence[list], form:
     """Velocity of a step, by the computer's own kernel."""
     empty = [mpf(0)] * STEP_SIZE
     filled = [[*x, *empty][:STEP_SIZE] for x in (before[0], g, before[1], v)]
-    work = [[mpf(0)] * WORK_SIZE for _ in range(4)]
-    small = [[mpf(0)] * 4 for _ in range(3)]
+    work = [[mpf(0)] * size for size in (SPACE_SIZE, 4, 4, 4)]
     result = [mpf(0)] * 3
     kernel = precise_kernels("VelocityComputer")["velocity_of_step"]
-    assert kernel(mpf(algorithm.number), form, mpf(1), *filled, *tables(algorithm), *work, *small, result) == 0
+    assert kernel(mpf(algorithm.number), form, mpf(1), *filled, *tables(algorithm), *work, result) == 0
     return result
 
 

@@ -19,8 +19,13 @@ from ...fmus.instruments import GYRO_BLOCK
 from ...fmus.source import instantiate
 from ...models import gyro, harmonic_motion, rotation
 from ...models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
-from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, WORK_SIZE, prepare_update
-from ...models.attitude_algorithms.iteration import adaptive_degree, functional_iteration, rodrigues_iteration
+from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, prepare_update
+from ...models.attitude_algorithms.iteration import (
+    SPACE_SIZE,
+    adaptive_degree,
+    functional_iteration,
+    rodrigues_iteration,
+)
 from ...models.attitude_algorithms.products import by_products, by_products_and_series, by_products_cut_off
 from ..compiled import Makers, compile_callee, compiled, loop_compiled, loops_over
 from ..errors import InputError
@@ -201,8 +206,8 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
     prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
-    work = (np.array(table), np.array(half_table), *(np.zeros(WORK_SIZE) for _ in range(4)), np.zeros(4))
-    _runner(algorithm, loops_over(len(increments)))(np.ascontiguousarray(increments), renormalise, work, attitudes)
+    work = (np.array(table), np.array(half_table), np.zeros(SPACE_SIZE), np.zeros(4), attitudes)
+    _runner(algorithm, loops_over(len(increments)))(np.ascontiguousarray(increments), renormalise, *work)
     return attitudes
 
 
@@ -241,7 +246,7 @@ def _runner(algorithm: Algorithm, made: Makers) -> Callable[..., None]:
     multiply, normalise = kernel_made(rotation.multiply), kernel_made(rotation.normalise)
 
     @loop_made
-    def run(increments, renormalise, work, attitudes):
+    def run(increments, renormalise, table, half_table, space, part, attitudes):
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
         previous, g = np.zeros(STEP_SIZE), np.zeros(STEP_SIZE)
@@ -250,7 +255,7 @@ def _runner(algorithm: Algorithm, made: Makers) -> Callable[..., None]:
             for i in range(samples):
                 for j in range(3):
                     g[3 * i + j] = increments[samples * k + i, j]
-            turn(previous, known, g, work, turned)
+            turn(previous, known, g, table, half_table, space, part, turned)
             known = 1.0
             multiply(attitude, turned, attitude)
             if renormalise:
@@ -270,35 +275,30 @@ def _turn(algorithm: Algorithm, kernel_made: Callable[..., Any]) -> Callable[...
     samples = algorithm.samples
     if algorithm.kernel in (by_products, by_products_and_series, by_products_cut_off):
 
-        def turn(previous, known, g, work, turned):
-            kernel(previous, g, work[0], work[6], turned)
+        def turn(previous, known, g, table, half_table, space, part, turned):
+            kernel(previous, g, table, part, turned)
 
-    elif algorithm.kernel is rodrigues_iteration:
+    elif algorithm.kernel in (functional_iteration, rodrigues_iteration):
 
-        def turn(previous, known, g, work, turned):
-            kernel(samples, g, work[0], work[3], work[4], work[5], turned)
-
-    elif algorithm.kernel is functional_iteration:
-
-        def turn(previous, known, g, work, turned):
-            kernel(samples, g, 0, work[0], work[3], work[4], work[5], turned)
+        def turn(previous, known, g, table, half_table, space, part, turned):
+            kernel(samples, g, 0, table, space, turned)
 
     elif algorithm.kernel is adaptive_degree:
 
-        def turn(previous, known, g, work, turned):
-            kernel(previous, known, g, work[0], work[1], work[2], work[3], work[4], work[5], work[6], turned)
+        def turn(previous, known, g, table, half_table, space, part, turned):
+            kernel(previous, known, g, table, half_table, space, part, turned)
 
     elif algorithm.previous:
 
-        def turn(previous, known, g, work, turned):
+        def turn(previous, known, g, table, half_table, space, part, turned):
             kernel(previous, g, turned)
 
     else:
 
-        def turn(previous, known, g, work, turned):
+        def turn(previous, known, g, table, half_table, space, part, turned):
             kernel(g, turned)
 
-    return compile_callee(turn) if kernel_made is compiled else turn
+    return compile_callee(turn, allocates=False) if kernel_made is compiled else turn
 
 
 def read_increments(
