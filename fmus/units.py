@@ -7,6 +7,8 @@ from typing import Any
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²]; the default of every gravity parameter."""
+ARCMIN = math.radians(1.0 / 60.0)
+"""[rad]"""
 
 
 @dataclass(frozen=True)

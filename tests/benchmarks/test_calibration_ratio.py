@@ -1,4 +1,4 @@
-"""How long a calibration takes: estimates, guaranteed errors, all intervals, of 100 positions."""
+"""How long a calibration takes: estimates, guaranteed errors, all intervals, of 100 positions and of 100,000."""
 
 import time
 
@@ -31,3 +31,24 @@ def test_a_hundred_positions_under_a_second(capsys: pytest.CaptureFixture[str]) 
         )
     assert misses(result, target_values(bench, np.eye(3))) == []
     assert min(busy) < 1.0
+
+
+@pytest.mark.benchmark_ratio
+def test_a_hundred_thousand_positions_against_a_decomposition(capsys: pytest.CaptureFixture[str]) -> None:
+    """In units of one singular value decomposition of the readings' derivatives, 300,000 rows by 18."""
+    rng = np.random.default_rng(1)
+    bench, count = random_bench(rng), 100_000
+    alpha, beta = rng.uniform(0, 2 * np.pi, (2, count))
+    record = simulated(bench, alpha, beta, rng.uniform(-SIGMA, SIGMA, (count, 3)))
+    began = time.process_time()
+    result = calibrate(record, noise_bound=SIGMA)
+    ours = time.process_time() - began
+    units = []
+    for _ in range(3):
+        began = time.process_time()
+        np.linalg.svd(result.linearised.jacobian, full_matrices=False)
+        units.append(time.process_time() - began)
+    with capsys.disabled():
+        print(f"\n100,000 positions: {ours:.1f} s of processor, {ours / min(units):.0f} decompositions")
+    assert misses(result, target_values(bench, np.eye(3))) == []
+    assert ours < 60.0 * min(units)

@@ -1,5 +1,8 @@
 """Column generation against the full linear programme given to HiGHS, and how long proofs take, in one run."""
 
+import resource
+import subprocess
+import sys
 import time
 
 import highspy
@@ -69,6 +72,34 @@ def test_all_targets_on_the_one_degree_grid(capsys: pytest.CaptureFixture[str]) 
         )
     assert seconds / min(ours) >= 100
     assert min(busy) < 1.0
+
+
+def processor(*command: str) -> float:
+    """Least of three times that Python needs for a whole process [s of processor]."""
+
+    def used() -> float:
+        children = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return children.ru_utime + children.ru_stime
+
+    times = []
+    for _ in range(3):
+        before = used()
+        subprocess.run([sys.executable, *command], check=True, stdout=subprocess.DEVNULL)
+        times.append(used() - before)
+    return min(times)
+
+
+@pytest.mark.benchmark_ratio
+@pytest.mark.parametrize(("options", "most"), [((), 4.0), (("--continuum",), 11.0)])
+def test_a_whole_process_against_one_that_only_imports(
+    options: tuple[str, ...], most: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """18 plans from the command line, in units of what Python, NumPy and SciPy need until they stand ready."""
+    unit = processor("-c", "import numpy, scipy.optimize")
+    ours = processor("-m", "trihedron.tools.cli", "plan", *options)
+    with capsys.disabled():
+        print(f"\nplan {' '.join(options)}: {ours:.2f} s of processor, {ours / unit:.1f} times the imports of SciPy")
+    assert ours < most * unit
 
 
 @pytest.mark.benchmark_ratio

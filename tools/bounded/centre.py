@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .possible import DETERMINED, Possible
-from .programmes import LEAST_VALUE, TOLERANCE, chebyshev_radius, first_rows, least_largest
+from .programmes import LEAST_VALUE, TOLERANCE, chebyshev_radius, first_rows, least_largest, shortened
 
 INTERIOR = 1e-7
 """A set in which some slack stays below this part of its bound has no interior: the programmes are not exacter."""
@@ -77,7 +77,7 @@ class Bounded:
         jacobian = self.rows[0]
         size = np.abs(jacobian).max(axis=0, initial=0.0)
         size[size == 0.0] = 1.0
-        _, values, turned = np.linalg.svd(np.linalg.qr(jacobian / size, mode="r"))
+        _, values, turned = np.linalg.svd(np.linalg.qr(shortened(jacobian / size), mode="r"))
         kept = values > LEAST_VALUE * values.max(initial=0.0)
         return turned[: len(values)][kept].T / values[kept] / size[:, None]
 
@@ -169,8 +169,9 @@ class _Inside:
         # Least squares, whose normal equations are Newton's: their condition is not squared.
         matrix = np.vstack((root[:, None] * self._rows, self._weights / left[:, None]))
         right = np.append(2.0 * r / slack / root, -np.ones(len(left)))
-        q, triangle = np.linalg.qr(matrix)
-        along = q.T @ right
+        both = shortened(np.column_stack((matrix, right)))
+        q, triangle = np.linalg.qr(both[:, :-1])
+        along = q.T @ both[:, -1]
         return np.linalg.solve(triangle, along), float(np.linalg.norm(along))
 
     def damped(self, y: NDArray, step: NDArray, decrement: float) -> float:

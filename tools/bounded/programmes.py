@@ -22,6 +22,10 @@ MANY_ROWS = 1000
 """Up to so many rows are given to the solver at once."""
 ADDED_ROWS = 100
 """The most violated rows that one round takes in."""
+TOLD_APART, CONSIDERED = 0.99, 3000
+"""Cosine from which on two rows bound the same, and how many of the most violated rows are looked at for others."""
+BLOCK, MANY_BLOCKS = 2048, 8
+"""Rows that a decomposition takes at once where there are many such blocks: they stay in the processor's cache."""
 DUAL_SIMPLEX, PRIMAL_SIMPLEX = 1, 4
 Interval = tuple[float, float]
 LEAST_VALUE = 1e-8
@@ -127,7 +131,8 @@ class Polytope:
                 break
             activity = self._matrix @ x
             violation = np.maximum(self._lower - activity, activity - self._upper)
-            if not len(more := _most_violated(violation, self._taken, TOLERANCE)):
+            apart = self._matrix if len(violation) >= MANY_BLOCKS * BLOCK else None
+            if not len(more := _most_violated(violation, self._taken, TOLERANCE, apart)):
                 break
             self._take(more)
         duals = np.zeros(len(self._scale))
@@ -147,15 +152,50 @@ def first_rows(matrix: NDArray) -> NDArray:
     """Rows (indices) to begin with: all when they are few, else the n that determine the columns best."""
     if len(matrix) <= MANY_ROWS:
         return np.arange(len(matrix))
-    *_, pivots = qr(matrix.T, mode="r", pivoting=True)
-    return np.sort(np.asarray(pivots)[: matrix.shape[1]])
+    rows, count = np.arange(len(matrix)), matrix.shape[1]
+    if len(matrix) >= MANY_BLOCKS * BLOCK:
+        # Those of each block that determine the columns best, and of these again.
+        starts = range(0, len(matrix), BLOCK)
+        rows = np.concatenate([k + _pivots(matrix[k : k + BLOCK])[:count] for k in starts])
+    return np.sort(rows[_pivots(matrix[rows])[:count]])
 
 
-def _most_violated(violation: NDArray, taken: NDArray, tolerance: float) -> NDArray:
-    """Rows to take in: the most violated of those that are not in yet, in the order of the rows."""
+def _pivots(matrix: NDArray) -> NDArray:
+    """Rows (indices) in the order in which they determine the columns best."""
+    return np.asarray(qr(matrix.T, mode="r", pivoting=True)[-1])
+
+
+def shortened(matrix: NDArray) -> NDArray[np.float64]:
+    """Few rows (K, n) with the singular values, and for least squares all that counts, of many (M, n).
+
+    R of the QR decompositions of blocks of rows; the matrix itself where it has not so many.
+    """
+    count = len(matrix) // BLOCK
+    if count < MANY_BLOCKS:
+        return matrix
+    triangles = np.asarray(np.linalg.qr(matrix[: count * BLOCK].reshape(count, BLOCK, -1), mode="r"))
+    return np.vstack((triangles.reshape(-1, matrix.shape[1]), matrix[count * BLOCK :]))
+
+
+def _most_violated(violation: NDArray, taken: NDArray, tolerance: float, matrix: NDArray | None = None) -> NDArray:
+    """Rows to take in: the most violated of those that are not in yet, in the order of the rows.
+
+    With a matrix (M, n) so few of them that no two bound nearly the same.
+    """
     violation[taken] = 0.0
-    worst = np.argpartition(violation, -ADDED_ROWS)[-ADDED_ROWS:]
-    return np.sort(worst[violation[worst] > tolerance])
+    worst = np.flatnonzero(violation > tolerance)
+    count = ADDED_ROWS if matrix is None else CONSIDERED
+    if len(worst) > count:
+        worst = worst[np.argpartition(violation[worst], -count)[-count:]]
+    if matrix is None:
+        return np.sort(worst)
+    worst = worst[np.argsort(-violation[worst], kind="stable")]
+    rows = matrix[worst] / np.linalg.norm(matrix[worst], axis=1, keepdims=True)
+    left, chosen = np.ones(len(worst), dtype=bool), []
+    while left.any() and len(chosen) < ADDED_ROWS:
+        chosen.append(int(left.argmax()))
+        left &= np.abs(rows @ rows[chosen[-1]]) < TOLD_APART
+    return np.sort(worst[chosen])
 
 
 def chebyshev_radius(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ...fmus.units import ARCMIN
 from ...models.bench import TARGETS
 from ...models.bench_turns import earth_in_base
 from ..errors import InputError
@@ -17,7 +18,6 @@ from ..rounding import upwards
 from .gyros import Bench
 from .result import Calibration
 
-ARCMIN = math.radians(1.0 / 60.0)
 OF_AXES = ("X3", "X8", "-X12", "X13")
 """Targets whose errors turn the block by an angle that depends on the table's; what stays in the base drops out."""
 

@@ -15,7 +15,7 @@ from ...models.bench import (
     sign_margin,
 )
 from ..bounded.centre import Bounded, Central, Estimator, central
-from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius
+from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius, shortened
 from ..errors import InputError
 from ..progress import tracked
 from .model import (
@@ -137,8 +137,9 @@ class _Problem:
     def step(self, point: NDArray, weight: NDArray, sign: NDArray, cut: float | None = None) -> NDArray:
         """One linear step; directions with singular values below `cut` of the largest are left alone."""
         jacobian = reading_jacobian(self.parametrisation, point, self.positions, sign).reshape(-1, len(point))
-        rows = (jacobian @ self.span) * weight[:, None]
-        return self.span @ np.linalg.lstsq(rows, self.residual(point, sign) * weight, rcond=cut)[0]
+        rows, target = (jacobian @ self.span) * weight[:, None], self.residual(point, sign) * weight
+        both = shortened(np.column_stack((rows, target)))
+        return self.span @ np.linalg.lstsq(both[:, :-1], both[:, -1], rcond=cut)[0]
 
     def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
         """Norm of the weighted residual at a point."""
@@ -184,7 +185,8 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
     p = here.parametrisation
     matrices = p.matrices[here.positions.mounting]
     margin = sign_margin(here.positions.alpha, here.positions.beta, matrices, bounds=bounds)
-    gradient = direction_jacobian(p, here.point, here.positions)
+    some = np.flatnonzero(~certain.all(axis=1))
+    gradient = dict(zip(some, direction_jacobian(p, here.point, here.positions.selected(some)), strict=True))
     size = np.abs(here.input)
     uncertainty = np.where(certain, 0.0, np.maximum(margin, size))
     difference = p.selection[0, 3:9:2] - p.selection[0, 4:9:2]
@@ -197,7 +199,7 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
             break
         spread = _spread(here, noise_bound + extra.ravel())
         for i, k in zip(*np.nonzero(still_open), strict=True):
-            uncertainty[i, k] = min(uncertainty[i, k], spread(gradient[i, k]))
+            uncertainty[i, k] = min(uncertainty[i, k], spread(gradient[i][k]))
         asymmetry = np.minimum(asymmetry, estimate + [spread(row) for row in difference])
     return extra.ravel()
 
@@ -308,7 +310,7 @@ def least_squares_values(here: Linearisation, weights: NDArray) -> NDArray:
     rank = here.span.shape[1]
     freedom = len(here.residual) - rank
     variance = float(np.sum((weight * here.residual) ** 2)) / freedom if freedom > 0 else np.nan
-    _, triangle = np.linalg.qr((here.jacobian @ here.span) * weight[:, None])
+    _, triangle = np.linalg.qr(shortened((here.jacobian @ here.span) * weight[:, None]))
     for k, row in enumerate(weights):
         if _is_determined(here, row):
             spread = np.linalg.solve(triangle.T, here.span.T @ row)
@@ -364,20 +366,22 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
     """
     here, centre = feasible.linearised, feasible.centre
     intervals = np.full((len(weights), 2), np.nan)
-    if here.span.shape[1] == 0:
+    known = [k for k, row in enumerate(weights) if _is_determined(here, row)]
+    if not known:
         return intervals
     polytope, residual = _steps_of(feasible)
-    tops = {}
-    remainder = np.zeros(len(residual))
-    known = [k for k, row in enumerate(weights) if _is_determined(here, row)]
+    tops, steps = {}, []
     for k in tracked(known, "exact intervals", show=_takes_long(here)):
         for side, sense in enumerate((-1.0, 1.0)):
             value, step, phi = polytope.maximise(here.span.T @ (sense * weights[k]))
-            step = here.span @ step
-            left = residual - here.residual_at(centre + step) - here.jacobian @ step
-            remainder = np.maximum(remainder, np.abs(left))
+            steps.append(here.span @ step)
             used = np.flatnonzero(phi)
             tops[k, side] = value, used, np.abs(phi[used])
+    rows = here.rows_of(np.unique(np.concatenate([used for _, used, _ in tops.values()]) // 3))
+    near, remainder = here.selected(rows), np.zeros(len(residual))
+    for step in steps:
+        left = residual[rows] - near.residual_at(centre + step) - near.jacobian @ step
+        remainder[rows] = np.maximum(remainder[rows], np.abs(left))
     for k in known:
         middle = float(weights[k] @ centre)
         for side, sense in enumerate((-1.0, 1.0)):

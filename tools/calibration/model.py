@@ -6,12 +6,12 @@ weights are unit vectors and any other linear combination is a short sum.
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from math import atan, cos, radians, sin, sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,12 +25,15 @@ from ...models.bench import (
     target_jacobian,
     target_reading,
 )
+from ..bounded.programmes import shortened
 from ..errors import InputError, nearest
 from ..files import LARGEST_TEXT, bytes_of
 from ..records import PositionRecord
 
 MOUNTING_TARGETS = ("X8", "-X12", "X13")
 """Targets that differ by mounting."""
+BLOCK = 4096
+"""Positions that are evaluated at once: what is made of them on the way stays in the processor's cache."""
 
 
 def frame_turn(axis: int, angle: float) -> NDArray:
@@ -165,6 +168,10 @@ class Positions:
     tilts: NDArray | None = None
     slips: NDArray | None = None
 
+    def selected(self, rows: NDArray | slice) -> "Positions":
+        """Some of them."""
+        return replace(self, **{name: own[rows] for name, own in vars(self).items() if own is not None})
+
 
 def every_position(p: Parametrisation, angles: NDArray) -> Positions:
     """Every pair of angles [rad] with every mounting."""
@@ -214,21 +221,45 @@ def _selection(p: Parametrisation, at: Positions) -> NDArray:
     return p.selection[0] if len(p.mountings) == 1 else p.selection[at.mounting]
 
 
+def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
+    """What is evaluated position by position, of many block by block."""
+
+    @wraps(evaluate)
+    def evaluated(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
+        def of(rows: slice) -> NDArray:
+            return evaluate(p, point, at.selected(rows), *(() if sign is None else (sign[rows],)))
+
+        first, count = of(slice(BLOCK)), len(at.alpha)
+        if count <= BLOCK:
+            return first
+        whole = np.empty((count, *first.shape[1:]), first.dtype)
+        whole[:BLOCK] = first
+        for start in range(BLOCK, count, BLOCK):
+            whole[start : start + BLOCK] = of(slice(start, start + BLOCK))
+        return whole
+
+    return evaluated
+
+
+@_in_blocks
 def predicted_reading(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
     """The exact reading over g (N, 3) at a point (P,) of the parameters; `sign` as in `models.bench.target_reading`."""
     return target_reading(*_arguments(p, point, at), sign, at.slips)
 
 
+@_in_blocks
 def predicted_input(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
     """The inputs of the accelerometers (N, 3) [g], up to the factor (1 − Δg/g) that readings cannot tell."""
     return input_direction(*_arguments(p, point, at), at.slips)
 
 
+@_in_blocks
 def reading_jacobian(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
     """Derivatives (N, 3, P) of `predicted_reading`."""
     return target_jacobian(*_arguments(p, point, at), sign, at.slips) @ _selection(p, at)
 
 
+@_in_blocks
 def direction_jacobian(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
     """Derivatives (N, 3, P) of `predicted_input`."""
     return input_jacobian(*_arguments(p, point, at), at.slips) @ _selection(p, at)
@@ -285,6 +316,19 @@ class Linearisation:
         """Names of the parameters."""
         return self.parametrisation.symbols
 
+    def rows_of(self, positions: NDArray) -> NDArray[np.int_]:
+        """The rows of some positions (n,), and all that stand behind those of the readings."""
+        count = self.reading.size
+        own = 3 * positions[3 * positions < count, None] + np.arange(3)
+        return np.append(own.ravel(), np.arange(count, len(self.bound)))
+
+    def selected(self, rows: NDArray) -> Self:
+        """The same of some rows, as `rows_of` has them."""
+        at = rows[rows < self.reading.size][::3] // 3
+        few = {name: getattr(self, name)[rows] for name in ("residual", "jacobian", "bound")}
+        reading, sign = self.reading[at], self.sign[at]
+        return replace(self, positions=self.positions.selected(at), reading=reading, sign=sign, **few)
+
     def residual_at(self, point: NDArray) -> NDArray:
         """Exact residuals (M,) at another point, with the signs of this one."""
         return (self.reading - predicted_reading(self.parametrisation, point, self.positions, self.sign)).ravel()
@@ -335,6 +379,7 @@ def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     encoder errors alone give.
     """
     missing = max(0, jacobian.shape[1] - len(jacobian))
-    _, values, directions = np.linalg.svd(np.pad(jacobian, ((0, missing), (0, 0))), full_matrices=False)
+    rows = shortened(np.pad(jacobian, ((0, missing), (0, 0))))
+    _, values, directions = np.linalg.svd(rows, full_matrices=False)
     kept = values > least_singular(noise_bound)
     return np.eye(len(directions)) if kept.all() else directions[kept].T

@@ -14,6 +14,7 @@ from pydantic import Field
 from ...fmus import build
 from ...fmus.catalogue import COMPONENTS
 from ...fmus.component import can_extend
+from ...fmus.units import ARCMIN as ARCMIN
 from ...models.effects import EffectPlace, place_from_mapping
 from ...models.effects.rows import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
@@ -31,8 +32,6 @@ from ..bounded.sweep import Swept
 from ..orchestrator.scenario import Scenario
 from ..result import Told
 
-ARCMIN = np.pi / 180.0 / 60.0
-"""[rad]"""
 DETERMINED = 1e-10
 """Directions with so small a part of the largest singular value are not determined by least squares."""
 FIRST_ROWS, MORE_ROWS = 300, 100

@@ -16,8 +16,8 @@ from itertools import combinations
 
 import highspy
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from ..bounded.programmes import OTHER_STRATEGIES, solved, solver
 from .forms import MOST_TERMS, ROUNDING, Sheet, dual_forms, padded_terms
@@ -156,7 +156,7 @@ def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, m
     aim = np.zeros(len(stacked))
     aim[-1] = 1.0
     try:
-        weights, _ = nnls(stacked, aim, maxiter=50 * len(stacked))
+        weights, _ = scipy.optimize.nnls(stacked, aim, maxiter=50 * len(stacked))
     except RuntimeError:
         return None
     rest = stacked @ weights - aim
@@ -259,14 +259,14 @@ def _expand(forms: NDArray, case: NDArray, alpha: NDArray, beta: NDArray) -> NDA
 
 def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limit: float) -> tuple[NDArray, NDArray]:
     """Upper bounds (N,) of f on the boxes, -inf where a box lies outside the set; and each direction's share (2, N)."""
-    side = np.where(values[:, 0, 2:] < 0.0, -1.0, 1.0)
-    pattern = values[:, :, 1] - np.einsum("nkt,nt->nk", values[:, :, 2:], side)
     cubic = np.stack([radius[0] ** 3, 3 * radius[0] * radius[1] * radius.sum(axis=0), radius[1] ** 3]) / 6.0
     remainder = np.einsum("nft,tn->nf", third, cubic)
-    of_c = remainder[:, 1:].sum(axis=1) + ROUNDING * size[:, 1:].sum(axis=1)
-    of_f = remainder[:, 0] + ROUNDING * size[:, 0]
     f = values[:, :, 0]
     upper = _quadratic_maximum(f, radius) + remainder[:, 0] + ROUNDING * size[:, 0]
+    side = np.where(values[:, 0, 2:] < 0.0, -1.0, 1.0)
+    pattern = values[:, :, 1] - np.einsum("nkt,nt->nk", values[:, :, 2:], side)
+    of_c = remainder[:, 1:].sum(axis=1) + ROUNDING * size[:, 1:].sum(axis=1)
+    of_f = remainder[:, 0] + ROUNDING * size[:, 0]
     best = f.copy()
 
     def improve(rows: NDArray, h: NDArray, weight: NDArray) -> None:
@@ -282,15 +282,17 @@ def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limi
     weight = np.maximum(-(g * c).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300), 0.0)
     weight[~(weight < 1e9)] = 0.0
     improve(rows, f[rows] + weight[:, None] * pattern[rows], weight)
-    turned = 2.0 * values[:, :, 2:] * side[:, None, :]
-    reach = np.abs(values[:, 1, 2:]) * radius[0][:, None] + np.abs(values[:, 2, 2:]) * radius[1][:, None]
-    near = np.abs(values[:, 0, 2:]) <= 2.0 * reach + 1e-12
+    left = np.flatnonzero(upper > limit)
+    turned = 2.0 * values[left, :, 2:] * side[left, None, :]
+    reach = np.abs(values[left, 1, 2:]) * radius[0, left, None] + np.abs(values[left, 2, 2:]) * radius[1, left, None]
+    near = np.abs(values[left, 0, 2:]) <= 2.0 * reach + 1e-12
     for one, other in FLIPS:
-        rows = np.flatnonzero((upper > limit) & near[:, sorted({*one, *other})].all(axis=1))
-        if not len(rows):
+        these = np.flatnonzero(near[:, sorted({*one, *other})].all(axis=1) & (upper[left] > limit))
+        if not len(these):
             continue
-        first = pattern[rows] + turned[rows][:, :, list(one)].sum(axis=2)
-        second = pattern[rows] + turned[rows][:, :, list(other)].sum(axis=2)
+        rows, turn = left[these], turned[these]
+        first = pattern[rows] + turn[:, :, list(one)].sum(axis=2)
+        second = pattern[rows] + turn[:, :, list(other)].sum(axis=2)
         determinant = first[:, 1] * second[:, 2] - first[:, 2] * second[:, 1]
         by_first = -f[rows, 1] * second[:, 2] + f[rows, 2] * second[:, 1]
         by_second = -first[:, 1] * f[rows, 2] + first[:, 2] * f[rows, 1]

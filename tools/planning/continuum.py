@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from .certificate import Columns, Optimum, UndeterminedError, ceiling, quietest, settled
-from .forms import INSIDE, Lines, Ridges, Sheet, clearance, dual_forms, value
+from .forms import INSIDE, Lines, Ridges, Sheet, clearance, dual_forms, regressors_at, value
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
@@ -153,7 +153,7 @@ class Continuum:
             self._place = np.vstack([self._place, places])
 
     def _regressors(self, places: NDArray) -> NDArray:
-        return np.array([value(self._sheets[int(k)].regressor, a, b) for k, a, b in places])
+        return regressors_at(self._sheets, *places.T)
 
     def _level_dual(self, target: NDArray, cost: float, bound: float) -> NDArray:
         """The quietest dual of the columns that gives away part of what is still open."""
@@ -299,7 +299,7 @@ class Support:
     @property
     def regressors(self) -> NDArray:
         """F (n, P)."""
-        return np.array([value(sheet.regressor, a, b) for sheet, a, b in self.own])
+        return regressors_at(self.sheets, self.sheet, self.alpha, self.beta)
 
     @property
     def term_signs(self) -> list[NDArray]:
@@ -354,7 +354,7 @@ def polish(start: Support, target: NDArray, metric: NDArray) -> Support | None:
         if weights.min() >= 0.0:
             before = found.kept(weights >= NO_WEIGHT)
             continue
-        fitted, misfit = nnls((found.regressors * found.sense[:, None]).T, target)
+        fitted, misfit = scipy.optimize.nnls((found.regressors * found.sense[:, None]).T, target)
         if misfit > CONVERGED:
             before = found.kept(np.arange(len(weights)) != weights.argmin())
         else:

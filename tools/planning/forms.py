@@ -144,7 +144,9 @@ def padded_terms(found: Sequence[Sheet]) -> NDArray:
 def basis(angle: ArrayLike) -> NDArray:
     """(cos, sin, 1) of angles (...) [rad], as (..., 3)."""
     angle = np.asarray(angle, dtype=float)
-    return np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=-1)
+    found = np.ones((*angle.shape, 3))
+    found[..., 0], found[..., 1] = np.cos(angle), np.sin(angle)
+    return found
 
 
 def slopes(angle: NDArray) -> NDArray:
@@ -161,8 +163,20 @@ def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
     """Values (..., K) of forms (K, 3, 3), or (...) of one form (3, 3), at angles (...) that broadcast [rad]."""
     a, b = basis(alpha), basis(beta)
     if form.ndim == 2:
-        return ((a @ form) * b).sum(axis=-1)
+        rows = a @ form
+        return rows[..., 0] * b[..., 0] + rows[..., 1] * b[..., 1] + rows[..., 2] * b[..., 2]
     return np.einsum("kij,...i,...j->...k", form, a, b)
+
+
+def regressors_at(found: Sequence[Sheet], sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
+    """F (K, P) of each of the places: its sheet's index (K,), α and β (K,) [rad]."""
+    regressors, a, b = np.empty((len(sheet), len(found[0].regressor))), basis(alpha), basis(beta)
+    for k in range(len(found)):
+        here = np.flatnonzero(sheet == k)
+        if len(here):
+            rows = a[here] @ found[k].regressor
+            regressors[here] = (rows * b[here]).sum(axis=-1).T
+    return regressors
 
 
 def clearance(sheet: Sheet, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
@@ -221,10 +235,15 @@ class Ridges:
 
     def _clearance(self, sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
         """c (N, K) of sheets (N,) at α (N,) and β (N, K)."""
-        a, b = basis(alpha), basis(beta)
-        c = np.squeeze(b @ (a[:, None, :] @ self._base[sheet]).transpose(0, 2, 1), -1)
-        terms = np.squeeze(a[:, None, None, :] @ self._terms[sheet], -2)
-        return c - np.abs(b @ terms.transpose(0, 2, 1)).sum(axis=2)
+        a, cos, sin = basis(alpha), np.cos(beta), np.sin(beta)
+
+        def along(rows: NDArray) -> NDArray:
+            return rows[:, :1] * cos + rows[:, 1:2] * sin + rows[:, 2:]
+
+        c = along(np.squeeze(a[:, None, :] @ self._base[sheet], 1))
+        for rows in np.squeeze(a[:, None, None, :] @ self._terms[sheet], -2).transpose(1, 0, 2):
+            c -= np.abs(along(rows))
+        return c
 
     def heights(self, arcs: Arcs, forms: NDArray, sense: NDArray) -> tuple[NDArray, NDArray]:
         """The greatest sense·F'y over the admissible β of each row, and that β; -inf where no β is admissible.
@@ -278,13 +297,15 @@ class Lines:
         self._lines, self._basis = lines, basis(angle[lines])
         here = angle[lines]
         self._inside = [(clearance(s, here[:, None], here[None, :]) > 0.0).astype(float) for s in sheets]
+        self._values = np.empty((len(lines), len(lines)))
 
     def price(self, forms: NDArray) -> tuple[float, NDArray]:
         """The greatest |F'y|, rounding included, and the worst positions (K, 3) (sheet, row, column) above one."""
         slack = _rounding(forms)
         found, ceiling = [], 0.0
         for k, (form, inside) in enumerate(zip(forms, self._inside, strict=True)):
-            values = (self._basis @ form @ self._basis.T) * inside
+            values = np.matmul(self._basis @ form, self._basis.T, out=self._values)
+            values *= inside
             for worst in (int(values.argmax()), int(values.argmin())):
                 ceiling = max(ceiling, abs(values.flat[worst]))
                 if abs(values.flat[worst]) > 1.0 + TOLERANCE:

@@ -16,7 +16,7 @@ from ..progress import tracked
 from ..result import Result
 from .certificate import Columns, Optimum, UndeterminedError, scaled_optimum, settled
 from .continuum import Continuum
-from .forms import Lines, Rows, Sheet, clearance, dual_forms, sheets, value
+from .forms import Lines, Rows, Sheet, clearance, dual_forms, regressors_at, sheets
 from .positions import Request
 
 if TYPE_CHECKING:
@@ -68,9 +68,8 @@ class Grid:
 
     def _add(self, places: NDArray) -> None:
         if len(places):
-            angle = self._angle
-            columns = [value(self._sheets[k].regressor, angle[i], angle[j]) for k, i, j in places]
-            self._columns.add(np.array(columns))
+            sheet, i, j = places.T
+            self._columns.add(regressors_at(self._sheets, sheet, self._angle[i], self._angle[j]))
             self._at = np.vstack([self._at, places])
 
     def ceiling(self, dual: NDArray) -> float:

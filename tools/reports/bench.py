@@ -3,10 +3,9 @@
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 
 from ...models.bench import TARGETS
@@ -14,7 +13,6 @@ from ..calibration import Calibration
 from ..calibration.correction import Correction
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
-from ..diagnosis.cause import Cause
 from ..document.blocks import Download, Section, Table
 from ..document.notation import Cell, effect_formula, equation, half_width, minus, signed, typeset
 from ..records import PositionRecord
@@ -22,6 +20,11 @@ from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
 from .makers import cited, matrix_text, versions
 from .pictures.records import bench_tour
 from .pictures.residuals import next_directions
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+    from ..diagnosis.cause import Cause
 
 VERDICTS = {
     "consistent": "consistent: the model explains the record within the noise bound",
@@ -68,7 +71,7 @@ def measured_section(record: PositionRecord, result: Calibration) -> Section:
     )
 
 
-def run_section(table: pl.DataFrame, gravity: float, files: list[Path]) -> Section:
+def run_section(table: "DataFrame", gravity: float, files: list[Path]) -> Section:
     """The position programme that a simulated bench carried out."""
     time, alpha, beta = (table[name].to_numpy() for name in ("time_s", "alpha_deg", "beta_deg"))
     readings = np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1) / gravity
@@ -320,7 +323,7 @@ def missing_lines(result: Calibration) -> list[str]:
     return [f"The readings do not determine: {named}. Measure the positions named, or say what is known by --prior."]
 
 
-def bench_section(result: Calibration, values: Mapping[str, Value], causes: Sequence[Cause] = ()) -> Section:
+def bench_section(result: Calibration, values: Mapping[str, Value], causes: "Sequence[Cause]" = ()) -> Section:
     """The model of bench and block with the values of the targets of case (A1); an extended one with its effects."""
     scales = "of either sign" if result.baseline == "asymmetric" else "the same for both signs"
     said = [
@@ -366,12 +369,12 @@ def _block(values: Mapping[str, Value]) -> list[str]:
     return lines
 
 
-def section_of_model(said: Sequence[str], lines: Sequence[str], causes: Sequence[Cause]) -> Section:
+def section_of_model(said: Sequence[str], lines: Sequence[str], causes: "Sequence[Cause]") -> Section:
     more = ["The last lines are the effects by which the simulation was extended."] if causes else []
     return Section("What was simulated", [*said, *more], equations=[*map(equation, lines), *cause_lines(causes)])
 
 
-def cause_lines(causes: Sequence[Cause]) -> list[str]:
+def cause_lines(causes: "Sequence[Cause]") -> list[str]:
     """What each effect adds, as MathML; none for an effect without a formula."""
     lines = []
     for cause in causes:

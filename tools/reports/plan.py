@@ -1,18 +1,22 @@
 """What plans say: text, pages, and the files to carry one out."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from .. import planning
 from ..document.blocks import Download, Page, Section, Table
 from ..document.notation import Cell, equation, minus, signed, symbol_text
 from ..document.page import html
 from ..files import whole_folder
-from ..planning.check import SettingCheck
-from ..planning.common import DWELL_S, Curve, PlannedPosition, PositionPlan, checked_dwell
 from ..planning.plan import Plan, Plans
 from ..rounding import digits, downwards, exactly, upwards
 from .bench import next_positions_csv, physical_words
 from .makers import cited, matrix_text, versions
 from .pictures.records import curve_picture, plan_picture, positions_picture
+
+if TYPE_CHECKING:
+    from ..planning.check import SettingCheck
+    from ..planning.common import Curve, PlannedPosition, PositionPlan
 
 COST = 11
 """Digits of a cost, which is proven to more."""
@@ -55,7 +59,7 @@ def plan_lines(plans: Plans) -> list[str]:
     return lines
 
 
-def position_lines(plan: PositionPlan) -> list[str]:
+def position_lines(plan: "PositionPlan") -> list[str]:
     """The positions in the order of measurement, the costs, and what is proven."""
     several = len(plan.mountings) > 1
     u, v = map(exactly, plan.bounds)
@@ -104,7 +108,7 @@ def position_lines(plan: PositionPlan) -> list[str]:
     return lines
 
 
-def _unlisted_lines(plan: PositionPlan) -> list[str]:
+def _unlisted_lines(plan: "PositionPlan") -> list[str]:
     """From which size on a function of each quantity is surely seen, a line for each place."""
     lines = ["a smooth fault that is in no catalogue is surely seen from so many σ on, as a function of:"]
     for place in dict.fromkeys(one.place for one in plan.unlisted):
@@ -118,7 +122,7 @@ def _unlisted_lines(plan: PositionPlan) -> list[str]:
     return lines
 
 
-def curve_lines(curve: Curve) -> list[str]:
+def curve_lines(curve: "Curve") -> list[str]:
     """The curve as a table."""
     lines = [f"{'positions':>9} {'readings':>8} {'worst ratio':>11} {'mean':>9} {'proven':>9}  on a pool of"]
     lines += [
@@ -129,7 +133,7 @@ def curve_lines(curve: Curve) -> list[str]:
     return lines
 
 
-def setting_lines(check: SettingCheck) -> list[str]:
+def setting_lines(check: "SettingCheck") -> list[str]:
     """What errors of setting do to each target, and what to do about them."""
     lines = [
         f"largest error of setting {upwards(check.largest_error_deg, 4)}°; bias bounded by Σ|b| X^max, "
@@ -231,7 +235,7 @@ MOST_DECIMALS = 4
 """Of the angles [deg]: finer than any table is set."""
 
 
-def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
+def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
     """The programme row by row with room for notes, the picture, and what the plan is worth, as HTML."""
     several = len(plan.mountings) > 1
     header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
@@ -287,7 +291,7 @@ def operator_page(plan: PositionPlan, dwell_s: float) -> Page:
     )
 
 
-def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) -> list[Path]:
+def write_plan(plan: "PositionPlan", folder: Path, *, dwell_s: float) -> list[Path]:
     """Write everything that is needed to carry a plan out.
 
     `programme.csv` is a position programme for a scenario's table (one file for each mounting where there are
@@ -307,11 +311,11 @@ def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) ->
     InputError
         for a dwell that is not positive, or a folder that cannot be written
     """
-    checked_dwell(dwell_s)
+    planning.checked_dwell(dwell_s)
     rows = [plan.positions[at - 1] for at in plan.programme]
     several = len(plan.mountings) > 1
 
-    def row(one: PlannedPosition) -> str:
+    def row(one: "PlannedPosition") -> str:
         return f"{one.alpha_deg},{one.beta_deg}"
 
     files: dict[str, str] = {}
@@ -334,7 +338,7 @@ def write_plan(plan: PositionPlan, folder: Path, *, dwell_s: float = DWELL_S) ->
     return _written(files, folder)
 
 
-def write_curve(curve: Curve, folder: Path) -> list[Path]:
+def write_curve(curve: "Curve", folder: Path) -> list[Path]:
     """Write `curve.csv` and `curve.svg`.
 
     Raises

@@ -86,20 +86,33 @@ def test_taking_in_rows_gives_the_same_as_all_at_once(seed, monkeypatch):
     bound = 1e-5 * rng.uniform(1.0, 5.0, 3000)
     residual = rng.uniform(-1.0, 1.0, 3000) * bound
     found = []
-    for many in (10**9, 100):
+    for many, block in ((10**9, 10**9), (100, 10**9), (100, 64)):
         monkeypatch.setattr(programmes, "MANY_ROWS", many)
+        monkeypatch.setattr(programmes, "BLOCK", block)
         polytope = Polytope(jacobian, bound)
         polytope.confine(residual - bound, residual + bound)
         weights = np.random.default_rng(9).normal(size=(5, 6))
         found.append((chebyshev_radius(jacobian, residual, bound), [polytope.maximise(w) for w in weights]))
-    (radius, _, duals), tops = found[1]
-    assert radius == pytest.approx(found[0][0][0], rel=1e-9)
-    np.testing.assert_allclose(jacobian.T @ duals, 0.0, atol=1e-6)
-    assert residual @ duals == pytest.approx(radius, rel=1e-8)
-    for (value, x, phi), (other, _, _) in zip(tops, found[0][1], strict=True):
-        assert value == pytest.approx(other, rel=1e-9)
-        assert np.all(np.abs(residual - jacobian @ x) <= bound * (1 + 1e-8))
-        assert len(phi) == len(bound)
+    for (radius, _, duals), tops in found[1:]:
+        assert radius == pytest.approx(found[0][0][0], rel=1e-9)
+        np.testing.assert_allclose(jacobian.T @ duals, 0.0, atol=1e-6)
+        assert residual @ duals == pytest.approx(radius, rel=1e-8)
+        for (value, x, phi), (other, _, _) in zip(tops, found[0][1], strict=True):
+            assert value == pytest.approx(other, rel=1e-9)
+            assert np.all(np.abs(residual - jacobian @ x) <= bound * (1 + 1e-8))
+            assert len(phi) == len(bound)
+
+
+def test_many_rows_are_shortened_to_few_of_the_same_singular_values(monkeypatch):
+    monkeypatch.setattr(programmes, "BLOCK", 64)
+    rows, target = np.random.default_rng(5).normal(size=(2, 1000, 6))
+    few = programmes.shortened(np.column_stack((rows, target)))
+    assert len(few) < 250
+    solved = np.linalg.lstsq(few[:, :6], few[:, 6:], rcond=None)[0]
+    np.testing.assert_allclose(solved, np.linalg.lstsq(rows, target, rcond=None)[0], rtol=0, atol=1e-13)
+    values = [np.linalg.svd(one, compute_uv=False) for one in (few[:, :6], rows)]
+    np.testing.assert_allclose(*values, rtol=1e-13)
+    assert len(programmes.shortened(rows[:100])) == 100
 
 
 @pytest.mark.parametrize("seed", range(6))

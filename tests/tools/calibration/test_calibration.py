@@ -21,8 +21,9 @@ from simulated_bench import (
     simulated,
 )
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, elementary_reading, target_values
+from trihedron.tools.bounded import programmes
 from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
-from trihedron.tools.calibration import calibrate, fit_record
+from trihedron.tools.calibration import calibrate, fit_record, model
 from trihedron.tools.calibration.estimates import joint_sets
 from trihedron.tools.calibration.model import Positions, predicted_input
 
@@ -413,3 +414,15 @@ def test_one_position_determines_nothing_but_what_is_known_beforehand():
     assert [gap.symbol for gap in alone.missing] == [e.symbol for e in alone.parameters]
     assert len(alone.next_positions) >= 5
     assert calibrate(one, noise_bound=SIGMA, priors=["bounds"]).verdict == "consistent"
+
+
+def test_many_positions_are_done_block_by_block_with_the_same_result(monkeypatch):
+    bench, many = many_positions(300)
+    whole = calibrate(many, noise_bound=SIGMA)
+    for module, size in ((model, 64), (programmes, 100)):
+        monkeypatch.setattr(module, "BLOCK", size)
+    by_blocks = calibrate(many, noise_bound=SIGMA)
+    assert misses(by_blocks, target_values(bench, np.eye(3))) == []
+    for one, other in zip(whole.parameters, by_blocks.parameters, strict=True):
+        assert [other.low, other.high, other.estimate] == pytest.approx([one.low, one.high, one.estimate], abs=1e-13)
+        assert [other.a_priori, other.least_squares] == pytest.approx([one.a_priori, one.least_squares], abs=1e-13)

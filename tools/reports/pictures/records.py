@@ -11,12 +11,8 @@ from numpy.typing import NDArray
 from ....fmus.units import STANDARD_GRAVITY
 from ....models.bench import up
 from ...document.notation import plain
-from ...motion.attitude import AttitudeRun
-from ...motion.inspect import Inspection
 from ...motion.rests import rates_of
-from ...planning.common import Curve, PositionPlan
 from ...planning.forms import clearance, sheets
-from ...planning.plan import Plan
 from ...records import RawRecord
 from ...records.noise import allan_deviation
 from ...records.rests import Rest, without_turns
@@ -43,6 +39,11 @@ from . import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from ...motion.attitude import AttitudeRun
+    from ...motion.inspect import Inspection
+    from ...planning.common import Curve, PositionPlan
+    from ...planning.plan import Plan
 
 MOST_POINTS = 2000
 """A line of more points is drawn through the least and the largest value of each of half as many intervals."""
@@ -95,7 +96,7 @@ def bench_tour(time: NDArray, angles_deg: Sequence[NDArray], readings_g: NDArray
 
 
 @drawn
-def attitude_picture(run: AttitudeRun) -> Drawn:
+def attitude_picture(run: "AttitudeRun") -> Drawn:
     """The attitude's error over time, its angle and about each axis [deg]."""
     figure, ((axes,),) = sheet(3.1)
     axes.axhline(0.0, color=INK.light, linewidth=0.7)
@@ -129,7 +130,7 @@ def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[
 
 
 @drawn
-def allan_picture(found: Inspection) -> Drawn:
+def allan_picture(found: "Inspection") -> Drawn:
     """Allan deviation over the averaging time, gyros above and accelerometers below; the rests' length is marked."""
     record, rests, period = found.record, found.rests, found.sampling.period
     figure, panels = sheet(5.2, 2, sharex=True)
@@ -206,7 +207,7 @@ STEP_DEG = 2.0
 
 
 @drawn
-def plan_picture(plan: Plan) -> Drawn:
+def plan_picture(plan: "Plan") -> Drawn:
     """The paper's figure for any target and mounting: where signs are certain, and the plan's readings with weights."""
     best = plan.optimum
     which, alpha, beta, weights = best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights
@@ -245,7 +246,7 @@ def plan_picture(plan: Plan) -> Drawn:
 
 
 @drawn
-def positions_picture(plan: PositionPlan) -> Drawn:
+def positions_picture(plan: "PositionPlan") -> Drawn:
     """The positions in the plane of the two angles, and where they put the vertical in the inner frame."""
     alpha, beta = (np.array([getattr(one, name) for one in plan.positions]) for name in ("alpha_deg", "beta_deg"))
     programme = [at - 1 for at in plan.programme]
@@ -273,7 +274,7 @@ def positions_picture(plan: PositionPlan) -> Drawn:
 
 
 @drawn
-def curve_picture(curve: Curve) -> Drawn:
+def curve_picture(curve: "Curve") -> Drawn:
     """Cost above the optimum against the number of positions, with the proven bound."""
     figure, ((axes,),) = sheet(3.6)
     count = [point.positions for point in curve.points]

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....fmus.units import ARCMIN
 from ...calibration.estimates import PairSet
 from ...calibration.model import Positions
-from ...diagnosis.result import OrderOfEffects
 from ...document.notation import plain, short
-from ...evidence.fit import ARCMIN
 from ...rounding import downwards, residual
 from . import (
     AFTER,
@@ -41,6 +40,8 @@ from . import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from ...diagnosis.result import OrderOfEffects
 
 
 MOST_LINES = 3
@@ -223,7 +224,7 @@ MARKERS = ("o", "s", "^", "D", "v")
 
 
 @drawn
-def order_picture(orders: Sequence[tuple[str, OrderOfEffects]]) -> Drawn:
+def order_picture(orders: Sequence[tuple[str, "OrderOfEffects"]]) -> Drawn:
     """What is left of errors that were left out, effect after effect, for each length."""
     figure, ((axes,),) = sheet(2.9)
     names = list(dict.fromkeys(step.effect for _, order in orders for step in order.steps))
