@@ -30,8 +30,8 @@ from .bench_again import effects_of_model, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
 from .bench_moving import Moving
+from .bench_pairs import pairs_of_whole
 from .bench_scenario import extension_of_bench
-from .bench_search import LEAST_SLACK
 from .bench_travel import Travel, approached, effects_of_gyros
 from .bench_visits import is_linear
 from .carried import SHOWN_BY
@@ -51,8 +51,8 @@ IN_MOTION = tuple(
     for place in effect.places
 )
 """Effects of accelerometers and table that only motion shows."""
-MOST_SLACK = 0.5
-"""What the linear model of a search may be wrong by at most, in bounds."""
+SLACK = 0.5
+"""What the linear model of a search may be wrong by, in bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,7 @@ class BenchInMotion(Bench):
 
     def second_order_at(self, radius: float) -> float:
         """What the linear model may be wrong by where it misses by so many bounds."""
-        return self.rests.second_order_at(radius) / self.calibration.noise_bound
+        return self.rests.second_order_at(radius)
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The exact model with linear effects, relinearised."""
@@ -220,7 +220,7 @@ class BenchInMotion(Bench):
         """
         places = self.classes.places if among is None else among
         problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
-        slack = self.limit - 1.0 + min(MOST_SLACK, LEAST_SLACK + self.second_order)
+        slack = self.limit - 1.0 + SLACK
         seen = set()
         for chosen in sets_of_size(problem, size, slack, MOST_OUTLIERS, work):
             if set(chosen.outliers) <= set(self.of_positions.tolist()):
@@ -342,8 +342,12 @@ class BenchInMotion(Bench):
         return self.rests.power()
 
     def pairs(self) -> Sequence[Pair]:
-        """None: functions that are in no catalogue are not compared."""
-        return ()
+        """Accelerometers, gyros and the table, each with every quantity of the record."""
+        return self._pairs
+
+    @cached_property
+    def _pairs(self) -> Sequence[Pair]:
+        return tuple(pairs_of_whole(self.moving.read.rows, self.travel, self.whole.bound))
 
     def channels(self) -> Sequence[Channel]:
         """Those of the accelerometers, with what the whole model leaves of their readings."""
@@ -478,6 +482,7 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     travel = Travel.of(raw, whole, encoder_bound, alone.gravity)
     moving = Moving.of(rests, record, raw, encoder_bound, travel.to_block, travel.lean)
     both = with_turns(moving.read.here, whole.turns, str(record.path))
+    moving = moving.about(both.point[: both.own])
     # Of a block that slips on the table gyros see the slip itself: that is not tried.
     seen = (p for p in rests.places if is_linear(p) or p.definition.stage != "geometry_effects")
     places = (*seen, *IN_MOTION, *effects_of_gyros())

@@ -87,6 +87,12 @@ class Moving:
         rates = joined(none, rate), joined(none, acceleration)
         return Moving(read, *rates, joined(np.ones(len(known), bool), np.zeros(len(rows), bool)), to_block, lean)
 
+    def about(self, point: NDArray) -> "Moving":
+        """The readings linearised at other parameters (P,)."""
+        here = self.read.here
+        at = {"residual": here.residual_at(point), "jacobian": here.jacobian_at(point)}
+        return replace(self, read=replace(self.read, here=replace(here, point=point, **at)))
+
     @property
     def motion(self) -> MotionRows:
         """The rows as effects in motion see them."""

@@ -1,6 +1,8 @@
 """Places and quantities of a table with a block: what may depend on what, whatever the law."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -8,21 +10,29 @@ from numpy.typing import NDArray
 
 from ...models.effects import Rows
 from ...models.effects.definition import ACCELEROMETERS
-from .pairs import Pair, Spread
+from .bench_travel import Travel
+from .carried_pairs import NODES_OF_TIME, GyroPairs, OnKnots, Summed
+from .pairs import TURN, Pair, Spread
 
+AROUND = 144
+"""Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
+BLUR = 2e-3
+"""Of functions on nodes, and of turns between rows that are looked at, so much is not exact."""
 ROOM_TEMPERATURE = 20.0
 """[degC]"""
 
 
 def pairs_of_bench(rows: Rows) -> Iterator[Pair]:
     """Each accelerometer, turn and tilt of the table with every quantity of the record's rows."""
-    slow = {"hours": rows.hours}
-    if rows.temperature is not None:
-        slow["temperature"] = rows.temperature
-    slow = {name: values for name, values in slow.items() if np.ptp(values) > 0.0}
     for p, place in enumerate(ACCELEROMETERS):
-        yield from _of_accelerometer(p, place, rows, slow)
-    yield from _of_table(rows, slow)
+        yield from _of_accelerometer(p, place, rows, slow_of(rows))
+    yield from _of_table(rows)
+
+
+def slow_of(rows: Rows) -> dict[str, NDArray[np.float64]]:
+    """Time and temperature (N,), where they change."""
+    found = {"hours": rows.hours} | ({} if rows.temperature is None else {"temperature": rows.temperature})
+    return {name: values for name, values in found.items() if np.ptp(values) > 0.0}
 
 
 def _of_accelerometer(p: int, place: str, rows: Rows, slow: dict[str, NDArray]) -> Iterator[Pair]:
@@ -44,24 +54,60 @@ def _of_accelerometer(p: int, place: str, rows: Rows, slow: dict[str, NDArray]) 
         yield Pair(place, own, inputs[own], _on(p, rows, zero / np.abs(zero).max()), place, name)
 
 
-def _of_table(rows: Rows, slow: dict[str, NDArray]) -> Iterator[Pair]:
+@dataclass(frozen=True)
+class Way:
+    """A way in which the table acts: small turns, of four as of `models.effects`, as functions of a quantity."""
+
+    where: str
+    quantity: str
+    turn: int
+    freedom: str
+    factor: str = ""
+
+    @staticmethod
+    def every(rows: Rows) -> "Iterator[Way]":
+        """All of which rows have the quantity."""
+        axes = (("outer-axis", "alpha", rows.sense_alpha), ("inner-axis", "beta", rows.sense_beta))
+        for k, (place, angle, sense) in enumerate(axes):
+            yield Way(place, angle, 2 * k + 1, f"{place} turn")
+            yield Way(place, angle, 2 * k, f"{place} tilt", "tilt")
+            if sense.any():
+                yield Way(place, "sense", 2 * k + 1, f"{place} turn")
+            for when in slow_of(rows):
+                yield Way(place, when, 2 * k + 1, f"{place} turn")
+                yield Way(place if k else "base", when, 2 * k, f"{place} tilt", "tilt")
+        # An inner axis that wobbles tilts about the outer axis, too; elastic turns grow with the load across the axis.
+        yield Way("inner-axis", "beta", 1, "outer-axis turn", "outer tilt")
+        yield Way("inner-axis", "beta", 3, "inner-axis turn", "sin alpha")
+
+    @property
+    def circle(self) -> bool:
+        """Whether the quantity is an angle."""
+        return self.quantity in ("alpha", "beta")
+
+    def values(self, rows: Rows) -> NDArray[np.float64]:
+        """The quantity (N,)."""
+        name = (
+            f"sense_{'alpha' if self.where == 'outer-axis' else 'beta'}" if self.quantity == "sense" else self.quantity
+        )
+        return np.asarray(getattr(rows, name))
+
+    def slope(self, rows: Rows, axes: Sequence[NDArray]) -> NDArray[np.float64]:
+        """What a unit does (N, 3), by what each of the four small turns does (N, 3)."""
+        own = axes[self.turn]
+        return own * np.sin(rows.alpha)[:, None] if self.factor == "sin alpha" else own
+
+    def pair(self, values: NDArray, spread: Spread) -> Pair:
+        """A pair at values (n,) of the quantity."""
+        own = (self.freedom, self.factor, self.circle, self.quantity == "sense")
+        return Pair(self.where, self.quantity, values, spread, *own)
+
+
+def _of_table(rows: Rows) -> Iterator[Pair]:
     """What turns and tilts of the table's axes may depend on."""
-    axes = (
-        ("outer-axis", "alpha", rows.alpha, rows.by_alpha, rows.by_kappa, rows.sense_alpha),
-        ("inner-axis", "beta", rows.beta, rows.by_beta, rows.by_epsilon, rows.sense_beta),
-    )
-    for place, name, angle, by_turn, by_tilt, sense in axes:
-        yield Pair(place, name, angle, _by(by_turn), f"{place} turn", circle=True)
-        yield Pair(place, name, angle, _by(by_tilt), f"{place} tilt", "tilt", circle=True)
-        if sense.any():
-            yield Pair(place, "sense", sense, _by(by_turn), f"{place} turn", told=True)
-        for when, values in slow.items():
-            yield Pair(place, when, values, _by(by_turn), f"{place} turn")
-            yield Pair("base" if place == "outer-axis" else place, when, values, _by(by_tilt), f"{place} tilt", "tilt")
-    # An inner axis that wobbles tilts about the outer axis, too; elastic turns grow with the load across the axis.
-    yield Pair("inner-axis", "beta", rows.beta, _by(rows.by_alpha), "outer-axis turn", "outer tilt", circle=True)
-    load = rows.by_beta * np.sin(rows.alpha)[:, None]
-    yield Pair("inner-axis", "beta", rows.beta, _by(load), "inner-axis turn", "sin alpha", circle=True)
+    turns = rows.by_kappa, rows.by_alpha, rows.by_epsilon, rows.by_beta
+    for way in Way.every(rows):
+        yield way.pair(way.values(rows), _by(way.slope(rows, turns)))
 
 
 def _on(p: int, rows: Rows, factor: NDArray | float = 1.0) -> Spread:
@@ -74,3 +120,60 @@ def _on(p: int, rows: Rows, factor: NDArray | float = 1.0) -> Spread:
 def _by(slope: NDArray) -> Spread:
     """Functions (N, K) on readings (3 N, K) that change by a slope (N, 3) with it."""
     return lambda functions: (slope[:, :, None] * functions[:, None, :]).reshape(slope.size, -1)
+
+
+# A whole bench: what its gyros integrate stands behind the readings.
+
+
+def pairs_of_whole(read: Rows, travel: Travel, bound: NDArray) -> Iterator[Pair]:
+    """Accelerometers and the table with every quantity of readings, the table with gyros as a second witness; gyros.
+
+    `bound` (M,) of readings and integrals.
+    """
+    readings = bound[: read.n.size]
+    for p, place in enumerate(ACCELEROMETERS):
+        for pair in _of_accelerometer(p, place, read, slow_of(read)):
+            yield replace(pair, spread=_above(pair.spread, readings, len(bound)))
+    for way in Way.every(read):
+        yield _of_both(way, read, travel, bound)
+    of_readings = np.zeros(len(read.hours), dtype=int)
+    still = Summed(of_readings, of_readings, np.zeros((len(read.hours), 3, 3)), None, readings.reshape(-1, 3))
+    each = np.broadcast_to(np.eye(3), (len(travel.first), 3, 3))
+    turning = Summed(travel.first, travel.last, each, None, bound[read.n.size :].reshape(-1, 3))
+    seen = travel.motion
+    unit = seen.step[:, None, None] * np.eye(3)
+    every = GyroPairs(seen, unit, (still, turning), np.zeros(len(seen.step), dtype=bool)).pairs()
+    yield from (replace(pair, blur=BLUR, members=tuple(replace(p, blur=BLUR) for p in pair.members)) for pair in every)
+
+
+def _above(spread: Spread, bound: NDArray, count: int) -> Spread:
+    """What is spread on readings, over their bounds, with zeros behind up to a count of rows."""
+
+    def spread_on_all(functions: NDArray) -> NDArray[np.float64]:
+        own = spread(functions) / bound[:, None]
+        return np.vstack([own, np.zeros((count - len(own), own.shape[1]))])
+
+    return spread_on_all
+
+
+def _of_both(way: Way, read: Rows, travel: Travel, bound: NDArray) -> Pair:
+    """A way of the table, on readings and integrals alike."""
+    seen, here, there = travel.rows, way.values(read), way.values(travel.rows)
+    if way.circle:
+        nodes = TURN * np.arange(AROUND + 1) / AROUND
+    elif way.quantity == "sense":
+        nodes = np.array([-1.0, 0.0, 1.0])
+    else:
+        both = np.append(here, there)
+        nodes = np.linspace(both.min(), both.max(), NODES_OF_TIME)
+    turns = read.by_kappa, read.by_alpha, read.by_epsilon, read.by_beta
+
+    @cache
+    def matrix() -> NDArray[np.float64]:
+        functions = OnKnots(nodes, circle=way.circle)
+        on_readings = _by(way.slope(read, turns))(functions.at(here))
+        on_turns = travel.turned(functions, there, way.slope(seen, travel.axes))
+        return np.vstack([on_readings, on_turns]) / bound[:, None]
+
+    pair = way.pair(nodes[:AROUND] if way.circle else nodes, lambda functions: matrix() @ functions)
+    return replace(pair, anything=True, blur=BLUR)

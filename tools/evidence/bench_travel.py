@@ -6,6 +6,7 @@ the block then turns by ψ₂ − ψ₁ + ∫ ω × ψ dt more, in axes of that 
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord
 from ..records.rests import without_turns
+from .carried_pairs import OnKnots, integrated
 from .fit import coefficient_count
 
 FINE = 0.01
@@ -123,10 +125,11 @@ class Travel:
         sums = self.way_of(place)
         return self._read(sums[self.last] - sums[self.first], self.to_gyros)
 
-    def _tilts(self, place: EffectPlace) -> NDArray[np.float64]:
-        """Small turns (R, 3, K) ψ of the inner frame, in its axes, that an effect on the table adds."""
+    @cached_property
+    def rows(self) -> Rows:
+        """The way as effects on the table see it."""
         nothing = np.zeros((len(self.hours), 3))
-        rows = Rows(
+        return Rows(
             hours=self.hours,
             alpha=self.alpha - self.shift,
             beta=self.beta,
@@ -139,23 +142,38 @@ class Travel:
             from_vertical=self.shift,
             axis_rates=self.axis_rates,
         )
-        turns = place.definition.turns
-        assert turns is not None
-        small = turns(place, rows)
+
+    @cached_property
+    def axes(self) -> NDArray[np.float64]:
+        """The axes (4, R, 3) of small turns, in those of the inner frame.
+
+        About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
+        """
         (sin_a, cos_a), (sin_b, cos_b) = ((np.sin(v), np.cos(v)) for v in (self.alpha - self.shift, self.beta))
         sin_e, cos_e, none = np.sin(self.lean), np.cos(self.lean), np.zeros(len(self.beta))
-        # About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
         axes = [
             (sin_e * sin_a * cos_b + cos_a * sin_b, cos_a * cos_b - sin_e * sin_a * sin_b, -cos_e * sin_a),
             (cos_e * cos_b, -cos_e * sin_b, none + sin_e),
             (sin_b, cos_b, none),
             (none, none, none + 1.0),
         ]
-        return np.einsum("jar,rjk->rak", np.array(axes), small)
+        return np.array(axes).swapaxes(1, 2)
+
+    def turned(self, functions: OnKnots, values: NDArray, slope: NDArray) -> NDArray[np.float64]:
+        """What small turns, a slope (R, 3) times functions of values (R,), add to the integrals (3 S, K) [rad]."""
+        middle = 0.5 * (slope[1:] + slope[:-1])
+        weights, count = functions.weights(0.5 * (values[1:] + values[:-1])), functions.count
+        across, ends = np.cross(self.turning, middle), np.unique(np.append(self.first, self.last))
+        sums = integrated(weights, count, across, ends)
+        sums += slope[ends, :, None] * functions.at(values[ends])[:, None, :]
+        begin, end = (np.searchsorted(ends, rows) for rows in (self.first, self.last))
+        return self._read(sums[end] - sums[begin], self.to_gyros)
 
     def way_of(self, place: EffectPlace) -> NDArray[np.float64]:
         """By how much more (R, 3, K) the inner frame has turned up to each row with an effect on the table."""
-        tilts = self._tilts(place)
+        turns = place.definition.turns
+        assert turns is not None
+        tilts = np.einsum("jra,rjk->rak", self.axes, turns(place, self.rows))
         middle = 0.5 * (tilts[1:] + tilts[:-1])
         grown = np.zeros_like(tilts)
         np.cumsum(np.cross(self.turning[:, :, None], middle, axis=1), axis=0, out=grown[1:])
@@ -163,8 +181,16 @@ class Travel:
 
     def _of_gyros(self, place: EffectPlace) -> NDArray[np.float64]:
         """The integral of a gyro effect's signature, at the rates that the table gives."""
+        signature = place.definition.signature(place, self.motion) * self.step[:, None, None]
+        sums = np.zeros((len(self.hours), *signature.shape[1:]))
+        np.cumsum(signature, axis=0, out=sums[1:])
+        return self._read(sums[self.last] - sums[self.first], np.eye(3))
+
+    @cached_property
+    def motion(self) -> MotionRows:
+        """The steps of the way as the gyros see them, at the rates that the table gives."""
         rate = self.turning @ self.to_block.T / self.step[:, None]
-        rows = MotionRows(
+        return MotionRows(
             rate=rate,
             rate_before=np.concatenate([rate[:1], rate[:-1]]),
             specific_force=0.5 * (self.up[1:] + self.up[:-1]),
@@ -173,10 +199,6 @@ class Travel:
             temperature=None if self.temperature is None else self.temperature[1:],
             gravity=self.gravity,
         )
-        signature = place.definition.signature(place, rows) * self.step[:, None, None]
-        sums = np.zeros((len(self.hours), *signature.shape[1:]))
-        np.cumsum(signature, axis=0, out=sums[1:])
-        return self._read(sums[self.last] - sums[self.first], np.eye(3))
 
     @staticmethod
     def _read(turns: NDArray, matrix: NDArray) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Places and quantities of a block that is carried: on what the error of a gyro or an accelerometer may depend.
+"""Places and quantities of a block in motion: on what the error of a gyro or an accelerometer may depend.
 
 What a gyro reads too much acts at every row. Its functions are therefore taken at nodes of their quantity, straight
 between them, and their turns are integrated over each piece: one matrix tells what the value at each node adds.
@@ -17,31 +17,55 @@ from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
 from ..motion.norm import inputs_of
 from .evidence import Evidence, rows_over
 from .onsets import Onsets
-from .pairs import GYROS, Pair, Spread
+from .pairs import GYROS, TURN, Pair, Spread
 from .references import Gravity, turning
 
 NODES, NODES_OF_TIME = 64, 192
 """Nodes of a function of a quantity, and of time."""
+Weights = Sequence[tuple[NDArray[np.int_], NDArray[np.float64]]]
+"""Columns (N - 1,) to which rows add, and how much (N - 1,) of each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Summed:
+    """A part of evidence whose pieces, from rows `first` (S,) to `last` (S,), sum what is added at each row of motion.
+
+    `turns` (S, d, 3): what a turn within a piece adds to its error; `bias` (S, d, 3) what a mean at rest adds that is
+    taken out, None where none is; `bound` (S, d) of the errors.
+    """
+
+    first: NDArray[np.int_]
+    last: NDArray[np.int_]
+    turns: NDArray[np.float64]
+    bias: NDArray[np.float64] | None
+    bound: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class GyroPairs:
-    """The gyros of evidence with every quantity of its rows in motion."""
+    """Gyros with every quantity of rows in motion `seen`, N - 1 after the first.
 
-    evidence: Evidence
-    onsets: Onsets
+    `turning` (N - 1, 3, 3): turns by a unit of what each gyro reads too much; `parts` of the evidence; `rests` (N - 1,)
+    which rows make the mean that is taken out.
+    """
 
-    @cached_property
-    def seen(self) -> MotionRows:
-        """Rows as the effects see them, after the first."""
-        onsets = self.onsets
-        return onsets.motion.rows(1, len(onsets.motion), onsets.model.inverse, onsets.model.bias)
+    seen: MotionRows
+    turning: NDArray[np.float64]
+    parts: Sequence[Summed]
+    rests: NDArray[np.bool_]
 
-    @cached_property
-    def turning(self) -> NDArray[np.float64]:
-        """Turns (N - 1, 3, 3) by a unit of what each gyro reads too much."""
-        onsets = self.onsets
-        return turning(onsets.motion, onsets.model, onsets.attitude, 1, len(onsets.motion))
+    @staticmethod
+    def carried(evidence: Evidence, onsets: Onsets) -> "GyroPairs":
+        """The gyros of a block that is carried."""
+        count, model = len(onsets.motion), onsets.model
+        means = onsets.bias or [None] * len(evidence.parts)
+        every = zip(evidence.parts, onsets.turns, means, strict=True)
+        return GyroPairs(
+            onsets.motion.rows(1, count, model.inverse, model.bias),
+            turning(onsets.motion, model, onsets.attitude, 1, count),
+            [Summed(part.pieces.first, part.pieces.last, own, mean, part.bound) for part, own, mean in every],
+            onsets.rests[1:],
+        )
 
     @cached_property
     def slow(self) -> dict[str, NDArray[np.float64]]:
@@ -54,7 +78,7 @@ class GyroPairs:
     @cached_property
     def boundaries(self) -> NDArray[np.int_]:
         """Rows at which pieces begin or end, in order."""
-        return np.unique(np.concatenate([rows for p in self.onsets.pieces for rows in (p.first, p.last)]))
+        return np.unique(np.concatenate([rows for part in self.parts for rows in (part.first, part.last)]))
 
     def pairs(self) -> Iterator[Pair]:
         """Each gyro by itself, then all three, each with a function of its own."""
@@ -126,11 +150,10 @@ class OnNodes:
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
         """Rows (M, n) over their bounds of a unit at each node."""
-        nodes, count = self.nodes, len(self.nodes)
-        after = self._after(nodes)
-        share = (self.values - nodes[after - 1]) / (nodes[after] - nodes[after - 1])
-        parts = ((after - 1, self.times * (1.0 - share)), (after, self.times * share))
-        return self._rows(parts, count, self.of.turning[..., self.p], self.of.onsets.turns, self.of.onsets.bias)
+        count, parts = len(self.nodes), self.of.parts
+        weights = [(at, self.times * weight) for at, weight in OnKnots(self.nodes).weights(self.values)]
+        own = [part.turns for part in parts], [part.bias for part in parts]
+        return self._rows(weights, count, self.of.turning[..., self.p], *own)
 
     def missed(self, knots: NDArray[np.float64]) -> NDArray[np.float64]:
         """By how much (M,) rows over their bounds differ at most, of a function whose slope changes by one in all.
@@ -141,10 +164,11 @@ class OnNodes:
         after = self._after(knots)
         low, high = knots[after - 1], knots[after]
         apart = np.abs(self.times) * np.maximum(0.0, (self.values - low) * (high - self.values)) / (high - low)
-        turns, bias = ([np.abs(own) for own in every or ()] for every in (self.of.onsets.turns, self.of.onsets.bias))
-        turning = np.abs(self.of.turning[..., self.p])
+        turns = [np.abs(part.turns) for part in self.of.parts]
         # All rows of a piece may differ in the same sense, and so may the mean at rest that is taken out.
-        found = self._rows(((after - 1, apart),), len(knots), turning, turns, [-own for own in bias] or None)
+        means = [None if part.bias is None else -np.abs(part.bias) for part in self.of.parts]
+        turning = np.abs(self.of.turning[..., self.p])
+        found = self._rows(((after - 1, apart),), len(knots), turning, turns, means)
         return found.max(axis=1, initial=0.0)
 
     def _after(self, knots: NDArray) -> NDArray[np.int_]:
@@ -153,38 +177,66 @@ class OnNodes:
 
     def _rows(
         self,
-        parts: Sequence[tuple[NDArray, NDArray]],
+        weights: Weights,
         count: int,
         turning: NDArray,
         turns: Sequence[NDArray],
-        bias: Sequence[NDArray] | None,
+        bias: Sequence[NDArray | None],
     ) -> NDArray[np.float64]:
-        """Rows (M, count) over their bounds, of parts each of which adds weights (N - 1,) to columns (N - 1,)."""
-        integral, mean = self._integrated(parts, count, turning)
-        found = []
-        for k, (part, own) in enumerate(zip(self.of.evidence.parts, turns, strict=True)):
-            after, before = (np.searchsorted(self.of.boundaries, r) for r in (part.pieces.last, part.pieces.first))
+        """Rows (M, count) over their bounds, of weights (N - 1,) that add to columns (N - 1,)."""
+        of, found = self.of, []
+        integral = integrated(weights, count, turning, of.boundaries)
+        mean, resting = np.zeros(count), of.rests
+        for at, weight in weights:
+            mean += np.bincount(at[resting], weight[resting], count)
+        mean /= max(int(resting.sum()), 1)
+        for part, own, taken_out in zip(of.parts, turns, bias, strict=True):
+            after, before = (np.searchsorted(of.boundaries, rows) for rows in (part.last, part.first))
             mine = own @ (integral[after] - integral[before])
-            if bias is not None:
+            if taken_out is not None:
                 # The mean at rest is taken out of every reading.
-                mine = mine - bias[k][..., self.p, None] * mean
+                mine = mine - taken_out[..., self.p, None] * mean
             found.append(rows_over(mine, part.bound))
         return np.concatenate(found)
 
-    def _integrated(
-        self, parts: Sequence[tuple[NDArray, NDArray]], count: int, turning: NDArray
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The integral (B, 3, count) up to each boundary, and the part of the mean over all rests (count,)."""
-        until = np.searchsorted(self.of.boundaries, np.arange(1, len(self.values) + 1))
-        ends, total = len(self.of.boundaries) + 1, np.zeros((3, (len(self.of.boundaries) + 1) * count))
-        mean, resting = np.zeros(count), self.of.onsets.rests[1:]
-        for at, weight in parts:
-            cells = until * count + at
-            for axis in range(3):
-                total[axis] += np.bincount(cells, turning[:, axis] * weight, total.shape[1])
-            mean += np.bincount(at[resting], weight[resting], count)
-        integral = np.cumsum(total.reshape(3, ends, count)[:, :-1], axis=1)
-        return integral.transpose(1, 0, 2), mean / max(int(resting.sum()), 1)
+
+@dataclass(frozen=True, eq=False)
+class OnKnots:
+    """Functions that are straight between knots (k,); round a circle the last knot is the first."""
+
+    knots: NDArray[np.float64]
+    circle: bool = False
+
+    @property
+    def count(self) -> int:
+        """How many functions are one at a knot each."""
+        return len(self.knots) - self.circle
+
+    def weights(self, values: NDArray) -> Weights:
+        """Knots before and after values (n,), and what the function there counts."""
+        values = values % TURN if self.circle else values
+        after = np.clip(np.searchsorted(self.knots, values), 1, len(self.knots) - 1)
+        share = (values - self.knots[after - 1]) / (self.knots[after] - self.knots[after - 1])
+        return (after - 1, 1.0 - share), (after % self.count, share)
+
+    def at(self, values: NDArray) -> NDArray[np.float64]:
+        """The functions (n, K) at values (n,)."""
+        found, rows = np.zeros((len(values), self.count)), np.arange(len(values))
+        for at, weight in self.weights(values):
+            found[rows, at] += weight
+        return found
+
+
+def integrated(weights: Weights, count: int, turning: NDArray, boundaries: NDArray) -> NDArray[np.float64]:
+    """The integral (B, 3, count) up to each boundary of turns (N - 1, 3) times what weights add to columns."""
+    until = np.searchsorted(boundaries, np.arange(1, len(turning) + 1))
+    ends = len(boundaries) + 1
+    total = np.zeros((3, ends * count))
+    for at, weight in weights:
+        cells = until * count + at
+        for axis in range(3):
+            total[axis] += np.bincount(cells, turning[:, axis] * weight, total.shape[1])
+    return np.cumsum(total.reshape(3, ends, count)[:, :-1], axis=1).transpose(1, 0, 2)
 
 
 COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}

@@ -129,7 +129,7 @@ class CarriedRun(CarriedRecord):
     def _pairs(self) -> Sequence[Pair]:
         if len(self.motion) > LONG:
             return ()
-        found, reference = list(GyroPairs(self, self.onsets).pairs()), self.reference
+        found, reference = list(GyroPairs.carried(self, self.onsets).pairs()), self.reference
         if isinstance(reference, Gravity):
             found += pairs_of_accelerometers(self, reference, self.point[: self.of_forces], self.attitude)
         return tuple(found)
