@@ -120,20 +120,20 @@ def diagnosed(
         gain = evidence.gain(evidence.refit(helps)) if rerun and helps else None
         return _unexplained(evidence, told | {"gain": gain}, (*objections, *said))
     groups = equivalence_groups(evidence, found.fits)
-    unlisted = Unlisted.of(told.get("dependence"), listed, groups[0][0])
+    tried = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
+    findings = [finding for finding in tried if finding.acts]
+    idle = tuple(dict.fromkeys(finding.not_shown for finding in tried if not finding.acts))
+    # What contains a set that stands can always stand, too: it is no rival, and comes behind.
+    containing = [one for one in tried if any(one.contains(other) for other in findings)]
+    findings = sorted(findings, key=lambda one: one in containing)
+    unlisted = Unlisted.of(told.get("dependence"), listed, findings[0].fit if findings else groups[0][0])
     told |= {"caution": (*told.get("caution", ()), *unlisted.caution)}
     proven = told.get("proven")
     if unlisted.held is not None and not (proven is not None and proven.quantity):
         told["caution"] += laws_beside(evidence, unlisted.held, found.fits)
-    tried = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
-    findings = [finding for finding in tried if finding.acts]
-    idle = tuple(dict.fromkeys(finding.not_shown for finding in tried if not finding.acts))
     if not findings:
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told | {"unshown": tried}, idle)
-    # What contains a set that stands can always stand, too: it is no rival, and comes behind.
-    containing = [one for one in tried if any(one.contains(other) for other in findings)]
-    findings = sorted(findings, key=lambda one: one in containing)
     if found.is_sample and unlisted.rivals:
         told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
         return _unexplained(evidence, told, (*(_as_simple(finding, unlisted) for finding in findings), *idle))

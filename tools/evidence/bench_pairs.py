@@ -172,7 +172,7 @@ def _of_both(way: Way, read: Rows, travel: Travel, bound: NDArray) -> Pair:
     def matrix() -> NDArray[np.float64]:
         functions = OnKnots(nodes, circle=way.circle)
         on_readings = _by(way.slope(read, turns))(functions.at(here))
-        on_turns = travel.turned(functions, there, way.slope(seen, travel.axes))
+        on_turns = travel.turned(functions, there, way.slope(seen, list(travel.axes)))
         return np.vstack([on_readings, on_turns]) / bound[:, None]
 
     pair = way.pair(nodes[:AROUND] if way.circle else nodes, lambda functions: matrix() @ functions)

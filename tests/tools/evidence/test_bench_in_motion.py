@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from trihedron.models.effects import EffectPlace
+from trihedron.models.effects.formula import Formula
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.gyros import fit_whole
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Diagnosis
+from trihedron.tools.diagnosis.dependence import dependence
 from trihedron.tools.evidence.bench_again import simulated_turns
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_travel import Travel, approached
+from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
 from trihedron.tools.trials.sizes import Hidden
 from trihedron.tools.trials.whole import WholeBench, draw_whole
@@ -139,3 +142,54 @@ def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
         assert high - low < 2.0 * abs(value)
     rivals = [EffectPlace("lever-arm", "accelerometer-1"), EffectPlace("accelerometer-lag", "accelerometer-3")]
     assert all(evidence.refit([other]).radius > 1.0 for other in rivals)
+
+
+def bumped(size: float) -> Hidden:
+    """An encoder of the outer axis that errs about 2 rad alone."""
+    knots = np.round(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), 6)
+    values = size * np.exp(-0.5 * ((knots - 2.0) / 0.4) ** 2)
+    law = f"alpha around {' '.join(map(repr, knots.tolist()))}"
+    return Hidden(EffectPlace("lookup", "outer-axis", law=law), tuple(values.tolist()))
+
+
+def of_formula(text: str, size: float) -> Hidden:
+    place = Formula.of(text).place
+    assert place is not None
+    return Hidden(place, (size,))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "where", "quantity"),
+    [
+        (of_formula("w3 += c*w3**5", 2e-4), "gyro-3", "w3"),
+        (bumped(8e-5), "outer-axis", "alpha"),
+        pytest.param(of_formula("f1 += c*n1**5", 1.5e-4), "accelerometer-1", "n1", marks=pytest.mark.acceptance),
+        pytest.param(of_formula("w1 += c*sin(6*w1)", 4e-5), "gyro-1", "w1", marks=pytest.mark.acceptance),
+        pytest.param(of_formula("f2 += c*sin(5*n2)", 1e-4), "accelerometer-2", "n2", marks=pytest.mark.acceptance),
+    ],
+    ids=("fifth power of a rate", "bump", "fifth power of an input", "sine of a rate", "sine of an input"),
+)
+def test_what_no_catalogue_lists_has_its_place_and_quantity_proven(hidden, where, quantity):
+    """What is proven is what was hidden; a table's cause is seen by accelerometers and gyros alike."""
+    evidence = whole_evidence(measured(hidden), bench().place, noise_bound=SIGMA)
+    found = dependence(evidence)
+    assert found is not None
+    assert found.proven is not None
+    assert (found.place, found.proven.pair.quantity) == (where, quantity)
+    alone = evidence.of_readings
+    columns = np.abs(found.proven.pair.columns(found.proven.form)).max(axis=1)
+    assert columns[:alone].any() == (not where.startswith("gyro"))
+    assert columns[alone:].any() == (not where.startswith("accelerometer"))
+
+
+def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
+    """By two ways: functions at nodes, and effects at every row; of the table on readings and on turns."""
+    evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)
+    pairs = {(pair.where, pair.name): pair for pair in evidence.pairs()}
+    harmonic, own = evidence.columns_of([HARMONIC]), pairs["outer-axis", "alpha"]
+    # The true angle is the reading less what an encoder errs by; an effect counts its sine first.
+    mine = -own.columns(Form("harmonic", 3))[:, ::-1]
+    squared = evidence.columns_of([EffectPlace("gyro-rate-squared", "gyro-block")])[:, 1]
+    rate = pairs["gyro-2", "w2"]
+    for theirs, ours in ((harmonic, mine), (squared, rate.spread(rate.values[:, None] ** 2)[:, 0])):
+        assert np.abs(theirs - ours).max() <= 3e-3 * np.abs(theirs).max()
