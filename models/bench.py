@@ -303,8 +303,7 @@ def target_jacobian(
     The reading is linear in scale factors, shears and biases; the rest comes through the direction.
     """
     x = np.asarray(targets)
-    m = input_direction(x, alpha, beta, mounting, further)
-    direction = input_jacobian(x, alpha, beta, mounting, further)
+    m, direction = _input_and_jacobian(x, alpha, beta, mounting, further)
     positive = m >= 0.0 if sign is None else np.asarray(sign) >= 0
     jacobian = direction * (1.0 + np.where(positive, x[..., _PLUS], x[..., _MINUS]))[..., None]
     jacobian[..., 1, :] += x[..., 9, None] * direction[..., 0, :]
@@ -322,6 +321,13 @@ def input_jacobian(
     targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, further: NDArray | None = None
 ) -> NDArray:
     """Derivatives (N, 3, 18) of `input_direction` by the targets, exact to rounding (complex step)."""
+    return _input_and_jacobian(targets, alpha, beta, mounting, further)[1]
+
+
+def _input_and_jacobian(
+    targets: ArrayLike, alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike, further: NDArray | None
+) -> tuple[NDArray, NDArray]:
+    """`input_direction` and `input_jacobian`."""
     x, step = np.asarray(targets), 1e-30
     # What moves the vertical and what turns the block, three targets at once.
     moved = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION, None]
@@ -334,7 +340,7 @@ def input_jacobian(
     for k, one, other in zip(range(3), vertical, turns, strict=True):
         jacobian[..., _OF_DIRECTION[k]] = np.squeeze(straight @ one[..., None], -1)
         jacobian[..., _OF_DIRECTION[3 + k]] = np.squeeze(other @ here[..., None], -1)
-    return jacobian
+    return np.squeeze(straight @ here[..., None], -1), jacobian
 
 
 def stand_regressors(alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:

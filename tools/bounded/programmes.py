@@ -367,10 +367,15 @@ def _model(
 ) -> highspy.Highs:
     columns, rows = np.nonzero(matrix.T)
     starts = np.searchsorted(columns, np.arange(len(cost) + 1))
-    lp = linear_programme(cost, (lower, upper), (starts, rows, matrix.T[columns, rows]), (row_lower, row_upper))
     highs = solver()
     highs.setOptionValue("simplex_strategy", PRIMAL_SIMPLEX)
-    if highs.passModel(lp) == highspy.HighsStatus.kError:
+    size = len(cost), len(row_lower), len(rows)
+    how = int(highspy.MatrixFormat.kColwise), int(highspy.ObjSense.kMinimize), 0.0
+    ends = cost, lower, upper, row_lower, row_upper
+    kinds = np.zeros(len(cost), dtype=np.int32)
+    # As arrays: a `HighsLp` takes them number by number, in longer than the programme takes.
+    elements = starts.astype(np.int32), rows.astype(np.int32), matrix.T[columns, rows]
+    if highs.passModel(*size, *how, *ends, *elements, kinds) == highspy.HighsStatus.kError:  # pyright: ignore
         raise SolverError("the linear programme was not accepted by the solver")
     return highs
 
