@@ -1,7 +1,6 @@
 """Several records of one instrument: what they say together, and what is the instrument's or the run's."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Literal
@@ -21,15 +20,15 @@ from ..evidence.of_record import (
     Mended,
     in_record,
     is_asked,
-    is_of_instrument,
     named_alike,
     names_of,
     plain,
 )
-from ..result import Result, Told, finite_or_none
+from ..result import Result, Told
 from .cause import Cause, Finding, NamedEffect, Number, SizedParameter
 from .cross_gain import CrossGain, Helps, cross_gains
 from .procedure import causes_of, centred, diagnosed, parameters_of
+from .repeated import Repeated, repeated
 from .result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis, EffectWitness
 from .search import MOST_WORK
 
@@ -62,30 +61,6 @@ class JointCause(Result):
     parameter: str | None
     equivalents: tuple[str, ...]
     parameters: tuple[SizedParameter, ...]
-
-
-class InOneRecord(Result):
-    """What one record leaves possible of a parameter; None where it does not bound it, or no model stands."""
-
-    record: str
-    estimate: Number | None
-    low: Number | None
-    high: Number | None
-
-
-class Repeated(Result):
-    """A parameter, of the instrument or of an effect, from record to record, each by itself.
-
-    Between two of the records it changes by `at_least` surely; over those with which a model stands by `at_most`, None
-    where one leaves it open.
-    """
-
-    name: str
-    unit: str
-    of: Literal["instrument", "run"]
-    records: tuple[InOneRecord, ...]
-    at_least: Number
-    at_most: Number | None
 
 
 class Several(Told):
@@ -286,10 +261,11 @@ def _judged(joint: Joint, alone: Mapping[str, Diagnosis], found: Diagnosis) -> d
         return told
     told["repeatability"] = repeated(alone, joint, named[0].fit.places if named else (), *joint.asked)
     if found.verdict == "unexplained":
-        tried = "no set of up to three effects, of all records or of one, and of parameters that differ in one,"
-        if found.cut_off_at is not None:
-            tried = f"the search was cut off among sets of {found.cut_off_at}, and none of those that were tried"
-        return told | {"not_named": found.not_named or (f"{tried} mends them",)}
+        tried = "no set of up to three effects, of all records or of one, and of parameters that differ in one, mends "
+        tried += "them: more of these are needed, or what is not sought"
+        if (size := found.cut_off_at) is not None:
+            tried = f"the search was cut off among sets of {size}, and none of those that were tried mends them"
+        return told | {"not_named": (*(found.not_named or (tried,)), *_must_differ(joint))}
     sized = parameters_of(joint, named[0].fit if named else centred(joint, joint.baseline))
     told["parameters"] = tuple(one for one in sized if one.name in joint.shared)
     if not named:
@@ -297,7 +273,9 @@ def _judged(joint: Joint, alone: Mapping[str, Diagnosis], found: Diagnosis) -> d
     best = named[0]
     rivals, untried = _with_unsought(joint, alone, len(best.fit.places))
     sets = [*(_causes(joint, finding) for finding in named), *rivals]
-    caution = (*_cautions(alone, joint, best), *untried)
+    # What was not tried in a record is of that run.
+    owners = [*({cause.record for cause in causes} for causes in sets), *({label} for label in untried)]
+    caution = (*_cautions(alone, joint, best), *untried.values())
     return told | {
         "verdict": "ambiguous" if len(sets) > 1 or caution else found.verdict,
         "radius_with_causes": best.fit.radius,
@@ -306,27 +284,49 @@ def _judged(joint: Joint, alone: Mapping[str, Diagnosis], found: Diagnosis) -> d
         "complete": found.cut_off_at is None,
         "witnesses": found.judgement if isinstance(found.judgement, tuple) else (),
         "caution": caution,
-        "instrument": _told_by([any(c.of == "instrument" for c in causes) for causes in sets]),
-        "runs": {label: _told_by([any(c.record == label for c in own) for own in sets]) for label in joint.labels},
+        "instrument": _told_by(None, owners),
+        "runs": {label: _told_by(label, owners) for label in joint.labels},
     }
+
+
+def _must_differ(joint: Joint) -> tuple[str, ...]:
+    """Where one record stands by itself, and the others together: what they cannot share, if that is enough."""
+    said, members = [], dict(zip(joint.labels, joint.members, strict=True))
+    for label in joint.labels[-1 if len(members) == 2 else 0 :]:
+        parts = {label: members[label]}, {other: those for other, those in members.items() if other != label}
+        ends = []
+        for part in (join(records, *joint.asked) for records in parts):
+            told = () if part.falsified else parameters_of(part, part.baseline)
+            ends.append({p.name.partition(" in ")[0]: p.ends for p in told})
+        own, others = ends
+        both = [name for name in joint.shared if name in own and name in others]
+        apart = {name for name in both if own[name][0] > others[name][1] or own[name][1] < others[name][0]}
+        differ = [p for p in joint.places if isinstance(p, Differs) and p.record == label and p.where in apart]
+        if differ and joint.refit(differ).radius <= joint.limit:
+            names = ", ".join(place.where for place in differ)
+            said.append(f"with {names} of {label} its own all stand, and if nothing else acts each of them must differ")
+    return tuple(said)
 
 
 def _with_unsought(
     joint: Joint, alone: Mapping[str, Diagnosis], size: int
-) -> tuple[list[tuple[JointCause, ...]], tuple[str, ...]]:
-    """Sets, no larger, with what mends a record by itself and is not sought in several; and what was not tried.
+) -> tuple[list[tuple[JointCause, ...]], dict[str, str]]:
+    """Sets, no larger, with what mends a record by itself and is not sought in several; and where such was not tried.
 
     What is not sought acts as it does there, beside what is. It was tried in a record in sets as large as mend that by
     itself: where more is needed together, anything might do there, if the others stand with one effect less.
     """
-    found, untried = [], []
+    found, untried = [], {}
     members = dict(zip(joint.labels, joint.members, strict=True))
     for k, (label, member) in enumerate(members.items()):
         every = alone[label].findings
         reached = min((len(finding.fit.places) for finding in every), default=0)
         others = {other: those for other, those in members.items() if other != label}
         if reached < size and _beside(join(others, *joint.asked), size - 1) is not None:
-            untried.append(f"{label}: {'fewer effects mend it' if reached else 'nothing falsifies it'} by itself")
+            untried[label] = (
+                f"{label}: {'fewer effects mend it' if reached else 'nothing falsifies it'} by itself, so what is not "
+                "sought in several records together was not tried there, and might do as well"
+            )
         tried: dict[tuple[EffectPlace, ...], Finding] = {}
         for finding in every:
             # What contains a set that stands there can always stand, too.
@@ -338,10 +338,7 @@ def _with_unsought(
             if more is not None:
                 own = (cause for cause in finding.causes if cause.place in places)
                 found.append((*(_cause(in_record(c.place, label), c.parameters) for c in own), *more))
-    return found, tuple(
-        f"{why}, so what is not sought in several records together was not tried there, and might do as well"
-        for why in untried
-    )
+    return found, untried
 
 
 def _beside(joint: Joint, most: int) -> tuple[JointCause, ...] | None:
@@ -360,8 +357,10 @@ def _beside(joint: Joint, most: int) -> tuple[JointCause, ...] | None:
     return None
 
 
-def _told_by(sets: Sequence[bool]) -> Open:
-    return "yes" if all(sets) else "open" if any(sets) else "no"
+def _told_by(label: str | None, owners: Sequence[Collection[str | None]]) -> Open:
+    """Whether every set has something of this record, None for the instrument."""
+    held = [label in own for own in owners]
+    return "yes" if all(held) else "open" if any(held) else "no"
 
 
 def _causes(joint: Joint, finding: Finding) -> tuple[JointCause, ...]:
@@ -401,71 +400,3 @@ def _cautions(alone: Mapping[str, Diagnosis], joint: Joint, best: Finding) -> tu
         if unsure and result.verdict == "ambiguous" and not result.alternatives and result.complete is not False:
             said += [f"{label}: {text}" for text in result.caution]
     return tuple(said)
-
-
-def repeated(
-    alone: Mapping[str, Diagnosis], joint: Joint | None, places: Sequence[Any], *asked: Sequence[str]
-) -> tuple[Repeated, ...]:
-    """Parameters of the model and of shared effects from record to record, each record by itself.
-
-    With the effects of `places` that act in it where it is judged with the others and stands with them, else with what
-    explains it by itself, or with none. `asked` are names of what is shared, and of what is each record's own.
-    """
-    values: dict[tuple[str, str], dict[str, SizedParameter]] = {}
-    for label, result in alone.items():
-        evidence, fit = result.evidence, _standing(label, result, joint, places)
-        for key in getattr(evidence, "names", ()):
-            values.setdefault(key, {})
-        if fit is None:
-            continue
-        found = [(p.name, p) for p in parameters_of(evidence, fit)]
-        for cause in causes_of(evidence, fit):
-            found += [(f"{cause.place.title}: {p.name}", p) for p in cause.parameters if cause.place in places]
-        for name, parameter in found:
-            values.setdefault((name, parameter.unit), {})[label] = parameter
-    return tuple(repeated_of(*key, found, tuple(alone), *asked) for key, found in values.items())
-
-
-def repeated_of(
-    name: str,
-    unit: str,
-    found: Mapping[str, SizedParameter],
-    labels: Sequence[str],
-    shared: Sequence[str] = (),
-    own: Sequence[str] = (),
-) -> Repeated:
-    """A parameter of which some of the records with these labels leave something; `shared`, `own` as for `join`."""
-    ends = [found[label].ends if label in found else (-math.inf, math.inf) for label in labels]
-    least = max(low for low, _ in ends) - min(high for _, high in ends)
-    known = [found[label].ends for label in found]
-    most = max((high for _, high in known), default=math.inf) - min((low for low, _ in known), default=0.0)
-    return Repeated(
-        name=name,
-        unit=unit,
-        of="instrument" if ": " in name or is_of_instrument(name, shared, own) else "run",
-        records=tuple(
-            InOneRecord(
-                record=label,
-                estimate=found[label].estimate if all(map(math.isfinite, pair)) else None,
-                low=finite_or_none(pair[0]),
-                high=finite_or_none(pair[1]),
-            )
-            for label, pair in zip(labels, ends, strict=True)
-        ),
-        at_least=max(0.0, least),
-        at_most=finite_or_none(most),
-    )
-
-
-def _standing(label: str, result: Diagnosis, joint: Joint | None, places: Sequence[Any]) -> Fit | None:
-    """The model with which a record stands by itself; None where none does, or several."""
-    evidence = result.evidence
-    if joint is not None and label in joint.labels:
-        fit = joint.alone_with(joint.labels.index(label), places)
-        if fit.radius <= evidence.limit:
-            return centred(evidence, fit)
-    if result.verdict == "explained":
-        return result.findings[0].fit
-    if result.verdict == "consistent":
-        return centred(evidence, evidence.baseline)
-    return None

@@ -327,10 +327,12 @@ class Joint(Evidence):
         yield from trials_of_each(fit, parts, self._shuffled)
 
     def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Columns (M, k) of an effect moved to other rows of the same record."""
+        """Columns (M, k) of an effect moved to other rows of the same record on which it acts; of a constant to any."""
         moved = columns.copy()
         for begin, end in pairwise(self.starts):
             acting = begin + np.flatnonzero(columns[begin:end].any(axis=1))
+            if len(acting) and np.allclose(columns[acting], columns[acting[0]]):
+                acting = np.arange(begin, end)
             moved[acting] = columns[rng.permutation(acting)]
         return moved
 

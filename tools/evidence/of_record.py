@@ -13,7 +13,7 @@ from ...models.effects.definition import Effect, EffectParameter
 from ..calibration.targets import NAMES
 from .bench_model import LARGEST_OF_BENCH
 from .evidence import Evidence
-from .fit import Fit, coefficient_count
+from .fit import Fit, blocks_of, coefficient_count
 from .rows import About
 
 OF_INSTRUMENT = (
@@ -80,12 +80,13 @@ class Mended(Evidence):
     """A record with effects that mend it by itself as parameters of its own, linear about the fit with them.
 
     It tells whether the others stand beside these: an effect that is not linear acts as it does there. `rows` are those
-    about the fit, by parameters and those effects.
+    about the fit, by parameters and those effects; `free` are columns (M, K) of the fit's others, which it has not.
     """
 
     before: Evidence
     rows: About
     effects: tuple[EffectPlace, ...]
+    free: Mapping[EffectPlace, NDArray[np.float64]]
 
     @staticmethod
     def of(before: Evidence, fit: Fit, effects: Sequence[EffectPlace]) -> "Mended":
@@ -96,7 +97,9 @@ class Mended(Evidence):
         matrix = fit.jacobian[:, held]
         more = tuple((f"{fit.title} {k}", "") for k in range(int(held.sum()) - len(fit.point)))
         rows = About(residual, matrix, fit.allowed, np.zeros_like(matrix))
-        return Mended((), (*before.names, *more), fit.at[held], before.places, before, rows, tuple(effects))
+        own = fit.jacobian[:, len(fit.point) :]
+        free = {place: own[:, block] for place, block, way in fit.ways if place not in effects and way is None}
+        return Mended((), (*before.names, *more), fit.at[held], before.places, before, rows, tuple(effects), free)
 
     @property
     def residual(self) -> NDArray[np.float64]:
@@ -127,6 +130,8 @@ class Mended(Evidence):
         """The rows about parameters and coefficients, linear about the fit."""
         count = len(self.before.names)
         at = self.before.about(places, self.point[:count], np.zeros(width_of(places)))
+        for place, block in zip(places, blocks_of(places), strict=True):
+            at.jacobian[:, count:][:, block] = self.free.get(place, at.jacobian[:, count:][:, block])
         matrix, rate = (
             np.hstack([own, more[:, count:]]) for own, more in ((self.nominal, at.jacobian), (self.rows.rate, at.rate))
         )

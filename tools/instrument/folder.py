@@ -14,8 +14,9 @@ from ..calibration import Calibration
 from ..calibration.targets import NAMES
 from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cause import Number, SizedParameter
+from ..diagnosis.repeated import Repeated, repeated_of
 from ..diagnosis.result import Diagnosis
-from ..diagnosis.several import DIAGNOSES, Diagnosed, Repeated, Several, repeated_of
+from ..diagnosis.several import DIAGNOSES, Diagnosed, Several
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, write_text
 from ..records import read_record

@@ -6,7 +6,8 @@ from ..calibration.targets import NAMES
 from ..diagnosis.applied import Applied
 from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cause import SizedParameter
-from ..diagnosis.several import InOneRecord, JointCause, Repeated, Several
+from ..diagnosis.repeated import InOneRecord, Repeated
+from ..diagnosis.several import JointCause, Several
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, minus, sentence, unit_text
 from ..instrument import Entries, Entry, Trend
@@ -95,8 +96,8 @@ def verdict_line(result: Several) -> str:
     if result.radius is None:
         said = "insufficient: nothing is said of all together, as fewer than two records can be judged so"
     if result.verdict == "ambiguous" and not result.alternatives:
-        also = "what is in no catalogue does, too" if result.caution else "others may that were not tried"
-        said = f"ambiguous: one set makes all records consistent together, and {also}"
+        also = "as the cautions say" if result.caution else "that were not tried"
+        said = f"ambiguous: one set makes all records consistent together, and others may {also}"
     alone = [one.diagnosis.verdict for one in result.records if one.left_out is None]
     if alone and set(alone) == {"insufficient"} and result.verdict != "insufficient":
         said += "; each by itself is insufficient, together they are not"

@@ -4,16 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..bounded.programmes import chebyshev_radius
 from ..evidence.bench import bench_evidence
 from ..evidence.joint import Joint, join
 from ..evidence.of_record import InRecord, plain
 from ..records import PositionRecord
 from .bench import NOISE_BOUND, Bench, draw_bench, draw_truth
-from .sizes import Hidden, SureSizes, draw_direction, largest_size
+from .sizes import Hidden, draw_direction, largest_size, sizes_of_change
 
 
 @dataclass(frozen=True)
@@ -82,22 +80,13 @@ def draw_shared_and_own(
 def _sized(
     rng: np.random.Generator, joint: Joint, place: EffectPlace, beside: EffectPlace, above: float
 ) -> Hidden | None:
-    """An effect that no third one can stand for beside another; None where it would have to be too large."""
+    """An effect that no third one, and no reading that is off, can stand for beside another; None where too large."""
     direction = draw_direction(rng, plain(place))
-    added = joint.columns_of([place]) @ direction
-    base = np.hstack([joint.nominal, joint.columns_of([beside])])
     same = {*joint.classes.whole_class(place), *joint.classes.whole_class(beside)}
-    rivals = [other for other in joint.classes.places if other not in same]
-    distances = [_distance(np.hstack([base, joint.columns_of([other])]), added) for other in rivals]
-    nearest = int(np.argmin(distances))
-    detected, excluded = (2.0 / d if d > 0.0 else np.inf for d in (_distance(base, added), distances[nearest]))
-    size = above * excluded
+    rivals = {other.title: joint.columns_of([other]) for other in joint.classes.places if other not in same}
+    base = np.hstack([joint.nominal, joint.columns_of([beside])])
+    sizes = sizes_of_change(base, joint.columns_of([place]) @ direction, rivals)
+    size = above * sizes.excluded
     if not np.isfinite(size) or size > largest_size(plain(place), direction):
         return None
-    values = place.definition.from_coefficients(size * direction)
-    return Hidden(place, values, float(size), SureSizes(detected, excluded, rivals[nearest].title))
-
-
-def _distance(columns: NDArray, added: NDArray) -> float:
-    """What columns (M, K) leave of what an effect adds (M,), in bounds."""
-    return chebyshev_radius(columns, added, np.ones(len(added)))[0]
+    return Hidden(place, place.definition.from_coefficients(size * direction), float(size), sizes)

@@ -85,7 +85,9 @@ def test_of_several_records_another_one_has_what_is_the_instruments_and_one_of_t
     file.write_text(Several(verdict="explained", records=records, causes=(shared, own)).json_text(), encoding="utf-8")
     of_one, of_all = th.apply(folder / "block.json", tuesday), th.apply(file, tuesday)
     assert of_all == of_one
-    assert [one.effect for one in th.apply(file, monday).effects] == [QUADRATIC.title, "cubic accelerometer-1"]
+    of_its_own = th.apply(file, monday)
+    assert isinstance(of_its_own, Applied)
+    assert [one.effect for one in of_its_own.effects] == [QUADRATIC.title, "cubic accelerometer-1"]
     with pytest.raises(InputError, match="names nothing that is the instrument's"):
         th.apply(Several(verdict="explained", records=records, causes=(own,)), tuesday)
 

@@ -187,6 +187,28 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
     assert known["X4"].at_least == pytest.approx(3e-4, abs=1e-4)
 
 
+def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypatch):
+    """Its signature is constant: where it belongs only other accelerometers can say."""
+    monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
+    result = th.diagnose_together(*of_one_instrument(21, 2, positions=(20, 20)), noise_bound=SIGMA, shared=["bias-1"])
+    sets = (result.causes, *result.alternatives)
+    assert [[(cause.parameter, cause.of) for cause in causes] for causes in sets] == [[("X16", "run")]]
+
+
+def test_where_more_than_three_must_differ_that_is_said_of_each_and_nothing_is_named(monkeypatch):
+    """A block that was dropped before the third day: scale factors of two accelerometers, both signs."""
+    rng = np.random.default_rng(4)
+    benches = [random_bench(rng)] * 3
+    benches[2] = benches[2] + 0.0
+    benches[2][[9, 10, 12, 13]] += 3e-4
+    result = judged(monkeypatch, [simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))) for bench in benches])
+    assert (result.verdict, result.causes) == ("unexplained", ())
+    assert "more of these are needed, or what is not sought" in result.not_named[0]
+    assert result.not_named[1:] == (
+        "with X4, X5, X9, X10 of record-3 its own all stand, and if nothing else acts each of them must differ",
+    )
+
+
 @pytest.mark.acceptance
 def test_a_record_that_nothing_mends_is_left_out_and_said():
     records = of_one_instrument(21, positions=(20, 20))

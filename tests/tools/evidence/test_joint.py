@@ -65,7 +65,7 @@ def test_halves_that_share_nothing_are_two_records(halves):
 
 def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_its_own(halves):
     """So a set that is not sought in several records is tried beside the others: as it acts where it was found."""
-    mended = {label: Mended.of(one, one.refit([ENCODER])) for label, one in halves.items()}
+    mended = {label: Mended.of(one, one.refit([ENCODER]), [ENCODER]) for label, one in halves.items()}
     of_each = [in_record(ENCODER, label) for label in halves]
     beside, together = join(mended), join(halves)
     assert not beside.falsified
@@ -73,6 +73,10 @@ def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_it
     assert beside.baseline.radius == pytest.approx(together.refit(of_each).radius, abs=2e-3)
     # One that is mended in one of them alone does not stand.
     assert join({"even": mended["even"], "odd": halves["odd"]}).falsified
+    # What is left to all records is taken out of the fit again.
+    without = join({label: Mended.of(one, one.refit([ENCODER]), []) for label, one in halves.items()})
+    assert without.falsified
+    assert without.refit([ENCODER]).radius == pytest.approx(together.refit([ENCODER]).radius, abs=2e-3)
 
 
 def test_what_is_the_instruments_by_default_and_by_what_is_asked():
