@@ -53,6 +53,31 @@ def test_fmpy_gives_the_attitude_of_the_orchestrator(strapdown: Path, tmp_path: 
     assert (attitude == run.attitude).all()
 
 
+def test_increments_of_velocity_are_inputs_of_the_velocity_computer(tmp_path: Path, fmu_folder: Path) -> None:
+    """A Parquet file; `check` names the columns that it has."""
+    rng = np.random.default_rng(8)
+    columns = {"time_s": PERIOD * np.arange(60)}
+    columns |= {f"dtheta{i}_rad": rng.uniform(-0.01, 0.01, 60) for i in (1, 2, 3)}
+    columns |= {f"dv{i}_mps": rng.uniform(-0.01, 0.01, 60) + 0.1 * (i == 3) for i in (1, 2, 3)}
+    pl.DataFrame(columns).write_parquet(tmp_path / "motion.parquet")
+    assert th.check(tmp_path / "motion.parquet").summary == (f"60 rows, columns {', '.join(columns)}",)
+    made = write_fmpy_input(tmp_path / "motion.parquet", tmp_path / "input.csv")
+    assert made.component == "VelocityComputer"
+    found = fmpy.simulate_fmu(
+        str(fmu_folder / "VelocityComputer.fmu"),
+        stop_time=made.stop,
+        output_interval=made.step,
+        input=read_csv(tmp_path / "input.csv"),
+        start_values=made.start_values,
+    )
+    record = read_record(tmp_path / "motion.parquet")
+    assert isinstance(record, StrapdownRecord)
+    run = attitude_of_record(record)
+    velocity = np.column_stack([found[f"velocity[{i}]"] for i in (1, 2, 3)])[found["updated"] != 0]
+    assert run.velocity is not None
+    assert (velocity == run.velocity).all()
+
+
 def test_fmpy_compensates_readings_as_the_orchestrator_does(tmp_path: Path, fmu_folder: Path) -> None:
     rng = np.random.default_rng(6)
     force = rng.uniform(-9.0, 9.0, (50, 3))

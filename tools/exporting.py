@@ -202,12 +202,13 @@ class FmpyInput(Result):
 
 
 def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bridge_gaps: int = 0) -> FmpyInput:
-    """Write a record as the CSV file that FMPy reads: inputs of AttitudeComputer or AccelerometerCompensation.
+    """Write a record as the CSV file that FMPy reads: inputs of a computer or of AccelerometerCompensation.
 
     Parameters
     ----------
     path : Path
-        a strapdown record, of which increments are taken, or a raw record of a table, of which readings
+        a strapdown record, of which increments are taken for AttitudeComputer, where it has increments of velocity for
+        VelocityComputer; or a raw record of a table, of which readings
     out : Path
     rates : str
         "instantaneous" or "averaged": what a rate in the record means
@@ -226,14 +227,17 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bri
     if isinstance(record, records.BenchRecord):
         record = record.gyros
     care: dict[str, Any] = {}
+    inputs: dict[str, np.ndarray] = {}
     if isinstance(record, records.StrapdownRecord):
-        component, name = "AttitudeComputer", "increment"
+        component = "AttitudeComputer"
         taken = motion.taken_from(record, rates, bridge_gaps=bridge_gaps)
         increments = taken.increments
         start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(taken.start, start=1)}
         start_values["sample_period"] = period = float(increments.period)
         # The increment that ends at a row's time is of the step that begins one row before.
-        values = increments.angle
+        inputs["increment"] = increments.angle
+        if increments.velocity is not None:
+            component, inputs["velocity_increment"] = "VelocityComputer", increments.velocity
         until, begin = taken.trusted_until(increments.time_s), float(increments.time_s[0])
         care = {"trusted_until_s": None if until is None else until - begin, "warnings": taken.warnings}
         care["bridged_bound_rad"] = taken.bridged_bound
@@ -242,9 +246,9 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bri
             raise InputError(
                 f"--bridge-gaps {bridge_gaps}: is of a strapdown record; a record of a table carries no attitude"
             )
-        component, name, start_values = "AccelerometerCompensation", "reading", {}
+        component, start_values = "AccelerometerCompensation", {}
         care["warnings"] = tuple(records.limits_of(record).lines)
-        values, count = record.specific_force, len(record.time_s)
+        inputs["reading"], count = record.specific_force, len(record.time_s)
         if count < 2:
             raise InputError(f"{record.path}: has one row; at least two are needed")
         period = float(record.time_s[-1] - record.time_s[0]) / (count - 1)
@@ -254,10 +258,12 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bri
             raise InputError(f"{where}: is {off.max():.3g} rows off a uniform sampling of {period:.9g} s")
     else:
         raise InputError(f"{path}: is a position record, which has no steps; a strapdown or a raw record is needed")
-    table = {"time": period * np.arange(len(values)), **{f"{name}[{i + 1}]": values[:, i] for i in range(3)}}
+    rows = len(next(iter(inputs.values())))
+    table = {"time": period * np.arange(rows)}
+    table |= {f"{name}[{i + 1}]": values[:, i] for name, values in inputs.items() for i in range(3)}
     with whole_file(out) as beside:
         pl.DataFrame(table).write_csv(beside)
-    stop = period * len(values)
+    stop = period * rows
     words = ["fmpy", "simulate", f"{component}.fmu", "--input-file", str(out)]
     words += ["--stop-time", repr(stop), "--output-interval", repr(period)]
     if start_values:

@@ -5,10 +5,12 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from polars import read_parquet_schema
 from pydantic import BaseModel, ValidationError
 
 from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, JOINT_CALIBRATION, of_one_record, target_estimates
@@ -155,7 +157,7 @@ def _check_table(found: Findings, data: bytes, channels: Sequence[str]) -> None:
     if found.problems:
         return
     found.warnings += warnings(columns)
-    there = [name for name in columns.layout.present if not names or name in names]
+    there = [name for name in columns.layout.present if name in (names or read_parquet_schema(BytesIO(data)))]
     found.summary = (f"{len(columns.row)} rows, columns {', '.join(there)}",)
     record = read_record(found.path, channels=channels)
     found.warnings += tuple(line for line in record.warnings if line not in found.warnings)

@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..records.columns import (
     ANGLES,
     FORCE,
+    INCREMENT,
     MOUNTING,
     POSITION,
     QUATERNION,
@@ -20,6 +21,7 @@ from ..records.columns import (
     RecordError,
     faults,
     quoted,
+    with_force,
 )
 from ..records.comments import Comments
 from ..records.read import significant_digits, written_resolution
@@ -28,7 +30,7 @@ from .mapping import OPEN
 from .names import DATE, SAMPLE, TIMES
 from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Understanding, reading
-from .units import TIME, known_unit, unit_of
+from .units import DEGREE, TIME, known_unit, unit_of
 
 DIGITS_OF = 2000
 """Rows from which it is seen how finely numbers are written."""
@@ -95,7 +97,9 @@ def converted(found: Understanding) -> Conversion:
             continue
         values, unit = _values(found, column, texts[column], lines), taken.unit
         values = (values - taken.offset) * taken.sign
-        numbers[column] = values if unit is None else values * unit.factor + unit.offset
+        # Units of angles give degrees; of all columns those of increments alone are in radians.
+        size = DEGREE if column in INCREMENT else 1.0
+        numbers[column] = values if unit is None else values * (unit.factor * size) + unit.offset
     if TIMES not in numbers:
         unit = unit_of(found.given.units.get(TIME) or found.sheet.stated.time or "1 s")
         numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * (unit.factor if unit is not None else 1.0)
@@ -334,16 +338,18 @@ def record_columns(found: Understanding, made: Conversion) -> Columns:
     kind = found.kind
     present = tuple(name for name in kind.known if name in made.numbers or (name == MOUNTING and made.names))
     sizes = made.resolution
-    columns = Columns(
-        found.sheet.path,
-        Layout(kind, present, ()),
-        {name: made.numbers[name] for name in present if name != MOUNTING},
-        tuple(made.names) if MOUNTING in present else None,
-        made.row,
-        sizes.get("mps2", 0.0),
-        sizes.get("deg", 0.0),
-        sizes.get("degC", 0.0),
-        Comments(scatter=() if made.scatter is None else tuple(made.scatter.tolist())),
+    columns = with_force(
+        Columns(
+            found.sheet.path,
+            Layout(kind, present, ()),
+            {name: made.numbers[name] for name in present if name != MOUNTING},
+            tuple(made.names) if MOUNTING in present else None,
+            made.row,
+            sizes.get("mps2", 0.0),
+            sizes.get("deg", 0.0),
+            sizes.get("degC", 0.0),
+            Comments(scatter=() if made.scatter is None else tuple(made.scatter.tolist())),
+        )
     )
     for fault in faults(columns):
         hint = "; --set units.force=UNIT says what readings are in" if "gravity" in fault.what else ""

@@ -18,6 +18,7 @@ from ..records.columns import (
     STRAPDOWN_INCREMENTS,
     STRAPDOWN_RATES,
     STRAPDOWN_VELOCITIES,
+    VELOCITY,
     quoted,
 )
 from .deciding_units import decide_units
@@ -214,10 +215,9 @@ def _decide_kind(found: Understanding, places: dict[str, int]) -> None:
             )
             found.ask("kind", ("position record", "strapdown record"), why)
         named = STRAPDOWN_RATES.name if of_block and not of_table else POSITION.name
-    # Increments of velocity are not imported.
     kinds = [kind for kind in KINDS if kind.name == named and kind is not STRAPDOWN_VELOCITIES]
     if len(kinds) > 1 and any(column in places for column in INCREMENT):
-        kinds = [STRAPDOWN_INCREMENTS]
+        kinds = [STRAPDOWN_VELOCITIES if any(column in places for column in VELOCITY) else STRAPDOWN_INCREMENTS]
     found.kind = kinds[0]
     found.settled["kind"] = named
     asked = {question.key for question in found.questions}

@@ -14,6 +14,7 @@ SENSITIVITIES = {
     "force": "0.5 g",
     "rate": "0.01 (deg/s)",
     "angle": "0.01 deg",
+    "velocity": "0.001 m/s",
     "time": "0.001 s",
     "temperature": "0.01 degC",
 }

@@ -10,6 +10,7 @@ from pydantic import Field
 from ..errors import InputError
 from ..files import at_once, bytes_of, is_workbook, ordinary_file, together, write_text
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
+from ..records.columns import FORCE, VELOCITY
 from ..records.comments import RESOLUTION, SCATTER
 from ..records.read import record_of
 from ..result import ABSENT, Result
@@ -187,6 +188,8 @@ def _about(found: Understanding, made: Conversion, file: Path) -> dict[str, str]
     if made.readings is not None and made.scatter is not None:
         own["readings averaged"] = _span(int(made.readings.min()), int(made.readings.max()))
         own[SCATTER] = " ".join(upwards(float(value), 4) for value in made.scatter)
+    if VELOCITY[0] in made.numbers and FORCE[0] not in made.numbers:
+        own["f1_mps2 to f3_mps2"] = "means of dv1_mps to dv3_mps over the intervals beside a row"
     return {"imported from": file.name, **found.layout.remarks, **own}
 
 

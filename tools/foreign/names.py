@@ -12,7 +12,8 @@ from ..records.columns import ANGLES, APPROACH, INCREMENT, MOUNTING, QUATERNION
 from ..records.columns import FORCE as FORCES
 from ..records.columns import RATE as RATES
 from ..records.columns import TEMPERATURE as TEMPERATURES
-from .units import ANGLE, FORCE, RATE, TEMPERATURE, TIME, Unit, known_unit, written
+from ..records.columns import VELOCITY as VELOCITIES
+from .units import ANGLE, FORCE, RATE, TEMPERATURE, TIME, VELOCITY, Unit, known_unit, written
 
 POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
 QUANTITY_OF = {
@@ -22,6 +23,7 @@ QUANTITY_OF = {
     **dict.fromkeys((*ANGLES, *INCREMENT), ANGLE),
     **dict.fromkeys(FORCES, FORCE),
     **dict.fromkeys(RATES, RATE),
+    **dict.fromkeys(VELOCITIES, VELOCITY),
 }
 """Column of a record -> what its unit is of; a record's other columns have none."""
 OWN_UNIT = {
@@ -31,6 +33,7 @@ OWN_UNIT = {
     **dict.fromkeys(INCREMENT, "rad"),
     **dict.fromkeys(FORCES, "m/s2"),
     **dict.fromkeys(RATES, "rad/s"),
+    **dict.fromkeys(VELOCITIES, "m/s"),
 }
 """Units that stand in the names of a record's columns."""
 
@@ -46,7 +49,7 @@ _FILLERS, _OUTER, _INNER, _FORCE, _RATE = (
         "w ω omega gyr gyro gyroscope kreisel drehrate rate omg winkelgeschwindigkeit гироскоп",
     )
 )
-_STEMS = "accelerometer|acceleration|accel|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|f|a|w|ω"
+_STEMS = "accelerometer|acceleration|accel|acc|gyroscope|gyro|gyr|omega|omg|rate|dtheta|dθ|dvel|dv|f|a|w|ω"
 _POSITION = re.compile(
     r"(pos|position|stellung|lage|messpunkt|punkt|point|rest|позиция|положение)( ?(no|nr|number|nummer|index|id|№))?"
     r"|no|nr|n°|lfd ?nr|number|nummer|номер"
@@ -242,9 +245,10 @@ def _triad(words: list[str], quantity: str) -> str:
     kinds = {
         FORCE: stem in _FORCE or stem in ("specific force", "linear acceleration"),
         RATE: stem in _RATE or stem in ("angular rate", "angular velocity", "rate gyro"),
-        ANGLE: stem in ("dtheta", "dθ", "delta theta", "delta angle"),
+        ANGLE: stem in ("dtheta", "dθ", "delta theta") or (stem == "delta" and quantity == ANGLE),
+        VELOCITY: stem in ("dv", "dvel", "delta v", "delta vel", "delta velocity", "velocity increment"),
     }
-    columns = {FORCE: FORCES, RATE: RATES, ANGLE: INCREMENT}
+    columns = {FORCE: FORCES, RATE: RATES, ANGLE: INCREMENT, VELOCITY: VELOCITIES}
     if stem in ("", "g", "channel", "kanal", "ch"):
         # the unit alone says what such a name means
         return columns[quantity][place] if quantity in (FORCE, RATE) else ""

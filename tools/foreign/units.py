@@ -11,16 +11,16 @@ from dataclasses import dataclass, replace
 
 from ...fmus.units import STANDARD_GRAVITY
 
-FORCE, RATE, ANGLE, TIME, TEMPERATURE = "force", "rate", "angle", "time", "temperature"
+FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE = "force", "rate", "angle", "velocity", "time", "temperature"
 VOLTAGE, COUNTS = "voltage", "counts"
-QUANTITIES = (FORCE, RATE, ANGLE, TIME, TEMPERATURE)
+QUANTITIES = (FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE)
 """What a mapping has units of."""
 DEGREE = math.pi / 180.0
 
 
 @dataclass(frozen=True)
 class Unit:
-    """What a number in a file is in a record: force m/s², rate rad/s, angle degrees, time s, temperature °C.
+    """What a number in a file is in a record: force m/s², rate rad/s, angle degrees, velocity m/s, time s, °C.
 
     `per` is what a sensitivity counts in, volts or counts, with the size of its unit.
     """
@@ -72,6 +72,7 @@ KNOWN: dict[str, Unit] = {
         gon=(0.9, "gon"),
         turn=(360.0, "turn turns rev"),
     ),
+    **_table(VELOCITY, si=(1.0, "m/s ms-1 mps м/с"), mm=(1e-3, "mm/s"), cm=(1e-2, "cm/s"), feet=(0.3048, "ft/s")),
     **_table(
         TIME,
         s=(1.0, "s sec second seconds sek sekunden с"),
@@ -94,6 +95,7 @@ EXAMPLES = {
     FORCE: ("g", "m/s2", "mg", "ug"),
     RATE: ("deg/s", "rad/s", "deg/h"),
     ANGLE: ("deg", "rad", "arcmin"),
+    VELOCITY: ("m/s", "mm/s", "ft/s"),
     TIME: ("s", "ms", "us", "min", "h"),
     TEMPERATURE: ("degC", "degF", "K"),
 }

@@ -106,3 +106,27 @@ def test_three_columns_are_told_by_their_unit_only_where_no_others_have_it(secon
     path.write_bytes(table(names, columns))
     with pytest.raises(th.InputError, match=r"which column is w1_radps|kind=strapdown record"):
         th.import_record(path)
+
+
+@pytest.mark.parametrize(
+    ("angle", "velocity", "turn", "gain"),
+    [("dtheta_{} [mrad]", "dv_{} [mm/s]", 1e-3, 1e-3), ("Delta Theta {} (deg)", "Delta-V {} (m/s)", np.pi / 180, 1.0)],
+)
+def test_increments_come_in_their_units(angle: str, velocity: str, turn: float, gain: float, tmp_path: Path):
+    """Of angle and of velocity; forces at the rows are made of these, and the file says so."""
+    draw = np.random.default_rng(3)
+    angles, gains = (
+        draw.uniform(-0.1, 0.1, (20, 3)),
+        (draw.uniform(-0.1, 0.1, (20, 3)) + np.array([0.0, 0.0, 9.81])) * 0.01 / gain,
+    )
+    names = ["time [s]", *(form.format(axis) for form in (angle, velocity) for axis in "xyz")]
+    lines = [",".join(map(repr, [0.01 * k, *angles[k].tolist(), *gains[k].tolist()])) for k in range(20)]
+    (tmp_path / "log.csv").write_text("\n".join([",".join(names), *lines]), encoding="utf-8")
+    th.import_record(tmp_path / "log.csv", out=tmp_path / "record.csv")
+    record = th.read_record(tmp_path / "record.csv")
+    assert isinstance(record, StrapdownRecord)
+    assert record.increment is not None
+    assert record.velocity_increment is not None
+    np.testing.assert_allclose(record.increment, turn * angles, rtol=1e-15)
+    np.testing.assert_allclose(record.velocity_increment, gain * gains, rtol=1e-15)
+    assert "means of dv1_mps to dv3_mps" in record.about["f1_mps2 to f3_mps2"]
