@@ -72,7 +72,7 @@ def check(file: str | Path, *, channels: Sequence[str] = ()) -> "checks.Check":
     Parameters
     ----------
     file : path
-        Scenario, campaign, record, programme, calibration, diagnosis, plan, mounting, FMU, SSP.
+        Scenario, campaign, record, programme, calibration, diagnosis, plan, proof of a bound, mounting, FMU, SSP.
     channels : sequence of str
         How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
         w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
