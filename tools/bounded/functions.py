@@ -36,9 +36,8 @@ class Unknown:
     one by the changes of its slope, over the whole range of the knots. `between` (M,): by how much errors differ at
     most, for each unit that a function bends, where it is not straight between knots.
 
-    `blur`: of a function so much may be left beside the parameters, relatively, where they imitate it: columns are
-    no more exact. `parts` are several functions that act together: their knots and columns one after the other, and
-    what they bend counts in all.
+    `parts` are several functions that act together: their knots and columns one after the other, and what they bend
+    counts in all.
     """
 
     knots: NDArray[np.float64]
@@ -46,7 +45,6 @@ class Unknown:
     period: float | None = None
     steps: bool = False
     between: NDArray[np.float64] | None = None
-    blur: float = IMITATED
     parts: tuple["Unknown", ...] = ()
 
     @staticmethod
@@ -58,8 +56,7 @@ class Unknown:
         between = [p.between for p in parts if p.between is not None]
         # What is not straight bends somewhere: the errors differ by what the worst of them does to each.
         missed = np.max(between, axis=0) if between else None
-        told = {"steps": parts[0].steps, "blur": parts[0].blur}
-        return Unknown(knots, columns, between=missed, **told, parts=tuple(parts))
+        return Unknown(knots, columns, steps=parts[0].steps, between=missed, parts=tuple(parts))
 
     @property
     def of_slopes(self) -> "Unknown":
@@ -202,7 +199,7 @@ def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.fl
 
     Of these they are those that bend little: functions of the quantity, not of a few rows.
     """
-    functions = _null_space(columns - base @ (base.T @ columns), unknown.blur)
+    functions = _null_space(columns - base @ (base.T @ columns))
     slopes = unknown.of_slopes
     _, _, directions = np.linalg.svd(slopes.bends @ functions, full_matrices=True)
     found = functions @ directions.T
@@ -210,9 +207,9 @@ def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.fl
     return found[:, np.array(least, dtype=bool)]
 
 
-def _null_space(matrix: NDArray, part: float) -> NDArray[np.float64]:
-    """Directions (K, d) of which no more than a part is left in a matrix (M, K), as orthonormal columns."""
+def _null_space(matrix: NDArray) -> NDArray[np.float64]:
+    """Directions (K, d) of which nothing is left in a matrix (M, K), as orthonormal columns."""
     _, values, directions = np.linalg.svd(matrix)
     kept = np.zeros(matrix.shape[1], dtype=bool)
-    kept[: len(values)] = values > part * np.linalg.norm(matrix, axis=0).max(initial=0.0)
+    kept[: len(values)] = values > IMITATED * np.linalg.norm(matrix, axis=0).max(initial=0.0)
     return directions[~kept].T

@@ -133,8 +133,7 @@ class Possible:
         """A function at the place itself, by its values at knots (K,)."""
         columns = self.sign * self.pair.spread(self.hats(knots))
         missed = None if self.pair.missed is None or self.steps else self.pair.missed(knots) / np.ptp(knots)
-        period = TURN if self.pair.circle else None
-        return Unknown(knots, columns, period, self.steps, missed, self.pair.blur)
+        return Unknown(knots, columns, TURN if self.pair.circle else None, self.steps, missed)
 
     def functions(self, knots: NDArray) -> Functions:
         """The functions, by their values at knots (K,), those of other places behind them."""

@@ -347,7 +347,7 @@ class BenchInMotion(Bench):
 
     @cached_property
     def _pairs(self) -> Sequence[Pair]:
-        return tuple(pairs_of_whole(self.moving.read.rows, self.travel, self.whole.bound))
+        return tuple(pairs_of_whole(self.moving.read.rows, self.travel, self.whole.bound, self.nominal))
 
     def channels(self) -> Sequence[Channel]:
         """Those of the accelerometers, with what the whole model leaves of their readings."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import Rows
 from ...models.effects.definition import ACCELEROMETERS
+from ..bounded.programmes import column_space
 from .bench_travel import Travel
 from .carried_pairs import NODES_OF_TIME, GyroPairs, OnKnots, Summed
 from .pairs import TURN, Pair, Spread
@@ -17,7 +18,7 @@ from .pairs import TURN, Pair, Spread
 AROUND = 144
 """Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
 BLUR = 2e-3
-"""Of functions on nodes, and of turns between rows that are looked at, so much is not exact."""
+"""Of functions on nodes, and of turns between rows that are looked at, about so much is not exact."""
 ROOM_TEMPERATURE = 20.0
 """[degC]"""
 
@@ -125,17 +126,18 @@ def _by(slope: NDArray) -> Spread:
 # A whole bench: what its gyros integrate stands behind the readings.
 
 
-def pairs_of_whole(read: Rows, travel: Travel, bound: NDArray) -> Iterator[Pair]:
+def pairs_of_whole(read: Rows, travel: Travel, bound: NDArray, nominal: NDArray) -> Iterator[Pair]:
     """Accelerometers and the table with every quantity of readings, the table with gyros as a second witness; gyros.
 
-    `bound` (M,) of readings and integrals.
+    `bound` (M,) of readings and integrals; `nominal` (M, P) the model over it.
     """
+    base = column_space(nominal)
     readings = bound[: read.n.size]
     for p, place in enumerate(ACCELEROMETERS):
         for pair in _of_accelerometer(p, place, read, slow_of(read)):
             yield replace(pair, spread=_above(pair.spread, readings, len(bound)))
     for way in Way.every(read):
-        yield _of_both(way, read, travel, bound)
+        yield _imitated(_of_both(way, read, travel, bound), base)
     of_readings = np.zeros(len(read.hours), dtype=int)
     still = Summed(of_readings, of_readings, np.zeros((len(read.hours), 3, 3)), None, readings.reshape(-1, 3))
     each = np.broadcast_to(np.eye(3), (len(travel.first), 3, 3))
@@ -143,7 +145,9 @@ def pairs_of_whole(read: Rows, travel: Travel, bound: NDArray) -> Iterator[Pair]
     seen = travel.motion
     unit = seen.step[:, None, None] * np.eye(3)
     every = GyroPairs(seen, unit, (still, turning), np.zeros(len(seen.step), dtype=bool)).pairs()
-    yield from (replace(pair, blur=BLUR, members=tuple(replace(p, blur=BLUR) for p in pair.members)) for pair in every)
+    for pair in every:
+        alone = _imitated(pair, base)
+        yield replace(alone, members=tuple(_imitated(own, base) for own in pair.members))
 
 
 def _above(spread: Spread, bound: NDArray, count: int) -> Spread:
@@ -176,4 +180,26 @@ def _of_both(way: Way, read: Rows, travel: Travel, bound: NDArray) -> Pair:
         return np.vstack([on_readings, on_turns]) / bound[:, None]
 
     pair = way.pair(nodes[:AROUND] if way.circle else nodes, lambda functions: matrix() @ functions)
-    return replace(pair, anything=True, blur=BLUR)
+    return replace(pair, anything=True)
+
+
+def _imitated(pair: Pair, base: NDArray) -> Pair:
+    """A pair whose constant, straight line or wave is wholly within the model's space (M, P), where it nearly is.
+
+    On nodes, and between rows that are looked at, functions are not exact: what is left of these is no function.
+    """
+    values = pair.values
+    if pair.told:
+        return pair
+    plain = [np.cos(values), np.sin(values)] if pair.circle else [values]
+    plain = np.linalg.qr(np.stack([np.ones(len(values)), *plain], axis=1))[0]
+
+    @cache
+    def inexact() -> NDArray[np.float64]:
+        columns = pair.spread(plain)
+        left = columns - base @ (base.T @ columns)
+        _, sizes, directions = np.linalg.svd(left, full_matrices=False)
+        near = directions[sizes <= BLUR * np.linalg.norm(columns @ directions.T, axis=0)]
+        return (left @ near.T) @ (plain @ near.T).T
+
+    return replace(pair, spread=lambda functions: pair.spread(functions) - inexact() @ functions)

@@ -108,7 +108,7 @@ class Pair:
     functions. `anything`: a place that acted as it liked could do anything to the rows. `members` are pairs of several
     places each of which has a function of its own; then the values and what they do are those of the first. `missed`:
     knots (k,) -> by how much rows (M,) differ at most of a function that is not straight between them, and whose slope
-    changes by one in all; None where the values are all that act. `blur`: what functions add is exact to so much of it.
+    changes by one in all; None where the values are all that act.
     """
 
     where: str
@@ -123,7 +123,6 @@ class Pair:
     anything: bool = False
     members: tuple["Pair", ...] = ()
     missed: Spread | None = None
-    blur: float = 1e-6
 
     @property
     def depends_on(self) -> frozenset[str]:
