@@ -1,6 +1,7 @@
 """The whole loop in one run: simulate, calibrate, falsify, name, extend, measure the gain, show."""
 
 import json
+import math
 import os
 import shutil
 import sys
@@ -16,7 +17,8 @@ import polars as pl
 
 from ..fmus import components
 from ..models.bench import TARGETS, target_values
-from .calibration import Calibration, calibrate
+from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
+from .calibration import Bench, Calibration, calibrate_whole
 from .diagnosis import diagnose, export_extended
 from .document.blocks import Page, Section
 from .document.page import html
@@ -27,7 +29,7 @@ from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
 from .reports.bench import run_section
 from .reports.beyond import sections as band_sections
-from .reports.calibration import calibration_section
+from .reports.calibration import calibration_section, gyro_section
 from .reports.diagnosis import answer_of, sections_of
 from .reports.inspection import attitude_lines, attitude_section
 from .rounding import digits
@@ -36,7 +38,13 @@ from .trials.draw import draw_alone
 from .trials.outcome import judged
 from .trials.suite import write_hidden_record
 
-STATIC_CALIBRATION = "static-calibration.toml"
+IMU_CALIBRATION = "imu-calibration.toml"
+SHORTER = {
+    "an hour of rests and turns at 200 Hz": "ten minutes of rests and turns at 50 Hz",
+    "step_s = 0.005": "step_s = 0.02",
+    "dwell_s = 62.0": "dwell_s = 6.0",
+}
+"""What the scenario says, and what the demonstration's says in its place."""
 MEASURED_RECORD = "broad-03.strapdown.csv"
 EXTENDING_EFFECTS = ("bias-drift", "encoder-harmonic", "quadratic")
 """Effects of which one is hidden: each can be composed into an FMU, and none looks like another."""
@@ -59,15 +67,15 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     The seed is that of the record with the hidden effect. `show`: open the page where there is a screen.
     """
     make_folders(out)
-    say(f"1  Simulate: table, accelerometer block and attitude computer ({STATIC_CALIBRATION})")
-    scenario_file = copied_scenario(out)
-    files = simulate_table(read_scenario(scenario_file), out / "static-calibration-run", progress=True).files
-    record_file = files[-1]
+    say(f"1  Simulate: table, accelerometers, gyros and attitude computer, at rest and turning ({IMU_CALIBRATION})")
+    scenario = read_scenario(copied_scenario(out))
+    files = simulate_table(scenario, out / "imu-calibration-run", progress=True).files
 
-    say("2  Calibrate: the guaranteed linear programme on the exported positions")
-    calibration = calibrate(read_record(record_file, PositionRecord), noise_bound=NOISE_BOUND)
+    say("2  Calibrate: guaranteed linear programmes for bench, accelerometers and gyros together")
+    bench = read_record(files[0], PositionRecord)
+    calibration = calibrate_whole(bench, place_of(scenario), noise_bound=NOISE_BOUND)
     write_text(out / "calibration.json", calibration.json_text())
-    truth = true_targets(read_scenario(scenario_file))
+    truth = true_targets(scenario)
     inside = inside_intervals(calibration, truth)
     print(calibration)
     print(f"{inside} of {len(truth)} true values lie inside their intervals")
@@ -102,6 +110,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     sections = [
         run_section(pl.read_parquet(files[0]), calibration.gravity, list(files)),
         calibration_section(calibration, truth, [out / "calibration.json"]),
+        *filter(None, [gyro_section(calibration)]),
         Section(
             "A measured record with a hidden effect",
             "A second bench was simulated with one more piece of physics composed into its FMUs. The diagnosis saw "
@@ -152,24 +161,45 @@ def copied_scenario(out: Path) -> Path:
     folder = out / "scenario"
     make_folders(folder)
     source = resources.files("trihedron.scenarios")
-    for name in (STATIC_CALIBRATION, "static-calibration-positions.csv"):
-        with resources.as_file(source / name) as path:
-            shutil.copyfile(path, folder / name)
-    return folder / STATIC_CALIBRATION
+    text = (source / IMU_CALIBRATION).read_text(encoding="utf-8")
+    for said, shorter in SHORTER.items():
+        text = text.replace(said, shorter)
+    write_text(folder / IMU_CALIBRATION, text)
+    with resources.as_file(source / "imu-calibration-positions.csv") as path:
+        shutil.copyfile(path, folder / path.name)
+    return folder / IMU_CALIBRATION
+
+
+def true_values(scenario: Scenario, component: str) -> dict[str, Any]:
+    """The parameters of a scenario's component, those that it does not name too; none where it is not in it."""
+    own = [s.parameters for s in scenario.fmus.values() if s.component == component]
+    return components()[component].parameter_starts | own[0] if own else {}
+
+
+def place_of(scenario: Scenario) -> Bench:
+    """Where the table of a scenario stands, and within what its encoders read."""
+    table = true_values(scenario, "TurntableMotion")
+    latitude, azimuth = (math.degrees(table[name]) for name in ("latitude", "azimuth"))
+    return Bench(latitude, azimuth, encoder_bound=table["encoder_fluctuation_bound"])
 
 
 def true_targets(scenario: Scenario) -> dict[str, float]:
-    """True values of the 18 targets of a scenario's bench (the mounting is the identity)."""
-    settings = [s for s in scenario.fmus.values() if s.component in ("TurntableMotion", "AccelerometerBlock")]
-    truth = {str(s.component): components()[str(s.component)].parameter_starts | s.parameters for s in settings}
-    return dict(zip(TARGETS, target_values(true_elementary(truth, ()), np.eye(3)).tolist(), strict=True))
+    """True values of the 18 targets of a scenario's bench (the mounting is the identity), and of its gyros'."""
+    truth = {name: true_values(scenario, name) for name in ("TurntableMotion", "AccelerometerBlock")}
+    found = dict(zip(TARGETS, target_values(true_elementary(truth, ()), np.eye(3)).tolist(), strict=True))
+    if gyros := true_values(scenario, "GyroBlock"):
+        # What else the calibration seeks of gyros this block has not.
+        own = dict.fromkeys(GYRO_PARAMETERS, 0.0)
+        own |= zip(GYRO_PARAMETERS[BIAS], gyros["bias"], strict=True)
+        own |= zip(GYRO_PARAMETERS[MATRIX], gyros["scale_misalignment"], strict=True)
+        found |= own
+    return found
 
 
 def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
     """How many true values lie inside their exact intervals."""
-    return sum(
-        e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in calibration.parameters
-    )
+    every = [*calibration.parameters, *(calibration.gyros.parameters if calibration.gyros else ())]
+    return sum(e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in every)
 
 
 def words_of(hidden: dict[str, Any]) -> str:

@@ -18,7 +18,7 @@ def demo(tmp_path_factory):
 def test_the_demo_holds_the_truth_names_the_effect_and_measures_the_gain(demo):
     out, page = demo
     text = page.read_text(encoding="utf-8")
-    assert "18 of 18 true values lie inside their guaranteed intervals" in text
+    assert "40 of 40 true values lie inside their guaranteed intervals" in text
     diagnosis = json.loads((out / "diagnosis.json").read_text())
     hidden = json.loads((out / "hidden-answer.json").read_text())["hidden"]
     assert diagnosis["verdict"] == "explained"

@@ -77,8 +77,8 @@ def run_section(table: "DataFrame", gravity: float, files: list[Path]) -> Sectio
     readings = np.stack([table[f"f{p}_mps2"].to_numpy() for p in (1, 2, 3)], axis=1) / gravity
     return Section(
         "The bench, simulated",
-        "Three FMUs, coupled by the orchestrator: the table carries the block through its positions for "
-        f"{digits(time[-1])} s, the block reads, the attitude computer follows the increments.",
+        "Four FMUs, coupled by the orchestrator: the table carries accelerometers and gyros through positions and "
+        f"whole turns for {digits(time[-1])} s, and the attitude computer follows the gyros.",
         bench_tour(time, (alpha, beta), readings),
         "Angles of the two axes and readings of the three accelerometers.",
         files=files,

@@ -345,8 +345,8 @@ def gyro_words(gyros: GyroCalibration) -> list[str]:
     """What the gyros' calibration rests on, and what their turns say of the bench."""
     said = [
         f"gyros: {gyros.pieces} rests, moves and parts of moves; their noise {_basis(gyros)}; encoders within "
-        f"{upwards(gyros.encoder_bound)} rad; latitude {exactly(gyros.latitude_deg)}°, outer axis at azimuth "
-        f"{exactly(gyros.azimuth_deg)}°"
+        f"{upwards(gyros.encoder_bound)} rad; latitude {digits(gyros.latitude_deg, 7)}°, outer axis at azimuth "
+        f"{digits(gyros.azimuth_deg, 7)}°"
     ]
     said += [
         f"the turns make {gain.symbol} better known: guaranteed within {upwards(gain.with_gyros)}, by the "
