@@ -44,7 +44,7 @@ def lines(result: Several) -> list[str]:
     for one in result.repeatability:
         if one.of == "instrument" and one.at_least > 0.0:
             most = "" if one.at_most is None else f", {upwards(one.at_most)} at most"
-            said.append(f"{words(one.name)} changes by {downwards(one.at_least)} {unit_text(one.unit)} at least{most}")
+            said.append(f"{words(one.name)} changes by {_in_unit(downwards(one.at_least), one.unit)} at least{most}")
     for gain in result.gains:
         applied = ", ".join(f"{one.found_in} {digits(one.rms)}" for one in gain.applied)
         said.append(f"{gain.record}, {gain.over}: {digits(gain.rms)} {gain.unit} rms; with what was found in {applied}")
@@ -101,6 +101,8 @@ def verdict_line(result: Several) -> str:
     alone = [one.diagnosis.verdict for one in result.records if one.left_out is None]
     if alone and set(alone) == {"insufficient"} and result.verdict != "insufficient":
         said += "; each by itself is insufficient, together they are not"
+    if result.radius is not None and (left := [one.record for one in result.records if one.left_out is not None]):
+        said += f"; not judged with the others: {', '.join(left)}"
     return said
 
 
@@ -125,10 +127,14 @@ def cause_text(cause: JointCause) -> str:
     return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
 
 
-def _possible(one: SizedParameter | InOneRecord, unit: str | None = None) -> str:
+def _possible(one: SizedParameter | InOneRecord, unit: str = "1") -> str:
     """What is stated, in a unit where one is said, and the ends of what is possible."""
     value, low, high = interval(one.estimate, one.low, one.high)
-    return f"{value}{'' if unit is None else f' {unit_text(unit)}'} ({low} to {high})"
+    return f"{_in_unit(value, unit)} ({low} to {high})"
+
+
+def _in_unit(number: str, unit: str) -> str:
+    return f"{number} {unit_text(unit)}".rstrip()
 
 
 def page(result: Several) -> Page:
@@ -255,10 +261,11 @@ def entries_lines(result: Entries) -> list[str]:
 def trend_lines(result: Trend) -> list[str]:
     """Parameters that are no constants, with the date since when; then how many may be."""
     said = []
-    for one in result.parameters:
+    for one in sorted(result.parameters, key=lambda one: one.of == "run"):
         if one.falsified is not None:
-            change = f"changes by {downwards(one.at_least)} {unit_text(one.unit)} at least"
-            said.append(f"{words(one.name)}: no constant since {one.falsified} (beside {one.against}): {change}")
+            whose = ", each run's own" if one.of == "run" else ""
+            change = f"changes by {_in_unit(downwards(one.at_least), one.unit)} at least"
+            said.append(f"{words(one.name)}{whose}: no constant since {one.falsified} (beside {one.against}): {change}")
     told = [one for one in result.parameters if sum(r.low is not None for r in one.records) > 1]
     kept = sum(one.falsified is None for one in told)
     return [*said, f"{kept} of {len(told)} parameters may be constants over {len(result.dates)} dates"]

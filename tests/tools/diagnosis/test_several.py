@@ -165,6 +165,31 @@ def test_three_that_are_each_insufficient_end_together_in_a_verdict():
     assert [cause.title for cause in wrong.causes] == [QUADRATIC.title]
 
 
+@pytest.mark.acceptance
+@pytest.mark.parametrize(
+    ("seed", "place", "values"),
+    [
+        (19, EffectPlace("cross-product", "accelerometer-3", None, (1, 2)), (2e-3,)),
+        (20, EffectPlace("encoder-harmonic", "outer-axis", 2), (2e-3, 0.4)),
+    ],
+)
+def test_three_that_are_each_insufficient_name_what_all_of_them_have(monkeypatch, seed, place, values):
+    result = judged(monkeypatch, of_one_instrument(seed, positions=(6, 6), shared=[(place, values)]))
+    assert {one.diagnosis.verdict for one in result.records} == {"insufficient"}
+    assert (result.verdict, [cause.title for cause in result.causes]) == ("explained", [place.title])
+
+
+@pytest.mark.acceptance
+def test_where_a_record_by_itself_needs_less_than_together_what_is_not_sought_was_not_tried_beside_it(monkeypatch):
+    """Seven positions tell one effect at a time; what is the second record's own is of that run, whatever it is."""
+    own = {1: [(CUBIC, (3e-3,))]}
+    result = judged(monkeypatch, of_one_instrument(23, positions=(7, 7), shared=[(QUADRATIC, (3e-3,))], own=own))
+    assert result.verdict == "ambiguous"
+    assert {cause.title for cause in result.causes} == {QUADRATIC.title, f"{CUBIC.title} in record-2"}
+    assert any(text.startswith("record-2: fewer effects mend it by itself") for text in result.caution)
+    assert (result.instrument, result.runs["record-2"]) == ("open", "yes")
+
+
 def test_too_few_positions_stay_insufficient_whatever_they_would_fit():
     few = th.diagnose_together(*of_one_instrument(16, positions=(5, 5)), noise_bound=SIGMA)
     assert few.verdict == "insufficient"
@@ -218,6 +243,7 @@ def test_a_record_that_nothing_mends_is_left_out_and_said():
     result = th.diagnose_together(*records, noise_bound=SIGMA)
     assert result.judged == ("record-1", "record-3")
     assert (result.records[1].left_out or "").startswith("unexplained by itself: ")
+    assert str(result).splitlines()[0].endswith("; not judged with the others: record-2")
     assert result.verdict == "consistent"
 
 
