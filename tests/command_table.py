@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from bench_cases import write_hidden_record
+from benches_in_motion import PROGRAMME, Errors, Programme, Truth, bench_record
 from simulated_table import SimulatedTable
 from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools import cli
@@ -64,6 +65,11 @@ def command(line: str, *inputs: str, slow: bool = False) -> Command:
 COMMANDS = (
     command("simulate run.toml --out out --json out.json --plot out.html", "run.toml"),
     command("calibrate clean.csv --noise-bound 1e-5 --json out.json --report out.html --ssv out.ssv", "clean.csv"),
+    command(
+        "calibrate bench.csv --noise-bound 1.2e-5 --latitude-deg 55.75 --azimuth-deg 20 --ssv out.ssv "
+        "--strapdown out.csv --json out.json",
+        "bench.csv",
+    ),
     command("calibrate clean.csv --noise-bound 1e-5 --sheet out.html --about about.toml", "clean.csv", "about.toml"),
     command("calibrate clean.csv measured.csv --noise-bound 1e-5 --own * --json out.json", "clean.csv", "measured.csv"),
     command("diagnose measured.csv --noise-bound 1e-5 --json out.json --report out.html --export out", "measured.csv"),
@@ -112,6 +118,10 @@ def make_inputs(folder: Path) -> None:
     from trihedron.tools.calibration import calibrate
     from trihedron.tools.records import PositionRecord, read_record
 
+    turns = ((0.0, 0.0), (360.0, 0.0), (360.0, 90.0), (0.0, 90.0), (90.0, 450.0))
+    motion = Programme((*PROGRAMME.positions[:24:2], *turns), dwell=4.0, rate=2.0, step=0.05)
+    truth = Truth.drawn(np.random.default_rng(5))
+    write_record(bench_record(truth, motion, Errors(rate=5e-5, encoder=2e-6)), folder / "bench.csv")
     (folder / "run.toml").write_text(SCENARIO, encoding="utf-8")
     (folder / "about.toml").write_text('operator = "A. Person"\n', encoding="utf-8")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
