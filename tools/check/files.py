@@ -35,6 +35,7 @@ from ..orchestrator.stimuli import read_table
 from ..parquet import MAGIC
 from ..planning.check import read_angles
 from ..planning.common import PositionPlan
+from ..planning.imu import ImuPlan
 from ..planning.plan import Plan, Plans
 from ..planning.proof import Proof
 from ..records.columns import ANGLES, FORCE, VELOCITY, Columns, extra_warning, warnings
@@ -43,7 +44,7 @@ from ..records.limits import limits_of
 from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
 from ..result import field_problems, not_for_files
-from ..rounding import downwards, exactly, upwards
+from ..rounding import digits, downwards, exactly, upwards
 from .findings import Findings, json_lines, toml_lines
 from .scenario import check_scenario
 
@@ -53,6 +54,7 @@ SCHEMAS = {
     DIAGNOSIS: "diagnosis",
     FIRST_DIAGNOSIS: "diagnosis",
     "trihedron.plan/1": "plan",
+    "trihedron.imu-plan/1": "plan for the whole IMU",
     SEVERAL: "diagnosis of several records",
     JOINT_CALIBRATION: "calibration of several records",
     INSTRUMENT: "entry of an instrument's folder",
@@ -65,6 +67,7 @@ MODELS = {
     SCHEMAS[JOINT_CALIBRATION]: JointCalibration,
     SCHEMAS[INSTRUMENT]: Entry,
     "proof of a bound": Proof,
+    SCHEMAS["trihedron.imu-plan/1"]: ImuPlan,
 }
 ALIGNED = np.eye(3)
 """The mounting of a block of which nothing is said."""
@@ -311,6 +314,9 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
         return f"{len(content['records'])} records, {content['verdict']}{f': {causes}' if causes else ''}"
     if kind == "proof of a bound":
         return f"no {content['positions']} positions have a worst ratio below {downwards(content['ratio'], 6)}"
+    if "pool" in content:
+        rests, ratio = len(content["programme"]), upwards(content["worst_ratio"], 4)
+        return f"{rests} rests in {digits(content['minutes'])} minutes, worst ratio {ratio} ({content['worst']})"
     if "positions" in content:
         return f"{len(content['positions'])} positions for all targets, worst ratio " + upwards(
             content["worst_ratio"], 6

@@ -1,9 +1,14 @@
 """What a programme of rests and turns for a whole IMU says: text, the operator's page, files."""
 
+import math
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.table_commands import move_duration
 from ..document.blocks import Page, Section, Table
-from ..document.notation import Cell, symbol_text, unit_text
+from ..document.notation import Cell, sentence, symbol_text, unit_text
 from ..document.page import html
 from ..files import whole_folder
 from ..planning import ImuPlan
@@ -11,6 +16,7 @@ from ..planning.imu import Promised
 from ..rounding import digits, exactly, upwards
 from .bench import physical_words
 from .makers import cited, versions
+from .pictures.records import programme_tour
 from .plan import READ, ROOM
 
 
@@ -56,6 +62,18 @@ def _figures(one: Promised) -> tuple[str, str, str]:
     return upwards(one.promised), upwards(one.bound), upwards(one.promised / one.bound, 4)
 
 
+def way_of(plan: ImuPlan) -> tuple[NDArray, list[NDArray]]:
+    """Times [min] at which the table arrives and leaves, and both angles [deg] there."""
+    rate, time, here, corners = math.radians(plan.rate_dps), 0.0, plan.programme[0], []
+    for one in plan.programme:
+        way = math.radians(max(abs(one.alpha_deg - here.alpha_deg), abs(one.beta_deg - here.beta_deg)))
+        time += move_duration(way, rate, plan.acceleration_radps2)
+        corners += [(t / 60.0, one.alpha_deg, one.beta_deg) for t in (time, time + one.dwell_s)]
+        time, here = time + one.dwell_s, one
+    minutes, *angles = np.array(corners).T
+    return minutes, angles
+
+
 def operator_page(plan: ImuPlan) -> Page:
     """The programme row by row with room for notes, and what it promises."""
     rows: list[list[Cell]] = []
@@ -74,6 +92,7 @@ def operator_page(plan: ImuPlan) -> Page:
                 f"order at {exactly(plan.rate_dps)} deg/s, both axes at once, and let it rest. Angles of more than a "
                 "whole turn are whole turns of the table.",
             ],
+            *(programme_tour(*way_of(plan)), "Both axes over the programme's time."),
             table=Table(header, rows),
         ),
         Section(
@@ -82,7 +101,7 @@ def operator_page(plan: ImuPlan) -> Page:
                 "Guaranteed errors of a calibration of the record. Those of a record differ by at most "
                 f"{digits(100.0 * plan.held_to)} per cent, by what bench and block are. The bound is what all rests "
                 "and turns of the pool together would guarantee.",
-                *ratio_lines(plan),
+                *map(sentence, ratio_lines(plan)),
             ],
             table=Table(["target", "meaning", "promised", "bound", "ratio", "unit"], promised),
         ),

@@ -10,7 +10,9 @@ from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.planning import ImuPlan
+from trihedron.tools.planning.imu import ImuVisit
 from trihedron.tools.planning.imu_programme import Planned, Visit, record_of, seconds_of
+from trihedron.tools.reports.imu_plan import way_of, write_imu_plan
 
 EARTH = np.array([3e-5, -1e-5, 6e-5])
 
@@ -78,6 +80,37 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
 def test_what_cannot_be_planned_is_refused(options, said, capsys):
     assert main(["plan", "--imu", *options]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_plan_is_drawn_on_its_page_and_checked(tmp_path, capsys):
+    visits = tuple(ImuVisit(alpha_deg=a, beta_deg=7.5, dwell_s=20.0) for a in (0.0, 360.0, 0.0))
+    plan = ImuPlan(
+        programme=visits,
+        minutes=1.18,
+        worst_ratio=1.5,
+        worst="S31",
+        targets=(),
+        practices=(),
+        noise_bound=1e-5,
+        gyro_noise=1e-5,
+        encoder_bound=1e-5,
+        rate_dps=100.0,
+        acceleration_radps2=1.0,
+        latitude_deg=55.75,
+        azimuth_deg=0.0,
+        pool=528,
+    )
+    _, page, written = write_imu_plan(plan, tmp_path / "imu")
+    assert "<svg" in page.read_text(encoding="utf-8")
+    # Three rests, and two moves that speed up to 100 deg/s and slow down.
+    minutes, (alpha, _) = way_of(plan)
+    assert minutes[-1] == pytest.approx((60.0 + 2.0 * (3.6 + np.radians(100.0))) / 60.0)
+    assert alpha.tolist() == [0.0, 0.0, 360.0, 360.0, 0.0, 0.0]
+    assert main(["check", str(written)]) == 0
+    assert "3 rests in 1.18 minutes, worst ratio 1.5 (S31)" in capsys.readouterr().out
+    written.write_text(written.read_text(encoding="utf-8").replace('"minutes"', '"minute"'), encoding="utf-8")
+    assert main(["check", str(written)]) == 2
+    assert "minutes: is missing" in capsys.readouterr().out
 
 
 @pytest.mark.acceptance

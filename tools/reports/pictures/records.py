@@ -84,15 +84,29 @@ def bench_tour(time: NDArray, angles_deg: Sequence[NDArray], readings_g: NDArray
     Times (N,) [s], angles (N,) of the outer and of the inner axis [deg], readings (N, 3) [g].
     """
     figure, ((angles,), (forces,)) = sheet(4.1, 2, sharex=True, height_ratios=[1.0, 1.15])
-    angles.plot(*thinned(time, angles_deg[0]), color=FIRST.light, label="α, outer axis")
-    angles.plot(*thinned(time, angles_deg[1]), color=SECOND.light, linestyle=DASHES[1], label="β, inner axis")
-    one_turn(angles, np.concatenate(angles_deg), "y", 12.0)
-    angles.set(ylabel="angle [deg]", title="table")
+    _two_angles(angles, time, angles_deg)
+    angles.set_title("table")
     _three_lines(forces, time, readings_g, "accelerometer")
     forces.set(ylabel="reading [g]", title="block")
-    legend_beside(angles, 2)
     legend_beside(forces, 3)
     return figure, "Angles of the two axes of the table and the three readings, over time"
+
+
+def _two_angles(axes: "Axes", time: NDArray, angles_deg: Sequence[NDArray]) -> None:
+    axes.plot(*thinned(time, angles_deg[0]), color=FIRST.light, label="α, outer axis")
+    axes.plot(*thinned(time, angles_deg[1]), color=SECOND.light, linestyle=DASHES[1], label="β, inner axis")
+    one_turn(axes, np.concatenate(angles_deg), "y", 12.0)
+    axes.set_ylabel("angle [deg]")
+    legend_beside(axes, 2)
+
+
+@drawn
+def programme_tour(minutes: NDArray, angles_deg: Sequence[NDArray]) -> Drawn:
+    """What a table is to do: angles (N,) of both axes [deg] over time (N,) [min]."""
+    figure, ((axes,),) = sheet(2.6)
+    _two_angles(axes, minutes, angles_deg)
+    axes.set(xlabel="time [min]", xlim=(float(minutes[0]), float(minutes[-1])))
+    return figure, "Angles of the two axes of the table over the programme's time"
 
 
 @drawn
