@@ -11,3 +11,4 @@ from .plan import Plans as Plans
 from .plan import plan_targets as plan_targets
 from .positions import Request as Request
 from .positions import task_of as task_of
+from .proof_search import prove as prove

@@ -14,8 +14,10 @@ from trihedron.models.bench import admissible, regressors
 from trihedron.tools.check.checked import check
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning import proof
+from trihedron.tools.planning.forms import x_from_targets
 from trihedron.tools.planning.positions import costs
 from trihedron.tools.planning.proof import Proof
+from trihedron.tools.planning.proof_search import Cells, prove
 
 SHIPPED = sorted(
     (entry for entry in resources.files("trihedron.tools.planning").joinpath("proofs").iterdir()),
@@ -172,3 +174,25 @@ def test_check_says_what_is_proven_and_what_is_wrong(tmp_path: Any) -> None:
     assert found.summary == ("no 2 positions have a worst ratio below 1.1",)
     path.write_text(json.dumps(caps(3)), encoding="utf-8")
     assert "can hit all cuts" in check(path).problems[0].text
+
+
+def test_the_search_has_the_regions_of_the_check() -> None:
+    """Two ways to the same cells: corners of sheets in the planner's parameters, intervals in those of the paper."""
+    rng, checked = np.random.default_rng(5), Proof.model_validate_json(json.dumps(caps(2)), strict=True)
+    cells = Cells(tables_task(), checked.quarter_deg)
+    for _ in range(10):
+        y = rng.normal(size=18)
+        np.testing.assert_array_equal(cells.region(y), checked._region(x_from_targets() @ y).ravel())
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize(("count", "ratio"), [(3, 1.2), (7, 1.05)])
+def test_the_search_finds_certificates(count: int, ratio: float) -> None:
+    found = prove(count, ratio)
+    assert found is not None
+    assert (found.positions, found.ratio) == (count, ratio)
+
+
+@pytest.mark.acceptance
+def test_the_search_proves_nothing_of_what_is_reached() -> None:
+    assert prove(8, 1.17, rounds=3) is None
