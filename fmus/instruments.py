@@ -8,7 +8,7 @@ angle increments; VelocityComputer, velocity beside it.
 import math
 
 from ..models import accelerometer, gyro
-from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, computer, velocity
+from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, inputs, velocity
 from ..models.attitude_algorithms.computer import HALF_TABLE_SIZE, PROGRESS_SIZE, STEP_SIZE, TABLE_SIZE
 from ..models.attitude_algorithms.iteration import SPACE_SIZE
 from ..models.random_numbers import GENERATOR_SIZE
@@ -237,6 +237,25 @@ GYRO_COMPENSATION = Component(
 )
 
 
+_RATE_INPUTS = (
+    input_("rate", "the body's angular rate at the end of the step, where the inputs are rates or mixed", **units.RATE),
+    fixed(
+        "input_kind",
+        "what the inputs are: increments; rates; mixed, both of them, for an algorithm that takes an even number of "
+        "samples: halves of samples count for it",
+        start=inputs.INCREMENTS,
+        type="enumeration",
+        items=inputs.INPUT_KINDS,
+    ),
+    state(
+        "inputs",
+        "rates and increments of the step that is not full yet, and the rate at its beginning",
+        inputs.INPUTS_SIZE,
+    ),
+    state("weights", "of rates and increments in increments", len(inputs.WEIGHTS), start=inputs.WEIGHTS),
+    work("turning", "rate at the end of the step, times the sample period", 3),
+)
+
 ATTITUDE_COMPUTER = Component(
     name="AttitudeComputer",
     description="Strapdown attitude computer: attitude quaternion from angle increments",
@@ -247,6 +266,7 @@ ATTITUDE_COMPUTER = Component(
             within=(-MAX_INCREMENT, MAX_INCREMENT),
             **units.INCREMENT,
         ),
+        *_RATE_INPUTS[:2],
         fixed(
             "algorithm",
             "the algorithm: " + "; ".join(f"{a.number} {a.title}, {a.source}" for a in ALGORITHMS),
@@ -293,8 +313,9 @@ ATTITUDE_COMPUTER = Component(
         state("before", "the increment before", 3),
         work("added", "what effects add to an increment", 3),
         state("sample", "increment of the part of a sample that has passed", 3),
+        *_RATE_INPUTS[2:],
     ),
-    model=(computer.begin_attitude, computer.step),
+    model=(inputs.initialise, inputs.step),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "the communication step is not the sample period, or does not follow the last one: one increment for each "
@@ -303,6 +324,7 @@ ATTITUDE_COMPUTER = Component(
         "increment is beyond the valid range of the algorithm; longest [rad]: "
         + ", ".join(f"{a.name} {a.max_increment:.3g}" for a in ALGORITHMS),
         "the increments are not those of a smooth rate: the functional iteration does not end",
+        "mixed inputs need an algorithm that takes an even number of samples",
     ),
     equations=(
         "λ(tₙ) = λ(tₙ₋₁) ∘ λ*, λ* = ((1 − x·x), 2x) / (1 + x·x), x = tan(φ/4) e",
@@ -315,7 +337,7 @@ ATTITUDE_COMPUTER = Component(
 )
 
 
-_of_attitude = {v.name: v for v in ATTITUDE_COMPUTER.variables}
+_of_attitude = {v.name: v for v in ATTITUDE_COMPUTER.variables if v not in _RATE_INPUTS}
 
 VELOCITY_COMPUTER = Component(
     name="VelocityComputer",
@@ -359,7 +381,7 @@ VELOCITY_COMPUTER = Component(
     ),
     model=(velocity.initialise, velocity.step),
     messages=(
-        *ATTITUDE_COMPUTER.messages,
+        *ATTITUDE_COMPUTER.messages[:-1],
         f"velocity_increment is not finite or beyond {velocity.LARGEST_INCREMENT:g} m/s",
     ),
     equations=(

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from operations import operations_of_update
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from trihedron.models.attitude_algorithms.inputs import INPUT_KINDS, order_with
 from trihedron.models.harmonic_motion import store_harmonics
 from trihedron.tools.files import write_text
 from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles
@@ -215,11 +216,13 @@ def accuracy_table(errors: Sequence[Sequence[float]]) -> str:
 def order_table() -> str:
     """Markdown: samples, orders and range of every algorithm."""
     lines = [
-        "| algorithm | source | samples per step | order | order under coning | longest increment [rad] |",
-        "|---|---|---|---|---|---|",
+        "| algorithm | source | samples per step | order | with rates | mixed | order under coning "
+        "| longest increment [rad] |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
-        f"| `{a.name}` | {a.source} | {a.samples}{' and those before' if a.previous else ''} | {a.order} | "
+        f"| `{a.name}` | {a.source} | {a.samples}{' and those before' if a.previous else ''} | "
+        f"{' | '.join(str(order_with(kind, a) or '-') for kind in INPUT_KINDS)} | "
         f"{a.coning_order} | {downwards(a.max_increment)} |"
         for a in ALGORITHMS
     ]

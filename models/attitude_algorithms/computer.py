@@ -307,33 +307,3 @@ def turn_attitude(
     progress[WAITING] = 0.0
     updated[0] = 1.0
     return 0
-
-
-def step(
-    time: float,
-    step: float,
-    increment: Vector,
-    algorithm: float,
-    effect: Vector,
-    renormalise: float,
-    attitude: Vector,
-    updated: Vector,
-    progress: Vector,
-    collected: Vector,
-    previous: Vector,
-    table: Vector,
-    half_table: Vector,
-    space: Vector,
-    part: Vector,
-    turned: Vector,
-    before: Vector,
-    added: Vector,
-    sample: Vector,
-) -> int:
-    """Take an increment and update the attitude when a step is full; returns 0 or the number of a message."""
-    refused = collect(time, step, increment, effect, updated, progress, collected, before, added, sample)
-    if refused > 0 or progress[WAITING] < progress[SAMPLES]:
-        return refused
-    return turn_attitude(
-        algorithm, renormalise, attitude, updated, progress, collected, previous, table, half_table, space, part, turned
-    )

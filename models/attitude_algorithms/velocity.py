@@ -369,7 +369,7 @@ def step(
 ) -> int:
     """Take the increments over (time, time + step], update attitude and velocity when a step of the algorithm is full.
 
-    As `computer.step`; returns 0 or the number of a message.
+    As `inputs.step` with increments; returns 0 or the number of a message.
     """
     for k in range(3):
         # Infinity and NaN fail the comparison.
