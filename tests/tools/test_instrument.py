@@ -122,14 +122,15 @@ def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_
     own = {one.name: [(r.low, r.high) for r in one.records] for one in found.repeatability}
     together = {p.name: (p.low, p.high) for p in found.parameters}
     nothing = (None, None)
-    for name, result, x4 in (
-        ("same", found, [nothing, together["X4"]]),
-        (
-            "changed",
-            found.model_copy(update={"verdict": "explained", "causes": (changed,)}),
-            [together["X4"], own["X4"][1]],
-        ),
+    in_both = (changed, changed.model_copy(update={"record": "0"}))
+    of_none = changed.model_copy(update={"record": "of another folder"})
+    for name, causes, x4 in (
+        ("same", (), [nothing, together["X4"]]),
+        ("changed", (changed,), [together["X4"], own["X4"][1]]),
+        ("in-both", in_both, own["X4"]),
+        ("edited", (of_none,), [nothing, together["X4"]]),
     ):
+        result = found.model_copy(update={"verdict": "explained" if causes else "consistent", "causes": causes})
         (tmp_path / f"{name}.json").write_text(result.json_text(), encoding="utf-8")
         entry = add_to_instrument(tmp_path / name, tmp_path / f"{name}.json", records=files)
         assert (entry.kind, entry.date, len(entry.dates)) == ("diagnosis", DATES[1], 2)

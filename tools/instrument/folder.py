@@ -270,7 +270,7 @@ def _of_several(read: Several) -> Iterator[tuple[str, str, str, Any]]:
     """Of records that were judged together: of a shared parameter that differs in one, that tells it by itself."""
     apart = {(cause.record, cause.parameter) for cause in read.causes}
     for p in read.parameters:
-        yield next(one for one in reversed(read.judged) if (one, p.name) not in apart), p.name, p.unit, p
+        yield next((one for one in reversed(read.judged) if (one, p.name) not in apart), ""), p.name, p.unit, p
     named = [(cause, cause.effect.place.title) for cause in read.causes if cause.effect is not None]
     for cause, title in named:
         yield from ((cause.record or read.judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
@@ -285,7 +285,7 @@ def _dated(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter
     read, known = _held(entry.result, entry.file), {one.record: one.date for one in entry.dates}
     values: dict[str, dict[tuple[str, str], SizedParameter]] = {label: {} for label in digests_of(read)}
     for label, name, unit, p in parameters_of(read):
-        if None not in (p.estimate, p.low, p.high):
+        if label in values and None not in (p.estimate, p.low, p.high):
             values[label][name, unit] = SizedParameter.of(name, unit, p.estimate, (p.low, p.high))
     return [(known.get(label, entry.date), of_it) for label, of_it in values.items()]
 
