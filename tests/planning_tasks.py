@@ -8,7 +8,8 @@ import numpy as np
 
 from trihedron.tools.planning import common, positions
 from trihedron.tools.planning.common import PositionPlan, stored_positions
-from trihedron.tools.planning.positions import Places, Request, Task, task_of
+from trihedron.tools.planning.positions import Places, Task, task_of
+from trihedron.tools.planning.request import Request
 
 SCALE, ZERO, SINGLE, SUM, THIRD = 2.0475623761398, 1.0475623761398, 1.00026989733961, 2.00053979467921, 1.02897485655299
 OPTIMA = np.array([SINGLE, SINGLE, THIRD, *[SCALE] * 6, *[SUM] * 3, *[SINGLE] * 3, *[ZERO] * 3])

@@ -186,8 +186,13 @@ def plan(
 
 
 def plan_positions(
-    count: int,
+    count: int | None = None,
     *,
+    minutes: float | None = None,
+    dwell_s: float = 20.0,
+    goal: Literal["levelling"] | None = None,
+    lost: int = 0,
+    measured: str | Path | None = None,
     criterion: Literal["worst", "mean"] = "worst",
     reserve_deg: float = 0.0,
     resolution_deg: float | None = None,
@@ -212,8 +217,18 @@ def plan_positions(
 
     Parameters
     ----------
-    count : int
-        Number of positions.
+    count : int, optional
+        Number of positions; as many as fit into the minutes without it.
+    minutes : float, optional
+        Time on the table: rests and moves, with the axes' limits at 1 rad/s and 1 rad/s².
+    dwell_s : float
+        Time at each position [s].
+    goal : str, optional
+        What the correction is for: levelling makes the largest error of a level small, in place of single targets.
+    lost : int
+        So many positions, 0 or 1, may be lost, whichever they are: what is promised holds without them.
+    measured : path, optional
+        A position record that is there already: its positions count beside the new ones.
     criterion : str
         Which ratio of cost to optimum is made small.
     reserve_deg : float
@@ -271,7 +286,15 @@ def plan_positions(
         baseline=baseline,
         mountings=tuple(mountings),
         targets=tuple(targets),
+        goal=goal,
+        lost=lost,
+        measured=None if measured is None else Path(measured),
     )
+    if (count is None) == (minutes is None):
+        raise InputError("--positions and --minutes: give one of the two")
+    if minutes is not None:
+        return planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=progress)
+    assert count is not None
     return planning.plan_positions(count, request, progress=progress)
 
 

@@ -19,7 +19,7 @@ Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
 Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 
-SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings")
+SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings", "goal", "lost")
 FOR = {
     "positions": (
         *SEARCH,
@@ -29,6 +29,8 @@ FOR = {
         "detect",
         "extra",
         "against_unlisted",
+        "measured",
+        "minutes",
         "dwell_s",
         "out",
     ),
@@ -68,6 +70,8 @@ def plan(
 
     Example: trihedron plan --positions 12 --reserve 0.1 --out plan12
 
+    Example: trihedron plan --minutes 10 --goal levelling
+
     Example: trihedron plan --imu --minutes 30 --gyro-noise 1e-5 --out imu30
 
     Parameters
@@ -85,9 +89,9 @@ def plan(
     imu
         Rests and turns that determine accelerometers, gyros and bench.
     minutes
-        Time on the table, for --imu; 30.
+        Time on the table: as many positions as fit into it, with moves within 1 rad/s and 1 rad/s²; or of --imu, 30.
     dwell_s
-        Time at each position [s], for --out and --imu.
+        Time at each position [s], for --minutes, --out and --imu.
     noise_bound
         σ, as a fraction of g, for --check and --imu; 1e-5.
     out
@@ -97,6 +101,8 @@ def plan(
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
     uses = {"positions": positions, "curve": curve, "check": check, "imu": imu or None}
+    if minutes is not None and not any(value is not None for value in uses.values()):
+        uses["positions"] = 0
     more = {"minutes": minutes, "noise_bound": noise_bound, "out": out}
     given = {name: value for name, value in (uses | more).items() if value is not None}
     given |= {name: value for name, value in options.items() if name not in EVERY_PLAN}
@@ -114,8 +120,8 @@ def plan(
         if "mountings" in options and mounting != "identity":
             raise InputError("--mounting and --mountings: give one of the two")
         request = planning.Request(**{"mountings": (mounting,), **options}, targets=targets)
-        if positions is not None:
-            return _positions(positions, request, dwell, out, json, report)
+        if use == "positions":
+            return _positions((positions, minutes, dwell), request, out, json, report)
         return _check(check, request, noise_bound, json) if curve is None else _curve(curve, request, out, json)
     if continuum and grid is not None:
         raise InputError("--grid and --continuum: give one of the two")
@@ -181,10 +187,21 @@ def _typed(name: str) -> str:
 
 
 def _positions(
-    count: int, request: "planning.Request", dwell: float | None, out: Path | None, json: Path | None, page: Path | None
+    asked: tuple[int | None, float | None, float | None],
+    request: "planning.Request",
+    out: Path | None,
+    json: Path | None,
+    page: Path | None,
 ) -> Answer:
+    count, minutes, dwell = asked
     dwell_s = planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
-    found = planning.plan_positions(count, request, progress=True)
+    if minutes is not None and count is not None:
+        raise InputError("--positions and --minutes: give one of the two")
+    if count is None:
+        assert minutes is not None
+        found = planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=True)
+    else:
+        found = planning.plan_positions(count, request, progress=True)
     files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
     if page is not None:
         document.write_page(page, reports.operator_page(found, dwell_s))

@@ -4,11 +4,12 @@ from .common import DWELL_S as DWELL_S
 from .common import PositionPlan as PositionPlan
 from .common import checked_dwell as checked_dwell
 from .common import plan_curve as plan_curve
+from .common import plan_in_time as plan_in_time
 from .common import plan_positions as plan_positions
 from .imu import ImuPlan as ImuPlan
 from .imu import plan_imu as plan_imu
 from .plan import Plans as Plans
 from .plan import plan_targets as plan_targets
-from .positions import Request as Request
 from .positions import task_of as task_of
 from .proof_search import prove as prove
+from .request import Request as Request

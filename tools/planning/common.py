@@ -1,27 +1,27 @@
-"""One set of positions for all targets, the order in which it is measured, and what any number of positions costs.
-
-Positions are measured at random against drift, or on the shortest tour.
-"""
+"""One set of positions for all targets, as many as are asked for or fit into given time, and what any number costs."""
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 from importlib import resources
 from itertools import product
+from math import ceil
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ...models.table_commands import move_duration
 from ..calibration.result import Number
+from ..calibration.targets import levelling_error
 from ..errors import InputError
 from ..progress import shown_status
 from ..result import Result
 from .check import EffectDistance, detecting, named_effects
 from .plan import Degrees
-from .positions import TURN, Costs, Places, Request, Task, allowed, costs, pool_of, task_of
+from .positions import Costs, Places, Request, Task, allowed, costs, pool_of, task_of
 from .search import Bound, bound_positions, drawn, merit, search
+from .tour import measuring_order, unwound
 from .unlisted import UnlistedSize, against_unlisted, sizes_of
 
 if TYPE_CHECKING:
@@ -30,18 +30,12 @@ if TYPE_CHECKING:
 FEWEST, MOST_POSITIONS = 5, 60
 """Fewest of a symmetric block, with fifteen parameters."""
 SWEEPS = 6
-EXACT = 10
-"""Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""
-TABLE_RATE, TABLE_ACCELERATION = 1.0, 1.0
-"""Limits [rad/s], [rad/s²] of both axes by which tours are timed."""
 DWELL_S = 20.0
 """Time at each position, where none is given."""
-SAME_PLACE = np.radians(0.02)
-"""Positions as near as this [rad] make one rest where one follows the other: the table hardly moves between them."""
 
 
 ASKED = ("criterion", "reserve_deg", "resolution_deg", "keep_out", "order", "seed")
-ASKED += ("admissible", "bounds", "convention", "baseline")
+ASKED += ("admissible", "bounds", "convention", "baseline", "goal")
 """What a plan of positions repeats of its request."""
 
 
@@ -81,6 +75,11 @@ class PositionPlan(Result):
         whether Ctrl-C ended search or bound
     mountings : dict
         Q (3, 3) by name
+    goal, lost, levelling_error : str, int, float or None
+        what the correction is for, and its largest error by a-priori estimates, in σ [rad]; so many positions may be
+        lost, any: costs are those of the worst
+    measured : int or None
+        positions that are measured already and count beside these
     detection : tuple of EffectDistance
         how well the effects that were named show
     unlisted : tuple of UnlistedSize
@@ -93,7 +92,7 @@ class PositionPlan(Result):
         positions of the set without the extra ones, for programs
     """
 
-    omitted = frozenset({"detection", "unlisted"})
+    omitted = frozenset({"detection", "unlisted", "goal", "lost", "levelling_error", "measured"})
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
     positions: Annotated[tuple[PlannedPosition, ...], Field(min_length=1)]
@@ -118,6 +117,10 @@ class PositionPlan(Result):
     convention: str
     baseline: str
     mountings: dict[str, list[list[float]]]
+    goal: str | None = None
+    lost: int | None = None
+    levelling_error: Number | None = None
+    measured: int | None = None
     detection: tuple[EffectDistance, ...] = ()
     unlisted: tuple[UnlistedSize, ...] = ()
     task: Task = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
@@ -140,7 +143,8 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     for the same arguments; the best found where Ctrl-C ended the search. An InputError for options that cannot be used,
     and for so few positions that no set was found.
     """
-    fewest = 1 if request.targets else FEWEST
+    few = bool(request.targets or request.goal or request.measured)
+    fewest = 1 if few else FEWEST
     if not fewest <= count <= MOST_POSITIONS:
         raise InputError(f"--positions {count}: must be between {fewest} and {MOST_POSITIONS}")
     if not 0 <= request.repeat <= count:
@@ -148,11 +152,14 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     effects = named_effects(request.detect)
     task = task_of(request, progress=progress)
     p, size = task.parametrisation, task.weights.shape[1]
-    if count < -(-size // 3) and not request.targets:
+    if count < -(-size // 3) and not few:
         raise InputError(
             f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )
-    given = starting_positions(task, count) if stored else []
+    for option, value in {"--detect": effects, "--against-unlisted": request.against_unlisted}.items():
+        if value and (request.measured or request.lost):
+            raise InputError(f"{option}: does not go with --{'measured' if request.measured else 'lost'}")
+    given = [places.joined(task.measured) for places in starting_positions(task, count)] if stored else []
     if request.against_unlisted:
         places, starts, interrupted = against_unlisted(task, count, given, progress=progress)
         found = costs(task, places)
@@ -170,7 +177,9 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
             where = " outside the keep-outs" if request.keep_out else ""
             raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
     bound, detection = None, ()
-    if request.cuts and not (interrupted or request.against_unlisted or (effects and request.extra)):
+    if request.cuts and not (
+        interrupted or request.measured or request.lost or request.against_unlisted or (effects and request.extra)
+    ):
         try:
             with shown_status("lower bound", show=progress):
                 bound = bound_positions(task, pool_of(task, found.places), count, found.worst)
@@ -179,12 +188,14 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     if effects:
         places, detection = detecting(task, found.places, effects)
         found = costs(task, places)
-    commands = unwound(found.places.angle, task.keep_out)
-    rows, duration = measuring_order(found.places, commands, request)
+    places = found.places.chosen(np.arange(len(found.places) - len(task.measured)))
+    commands = unwound(places.angle, task.keep_out)
+    rows, duration = measuring_order(places, commands, request)
     order = list(dict.fromkeys(rows.tolist()))
     number = {row: place for place, row in enumerate(order, start=1)}
-    mounting = found.places.mounting if len(p.mountings) > 1 else None
+    mounting = places.mounting if len(p.mountings) > 1 else None
     symbols = [target.symbol for target in task.targets]
+    every = dict(zip(symbols, (found.ratio * task.best).tolist(), strict=True))
     return PositionPlan(
         positions=tuple(
             PlannedPosition(
@@ -199,10 +210,13 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         mean_ratio=found.mean,
         lower_bound=None if bound is None else bound.ratio,
         lower_bound_on=None if bound is None else bound.on,
-        costs=dict(zip(symbols, (found.ratio * task.best).tolist(), strict=True)),
+        costs=every,
         optima=dict(zip(symbols, task.best.tolist(), strict=True)),
         readings=len(found.readings.position),
         **{name: getattr(request, name) for name in ASKED},
+        lost=request.lost or None,
+        levelling_error=levelling_error(every) if request.goal == "levelling" else None,
+        measured=len(task.measured) or None,
         starts=starts,
         interrupted=interrupted,
         mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
@@ -213,6 +227,27 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         duration=duration,
         searched=count,
     )
+
+
+def plan_in_time(minutes: float, request: Request, *, dwell_s: float = DWELL_S, progress: bool = False) -> PositionPlan:
+    """As `plan_positions`, of as many positions as are measured in so many minutes, moves and repetitions included.
+
+    A rough set says how long moves take; then a position less is tried until they fit. An InputError for less time than
+    the fewest positions need.
+    """
+    seconds = 60.0 * minutes
+    if not (np.isfinite(minutes) and seconds >= checked_dwell(dwell_s)):
+        raise InputError(f"--minutes {minutes:g}: must be at least one --dwell of {dwell_s:g} seconds")
+
+    def used(plan: PositionPlan) -> float:
+        return plan.duration + dwell_s * len(plan.programme)
+
+    most = min(int(seconds // dwell_s) - request.repeat, MOST_POSITIONS)
+    rough = plan_positions(most, replace(request, starts=1, cuts=0), progress=progress)
+    count = most - max(0, ceil((used(rough) - seconds) / (dwell_s + rough.duration / len(rough.programme))))
+    while used(found := plan_positions(count, request, progress=progress)) > seconds:
+        count -= 1
+    return found
 
 
 def rounded(task: Task, found: Costs) -> Costs:
@@ -233,12 +268,13 @@ def rounded(task: Task, found: Costs) -> Costs:
         return min((costs(task, here.places.at(angle)) for angle in inside), key=lambda trial: merit(task, trial))
 
     best = found
-    for row in range(len(found.places)):
+    own_rows = range(len(found.places) - len(task.measured))
+    for row in own_rows:
         low = np.floor(np.degrees(best.places.angle[row]) / step_deg)
         best = best_of(best, row, [low + shift for shift in product((0, 1), repeat=2)])
     for _ in range(SWEEPS):
         before = merit(task, best)
-        for row in range(len(found.places)):
+        for row in own_rows:
             own = np.round(np.degrees(best.places.angle[row]) / step_deg)
             best = best_of(best, row, [own + shift for shift in product((0, -1, 1), repeat=2)])
         if merit(task, best) >= before:
@@ -332,168 +368,8 @@ def _stored_rows() -> Iterator[dict[str, str]]:
     return csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
 
 
-def measuring_order(places: Places, commands: NDArray, request: Request) -> tuple[NDArray, float]:
-    """The rows of the set in the order of measurement, one mounting after the other, and the time of the moves [s].
-
-    Tour or random order, its seed, and how many positions are measured twice are of the request; the commands (N, 2)
-    are the angles of the places [rad].
-    """
-    rng = np.random.default_rng(request.seed)
-    whole, duration = [], 0.0
-    for mounting in np.unique(places.mounting):
-        rows = np.flatnonzero(places.mounting == mounting)
-        times = move_times(commands[rows])
-        order = shortest_tour(times) if request.order == "tour" else rng.permutation(len(rows))
-        share = round(request.repeat * len(rows) / len(places))
-        order = apart(repeated(order, share), commands[rows])
-        duration += tour_duration(times, order)
-        whole.append(rows[order])
-    return np.concatenate(whole), duration
-
-
 def checked_dwell(dwell_s: float) -> float:
     """The time at each position [s], or an InputError for one that is not positive."""
     if not (np.isfinite(dwell_s) and dwell_s > 0.0):
         raise InputError(f"--dwell {dwell_s:g}: must be a positive number of seconds")
     return dwell_s
-
-
-def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = ((), ())) -> NDArray:
-    """Angles (N, 2) [rad] as commands within one turn of each axis, cut where no position lies.
-
-    The cut is in the axis's widest keep-out, which no move then crosses, or else in the widest gap between positions.
-    The turn is the one about zero that leaves the commands as small as possible.
-    """
-    commands = np.mod(angle, TURN)
-    for axis in (0, 1):
-        own = np.sort(commands[:, axis])
-        gaps = np.append(np.diff(own), own[0] + TURN - own[-1])
-        widest = int(gaps.argmax())
-        cut = own[widest] + 0.5 * gaps[widest]
-        if keep_out[axis]:
-            low, high = max(keep_out[axis], key=lambda interval: interval[1] - interval[0])
-            cut = 0.5 * (low + high)
-        start = cut + 1e-12
-        turned = start + np.mod(commands[:, axis] - start, TURN)
-        turned -= TURN * np.round(0.5 * (turned.max() + turned.min()) / (TURN))
-        commands[:, axis] = turned
-    return commands
-
-
-def move_times(commands: NDArray) -> NDArray:
-    """Times [s] of all moves: (N + 1, N), the first row from (0, 0); both axes move at once."""
-    starts = np.vstack([np.zeros((1, 2)), commands])
-    way = np.abs(starts[:, None] - commands[None]).max(axis=2)
-    return np.vectorize(lambda distance: move_duration(float(distance), TABLE_RATE, TABLE_ACCELERATION))(way)
-
-
-def tour_duration(times: NDArray, order: NDArray) -> float:
-    """Time [s] of the moves of a programme that begins at (0, 0)."""
-    before = np.concatenate([[0], order[:-1] + 1])
-    return float(times[before, order].sum())
-
-
-def shortest_tour(times: NDArray) -> NDArray:
-    """The order (N,) with the least time of all moves from (0, 0) on, not back."""
-    count = times.shape[1]
-    if count <= EXACT:
-        return _exact(times)
-    tours = []
-    for first in range(count):
-        order, left = [first], set(range(count)) - {first}
-        while left:
-            order.append(min(left, key=lambda k, last=order[-1]: (times[last + 1, k], k)))
-            left.remove(order[-1])
-        tours.append(_exchanged(times, np.array(order)))
-    return min(tours, key=lambda order: (round(tour_duration(times, order), 9), order.tolist()))
-
-
-def _exact(times: NDArray) -> NDArray:
-    """Held and Karp's recursion over sets of positions."""
-    count = times.shape[1]
-    best = np.full((1 << count, count), np.inf)
-    came = np.zeros((1 << count, count), dtype=int)
-    for last in range(count):
-        best[1 << last, last] = times[0, last]
-    for members in range(1, 1 << count):
-        inside = [k for k in range(count) if members >> k & 1]
-        for new in range(count):
-            if members >> new & 1:
-                continue
-            ways = best[members, inside] + times[np.array(inside) + 1, new]
-            k = int(ways.argmin())
-            if ways[k] < best[members | 1 << new, new]:
-                best[members | 1 << new, new] = ways[k]
-                came[members | 1 << new, new] = inside[k]
-    members, last = (1 << count) - 1, int(best[-1].argmin())
-    order = [last]
-    while members != 1 << last:
-        members, last = members ^ 1 << last, int(came[members, last])
-        order.append(last)
-    return np.array(order[::-1])
-
-
-def _exchanged(times: NDArray, order: NDArray) -> NDArray:
-    """Reverse parts of a tour, and move short parts, while that shortens it."""
-    best, count = tour_duration(times, order), len(order)
-    improved = True
-    while improved:
-        improved = False
-        for i in range(count):
-            for j in range(i + 1, count + 1):
-                reversed_part = np.concatenate([order[:i], order[i:j][::-1], order[j:]])
-                trials = [reversed_part]
-                if j - i <= 3:
-                    rest, part = np.concatenate([order[:i], order[j:]]), order[i:j]
-                    trials += [np.concatenate([rest[:k], part, rest[k:]]) for k in range(len(rest) + 1) if k != i]
-                for trial in trials:
-                    duration = tour_duration(times, trial)
-                    if duration < best - 1e-9:
-                        order, best, improved = trial, duration, True
-    return order
-
-
-def repeated(order: NDArray, count: int) -> NDArray:
-    """The order with `count` of its positions measured again, spread over it, half the programme after the first time.
-
-    Half a programme apart, the two readings of a position tell drift and repeatability as well as any can.
-    """
-    if not count:
-        return order
-    size = len(order)
-    chosen = np.unique(np.linspace(0, size - 1, count).round().astype(int))
-    after: dict[int, list[int]] = {}
-    for row in chosen:
-        after.setdefault((int(row) + size // 2) % size, []).append(int(order[row]))
-    programme: list[int] = []
-    for row, position in enumerate(order):
-        programme.append(int(position))
-        programme += after.get(row, [])
-    return np.array(programme)
-
-
-def apart(order: NDArray, commands: NDArray) -> NDArray:
-    """The order with no position right after one in the same place, where others can come between.
-
-    A position that a plan has twice, for its weight, would make one long rest. The second one goes to where the first
-    is half a programme away, or as near to that as it can. The order (M,) holds rows of the commands (N, 2) [rad].
-    """
-    programme = [int(row) for row in order]
-
-    def same(a: int, b: int) -> bool:
-        return bool(np.abs(commands[a] - commands[b]).max() < SAME_PLACE)
-
-    def places_for(row: int) -> list[int]:
-        around = (programme[max(k - 1, 0) : k + 1] for k in range(len(programme) + 1))
-        return [k for k, neighbours in enumerate(around) if not any(same(row, other) for other in neighbours)]
-
-    half = len(order) // 2
-    for _ in order:
-        twice = [at for at in range(1, len(programme)) if same(programme[at - 1], programme[at])]
-        if not twice:
-            break
-        row = programme.pop(twice[0])
-        free = places_for(row) or [twice[0]]
-        wanted = (twice[0] + half) % len(order)
-        programme.insert(min(free, key=lambda k, wanted=wanted: (abs(k - wanted), k)), row)
-    return np.array(programme, dtype=int)

@@ -16,10 +16,11 @@ from ..calibration.result import Number
 from ..errors import InputError
 from ..progress import progress_bar
 from ..result import Result, finite_or_none
-from .common import DWELL_S, TABLE_ACCELERATION, checked_dwell
+from .common import DWELL_S, checked_dwell
 from .imu_programme import Planned, Visit, seconds_of
 from .imu_stops import LONG, POOL_DWELL_S, Pool, Search, together
 from .plan import Degrees
+from .tour import TABLE_ACCELERATION
 
 if TYPE_CHECKING:
     from polars import DataFrame

@@ -27,7 +27,7 @@ from ..calibration.turns import WithTurns
 from ..errors import InputError
 from ..records import BenchRecord
 from ..records.rests import position_record_of
-from .common import TABLE_ACCELERATION
+from .tour import TABLE_ACCELERATION
 
 STEP_S = 0.01
 """Between rows of the records that are planned; finer rows bound what both axes do between them better."""

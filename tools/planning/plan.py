@@ -17,7 +17,7 @@ from ..result import Result
 from .certificate import Columns, Optimum, UndeterminedError, scaled_optimum, settled
 from .continuum import Continuum
 from .forms import Lines, Rows, Sheet, clearance, dual_forms, regressors_at, sheets
-from .positions import Request
+from .request import Request
 
 if TYPE_CHECKING:
     from polars import DataFrame

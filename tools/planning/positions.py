@@ -1,115 +1,40 @@
-"""What is asked of a common set of positions, the readings that such a set gives, and what they cost.
+"""The task of a common set of positions, the readings that such a set gives, and what they cost.
 
 One set serves all targets and all accelerometers at once: a reading counts where the sign of its input is certain by
 the admissible set, at every angle that an error of setting may lead to. The cost of a target is the least guaranteed
 error with the readings that count.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise, product
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..calibration.model import Parametrisation, mountings_of, parametrise
-from ..calibration.targets import Target, asked_targets, convention_targets
+from ..calibration.model import Parametrisation, parametrise
+from ..calibration.targets import GOALS, Target, asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import shown_status
+from ..records import PositionRecord, read_record
 from .certificate import Columns, UndeterminedError, scaled_optimum
 from .continuum import Continuum
-from .forms import DEFAULT_BOUNDS, basis, padded_terms, sheets
+from .forms import basis, padded_terms, sheets
+from .request import Request, parsed_keep_out
 
 CORNERS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
 TURN = 2.0 * np.pi
-MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
-"""More searches, cuts or positions would not end within days."""
 SAMPLES = 40
 """Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
 EQUAL = 1e-11
+LINES = 24
+"""Lines of each axis on which it is looked whether keep-outs leave enough."""
 OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
 """Distances of the pool's lines from the multiples of 90° of both axes."""
 NOT_DETERMINED = 1e3
 """A ratio above this says that the positions do not determine the target."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """What a user asks of a common set of positions, angles in degrees: the options of `library.plan_positions`."""
-
-    criterion: str = "worst"
-    reserve_deg: float = 0.0
-    resolution_deg: float | None = None
-    keep_out: tuple[str, ...] = ()
-    order: str = "tour"
-    repeat: int = 0
-    detect: tuple[str, ...] = ()
-    extra: int = 6
-    against_unlisted: bool = False
-    seed: int = 0
-    starts: int = 30
-    cuts: int = 40
-    admissible: str = "paper"
-    bounds: tuple[float, float] = DEFAULT_BOUNDS
-    convention: str = "A1"
-    baseline: str = "asymmetric"
-    mountings: tuple[Mapping[str, ArrayLike] | str, ...] = ("identity",)
-    targets: tuple[str, ...] = ()
-
-    def check(self) -> None:
-        """Refuse options that no plan can fulfil: an InputError of one line that names the option."""
-        for name, value, known in (
-            ("criterion", self.criterion, ("worst", "mean")),
-            ("order", self.order, ("tour", "random")),
-            ("convention", self.convention, ("A1", "A2")),
-            ("baseline", self.baseline, ("asymmetric", "symmetric")),
-        ):
-            if value not in known:
-                raise InputError(f"--{name} {value}: must be one of {', '.join(known)}")
-        if not 0.0 <= self.reserve_deg <= 10.0:
-            raise InputError(f"--reserve {self.reserve_deg:g}: must be between 0 and 10 degrees")
-        if self.resolution_deg is not None and not 1e-6 <= self.resolution_deg <= 30.0:
-            raise InputError(f"--resolution {self.resolution_deg:g}: must be between 1e-6 and 30 degrees")
-        for name, number, least, most in (
-            ("starts", self.starts, 1, MOST_STARTS),
-            ("cuts", self.cuts, 0, MOST_CUTS),
-            ("extra", self.extra, 0, MOST_EXTRA),
-            ("seed", self.seed, 0, 2**31 - 1),
-        ):
-            if not least <= number <= most:
-                raise InputError(f"--{name} {number}: must be from {least} to {most}")
-        for text in self.keep_out:
-            parsed_keep_out(text)
-
-    def parametrisation(self) -> Parametrisation:
-        """The parameters with all mountings; an InputError for one that is unusable, comes twice or names no file."""
-        found: dict[str, NDArray] = {}
-        for given in self.mountings:
-            for name, matrix in mountings_of(given).items():
-                if name in found:
-                    raise InputError(f"--mountings: {name} is given twice")
-                if not name.replace("-", "").replace("_", "").isalnum():
-                    raise InputError(f"--mountings: '{name}' cannot name files; use letters, digits, - and _")
-                found[name] = matrix
-        return parametrise(found, symmetric=self.baseline == "symmetric")
-
-
-def parsed_keep_out(text: str) -> tuple[int, float, float]:
-    """Axis, low and high [rad] of a keep-out as a person writes it: "alpha:100:150".
-
-    An InputError for what is not an axis and two angles, the second above the first, less than a turn apart.
-    """
-    where, parts = f"--keep-out {text!r}", text.split(":")
-    if len(parts) != 3 or parts[0] not in ("alpha", "beta"):
-        raise InputError(f"{where}: write alpha:LOW:HIGH or beta:LOW:HIGH, in degrees")
-    try:
-        low, high = float(parts[1]), float(parts[2])
-    except ValueError:
-        raise InputError(f"{where}: LOW and HIGH must be numbers of degrees") from None
-    if not (np.isfinite([low, high]).all() and 0.0 < high - low < 360.0):
-        raise InputError(f"{where}: HIGH must be above LOW by less than 360")
-    return ("alpha", "beta").index(parts[0]), float(np.radians(low)), float(np.radians(high))
 
 
 @dataclass(frozen=True)
@@ -151,11 +76,13 @@ class Task:
     targets : tuple of Target
         K of them
     best : (K,) array
-        cost of each target's own optimal plan over all angles [σ]
+        cost of each target's own optimal plan over all angles [σ]; for a goal the largest of them for each
     support : (n, 2) array
         positions of those plans [rad]; none where the costs were given
     keep_out : tuple
         of each axis, intervals [rad] (low, high), low < high, of encoder readings that are not used
+    measured : Places
+        where readings are known already: they stay
     regressor, base, terms : (S, P, 3, 3), (S, 3, 3), (S, T, 3, 3) array
         the sheets, stacked
     accelerometer, mounting : (S,) array of int
@@ -168,6 +95,7 @@ class Task:
     best: NDArray
     support: NDArray
     keep_out: tuple[tuple[tuple[float, float], ...], ...]
+    measured: Places
     regressor: NDArray
     base: NDArray
     terms: NDArray
@@ -202,7 +130,8 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
     """
     request.check()
     p = request.parametrisation()
-    targets = wanted(p, request.convention, request.targets)
+    expressions = request.targets if request.goal is None else GOALS[request.goal]
+    targets = wanted(p, request.convention, expressions)
     parsed = [parsed_keep_out(text) for text in request.keep_out]
     keep_out = tuple(tuple((low, high) for at, low, high in parsed if at == axis) for axis in (0, 1))
     for name, intervals in zip(("alpha", "beta"), keep_out, strict=True):
@@ -214,20 +143,54 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
         with shown_status("optima of the targets", show=progress):
             matrices = tuple((name, matrix.tobytes()) for name, matrix in zip(p.mountings, p.matrices, strict=True))
             asked = tuple(map(float, request.bounds)), request.admissible, request.convention
-            best, support = _optima(matrices, p.symmetric, *asked, request.targets)
-    return Task(
+            best, support = _optima(matrices, p.symmetric, *asked, expressions)
+    if request.goal is not None:
+        best = np.full(len(best), best.max())
+    task = Task(
         request,
         p,
         tuple(targets),
         best,
         support,
         keep_out,
+        measured_places(request.measured, p),
         regressor=np.array([sheet.regressor for sheet in found]),
         base=np.array([sheet.base for sheet in found]),
         terms=padded_terms(found),
         accelerometer=np.array([sheet.accelerometer for sheet in found]),
         mounting=np.array([sheet.mounting for sheet in found]),
     )
+    if open_ := undetermined(task):
+        raise InputError(
+            f"--keep-out: no positions outside it, with signs that are certain, determine {', '.join(open_)}; "
+            "ask for others by --target, or leave more angles by --keep-out"
+        )
+    return task
+
+
+def measured_places(path: Path | None, p: Parametrisation) -> Places:
+    """The positions of a record; none without one. An InputError for a record of other mountings."""
+    if path is None:
+        return Places(np.zeros((0, 2)), np.zeros(0, dtype=int))
+    record = read_record(path, PositionRecord)
+    names = record.mounting or p.mountings[:1] * len(record)
+    if (record.mounting is None and len(p.mountings) > 1) or not set(names) <= set(p.mountings):
+        raise InputError(f"--measured {path}: its mountings are not those of the plan, {', '.join(p.mountings)}")
+    return Places(np.column_stack([record.alpha, record.beta]), np.array([p.mountings.index(name) for name in names]))
+
+
+def undetermined(task: Task) -> list[str]:
+    """Targets that keep-outs leave to no positions, nor to those that are measured."""
+    if not any(task.keep_out):
+        return []
+    lines = []
+    for intervals in task.keep_out:
+        arcs = free_arcs(intervals)
+        lines.append(np.concatenate([np.linspace(low, high, LINES // len(arcs) + 2) for low, high in arcs]))
+    angle = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    every = on_all_mountings(angle, len(task.parametrisation.mountings)).joined(task.measured)
+    found = costs(replace(task, request=replace(task.request, lost=0)), every).determined
+    return [target.symbol for target, known in zip(task.targets, found, strict=True) if not known]
 
 
 def wanted(p: Parametrisation, convention: str, expressions: tuple[str, ...]) -> list[Target]:
@@ -308,6 +271,8 @@ class Costs:
         y: |F'y| ≤ 1 on the readings, a'y the cost
     ratio : (K,) array
         cost over the target's optimum over all angles
+    lost : (K,) array of int
+        the position that is lost, where one may be: the one that each target misses most; -1: none
     """
 
     places: Places
@@ -315,6 +280,7 @@ class Costs:
     weights: NDArray
     duals: NDArray
     ratio: NDArray
+    lost: NDArray
 
     @property
     def worst(self) -> float:
@@ -333,33 +299,46 @@ class Costs:
 
 
 def costs(task: Task, places: Places) -> Costs:
-    """Solve the linear programme of every target on the readings of these positions."""
+    """Solve the linear programme of every target on the readings of these positions, or of all but one of them."""
     given = readings(task, places)
     weights = np.zeros((len(task.targets), len(given.position)))
     duals, value = np.zeros_like(task.weights), np.zeros(len(task.targets))
     programme = Columns(task.weights.shape[1])
     if len(given.position):
         programme.add(given.regressor)
+    many, lost = len(places) - len(task.measured), np.full(len(value), -1)
     for k, target in enumerate(task.weights):
         programme.aim(target)
         weights[k], duals[k], possible = programme.solve()
         value[k] = duals[k] @ target
+        # Only a position that has a weight is missed.
+        for one in np.unique(given.position[weights[k] != 0.0]) if task.request.lost and possible else ():
+            if one < many:
+                programme.close(rows := np.flatnonzero(given.position == one))
+                without, dual, left = programme.solve()
+                programme.close(rows, closed=False)
+                if dual @ target > value[k]:
+                    weights[k], duals[k], value[k], lost[k], possible = without, dual, dual @ target, one, left
         if possible:
             used = np.flatnonzero(weights[k])
             columns = given.regressor[used].T
             # The solver's tolerance, taken out.
             weights[k, used] += np.linalg.lstsq(columns, target - columns @ weights[k, used], rcond=1e-12)[0]
-    return Costs(places, given, weights, duals, value / task.best)
+    return Costs(places, given, weights, duals, value / task.best, lost)
 
 
 def allowed(task: Task, angle: NDArray) -> NDArray:
-    """Which positions (N, 2) [rad] lie in no keep-out, ends included."""
+    """Which positions (N, 2) [rad] lie in no keep-out, ends included, or are measured already."""
     free = np.ones(len(angle), dtype=bool)
     for axis, intervals in enumerate(task.keep_out):
         for low, high in intervals:
             inside = np.mod(angle[:, axis] - low, TURN)
             free &= ~((inside > 1e-12) & (inside < high - low - 1e-12))
-    return free
+    return free | _is_measured(task, angle)
+
+
+def _is_measured(task: Task, angle: NDArray) -> NDArray:
+    return (angle[:, None] == task.measured.angle[None]).all(axis=2).any(axis=1)
 
 
 def free_arcs(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -375,8 +354,11 @@ def free_arcs(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, flo
 
 
 def freedom(task: Task, angle: NDArray, radius: float) -> tuple[NDArray, NDArray]:
-    """How far (N, 2) each angle may go down and up [rad], at most `radius`, without entering a keep-out."""
-    down, up = np.full(angle.shape, radius), np.full(angle.shape, radius)
+    """How far (N, 2) each angle may go down and up [rad], at most `radius`, without entering a keep-out.
+
+    What is measured stays.
+    """
+    down, up = (np.where(_is_measured(task, angle)[:, None], 0.0, radius) * np.ones(2) for _ in range(2))
     for axis, intervals in enumerate(task.keep_out):
         for low, high in intervals:
             up[:, axis] = np.minimum(up[:, axis], np.mod(low - angle[:, axis] + 1e-12, TURN))

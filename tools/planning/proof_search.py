@@ -17,8 +17,9 @@ from ..bounded.programmes import solver
 from .certificate import scaled_optimum
 from .continuum import Continuum
 from .forms import basis, clearance, sheets, x_from_targets
-from .positions import Request, Task, symmetries, task_of
+from .positions import Task, symmetries, task_of
 from .proof import Cut, Node, OptimalPlan, Proof, Reading
+from .request import Request
 
 QUARTER_DEG = (1.33, 2.6, 4.0, 6.0, 9.0, 13.0, 19.0, 26.0, 35.0, 45.0)
 """Lines between cells: narrow beside the multiples of 90°, where positions are to be."""

@@ -141,7 +141,7 @@ def _hopeless(elite: Sequence[tuple[float, Costs]]) -> Callable[[int, float], bo
 def _start(task: Task, count: int, rng: np.random.Generator, elite: Sequence[tuple[float, Costs]]) -> Costs:
     """A set to improve: random, or one of the best with one or two positions drawn anew."""
     if len(elite) < ELITE or rng.random() < FRESH:
-        trials = [costs(task, drawn(task, count, rng)) for _ in range(DRAWS)]
+        trials = [costs(task, drawn(task, count, rng).joined(task.measured)) for _ in range(DRAWS)]
     else:
         base = elite[int(rng.integers(len(elite)))][1].places
         trials = []
@@ -229,7 +229,7 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
     places, given, (many, size) = here.places, here.readings, task.weights.shape
     kept = (np.abs(here.weights) > NO_WEIGHT).any(axis=0) | (given.clearance > 2.0 * radius)
     worst = task.request.criterion == "worst"
-    height = here.duals @ given.regressor.T
+    height = np.where(given.position == here.lost[:, None], 0.0, here.duals @ given.regressor.T)
     near = kept & ((np.abs(height) > 1.0 - NEAR_ONE) | (here.weights != 0.0))
     blocks = []
     for own, tall in zip(near, height, strict=True):

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import planning
+from ..calibration.correction import ARCSEC
 from ..document.blocks import Download, Page, Section, Table
 from ..document.notation import Cell, equation, minus, signed, symbol_text
 from ..document.page import html
@@ -85,6 +86,7 @@ def position_lines(plan: "PositionPlan") -> list[str]:
         f"worst ratio {upwards(plan.worst_ratio, 6)}, mean {upwards(plan.mean_ratio, 6)}; "
         f"moves take {digits(plan.duration)} s",
     ]
+    lines += wanted_lines(plan)
     if plan.bound is not None:
         lines.append(
             f"no {plan.bound.count} positions of the {plan.bound.on} have a worst ratio below "
@@ -105,6 +107,21 @@ def position_lines(plan: "PositionPlan") -> list[str]:
         lines += _unlisted_lines(plan)
     if plan.interrupted:
         lines.append(f"interrupted after {plan.starts} starts: the best set so far")
+    return lines
+
+
+def wanted_lines(plan: "PositionPlan") -> list[str]:
+    """What the set is for, what it stands on, and what it stands."""
+    lines = []
+    if plan.measured:
+        lines.append(f"{plan.measured} positions that are measured already count beside these")
+    if plan.lost:
+        lines.append("the costs hold when any one of these positions is lost")
+    if plan.levelling_error is not None:
+        lines.append(
+            f"levelling with an axis vertical, by a-priori estimates: wrong by {upwards(plan.levelling_error, 6)} σ "
+            f"at most, {upwards(plan.levelling_error * 1e-5 / ARCSEC, 4)} arcsec at σ = 1e-5 g"
+        )
     return lines
 
 
@@ -266,7 +283,7 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
         ),
         Section(
             "What it gives",
-            ["Guaranteed errors in units of σ, the bound of one averaged reading's error."],
+            ["Guaranteed errors in units of σ, the bound of one averaged reading's error.", *wanted_lines(plan)],
             table=Table(
                 ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
                 [

@@ -10,7 +10,8 @@ from numpy import arange
 
 from ..errors import InputError, nearest
 from ..files import write_text
-from ..planning.common import apart, stored_counts, stored_positions
+from ..planning.common import stored_counts, stored_positions
+from ..planning.tour import apart
 from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
 
 Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]

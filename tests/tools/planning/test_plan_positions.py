@@ -11,32 +11,29 @@ from scipy.optimize import linprog
 
 from planning_tasks import OPTIMA, stored, tables_task
 from trihedron.models.bench import TARGETS, admissible, regressors
-from trihedron.tools.planning.common import (
-    SAME_PLACE,
-    apart,
-    move_times,
-    plan_positions,
-    repeated,
-    rounded,
-    shortest_tour,
-    stored_counts,
-    tour_duration,
-    unwound,
-)
+from trihedron.tools.planning.common import plan_positions, rounded, stored_counts
 from trihedron.tools.planning.forms import x_from_targets
 from trihedron.tools.planning.positions import (
     Places,
-    Request,
     Task,
     allowed,
     clearances,
     costs,
     freedom,
-    parsed_keep_out,
     pool_of,
     symmetries,
 )
+from trihedron.tools.planning.request import Request, parsed_keep_out
 from trihedron.tools.planning.search import bound_positions, drawn, improve, search
+from trihedron.tools.planning.tour import (
+    SAME_PLACE,
+    apart,
+    move_times,
+    repeated,
+    shortest_tour,
+    tour_duration,
+    unwound,
+)
 
 EXACT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 

@@ -22,7 +22,7 @@ from trihedron.tools.campaign.store import open_result
 from trihedron.tools.document.page import html
 from trihedron.tools.planning.check import SettingCheck, check_settings
 from trihedron.tools.planning.common import PositionPlan
-from trihedron.tools.planning.positions import Request
+from trihedron.tools.planning.request import Request
 from trihedron.tools.reports import document_of
 from trihedron.tools.reports.calibration import levelled
 from trihedron.tools.reports.campaign import campaign_page

@@ -1,0 +1,103 @@
+"""Positions for what is wanted: a correction's error, a lost position, what is measured already, given time."""
+
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from planning_tasks import planned, stored, tables_task
+from simulated_bench import random_bench, simulated
+from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.targets import FACES, GOALS, levelling_error
+from trihedron.tools.errors import InputError
+from trihedron.tools.planning import positions
+from trihedron.tools.planning.common import plan_in_time, plan_positions
+from trihedron.tools.planning.positions import Places, costs
+from trihedron.tools.planning.request import Request
+from trihedron.tools.records import write_record
+
+SIGMA = 1e-5
+
+
+def record_at(angle: np.ndarray):
+    rng = np.random.default_rng(3)
+    noise = rng.uniform(-SIGMA, SIGMA, (len(angle), 3))
+    return simulated(random_bench(rng), angle[:, 0], angle[:, 1], noise)
+
+
+def angles(plan) -> np.ndarray:
+    return np.radians([(one.alpha_deg, one.beta_deg) for one in plan.positions])
+
+
+def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for_all_targets():
+    symbols = GOALS["levelling"]
+    with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.05), np.zeros((0, 2)))):
+        plan = plan_positions(9, Request(goal="levelling", admissible="tables", starts=1, cuts=0))
+        task = positions.task_of(Request(goal="levelling", admissible="tables"))
+    assert (
+        plan.levelling_error
+        == levelling_error(plan.costs)
+        == max(float(np.hypot(plan.costs[one], plan.costs[other])) for one, other in FACES)
+    )
+    own, other = (
+        max((costs(task, at).ratio * task.best).tolist())
+        for at in (Places(angles(plan), np.zeros(9, dtype=int)), stored(9))
+    )
+    assert own == pytest.approx(max(plan.costs.values()), rel=1e-6)
+    assert own < other
+    found = calibrate(record_at(angles(plan)), noise_bound=SIGMA, targets=symbols)
+    errors = {one.symbol: (one.guaranteed_error or np.inf) / SIGMA for one in found.parameters if one.symbol in symbols}
+    assert set(errors) == set(symbols)
+    for symbol, error in errors.items():
+        # Readings whose sign is not certain before are used too, and derivatives are those at the fit.
+        assert 0.9 * plan.costs[symbol] < error < 1.02 * plan.costs[symbol]
+    assert plan.to_json()["levelling_error"] == plan.levelling_error
+
+
+def test_what_is_promised_when_one_position_is_lost_is_the_worst_of_all_losses():
+    plan = planned(8, Request(admissible="tables", lost=1, starts=1, cuts=0))
+    task, at = tables_task(), Places(angles(plan), np.zeros(8, dtype=int))
+    without = np.array([costs(task, at.chosen(np.delete(np.arange(8), k))).ratio * task.best for k in range(8)])
+    np.testing.assert_allclose(without.max(axis=0), list(plan.costs.values()), rtol=1e-6)
+    assert plan.worst_ratio < costs(tables_task(lost=1), stored(8)).worst
+    assert plan.to_json()["lost"] == 1
+
+
+def test_what_is_measured_already_counts_and_stays(tmp_path: Path):
+    known = stored(8)
+    write_record(record_at(known.angle), tmp_path / "known.csv")
+    request = Request(admissible="tables", measured=tmp_path / "known.csv", starts=1, cuts=0)
+    plan = planned(3, request)
+    assert len(plan.positions) == 3
+    assert plan.to_json()["measured"] == 8
+    task, new = tables_task(), Places(angles(plan), np.zeros(3, dtype=int))
+    together = costs(task, new.joined(known)).ratio * task.best
+    np.testing.assert_allclose(together, list(plan.costs.values()), rtol=1e-6)
+    assert plan.worst_ratio < costs(task, known).worst - 0.005
+    with pytest.raises(InputError, match="--detect: does not go with --measured"):
+        planned(3, Request(admissible="tables", measured=tmp_path / "known.csv", detect=("quadratic",)))
+
+
+def test_as_many_positions_as_fit_into_the_minutes():
+    request, dwell = Request(admissible="tables", starts=1, cuts=0), 12.0
+    with mock.patch.object(positions, "_optima", return_value=(tables_task().best, np.zeros((0, 2)))):
+        plan = plan_in_time(2.5, request, dwell_s=dwell)
+        with pytest.raises(InputError, match=r"--minutes 0\.1: must be at least one --dwell of 12 seconds"):
+            plan_in_time(0.1, request, dwell_s=dwell)
+    used = plan.duration + dwell * len(plan.programme)
+    assert used <= 150.0 < used + 2.0 * dwell
+
+
+def test_a_table_with_limited_angles_says_what_it_cannot_determine():
+    limits = ("alpha:30:330", "beta:30:330")
+    with pytest.raises(InputError, match=r"--keep-out: no positions .* determine X15; ask for others by --target"):
+        tables_task(keep_out=limits, admissible="paper")
+    # Of one axis alone, the inner one fast.
+    with pytest.raises(InputError, match=r"determine X1, X2, X3, .*X16"):
+        tables_task(keep_out=("beta:0.01:359.99",), admissible="paper")
+    symbols = ("X14", "X18")
+    with mock.patch.object(positions, "_optima", return_value=(np.array([2.0, 1.0]), np.zeros((0, 2)))):
+        plan = plan_positions(4, Request(keep_out=("beta:0.01:359.99",), targets=symbols, starts=2, cuts=0))
+    assert plan.worst_ratio < 1.15
+    assert np.abs([one.beta_deg for one in plan.positions]).max() <= 0.01 + 1e-9

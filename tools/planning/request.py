@@ -1,0 +1,102 @@
+"""What is asked of a common set of positions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calibration.model import Parametrisation, mountings_of, parametrise
+from ..calibration.targets import GOALS
+from ..errors import InputError
+from .forms import DEFAULT_BOUNDS
+
+MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
+"""More searches, cuts or positions would not end within days."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a user asks of a common set of positions, angles in degrees: the options of `library.plan_positions`."""
+
+    criterion: str = "worst"
+    reserve_deg: float = 0.0
+    resolution_deg: float | None = None
+    keep_out: tuple[str, ...] = ()
+    order: str = "tour"
+    repeat: int = 0
+    detect: tuple[str, ...] = ()
+    extra: int = 6
+    against_unlisted: bool = False
+    seed: int = 0
+    starts: int = 30
+    cuts: int = 40
+    admissible: str = "paper"
+    bounds: tuple[float, float] = DEFAULT_BOUNDS
+    convention: str = "A1"
+    baseline: str = "asymmetric"
+    mountings: tuple[Mapping[str, ArrayLike] | str, ...] = ("identity",)
+    targets: tuple[str, ...] = ()
+    goal: str | None = None
+    lost: int = 0
+    measured: Path | None = None
+
+    def check(self) -> None:
+        """Refuse options that no plan can fulfil: an InputError of one line that names the option."""
+        for name, value, known in (
+            ("criterion", self.criterion, ("worst", "mean")),
+            ("order", self.order, ("tour", "random")),
+            ("convention", self.convention, ("A1", "A2")),
+            ("baseline", self.baseline, ("asymmetric", "symmetric")),
+        ):
+            if value not in known:
+                raise InputError(f"--{name} {value}: must be one of {', '.join(known)}")
+        if not 0.0 <= self.reserve_deg <= 10.0:
+            raise InputError(f"--reserve {self.reserve_deg:g}: must be between 0 and 10 degrees")
+        if self.resolution_deg is not None and not 1e-6 <= self.resolution_deg <= 30.0:
+            raise InputError(f"--resolution {self.resolution_deg:g}: must be between 1e-6 and 30 degrees")
+        for name, number, least, most in (
+            ("starts", self.starts, 1, MOST_STARTS),
+            ("cuts", self.cuts, 0, MOST_CUTS),
+            ("extra", self.extra, 0, MOST_EXTRA),
+            ("seed", self.seed, 0, 2**31 - 1),
+            ("lost", self.lost, 0, 1),
+        ):
+            if not least <= number <= most:
+                raise InputError(f"--{name} {number}: must be from {least} to {most}")
+        if self.goal is not None and self.goal not in GOALS:
+            raise InputError(f"--goal {self.goal}: must be one of {', '.join(GOALS)}")
+        if self.goal is not None and self.targets:
+            raise InputError("--goal and --target: give one of the two")
+        for text in self.keep_out:
+            parsed_keep_out(text)
+
+    def parametrisation(self) -> Parametrisation:
+        """The parameters with all mountings; an InputError for one that is unusable, comes twice or names no file."""
+        found: dict[str, NDArray] = {}
+        for given in self.mountings:
+            for name, matrix in mountings_of(given).items():
+                if name in found:
+                    raise InputError(f"--mountings: {name} is given twice")
+                if not name.replace("-", "").replace("_", "").isalnum():
+                    raise InputError(f"--mountings: '{name}' cannot name files; use letters, digits, - and _")
+                found[name] = matrix
+        return parametrise(found, symmetric=self.baseline == "symmetric")
+
+
+def parsed_keep_out(text: str) -> tuple[int, float, float]:
+    """Axis, low and high [rad] of a keep-out as a person writes it: "alpha:100:150".
+
+    An InputError for what is not an axis and two angles, the second above the first, less than a turn apart.
+    """
+    where, parts = f"--keep-out {text!r}", text.split(":")
+    if len(parts) != 3 or parts[0] not in ("alpha", "beta"):
+        raise InputError(f"{where}: write alpha:LOW:HIGH or beta:LOW:HIGH, in degrees")
+    try:
+        low, high = float(parts[1]), float(parts[2])
+    except ValueError:
+        raise InputError(f"{where}: LOW and HIGH must be numbers of degrees") from None
+    if not (np.isfinite([low, high]).all() and 0.0 < high - low < 360.0):
+        raise InputError(f"{where}: HIGH must be above LOW by less than 360")
+    return ("alpha", "beta").index(parts[0]), float(np.radians(low)), float(np.radians(high))
