@@ -96,6 +96,7 @@ def test_gyros_err_as_the_component_does():
         assert model["increment_reading"].tolist() == found[step].tolist()
 
 
+@pytest.mark.acceptance
 def test_a_bias_turns_the_attitude_by_its_integral():
     text = "[attitude]\nmotion = 'small'\nduration_s = 10.0\n[parameters]\nbias_1_radps = { values = [1e-5, 2e-5] }\n"
     first, second = (float(result.scalars["last_error_rad"] or 0.0) for result in results(parsed(text)))

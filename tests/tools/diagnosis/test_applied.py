@@ -60,6 +60,7 @@ def test_what_a_block_adds_is_taken_out_of_another_days_readings(folder, capsys)
     assert content["rms_with"] < SIGMA < content["rms_without"]
 
 
+@pytest.mark.acceptance
 def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(folder, capsys):
     applied = th.apply(folder / "table.json", folder / "table-tuesday.csv")
     assert isinstance(applied, Applied)

@@ -90,6 +90,7 @@ def test_bounds_as_much_larger_as_is_said_would_do():
         assert (larger.baseline_radius <= evidence.limit) == stands
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("law", ["w2 += c*w2**3", "w1 += a*n2 + b*dw3", "f3 += c*n3**2"])
 def test_a_law_that_comes_later_has_the_columns_of_one_that_was_run(law):
     """Beside the catalogue from the first on, or added to evidence that is there: the same rows."""

@@ -110,6 +110,7 @@ def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_s
     assert all(objection in said for said in first_words(found))
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("change", [swinging_bias, pytest.param(two_biases, marks=pytest.mark.acceptance)])
 def test_a_bias_that_is_not_constant_at_rest_is_said_in_the_verdict_and_is_no_noise(change, seed):
@@ -170,7 +171,7 @@ CATALOGUE = {
 
 ALSO_ELSEWHERE = (
     *("gyro-scale-misalignment", "gyro-warm-up", "latency"),
-    *("gyro-rate-squared", "gyro-scale-drift"),
+    *("gyro-rate-squared", "gyro-scale-drift", "gyro-bias-step", "lag"),
 )
 """Effects that other tests name beside true attitudes or between rests, or that act as one of the others does."""
 

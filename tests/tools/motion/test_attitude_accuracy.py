@@ -142,6 +142,7 @@ def test_the_method_error_on_the_first_motion(algorithm: str, expected: tuple) -
     np.testing.assert_allclose(errors_deg(samples("1", 1000, 600.0), algorithm), expected, rtol=0.04)
 
 
+@pytest.mark.acceptance
 def test_the_best_algorithm_is_ten_thousand_times_better_on_the_first_motion() -> None:
     taken = samples("1", 100, 600.0)
     assert errors_deg(taken, "two-sample-rodrigues").max() > 1e4 * errors_deg(taken, "adaptive-degree").max()

@@ -227,7 +227,7 @@ def test_an_effect_reaches_the_fmu(tmp_path: Path) -> None:
     np.testing.assert_allclose(gain, 1e-3 * n3 * n3, rtol=1e-9)
 
 
-TABLE = {"component": "TurntableMotion", "parameters": {"initial_angle": [0.3, 0.4], "earth_rotation": False}}
+SKEWED = {"component": "TurntableMotion", "parameters": {"initial_angle": [0.3, 0.4], "earth_rotation": False}}
 TURNING = {"to": "table.command", "constant": [3.0, 0.4]}
 
 
@@ -247,7 +247,7 @@ def of_accelerometer_1(effect: str, **values: object) -> dict:
 )
 def test_an_effect_of_which_nothing_feeds_the_input_is_refused(tmp_path: Path, block, input_, told) -> None:
     """It would do nothing, without a word."""
-    fmus = {"table": TABLE, "block": block}
+    fmus = {"table": SKEWED, "block": block}
     said = refusal(tmp_path, fmus, connections=wires("table.specific_force -> block.specific_force"))
     assert f"'block.{input_}', and nothing feeds it; connect it{told}, " in said
 
@@ -256,7 +256,7 @@ def test_a_size_effect_acts_while_the_table_turns(tmp_path: Path) -> None:
     arm = of_accelerometer_1("lever-arm", r_1=0.05, r_2=0.0, r_3=0.0)
     joined = wires("table.specific_force -> block.specific_force", "table.block_rate -> block.rate")
     plain, extended = (
-        run_scenario(tmp_path, {"table": TABLE, "block": block}, connections=joined, stimuli=[TURNING]).table
+        run_scenario(tmp_path, {"table": SKEWED, "block": block}, connections=joined, stimuli=[TURNING]).table
         for block in ({"component": "AccelerometerBlock"}, arm)
     )
     centripetal = -0.05 * (plain["table.block_rate[2]_radps"] ** 2 + plain["table.block_rate[3]_radps"] ** 2)

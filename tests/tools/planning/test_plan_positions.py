@@ -220,6 +220,7 @@ def test_an_order_without_repetitions_stays_as_it_is():
     assert apart(order, commands).tolist() == order.tolist()
 
 
+@pytest.mark.acceptance
 def test_a_set_for_chosen_targets_costs_less_than_one_for_all() -> None:
     request = Request(admissible="tables", targets=("X16", "X17", "X18"), starts=2, cuts=2)
     plan = plan_positions(7, request, stored=False)

@@ -55,6 +55,7 @@ def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for
     assert plan.to_json()["levelling_error"] == plan.levelling_error
 
 
+@pytest.mark.acceptance
 def test_what_is_promised_when_one_position_is_lost_is_the_worst_of_all_losses():
     plan = planned(8, Request(admissible="tables", lost=1, starts=1, cuts=0))
     task, at = tables_task(), Places(angles(plan), np.zeros(8, dtype=int))

@@ -146,6 +146,7 @@ def test_increments_without_coning_turn_the_body_elsewhere():
     assert np.abs(mended - motion.increment).max() < 0.1 * lost
 
 
+@pytest.mark.acceptance
 def test_cases_do_not_depend_on_each_other_and_have_both_references():
     first, again, other = (draw_clean_block(3, index).measured() for index in (4, 4, 5))
     assert first.specific_force.tobytes() == again.specific_force.tobytes()
@@ -154,6 +155,7 @@ def test_cases_do_not_depend_on_each_other_and_have_both_references():
     assert other.attitude is not None
 
 
+@pytest.mark.acceptance
 @pytest.mark.first(1)
 @pytest.mark.parametrize("index", [0, 1])
 def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
