@@ -16,7 +16,7 @@ from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError
 from ..motion.rests import check_meaning
-from ..records import BenchRecord, PositionRecord, StrapdownRecord
+from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..result import finite_or_none
 from ..rounding import exactly
 from .calibration import ROUNDING, Asked, calibrate, wanted_targets
@@ -83,7 +83,7 @@ class Bench:
         """
         told: dict[str, Any] = {}
         if isinstance(record, PositionRecord) and isinstance(record.raw, BenchRecord):
-            told = _said_in(record.raw)
+            told = said_of_place(record.raw)
         said = {name: value for name, value in options.items() if value not in (None, "instantaneous")}
         for name in ANGLES_DEG.keys() & said.keys() & told.keys():
             if abs(math.remainder(said[name] - told[name], 360.0)) > SAME_DEG:
@@ -100,8 +100,8 @@ class Bench:
         return None
 
 
-def _said_in(raw: BenchRecord) -> dict[str, float]:
-    """What comment lines of a bench record say of its place, and of how well turns are measured there."""
+def said_of_place(raw: RawRecord | PositionRecord | StrapdownRecord) -> dict[str, float]:
+    """What comment lines of a record say of its place, and of how well turns are measured there."""
     found = {}
     for name in (*ANGLES_DEG, "gyro_noise", "encoder_bound"):
         if (text := raw.about.get(name)) is not None:

@@ -209,7 +209,7 @@ def apply(
     *,
     out: File = None,
     noise_bound: Number = 0.0,
-    latitude_deg: Number = 55.75,
+    latitude_deg: Number | None = None,
     json: JsonFile = None,
     **options: Any,
 ) -> Answer:
@@ -222,7 +222,7 @@ def apply(
     out
         Write the corrected record (CSV).
     latitude_deg
-        For the error of the azimuth, by a calibration.
+        For the error of the azimuth, by a calibration; else what the record says in a comment line, or 55.75.
     """
     distinct_files({"the calibration": found, "the record": record, "--out": out, "--json": json})
     result = measured.apply(found, record, noise_bound=noise_bound, **options)

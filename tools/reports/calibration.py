@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..calibration import Calibration
 from ..calibration.correction import ARCSEC, Application, Correction, Levelling, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
+from ..calibration.gyros import said_of_place
 from ..calibration.result import Estimate, GyroCalibration
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import (
@@ -432,14 +433,18 @@ def levelling_lines(result: Calibration) -> list[str]:
     ]
 
 
-def application_lines(result: Application, latitude_deg: float = LATITUDE_DEG) -> list[str]:
+def application_lines(result: Application, latitude_deg: float | None = None) -> list[str]:
     """The equation with its numbers, and what the correction is worth for an alignment.
+
+    The latitude is what is given, or what comment lines of the record say, or `LATITUDE_DEG`.
 
     Raises
     ------
     InputError
         for a latitude at which there is no azimuth to find
     """
+    if latitude_deg is None:
+        latitude_deg = said_of_place(result.record).get("latitude_deg", LATITUDE_DEG)
     if not abs(latitude_deg) <= 89.0:
         raise InputError(
             f"--latitude-deg {exactly(latitude_deg)}: must be from -89 to 89; there is no azimuth at a pole"

@@ -1,6 +1,7 @@
 """Corrected readings: the inverse of the block, bounds that hold for every truth, files that come out right."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -24,7 +25,7 @@ from trihedron.tools.calibration.correction import (
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import read_record, write_record
 from trihedron.tools.records.kinds import StrapdownRecord
-from trihedron.tools.reports.calibration import correction_equation
+from trihedron.tools.reports.calibration import application_lines, correction_equation
 
 SIGMA = 1e-5
 
@@ -213,6 +214,18 @@ def test_a_calibration_edited_by_hand_is_refused(part, change, said):
     if "reading_errors" not in (part, *change):
         with pytest.raises(ValueError, match=said):
             bench_parameters(content)
+
+
+def test_the_gyrocompass_is_where_the_record_says_it_was_measured(tmp_path):
+    file, path = tmp_path / "c.json", tmp_path / "positions.csv"
+    file.write_text(faultless(), encoding="utf-8")
+    block = directions(np.random.default_rng(3), 30)[:30]
+    for about, told in (({"latitude_deg": "-33.9"}, "-33.9"), ({}, "55.75")):
+        there = replace(record(block, np.linspace(0, 6, 30), np.linspace(1, 5, 30)), about=about)
+        write_record(there, path)
+        done = apply_calibration(file, path)
+        assert f"gyrocompass at latitude {told}°" in str(done)
+        assert "gyrocompass at latitude 10°" in "\n".join(application_lines(done, 10.0))
 
 
 def test_another_convention_gives_the_same_correction():
