@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.tools.demo import MEASURED_RECORD, find_record, run_demo
+from trihedron.tools.demo import IMU_CALIBRATION, MEASURED_RECORD, SHORTER, find_record, run_demo
 
 
 @pytest.fixture(scope="module")
@@ -19,6 +19,9 @@ def test_the_demo_holds_the_truth_names_the_effect_and_measures_the_gain(demo):
     out, page = demo
     text = page.read_text(encoding="utf-8")
     assert "40 of 40 true values lie inside their guaranteed intervals" in text
+    # It is the shipped scenario, and none of what makes it shorter was missed.
+    scenario = (out / "scenario" / IMU_CALIBRATION).read_text(encoding="utf-8")
+    assert [shorter for shorter in SHORTER.values() if shorter not in scenario] == []
     diagnosis = json.loads((out / "diagnosis.json").read_text())
     hidden = json.loads((out / "hidden-answer.json").read_text())["hidden"]
     assert diagnosis["verdict"] == "explained"

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from importlib import resources
 from itertools import product
@@ -136,6 +137,10 @@ class PositionPlan(Result):
         return pl.DataFrame(rows, schema_overrides={"alpha_deg": pl.Float64, "beta_deg": pl.Float64})
 
 
+class NoSetError(InputError):
+    """No set of so many positions was found that determines every target."""
+
+
 def plan_positions(count: int, request: Request, *, stored: bool = True, progress: bool = False) -> PositionPlan:
     """One set of positions for all targets, with what is proven of every other set.
 
@@ -143,8 +148,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     for the same arguments; the best found where Ctrl-C ended the search. An InputError for options that cannot be used,
     and for so few positions that no set was found.
     """
-    few = bool(request.targets or request.goal or request.measured)
-    fewest = 1 if few else FEWEST
+    fewest = 1 if request.any_number else FEWEST
     if not fewest <= count <= MOST_POSITIONS:
         raise InputError(f"--positions {count}: must be between {fewest} and {MOST_POSITIONS}")
     if not 0 <= request.repeat <= count:
@@ -152,7 +156,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     effects = named_effects(request.detect)
     task = task_of(request, progress=progress)
     p, size = task.parametrisation, task.weights.shape[1]
-    if count < -(-size // 3) and not few:
+    if count < -(-size // 3) and not request.any_number:
         raise InputError(
             f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )
@@ -168,8 +172,8 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         found, starts, interrupted = search(task, count, given=given, progress=progress)
     if found is None:
         less = ", or leave more angles by --keep-out" if request.keep_out else ""
-        raise InputError(
-            f"--positions {count}: no set was found that determines every target; give more, or --starts{less}"
+        raise NoSetError(
+            f"{count} positions: no set was found that determines every target; give more, or --starts{less}"
         )
     if request.resolution_deg is not None and not request.against_unlisted:
         found = rounded(task, found)
@@ -242,12 +246,23 @@ def plan_in_time(minutes: float, request: Request, *, dwell_s: float = DWELL_S, 
     def used(plan: PositionPlan) -> float:
         return plan.duration + dwell_s * len(plan.programme)
 
+    least = 1 if request.any_number else max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
+    too_little = InputError(
+        f"--minutes {minutes:g}: is too little for {least + request.repeat} rests of {dwell_s:g} s, the fewest, "
+        "and the moves between them; give more, or a shorter --dwell"
+    )
     most = min(int(seconds // dwell_s) - request.repeat, MOST_POSITIONS)
-    rough = plan_positions(most, replace(request, starts=1, cuts=0), progress=progress)
-    count = most - max(0, ceil((used(rough) - seconds) / (dwell_s + rough.duration / len(rough.programme))))
-    while used(found := plan_positions(count, request, progress=progress)) > seconds:
-        count -= 1
-    return found
+    if most < least:
+        raise too_little
+    count = most
+    # One start may find none where more of them do.
+    with suppress(NoSetError):
+        rough = plan_positions(most, replace(request, starts=1, cuts=0), progress=progress)
+        count -= max(0, ceil((used(rough) - seconds) / (dwell_s + rough.duration / len(rough.programme))))
+    for tried in range(count, least - 1, -1):
+        if used(found := plan_positions(tried, request, progress=progress)) <= seconds:
+            return found
+    raise too_little
 
 
 def rounded(task: Task, found: Costs) -> Costs:

@@ -42,6 +42,11 @@ class Request:
     lost: int = 0
     measured: Path | None = None
 
+    @property
+    def any_number(self) -> bool:
+        """Whether any number of positions may do: for targets of one's own, or beside what is measured."""
+        return bool(self.targets or self.goal or self.measured)
+
     def check(self) -> None:
         """Refuse options that no plan can fulfil: an InputError of one line that names the option."""
         for name, value, known in (

@@ -1,5 +1,6 @@
 """Positions for what is wanted: a correction's error, a lost position, what is measured already, given time."""
 
+from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 
@@ -11,7 +12,7 @@ from simulated_bench import random_bench, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.targets import FACES, GOALS, levelling_error
 from trihedron.tools.errors import InputError
-from trihedron.tools.planning import positions
+from trihedron.tools.planning import common, positions
 from trihedron.tools.planning.common import plan_in_time, plan_positions
 from trihedron.tools.planning.positions import Places, costs
 from trihedron.tools.planning.request import Request
@@ -86,6 +87,15 @@ def test_as_many_positions_as_fit_into_the_minutes():
         plan = plan_in_time(2.5, request, dwell_s=dwell)
         with pytest.raises(InputError, match=r"--minutes 0\.1: must be at least one --dwell of 12 seconds"):
             plan_in_time(0.1, request, dwell_s=dwell)
+        for minutes in (1.0, 1.3):
+            # Less than six rests take; as long as six take, and no time to move.
+            with pytest.raises(InputError, match=rf"--minutes {minutes:g}: is too little for 6 rests of 12 s"):
+                plan_in_time(minutes, request, dwell_s=dwell)
+        # Where one start finds no set of so many, more of them are tried.
+        with mock.patch.object(common, "search", side_effect=[(None, 1, False), (None, 30, False)]) as tried:
+            with pytest.raises(InputError, match=r"^2 positions: no set was found"):
+                plan_in_time(0.4, replace(request, starts=30, targets=("X1", "X16")), dwell_s=dwell)
+            assert tried.call_count == 2
     used = plan.duration + dwell * len(plan.programme)
     assert used <= 150.0 < used + 2.0 * dwell
 
