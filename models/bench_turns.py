@@ -82,6 +82,37 @@ def _harmonics(angle: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return np.ones_like(angle), np.cos(angle), np.sin(angle)
 
 
+def turning_of(beta: NDArray, swing: NDArray, turn: NDArray, lean: float) -> NDArray[np.float64]:
+    """Turns (N, 3) of the inner frame, in its axes, by turns (N,) about the outer and the inner axis; lean ε."""
+    along = np.cos(lean) * swing
+    return np.stack([along * np.cos(beta), -along * np.sin(beta), np.sin(lean) * swing + turn], axis=1)
+
+
+def rates_of_turning(beta: NDArray, rates: NDArray, accelerations: NDArray, lean: float) -> NDArray[np.float64]:
+    """Rates and their changes (2, N, 3) of the inner frame, in its axes, by those (N, 2) of both axes."""
+    rate, change = (turning_of(beta, values[:, 0], values[:, 1], lean) for values in (rates, accelerations))
+    across = np.cos(lean) * rates[:, 0] * rates[:, 1]
+    change[:, 0] -= across * np.sin(beta)
+    change[:, 1] -= across * np.cos(beta)
+    return np.stack([rate, change])
+
+
+def axes_of_turns(alpha: NDArray, beta: NDArray, lean: float) -> NDArray[np.float64]:
+    """The axes (4, N, 3) of small turns in those of the inner frame, at angles (N,) from the vertical; lean ε.
+
+    About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
+    """
+    (sin_a, cos_a), (sin_b, cos_b) = ((np.sin(v), np.cos(v)) for v in (alpha, beta))
+    sin_e, cos_e, none = np.sin(lean), np.cos(lean), np.zeros(len(beta))
+    axes = [
+        (sin_e * sin_a * cos_b + cos_a * sin_b, cos_a * cos_b - sin_e * sin_a * sin_b, -cos_e * sin_a),
+        (cos_e * cos_b, -cos_e * sin_b, none + sin_e),
+        (sin_b, cos_b, none),
+        (none, none, none + 1.0),
+    ]
+    return np.array(axes).swapaxes(1, 2)
+
+
 def integrated_readings(
     targets: ArrayLike,
     gyros: ArrayLike,

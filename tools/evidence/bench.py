@@ -191,7 +191,7 @@ class Bench(Evidence):
     @property
     def second_order(self) -> float:
         """What the linear model may be wrong by, in units of the bounds."""
-        return SECOND_ORDER * self.baseline_radius**2 * float(self.bound.min())
+        return self.second_order_at(self.baseline_radius)
 
     @property
     def stated_bound(self) -> float:

@@ -19,13 +19,14 @@ from ...models.bench_turns import BIAS, MATRIX
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
-from ..calibration.calibration import Asked, radius_limit
+from ..calibration.calibration import Asked
 from ..calibration.gyros import Bench as Place
 from ..calibration.gyros import fit_whole, gyro_names, with_gyros
+from ..calibration.in_motion import InMotion
 from ..calibration.turns import WithTurns, with_turns
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
-from .bench import FIT_TOLERANCE, GYROS_LEFT_OUT, Bench, TurnErrors, bench_evidence
+from .bench import GYROS_LEFT_OUT, Bench, TurnErrors, bench_evidence
 from .bench_again import effects_of_model, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
@@ -35,7 +36,7 @@ from .bench_scenario import extension_of_bench
 from .bench_travel import Travel, approached, effects_of_gyros
 from .bench_visits import is_linear
 from .carried import SHOWN_BY
-from .evidence import Trial
+from .evidence import Evidence, Trial
 from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of
 from .of_record import width_of
@@ -105,10 +106,8 @@ class BenchInMotion(Bench):
         """Radius of the nominal model."""
         return max(super().baseline_radius, self.baseline.radius)
 
-    @cached_property
-    def bound(self) -> NDArray[np.float64]:
-        """Ones (M,)."""
-        return np.ones(len(self.residual))
+    bound = Evidence.bound
+    space_of = Evidence.space_of
 
     def at(
         self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray
@@ -117,64 +116,65 @@ class BenchInMotion(Bench):
 
         What effects do to the turns is linear.
         """
-        blocks, whole, own = blocks_of(places), self.whole, self.whole.own
+        blocks, own = blocks_of(places), self.whole.own
         mine = [(place, block) for place, block in zip(places, blocks, strict=True) if acts_at_rest(place)]
         columns = np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.stop) for _, b in mine)])
-        readings, slope = self.moving.lagging(float(point[-1]))
-        linear = [place for place, _ in mine]
-        read = replace(self.moving.read, readings=readings).about(linear, point[:own], coefficients[columns])
-        jacobian, rate = np.zeros((2, len(whole.bound), len(point) + len(coefficients)))
-        residual, count = whole.residual_at(point[:-1]), len(read.residual)
-        moved = self._moved(places)
-        residual[:count] = read.residual - moved @ coefficients
-        jacobian[:, : len(point) - 1] = whole.jacobian_at(point[:-1])
-        jacobian[:count, len(point) - 1] = slope
-        jacobian[:count, len(point) :] = moved
-        jacobian[:count, :own], rate[:count, :own] = read.jacobian[:, :own], read.rate[:, :own]
-        jacobian[:count, len(point) + columns], rate[:count, len(point) + columns] = (
-            read.jacobian[:, own:],
-            read.rate[:, own:],
+        readings = self.moving.lagging(float(point[-1]))[0]
+        read = replace(self.moving.read, readings=readings).about(
+            [place for place, _ in mine], point[:own], coefficients[columns]
         )
-        seen = self._turned(places)
-        residual[count:] -= seen @ coefficients
-        jacobian[count:, len(point) :] = seen
-        bound = np.append(read.bound, whole.bound[count:])
+        residual, jacobian, bound, chosen = self._beside_turns(read, columns, self._added(places), point, coefficients)
+        rate = np.zeros_like(jacobian)
+        rate[: self.of_readings, chosen] = read.rate
         return residual / bound, jacobian / bound[:, None], rate / bound[:, None]
+
+    def _beside_turns(
+        self, read: About | Fit, columns: NDArray, added: NDArray, point: NDArray, coefficients: NDArray
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int_]]:
+        """Readings as a model of the bench has them with the turns beside them, about parameters and coefficients.
+
+        `columns` of the coefficients (K,) are the model's, `added` (M, K) what the others do. Errors (M,), derivatives
+        (M, P + K), bounds (M,), and which columns are the model's.
+        """
+        whole, count = self.whole, self.of_readings
+        lagging = np.zeros((len(added), 1))
+        lagging[:count, 0] = self.moving.lagging(float(point[-1]))[1]
+        chosen = np.append(np.arange(whole.own), len(point) + columns)
+        residual = whole.residual_at(point[:-1]) - added @ coefficients
+        residual[:count] = read.residual - added[:count] @ coefficients
+        jacobian = np.hstack([whole.jacobian_at(point[:-1]), lagging, added])
+        jacobian[:count, chosen] = read.jacobian
+        return residual, jacobian, np.append(read.bound, whole.bound[count:]), chosen
 
     def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
         """The exact model of the whole bench with linear effects, linearised there."""
         residual, jacobian, rate = self.at(places, point, coefficients)
         return About(residual, jacobian, np.ones(len(residual)), rate)
 
-    def _moved(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
-        """What effects that only motion shows add to the readings (M', K) [g]; zeros of others."""
-        return np.hstack([np.zeros((self.of_readings, 0)), *(self.moving.columns(place) for place in places)])
-
-    def _turned(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
-        """What effects add to the integrals (3 S, K) [rad]; zeros of those that act on accelerometers alone."""
-        for place in places:
-            if place not in self._known:
-                self._known[place] = self.travel.columns(place)
-        rows = len(self.whole.bound) - self.of_readings
-        return np.hstack([np.zeros((rows, 0)), *(self._known[place] for place in places)])
+    def _added(self, places: Sequence[EffectPlace], blocks: Sequence[slice] | None = None) -> NDArray[np.float64]:
+        """What effects in motion add to readings [g], and linear ones to integrals [rad]: (M, K)."""
+        blocks, known = blocks_of(places) if blocks is None else blocks, self._known
+        added = np.zeros((len(self.whole.bound), blocks[-1].stop if blocks else 0))
+        for place, block in zip(places, blocks, strict=True):
+            # What is not linear acts on accelerometers at rest alone.
+            if is_linear(place):
+                if place not in known:
+                    known[place] = np.vstack([self.moving.columns(place), self.travel.columns(place)])
+                added[:, block] = known[place]
+        return added
 
     @cached_property
     def _known(self) -> dict[EffectPlace, NDArray[np.float64]]:
-        """What effects that were asked about add to the integrals."""
+        """What effects that were asked about add."""
         return {}
 
     def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """Columns (M, K) of linear effects over the bounds, at the nominal fit."""
-        whole, read = self.whole, self._moved(places)
+        columns = self._added(places)
         for place, block in zip(places, blocks_of(places), strict=True):
             if acts_at_rest(place):
-                read[:, block] = self.moving.read.columns_of([place])
-        return np.vstack([read, self._turned(places)]) / whole.bound[:, None]
-
-    @property
-    def linear_places(self) -> list[EffectPlace]:
-        """Effects that are linear in their coefficients."""
-        return [place for place in self.places if is_linear(place)]
+                columns[: self.of_readings, block] = self.moving.read.columns_of([place])
+        return columns / self.whole.bound[:, None]
 
     @cached_property
     def classes(self) -> Classes:
@@ -182,25 +182,10 @@ class BenchInMotion(Bench):
         columns = [self.columns_of([place]) for place in self.linear_places]
         return Classes.of(self.linear_places, spaces_beyond(self.nominal, columns))
 
-    def space_of(self, place: EffectPlace) -> NDArray[np.float64]:
-        """What an effect adds to the model on these rows."""
-        (space,) = spaces_beyond(self.nominal, [self.columns_of([place])])
-        return space
-
-    @property
-    def limit(self) -> float:
-        """Radius up to which a model stands."""
-        return radius_limit(self.calibration.noise_bound, self.readings.resolution) + FIT_TOLERANCE
-
     @property
     def rounding(self) -> float:
         """What writing down the readings adds to their bounds, in units of these."""
         return self.rests.rounding / self.calibration.noise_bound
-
-    @property
-    def second_order(self) -> float:
-        """What the linear model may be wrong by, in units of the bounds."""
-        return self.second_order_at(self.baseline_radius)
 
     def second_order_at(self, radius: float) -> float:
         """What the linear model may be wrong by where it misses by so many bounds."""
@@ -258,41 +243,29 @@ class BenchInMotion(Bench):
         gyros = [place for place in places if not acts_at_rest(place)]
         found = []
         for fit in self.moving.read.mended([place for place in places if acts_at_rest(place)], work):
-            ways = [one for way in (fit, *fit.also) if (one := self._beside_turns(way, gyros)) is not None]
+            ways = [one for way in (fit, *fit.also) if (one := self._standing(way, gyros)) is not None]
             if ways:
                 best, *others = sorted(ways, key=lambda one: one.radius)
                 found.append(replace(best, also=tuple(others)))
         return found
 
-    def _beside_turns(self, fit: Fit, gyros: Sequence[EffectPlace]) -> Fit | None:
-        """A fit of the rests with the turns beside it, and effects of the gyros; None where it does not stand."""
-        whole, count, first = self.whole, self.of_readings, len(fit.point)
-        point = np.append(fit.point, self.point[whole.own :])
-        more, own = width_of(gyros), len(fit.coefficients)
+    def _standing(self, fit: Fit, gyros: Sequence[EffectPlace]) -> Fit | None:
+        """A fit of the readings with the turns beside it, and effects of the gyros; None where it does not stand."""
+        count, own = self.of_readings, len(fit.coefficients)
         places = (*fit.places, *gyros)
         blocks = (*fit.blocks, *(slice(b.start + own, b.stop + own) for b in blocks_of(gyros)))
-        at = np.concatenate([point, fit.coefficients, np.zeros(more)])
-        chosen = np.append(np.arange(first), len(point) + np.arange(own))
-        read = whole.bound[:count]
-        jacobian = np.zeros((len(whole.bound), len(at)))
-        jacobian[:count, chosen] = fit.jacobian / read[:, None]
-        jacobian[:count, len(point) - 1] = self.moving.lagging(0.0)[1] / read
-        turned = np.pad(whole.jacobian_at(point[:-1])[count:], ((0, 0), (0, 1)))
-        # What is not linear acts on accelerometers alone.
-        seen = np.zeros((len(self.whole.bound) - count, own + more))
-        for place, block in zip(places, blocks, strict=True):
-            if is_linear(place):
-                seen[:, block] = self._turned([place])
-        jacobian[count:] = np.hstack([turned, seen]) / whole.bound[count:, None]
-        left = whole.residual_at(point[:-1])[count:] - seen[:, :own] @ fit.coefficients
-        residual = np.append(fit.residual / read, left / whole.bound[count:])
-        bound = np.append(fit.bound / read, np.ones(len(left)))
+        point = np.append(fit.point, self.point[self.whole.own :])
+        sizes = np.append(fit.coefficients, np.zeros(width_of(gyros)))
+        rows = self._beside_turns(fit, np.arange(own), self._added(places, blocks), point, sizes)
+        *rows, chosen = rows
+        residual, jacobian, bound = ((values.T / self.whole.bound).T for values in rows)
+        at, read = np.append(point, sizes), self.whole.bound[:count]
 
         def grown(growth: Growth) -> Growth:
             rows, low = np.zeros_like(jacobian), np.full(len(at), -np.inf)
             rows[:count, chosen], high = growth.rows / read[:, None], -low
             low[chosen], high[chosen] = growth.low, growth.high
-            return Growth(np.append(growth.now / read, np.zeros(len(left))), rows, low, high)
+            return Growth(np.append(growth.now / read, np.zeros(len(bound) - count)), rows, low, high)
 
         growths = tuple(map(grown, fit.growths))
         radius, step, branch = least_radius(jacobian, residual, bound, growths)
@@ -415,7 +388,7 @@ class BenchInMotion(Bench):
         return first.model_copy(update={"others": [turned]})
 
     def _gain_of_turns(self, fit: Fit) -> Gain | None:
-        if not fit.linear or not self._turned(fit.places).any():
+        if not fit.linear or not self._added(fit.places)[self.of_readings :].any():
             return None
         held, errors = np.arange(0, len(self.whole.turns.first), FOLDS), []
         kept = self.fold_of_rows() != 0
@@ -480,7 +453,8 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     found = found.model_copy(update={"warnings": [said for said in found.warnings if said != GYROS_LEFT_OUT]})
     encoder_bound = place.encoder_within(alone.noise_bound)
     travel = Travel.of(raw, whole, encoder_bound, alone.gravity)
-    moving = Moving.of(rests, record, raw, encoder_bound, travel.to_block, travel.lean)
+    more = InMotion.of(record, here, alone.gravity, encoder_bound)
+    moving = Moving.of(rests, raw, more, travel.to_block, travel.lean)
     both = with_turns(moving.read.here, whole.turns, str(record.path))
     moving = moving.about(both.point[: both.own])
     # Of a block that slips on the table gyros see the slip itself: that is not tried.

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench_turns import axes_of_turns, turning_of
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
@@ -93,8 +94,7 @@ class Travel:
         swing = np.where(np.diff(path, axis=1) > 0.0, np.diff(angles[:, kept], axis=1), 0.0)
         targets = whole.parametrisation.selection[0] @ x
         lean, middle = float(targets[2]), 0.5 * (beta[1:] + beta[:-1])
-        along = np.cos(lean) * swing[0]
-        turning = np.stack([along * np.cos(middle), -along * np.sin(middle), np.sin(lean) * swing[0] + swing[1]], 1)
+        turning = turning_of(middle, swing[0], swing[1], lean)
         at = Positions(alpha, beta, np.zeros(len(kept), dtype=int))
         to_gyros = turns.jacobian_of_axes(targets, whole.point[whole.own :])
         return Travel(
@@ -145,19 +145,8 @@ class Travel:
 
     @cached_property
     def axes(self) -> NDArray[np.float64]:
-        """The axes (4, R, 3) of small turns, in those of the inner frame.
-
-        About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
-        """
-        (sin_a, cos_a), (sin_b, cos_b) = ((np.sin(v), np.cos(v)) for v in (self.alpha - self.shift, self.beta))
-        sin_e, cos_e, none = np.sin(self.lean), np.cos(self.lean), np.zeros(len(self.beta))
-        axes = [
-            (sin_e * sin_a * cos_b + cos_a * sin_b, cos_a * cos_b - sin_e * sin_a * sin_b, -cos_e * sin_a),
-            (cos_e * cos_b, -cos_e * sin_b, none + sin_e),
-            (sin_b, cos_b, none),
-            (none, none, none + 1.0),
-        ]
-        return np.array(axes).swapaxes(1, 2)
+        """The axes (4, R, 3) of small turns, in those of the inner frame."""
+        return axes_of_turns(self.alpha - self.shift, self.beta, self.lean)
 
     def turned(self, functions: OnKnots, values: NDArray, slope: NDArray) -> NDArray[np.float64]:
         """What small turns, a slope (R, 3) times functions of values (R,), add to the integrals (3 S, K) [rad]."""

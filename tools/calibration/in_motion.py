@@ -1,0 +1,119 @@
+"""Readings in motion: what accelerometers read as the table turns, at angles that its encoders tell within a bound.
+
+Over a few rows over which both axes speed up steadily, or not at all, a parabola is fitted to each reading; its value
+in the middle is that of one more position, at which the block turns. Beside σ it errs by the rows' own scatter, by what
+the encoder and the time stamp of the middle row are off, and by what a parabola cannot follow of a wave of gravity.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..motion.rest_noise import factor_for
+from ..motion.rests import sampling_of
+from ..records import BenchRecord, PositionRecord
+from ..records.rests import without_turns
+from .model import Linearisation, Positions, predicted_reading
+
+HALF_S, HALF_RAD, FEWEST = 0.08, 0.08, 3
+"""To either side of the middle so much time [s] and turn [rad] is taken, and at least so many rows."""
+STEADY = 2.5
+"""Angles are a parabola of time where they miss it by no more than so many bounds of an encoder."""
+APART = 0.8
+"""So far [rad] the table turns from one reading in motion to the next, but where its acceleration is another one."""
+MOST = 90
+SLOW = 0.02
+"""An axis that turns by less [rad/s] hardly turns."""
+QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
+"""What a parabola over angles of -1 to 1 rad lacks of a wave of up to 1.5 g in the middle [g]."""
+
+
+@dataclass(frozen=True, eq=False)
+class InMotion:
+    """Readings (W, 3) over g at rows (W,) of a bench record at which the table turns, and their bounds (W, 3).
+
+    `angles`, `rate`, `acceleration` (W, 2) are those of both axes [rad], [rad/s], [rad/s²].
+    """
+
+    rows: NDArray[np.int_]
+    angles: NDArray[np.float64]
+    reading: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    rate: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+
+    @staticmethod
+    def of(record: PositionRecord, here: Linearisation, gravity: float, encoder_bound: float) -> "InMotion":
+        """What a bench record says between its rests, linearised `here`; an encoder's error is within a bound [rad]."""
+        raw = record.raw
+        assert isinstance(raw, BenchRecord)
+        time, angles = raw.time_s, np.stack([without_turns(raw.alpha), without_turns(raw.beta)], axis=1)
+        sampling = sampling_of(raw.gyros)
+        reading = raw.specific_force / gravity
+        rows, half, rate, acceleration = _steady_rows(time, angles, reading, record, encoder_bound)
+        value, gain = _parabola(reading, rows, half)
+        off = encoder_bound + sampling.jitter_max * np.abs(rate)
+        at = Positions(angles[rows, 0], angles[rows, 1], np.zeros(len(rows), dtype=int))
+        slopes = np.abs(_slopes(here, at))
+        wave = QUARTIC * (half * sampling.period * np.abs(rate).sum(axis=1)) ** 4
+        noise = factor_for(3 * len(rows)) * gain[:, None] * _scatter(reading, record)
+        bound = float(here.bound.min()) + noise + (slopes * off[:, None]).sum(axis=2) + wave[:, None]
+        return InMotion(rows, angles[rows], value, bound, rate, acceleration)
+
+
+def _steady_rows(
+    time: NDArray, angles: NDArray, reading: NDArray, record: PositionRecord, encoder_bound: float
+) -> tuple[NDArray, int, NDArray, NDArray]:
+    """Rows (W,) in motion, rows to either side, and rates and accelerations (W, 2) of both axes there."""
+    used = [rest for rest in record.rests if rest.refused is None]
+    period = float(np.median(np.diff(time)))
+    fastest = float(np.quantile(np.abs(np.diff(angles, axis=0)).sum(axis=1), 0.99)) / period
+    half = max(FEWEST, int(min(HALF_S, HALF_RAD / max(fastest, SLOW)) / period))
+    if len(used) < 2 or len(time) < 4 * half:
+        return np.zeros(0, int), half, np.zeros((0, 2)), np.zeros((0, 2))
+    lags = period * np.arange(-half, half + 1)
+    inverse = np.linalg.pinv(np.vander(lags, 3, increasing=True))
+    windows = np.lib.stride_tricks.sliding_window_view(angles, 2 * half + 1, axis=0)
+    seen = np.abs(angles[2 * half :] - angles[: -2 * half]).max(axis=1) > SLOW * 2 * half * period
+    for rest in used:
+        seen[max(rest.first - 2 * half, 0) : rest.last + 1] = False
+    even = np.abs(time[2 * half :] - time[: -2 * half] - 2 * half * period) < 0.5 * period
+    # Windows that overlap by three quarters say hardly more than each other.
+    first = np.flatnonzero(seen & even)[:: max(half // 2, 1)]
+    terms = windows[first] @ inverse.T
+    left = windows[first] - terms @ np.vander(lags, 3, increasing=True).T
+    forces = np.lib.stride_tricks.sliding_window_view(reading, 2 * half + 1, axis=0)[first]
+    one_sign = (np.abs(np.sign(forces).sum(axis=2)) == 2 * half + 1).all(axis=1)
+    good = (np.abs(left).max(axis=(1, 2)) <= STEADY * encoder_bound) & one_sign
+    rows, rate, acceleration = first[good] + half, terms[good, :, 1], 2.0 * terms[good, :, 2]
+    between = np.searchsorted([rest.first for rest in used], rows)
+    gone = np.floor(np.append(0.0, np.abs(np.diff(angles, axis=0)).sum(axis=1)).cumsum()[rows] / APART)
+    largest = np.abs(acceleration).max(initial=0.0)
+    kinds = np.column_stack([between, gone, np.round(2.0 * acceleration / max(largest, 1e-9))])
+    _, chosen = np.unique(kinds, axis=0, return_index=True)
+    chosen = np.sort(chosen)
+    if len(chosen) > MOST:
+        chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, MOST).round().astype(int))]
+    return rows[chosen], half, rate[chosen], acceleration[chosen]
+
+
+def _parabola(reading: NDArray, rows: NDArray, half: int) -> tuple[NDArray, NDArray]:
+    """Values (W, 3) in the middle of parabolas through readings, and how they add up noise (W,), rms."""
+    lags = np.arange(-half, half + 1)
+    weights = np.linalg.pinv(np.vander(lags.astype(float), 3, increasing=True))[0]
+    value = np.einsum("k,wkp->wp", weights, reading[rows[:, None] + lags])
+    return value, np.full(len(rows), float(np.linalg.norm(weights)))
+
+
+def _scatter(reading: NDArray, record: PositionRecord) -> NDArray[np.float64]:
+    """Standard deviation (3,) of single readings about the means of their rests."""
+    kept = [reading[rest.kept] for rest in record.rests if rest.refused is None]
+    return np.sqrt(np.median([np.var(own, axis=0) for own in kept], axis=0))
+
+
+def _slopes(here: Linearisation, at: Positions) -> NDArray[np.float64]:
+    """Derivatives (N, 3, 2) of readings by the angles."""
+    from_angles = [replace(at, **{name: getattr(at, name) + 1j * 1e-30}) for name in ("alpha", "beta")]
+    read = [np.imag(predicted_reading(here.parametrisation, here.point, one)) / 1e-30 for one in from_angles]
+    return np.stack(read, axis=2)
