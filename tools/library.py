@@ -190,7 +190,12 @@ def plan_positions(
     *,
     minutes: float | None = None,
     dwell_s: float = 20.0,
-    goal: Literal["levelling"] | None = None,
+    rate_dps: float | None = None,
+    acceleration_dps2: float | None = None,
+    goal: Literal["levelling", "gyrocompass"] | None = None,
+    latitude_deg: float = 55.75,
+    accuracy: str | None = None,
+    noise_bound: float = 1e-5,
     lost: int = 0,
     measured: str | Path | None = None,
     criterion: Literal["worst", "mean"] = "worst",
@@ -218,13 +223,22 @@ def plan_positions(
     Parameters
     ----------
     count : int, optional
-        Number of positions; as many as fit into the minutes without it.
+        Number of positions; as many as fit into the minutes, or the fewest found to keep the accuracy, without it.
     minutes : float, optional
-        Time on the table: rests and moves, with the axes' limits at 1 rad/s and 1 rad/s².
+        Time on the table: rests and moves.
     dwell_s : float
         Time at each position [s].
+    rate_dps, acceleration_dps2 : float, optional
+        How fast the table turns, 1 rad/s and 1 rad/s² where nothing is said (--imu: 100 deg/s).
     goal : str, optional
-        What the correction is for: levelling makes the largest error of a level small, in place of single targets.
+        What the correction is for, in place of single targets: levelling makes the largest error of a level small,
+        gyrocompass that of the azimuth, at the latitude.
+    latitude_deg : float
+        Of the gyrocompass [deg].
+    accuracy : str, optional
+        The error that the goal, or each target, must keep, as 7arcsec, 20ug, 5ppm or 1e-5.
+    noise_bound : float
+        σ, as a fraction of g, for goal and accuracy.
     lost : int
         So many positions, 0 or 1, may be lost, whichever they are: what is promised holds without them.
     measured : path, optional
@@ -289,9 +303,16 @@ def plan_positions(
         goal=goal,
         lost=lost,
         measured=None if measured is None else Path(measured),
+        accuracy=accuracy,
+        noise_bound=noise_bound,
+        latitude_deg=latitude_deg,
+        rate_dps=rate_dps,
+        acceleration_dps2=acceleration_dps2,
     )
-    if (count is None) == (minutes is None):
-        raise InputError("--positions and --minutes: give one of the two")
+    if [count, minutes, accuracy].count(None) != 2:
+        raise InputError("--positions, --minutes and --accuracy: give one of the three")
+    if accuracy is not None:
+        return planning.plan_to_accuracy(request, progress=progress)
     if minutes is not None:
         return planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=progress)
     assert count is not None

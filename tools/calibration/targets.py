@@ -264,7 +264,9 @@ FACES = (
     *(("X16", "X18+X11+X13"), ("X16", "X18-X11-X13"), ("X16", "X17")),
 )
 """What two accelerometers read too much while the axis of the third is vertical: axes 1 and 2 up and down, axis 3."""
-GOALS = {"levelling": tuple(dict.fromkeys(symbol for face in FACES for symbol in face))}
+GOALS: dict[str, tuple[str, ...]] = dict.fromkeys(
+    ("levelling", "gyrocompass"), tuple(dict.fromkeys(symbol for face in FACES for symbol in face))
+)
 """Targets of which the largest error is what a correction is worth for something, by its name."""
 
 

@@ -32,7 +32,7 @@ FOR = {
         "measured",
         "minutes",
         "dwell_s",
-        "out",
+        *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy", "out"),
     ),
     "curve": (*SEARCH, "out"),
     "check": ("noise_bound",),
@@ -72,6 +72,8 @@ def plan(
 
     Example: trihedron plan --minutes 10 --goal levelling
 
+    Example: trihedron plan --goal levelling --accuracy 7arcsec --noise-bound 1e-5
+
     Example: trihedron plan --imu --minutes 30 --gyro-noise 1e-5 --out imu30
 
     Parameters
@@ -89,11 +91,11 @@ def plan(
     imu
         Rests and turns that determine accelerometers, gyros and bench.
     minutes
-        Time on the table: as many positions as fit into it, with moves within 1 rad/s and 1 rad/s²; or of --imu, 30.
+        Time on the table: as many positions as fit into it; or of --imu, 30.
     dwell_s
         Time at each position [s], for --minutes, --out and --imu.
     noise_bound
-        σ, as a fraction of g, for --check and --imu; 1e-5.
+        σ, as a fraction of g, for --goal, --accuracy, --check and --imu; 1e-5.
     out
         Folder for programme, table list, operator's page, picture.
     picture
@@ -101,9 +103,11 @@ def plan(
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
     uses = {"positions": positions, "curve": curve, "check": check, "imu": imu or None}
-    if minutes is not None and not any(value is not None for value in uses.values()):
+    if (minutes is not None or "accuracy" in options) and not any(value is not None for value in uses.values()):
         uses["positions"] = 0
-    more = {"minutes": minutes, "noise_bound": noise_bound, "out": out}
+    more = {"minutes": minutes, "out": out}
+    if not options.keys() & {"goal", "accuracy"}:
+        more["noise_bound"] = noise_bound
     given = {name: value for name, value in (uses | more).items() if value is not None}
     given |= {name: value for name, value in options.items() if name not in EVERY_PLAN}
     others = {"--grid": grid, "--continuum": continuum, "--picture": picture}
@@ -119,6 +123,7 @@ def plan(
         mounting, dwell = options.pop("mounting", "identity"), options.pop("dwell_s", None)
         if "mountings" in options and mounting != "identity":
             raise InputError("--mounting and --mountings: give one of the two")
+        options |= {} if noise_bound is None else {"noise_bound": noise_bound}
         request = planning.Request(**{"mountings": (mounting,), **options}, targets=targets)
         if use == "positions":
             return _positions((positions, minutes, dwell), request, out, json, report)
@@ -195,12 +200,14 @@ def _positions(
 ) -> Answer:
     count, minutes, dwell = asked
     dwell_s = planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
-    if minutes is not None and count is not None:
-        raise InputError("--positions and --minutes: give one of the two")
-    if count is None:
-        assert minutes is not None
+    if [count, minutes, request.accuracy].count(None) != 2:
+        raise InputError("--positions, --minutes and --accuracy: give one of the three")
+    if request.accuracy is not None:
+        found = planning.plan_to_accuracy(request, progress=True)
+    elif minutes is not None:
         found = planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=True)
     else:
+        assert count is not None
         found = planning.plan_positions(count, request, progress=True)
     files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
     if page is not None:

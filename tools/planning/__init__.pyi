@@ -6,6 +6,7 @@ from .common import checked_dwell as checked_dwell
 from .common import plan_curve as plan_curve
 from .common import plan_in_time as plan_in_time
 from .common import plan_positions as plan_positions
+from .common import plan_to_accuracy as plan_to_accuracy
 from .imu import ImuPlan as ImuPlan
 from .imu import plan_imu as plan_imu
 from .plan import Plans as Plans

@@ -1,12 +1,12 @@
 """One set of positions for all targets, as many as are asked for or fit into given time, and what any number costs."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from importlib import resources
 from itertools import product
-from math import ceil
+from math import ceil, radians, tan
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -18,10 +18,12 @@ from ..calibration.targets import levelling_error
 from ..errors import InputError
 from ..progress import shown_status
 from ..result import Result
+from ..rounding import downwards
 from .check import EffectDistance, detecting, named_effects
 from .plan import Degrees
-from .positions import Costs, Places, Request, Task, allowed, costs, pool_of, task_of
-from .search import Bound, bound_positions, drawn, merit, search
+from .pool import Bound, bound_positions, pool_of
+from .positions import Costs, Places, Request, Task, allowed, costs, task_of
+from .search import drawn, merit, search
 from .tour import measuring_order, unwound
 from .unlisted import UnlistedSize, against_unlisted, sizes_of
 
@@ -76,9 +78,11 @@ class PositionPlan(Result):
         whether Ctrl-C ended search or bound
     mountings : dict
         Q (3, 3) by name
-    goal, lost, levelling_error : str, int, float or None
-        what the correction is for, and its largest error by a-priori estimates, in σ [rad]; so many positions may be
-        lost, any: costs are those of the worst
+    goal, lost, levelling_error, azimuth_error : str, int, float, float or None
+        what the correction is for, and its largest error by a-priori estimates, in σ [rad], of a level and of a
+        gyrocompass; so many positions may be lost, any: costs are those of the worst
+    accuracy, accuracy_kept, fewer_keep : float or None
+        the error that was wanted, that of this set, and the best that was found of a position less [rad, g, 1]
     measured : int or None
         positions that are measured already and count beside these
     detection : tuple of EffectDistance
@@ -93,7 +97,10 @@ class PositionPlan(Result):
         positions of the set without the extra ones, for programs
     """
 
-    omitted = frozenset({"detection", "unlisted", "goal", "lost", "levelling_error", "measured"})
+    omitted = frozenset(
+        {"detection", "unlisted", "goal", "lost", "levelling_error", "azimuth_error", "measured", "accuracy"}
+        | {"accuracy_kept", "fewer_keep"}
+    )
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
     positions: Annotated[tuple[PlannedPosition, ...], Field(min_length=1)]
@@ -121,6 +128,10 @@ class PositionPlan(Result):
     goal: str | None = None
     lost: int | None = None
     levelling_error: Number | None = None
+    azimuth_error: Number | None = None
+    accuracy: Number | None = None
+    accuracy_kept: Number | None = None
+    fewer_keep: Number | None = None
     measured: int | None = None
     detection: tuple[EffectDistance, ...] = ()
     unlisted: tuple[UnlistedSize, ...] = ()
@@ -181,9 +192,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
             where = " outside the keep-outs" if request.keep_out else ""
             raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
     bound, detection = None, ()
-    if request.cuts and not (
-        interrupted or request.measured or request.lost or request.against_unlisted or (effects and request.extra)
-    ):
+    if request.cuts and not (interrupted or request.against_unlisted or (effects and request.extra)):
         try:
             with shown_status("lower bound", show=progress):
                 bound = bound_positions(task, pool_of(task, found.places), count, found.worst)
@@ -219,7 +228,8 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         readings=len(found.readings.position),
         **{name: getattr(request, name) for name in ASKED},
         lost=request.lost or None,
-        levelling_error=levelling_error(every) if request.goal == "levelling" else None,
+        levelling_error=None if request.goal is None else levelling_error(every),
+        azimuth_error=None if request.goal != "gyrocompass" else _error(request, every),
         measured=len(task.measured) or None,
         starts=starts,
         interrupted=interrupted,
@@ -231,6 +241,11 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         duration=duration,
         searched=count,
     )
+
+
+def least_count(request: Request) -> int:
+    """The fewest positions with which a search begins."""
+    return 1 if request.any_number else max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
 
 
 def plan_in_time(minutes: float, request: Request, *, dwell_s: float = DWELL_S, progress: bool = False) -> PositionPlan:
@@ -246,7 +261,7 @@ def plan_in_time(minutes: float, request: Request, *, dwell_s: float = DWELL_S, 
     def used(plan: PositionPlan) -> float:
         return plan.duration + dwell_s * len(plan.programme)
 
-    least = 1 if request.any_number else max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
+    least = least_count(request)
     too_little = InputError(
         f"--minutes {minutes:g}: is too little for {least + request.repeat} rests of {dwell_s:g} s, the fewest, "
         "and the moves between them; give more, or a shorter --dwell"
@@ -263,6 +278,64 @@ def plan_in_time(minutes: float, request: Request, *, dwell_s: float = DWELL_S, 
         if used(found := plan_positions(tried, request, progress=progress)) <= seconds:
             return found
     raise too_little
+
+
+def _error(request: Request, errors: Mapping[str, float]) -> float:
+    """The largest error of what is asked for [σ], by those of the targets."""
+    if request.goal is None:
+        return max(errors.values())
+    return levelling_error(errors) * (abs(tan(radians(request.latitude_deg))) if request.goal == "gyrocompass" else 1.0)
+
+
+def plan_to_accuracy(request: Request, *, progress: bool = False) -> PositionPlan:
+    """As `plan_positions`, of the fewest positions found to keep the error that `request.accuracy` says.
+
+    Numbers of positions are tried in growing steps, then between the last two. An InputError for an error that no
+    positions keep, proven over all angles, or that was not found to be kept, and for targets of several units.
+    """
+    wanted, sigma = request.wanted, request.noise_bound
+    alone = replace(request, goal=None, accuracy=None, targets=request.expressions)
+    own = task_of(alone, progress=progress)
+    units = {target.unit for target in own.targets}
+    if len(units) > 1 and request.goal is None:
+        raise InputError(
+            f"--accuracy: the targets have units {', '.join(sorted(units))}; ask for those of one by --target"
+        )
+    least = _error(request, dict(zip([target.symbol for target in own.targets], own.best.tolist(), strict=True)))
+    refused = f"--accuracy {request.accuracy}: no positions"
+    if least > wanted:
+        raise InputError(
+            f"{refused}, however many, keep it at --noise-bound {sigma:g}; "
+            f"none are better than {request.told(least, downwards)}"
+        )
+    tried: dict[int, PositionPlan] = {}
+
+    def keeps(count: int) -> bool:
+        with suppress(NoSetError):
+            tried[count] = plan_positions(count, request, progress=progress)
+            if tried[count].interrupted:
+                raise KeyboardInterrupt
+            return _error(request, tried[count].costs) <= wanted
+        return False
+
+    high = least_count(request)
+    low, stride = high - 1, 1
+    while not keeps(high):
+        if high == MOST_POSITIONS:
+            best = min(_error(request, plan.costs) for plan in tried.values())
+            raise InputError(f"{refused} up to {high} were found to keep it, best {request.told(best)}")
+        low, high, stride = high, min(high + stride, MOST_POSITIONS), 2 * stride
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if keeps(middle) else (middle, high)
+    found, fewer = tried[high], tried.get(low)
+    return found.model_copy(
+        update={
+            "accuracy": wanted * sigma,
+            "accuracy_kept": _error(request, found.costs) * sigma,
+            "fewer_keep": None if fewer is None else _error(request, fewer.costs) * sigma,
+        }
+    )
 
 
 def rounded(task: Task, found: Costs) -> Costs:

@@ -8,14 +8,14 @@ error with the readings that count.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from itertools import pairwise, product
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration.model import Parametrisation, parametrise
-from ..calibration.targets import GOALS, Target, asked_targets, convention_targets
+from ..calibration.targets import Target, asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import shown_status
 from ..records import PositionRecord, read_record
@@ -26,13 +26,8 @@ from .request import Request, parsed_keep_out
 
 CORNERS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
 TURN = 2.0 * np.pi
-SAMPLES = 40
-"""Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
-EQUAL = 1e-11
 LINES = 24
 """Lines of each axis on which it is looked whether keep-outs leave enough."""
-OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
-"""Distances of the pool's lines from the multiples of 90° of both axes."""
 NOT_DETERMINED = 1e3
 """A ratio above this says that the positions do not determine the target."""
 
@@ -76,7 +71,7 @@ class Task:
     targets : tuple of Target
         K of them
     best : (K,) array
-        cost of each target's own optimal plan over all angles [σ]; for a goal the largest of them for each
+        cost of each target's own optimal plan over all angles [σ]; the largest of them where they are `alike`
     support : (n, 2) array
         positions of those plans [rad]; none where the costs were given
     keep_out : tuple
@@ -130,8 +125,7 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
     """
     request.check()
     p = request.parametrisation()
-    expressions = request.targets if request.goal is None else GOALS[request.goal]
-    targets = wanted(p, request.convention, expressions)
+    targets = wanted(p, request.convention, request.expressions)
     parsed = [parsed_keep_out(text) for text in request.keep_out]
     keep_out = tuple(tuple((low, high) for at, low, high in parsed if at == axis) for axis in (0, 1))
     for name, intervals in zip(("alpha", "beta"), keep_out, strict=True):
@@ -143,8 +137,8 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
         with shown_status("optima of the targets", show=progress):
             matrices = tuple((name, matrix.tobytes()) for name, matrix in zip(p.mountings, p.matrices, strict=True))
             asked = tuple(map(float, request.bounds)), request.admissible, request.convention
-            best, support = _optima(matrices, p.symmetric, *asked, expressions)
-    if request.goal is not None:
+            best, support = _optima(matrices, p.symmetric, *asked, request.expressions)
+    if request.alike:
         best = np.full(len(best), best.max())
     task = Task(
         request,
@@ -364,110 +358,3 @@ def freedom(task: Task, angle: NDArray, radius: float) -> tuple[NDArray, NDArray
             up[:, axis] = np.minimum(up[:, axis], np.mod(low - angle[:, axis] + 1e-12, TURN))
             down[:, axis] = np.minimum(down[:, axis], np.mod(angle[:, axis] - high + 1e-12, TURN))
     return np.maximum(down - 1e-12, 0.0), np.maximum(up - 1e-12, 0.0)
-
-
-@dataclass(frozen=True)
-class Symmetry:
-    """θ → sense θ + shift, for both angles: senses (2,) ±1 and shifts (2,) 0 or π [rad]."""
-
-    sense: NDArray
-    shift: NDArray
-
-    def of(self, angle: NDArray) -> NDArray:
-        """Images (N, 2) of positions (N, 2) [rad]."""
-        return np.mod(self.sense * angle + self.shift, TURN)
-
-
-def symmetries(task: Task) -> list[Symmetry]:
-    """Of the sixteen candidates, those that map readings to readings and targets to targets, up to signs.
-
-    The cost of every target on a set of positions and on its image under one of these is then that of a target with
-    the same optimum: what is proven of a set holds for its images. Keep-outs are not looked at.
-    """
-    angle = np.random.default_rng(1).uniform(0.0, TURN, (SAMPLES, 2))
-    here, clear = _regressors_and_clearances(task, angle)
-    found = []
-    for senses in product((1.0, -1.0), repeat=2):
-        for shifts in product((0.0, np.pi), repeat=2):
-            symmetry = Symmetry(np.array(senses), np.array(shifts))
-            there, moved = _regressors_and_clearances(task, symmetry.of(angle))
-            if np.abs(clear - moved).max() <= EQUAL and _holds(task, here, there):
-                found.append(symmetry)
-    return found
-
-
-def _regressors_and_clearances(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
-    """F (N, 3, P) of the sheets with the larger clearance, and that clearance (N, 3), with every mounting."""
-    places = on_all_mountings(angle, len(task.parametrisation.mountings))
-    clear = clearances(task, places)
-    a, b = basis(places.angle[:, 0]), basis(places.angle[:, 1])
-    f = np.einsum("spij,ni,nj->nsp", task.regressor, a, b, optimize=True)
-    clear = np.stack([np.where(task.accelerometer == p, clear, -np.inf) for p in range(3)], axis=1)
-    best = clear.argmax(axis=2)[..., None]
-    return np.take_along_axis(f, best, axis=1), np.take_along_axis(clear, best, axis=2)[..., 0]
-
-
-def _holds(task: Task, here: NDArray, there: NDArray) -> bool:
-    """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order."""
-    for signs in product((1.0, -1.0), repeat=2):
-        turned = there * np.array([1.0, *signs])[None, :, None]
-        mixed = _permutation(here.reshape(-1, here.shape[2]), turned.reshape(-1, here.shape[2]))
-        if mixed is not None:
-            moved = (task.weights @ mixed)[:, None]
-            near = np.minimum(np.abs(task.weights - moved).max(axis=2), np.abs(task.weights + moved).max(axis=2))
-            if near.min(axis=1).max() <= EQUAL:
-                return True
-    return False
-
-
-def _permutation(here: NDArray, there: NDArray) -> NDArray | None:
-    """D (P, P), a permutation with signs, with there = here D; None where there is none."""
-    size = here.shape[1]
-    mixed = np.zeros((size, size))
-    for column in range(size):
-        for sign in (1.0, -1.0):
-            same = np.abs(here - sign * there[:, column : column + 1]).max(axis=0) < EQUAL
-            if same.sum() == 1:
-                mixed[int(same.argmax()), column] = sign
-    return mixed if (np.abs(mixed).sum(axis=0) == 1).all() and (np.abs(mixed).sum(axis=1) == 1).all() else None
-
-
-@dataclass(frozen=True)
-class Pool:
-    """Positions on which bounds are proven, the group (n,) that each forms with its images, and all their readings."""
-
-    places: Places
-    orbit: NDArray
-    readings: Readings
-
-    def heights(self, dual: NDArray) -> NDArray:
-        """The greatest |F'y| (n,) over the readings of each position."""
-        first = np.searchsorted(self.readings.position, np.arange(len(self.places)))
-        return np.maximum.reduceat(np.abs(self.readings.regressor @ dual[:, None])[:, 0], first)
-
-
-def pool_of(task: Task, extra: Places | None = None) -> Pool:
-    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, other positions; all images too.
-
-    Positions in a keep-out, and those where no reading counts, are left out.
-    """
-    offsets = np.array(sorted({sign * offset for offset in OFFSETS_DEG for sign in (1.0, -1.0)}))
-    lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
-    grid = np.radians(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1).reshape(-1, 2))
-    given = on_all_mountings(np.concatenate([grid, task.support]), len(task.parametrisation.mountings))
-    if extra is not None:
-        given = given.joined(extra)
-    group = symmetries(task)
-    images = np.stack([np.round(np.mod(np.degrees(s.of(given.angle)), 360.0), 9) % 360.0 for s in group], axis=1)
-    mounting = np.broadcast_to(given.mounting[:, None, None], (*images.shape[:2], 1))
-    keys = np.concatenate([mounting, images], axis=2)
-    least = np.array([min(map(tuple, of_one)) for of_one in keys])
-    _, orbit = np.unique(least, axis=0, return_inverse=True)
-    every, first = np.unique(keys.reshape(-1, 3), axis=0, return_index=True)
-    places = Places(np.radians(every[:, 1:]), every[:, 0].astype(int))
-    orbit = np.repeat(orbit.ravel(), len(group))[first]
-    read = np.unique(readings(task, places).position)
-    read = read[allowed(task, places.angle[read])]
-    _, orbit = np.unique(orbit[read], return_inverse=True)
-    places = places.chosen(read)
-    return Pool(places, orbit.ravel(), readings(task, places))

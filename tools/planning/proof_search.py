@@ -17,7 +17,8 @@ from ..bounded.programmes import solver
 from .certificate import scaled_optimum
 from .continuum import Continuum
 from .forms import basis, clearance, sheets, x_from_targets
-from .positions import Task, symmetries, task_of
+from .pool import symmetries
+from .positions import Task, task_of
 from .proof import Cut, Node, OptimalPlan, Proof, Reading
 from .request import Request
 

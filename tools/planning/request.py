@@ -1,6 +1,7 @@
 """What is asked of a common set of positions."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,10 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..calibration.model import Parametrisation, mountings_of, parametrise
 from ..calibration.targets import GOALS
 from ..errors import InputError
+from ..rounding import upwards
 from .forms import DEFAULT_BOUNDS
 
 MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
 """More searches, cuts or positions would not end within days."""
+ACCURACY_UNITS = {"": 1.0, "arcsec": math.pi / 648000.0, "urad": 1e-6, "ug": 1e-6, "ppm": 1e-6}
+"""What a wanted error may be written in, in rad, g or 1."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +45,47 @@ class Request:
     goal: str | None = None
     lost: int = 0
     measured: Path | None = None
+    accuracy: str | None = None
+    noise_bound: float = 1e-5
+    latitude_deg: float = 55.75
+    rate_dps: float | None = None
+    acceleration_dps2: float | None = None
 
     @property
     def any_number(self) -> bool:
         """Whether any number of positions may do: for targets of one's own, or beside what is measured."""
         return bool(self.targets or self.goal or self.measured)
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """Targets as they are written, those of the goal where there is one; none: all of the convention."""
+        return self.targets if self.goal is None else GOALS[self.goal]
+
+    @property
+    def alike(self) -> bool:
+        """Whether the largest error counts, not each to its own optimum."""
+        return self.goal is not None or self.accuracy is not None
+
+    @property
+    def wanted(self) -> float:
+        """The wanted error [σ]; an InputError for what is none."""
+        try:
+            number = float((self.accuracy or "").removesuffix(self.unit)) * ACCURACY_UNITS[self.unit]
+        except ValueError:
+            number = math.nan
+        if not 0.0 < number < math.inf:
+            units = ", ".join(filter(None, ACCURACY_UNITS))
+            raise InputError(f"--accuracy {self.accuracy!r}: must be a positive number, alone or of {units}: 7arcsec")
+        return number / self.noise_bound
+
+    @property
+    def unit(self) -> str:
+        """That of `ACCURACY_UNITS` in which the wanted error is written."""
+        return next((unit for unit in ACCURACY_UNITS if unit and (self.accuracy or "").endswith(unit)), "")
+
+    def told(self, error: float, shown: Callable[..., str] = upwards) -> str:
+        """An error [σ] in the unit of the wanted one, rounded up or as `shown` does."""
+        return f"{shown(error * self.noise_bound / ACCURACY_UNITS[self.unit], 4)} {self.unit}".strip()
 
     def check(self) -> None:
         """Refuse options that no plan can fulfil: an InputError of one line that names the option."""
@@ -72,6 +112,15 @@ class Request:
                 raise InputError(f"--{name} {number}: must be from {least} to {most}")
         if self.goal is not None and self.goal not in GOALS:
             raise InputError(f"--goal {self.goal}: must be one of {', '.join(GOALS)}")
+        for name, value, most in (
+            ("noise-bound", self.noise_bound, 1e-2),
+            ("rate-dps", self.rate_dps, 1e4),
+            ("acceleration-dps2", self.acceleration_dps2, 1e6),
+        ):
+            if value is not None and not 0.0 < value <= most:
+                raise InputError(f"--{name} {value:g}: must be positive, and at most {most:g}")
+        if not abs(self.latitude_deg) <= 89.0:
+            raise InputError(f"--latitude-deg {self.latitude_deg:g}: must be from -89 to 89")
         if self.goal is not None and self.targets:
             raise InputError("--goal and --target: give one of the two")
         for text in self.keep_out:

@@ -12,7 +12,7 @@ from .request import Request
 EXACT = 10
 """Tours of so many positions are found exactly, by dynamic programming; longer ones by exchanges from every start."""
 TABLE_RATE, TABLE_ACCELERATION = 1.0, 1.0
-"""Limits [rad/s], [rad/s²] of both axes by which tours are timed."""
+"""Limits [rad/s], [rad/s²] of both axes by which tours are timed, where none are given."""
 SAME_PLACE = np.radians(0.02)
 """Positions as near as this [rad] make one rest where one follows the other: the table hardly moves between them."""
 
@@ -20,14 +20,19 @@ SAME_PLACE = np.radians(0.02)
 def measuring_order(places: Places, commands: NDArray, request: Request) -> tuple[NDArray, float]:
     """The rows of the set in the order of measurement, one mounting after the other, and the time of the moves [s].
 
-    Tour or random order, its seed, and how many positions are measured twice are of the request; the commands (N, 2)
-    are the angles of the places [rad].
+    Tour or random order, its seed, the table's limits, and how many positions are measured twice are of the request;
+    the commands (N, 2) are the angles of the places [rad].
     """
     rng = np.random.default_rng(request.seed)
     whole, duration = [], 0.0
+    rate, acceleration = request.rate_dps, request.acceleration_dps2
+    limits = (
+        TABLE_RATE if rate is None else np.radians(rate),
+        TABLE_ACCELERATION if acceleration is None else np.radians(acceleration),
+    )
     for mounting in np.unique(places.mounting):
         rows = np.flatnonzero(places.mounting == mounting)
-        times = move_times(commands[rows])
+        times = move_times(commands[rows], limits)
         order = shortest_tour(times) if request.order == "tour" else rng.permutation(len(rows))
         share = round(request.repeat * len(rows) / len(places))
         order = apart(repeated(order, share), commands[rows])
@@ -58,11 +63,14 @@ def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = 
     return commands
 
 
-def move_times(commands: NDArray) -> NDArray:
-    """Times [s] of all moves: (N + 1, N), the first row from (0, 0); both axes move at once."""
+def move_times(commands: NDArray, limits: tuple[float, float] = (TABLE_RATE, TABLE_ACCELERATION)) -> NDArray:
+    """Times [s] of all moves within the limits [rad/s], [rad/s²]: (N + 1, N), the first row from (0, 0).
+
+    Both axes move at once.
+    """
     starts = np.vstack([np.zeros((1, 2)), commands])
     way = np.abs(starts[:, None] - commands[None]).max(axis=2)
-    return np.vectorize(lambda distance: move_duration(float(distance), TABLE_RATE, TABLE_ACCELERATION))(way)
+    return np.vectorize(lambda distance: move_duration(float(distance), *limits))(way)
 
 
 def tour_duration(times: NDArray, order: NDArray) -> float:

@@ -117,11 +117,27 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
         lines.append(f"{plan.measured} positions that are measured already count beside these")
     if plan.lost:
         lines.append("the costs hold when any one of these positions is lost")
-    if plan.levelling_error is not None:
-        lines.append(
-            f"levelling with an axis vertical, by a-priori estimates: wrong by {upwards(plan.levelling_error, 6)} σ "
-            f"at most, {upwards(plan.levelling_error * 1e-5 / ARCSEC, 4)} arcsec at σ = 1e-5 g"
+    request = plan.task.request
+    latitude = exactly(request.latitude_deg)
+    of_goal = {"levelling": plan.levelling_error, f"a gyrocompass at latitude {latitude}°": plan.azimuth_error}
+    for what, error in of_goal.items():
+        if error is not None:
+            lines.append(
+                f"{what} with an axis vertical, by a-priori estimates: wrong by {upwards(error, 6)} σ "
+                f"at most, {upwards(error * request.noise_bound / ARCSEC, 4)} arcsec at "
+                f"σ = {exactly(request.noise_bound)} g"
+            )
+    if plan.accuracy_kept is not None:
+        kept, fewer = (
+            None if error is None else request.told(error / request.noise_bound)
+            for error in (plan.accuracy_kept, plan.fewer_keep)
         )
+        less = (
+            f"with {len(plan.positions) - 1} the best that was found is {fewer}"
+            if fewer
+            else "with fewer no set was found"
+        )
+        lines.append(f"keeps --accuracy {request.accuracy}: {kept}; {less}")
     return lines
 
 

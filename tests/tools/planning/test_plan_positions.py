@@ -13,6 +13,7 @@ from planning_tasks import OPTIMA, stored, tables_task
 from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.planning.common import plan_positions, rounded, stored_counts
 from trihedron.tools.planning.forms import x_from_targets
+from trihedron.tools.planning.pool import bound_positions, pool_of, symmetries
 from trihedron.tools.planning.positions import (
     Places,
     Task,
@@ -20,14 +21,13 @@ from trihedron.tools.planning.positions import (
     clearances,
     costs,
     freedom,
-    pool_of,
-    symmetries,
 )
 from trihedron.tools.planning.request import Request, parsed_keep_out
-from trihedron.tools.planning.search import bound_positions, drawn, improve, search
+from trihedron.tools.planning.search import drawn, improve, search
 from trihedron.tools.planning.tour import (
     SAME_PLACE,
     apart,
+    measuring_order,
     move_times,
     repeated,
     shortest_tour,
@@ -168,6 +168,14 @@ def test_the_tour_is_the_shortest_of_all_orders(count: int) -> None:
     times = move_times(commands)
     best = min(tour_duration(times, np.array(order)) for order in permutations(range(count)))
     assert tour_duration(times, shortest_tour(times)) == pytest.approx(best, abs=1e-9)
+
+
+def test_a_table_twice_as_fast_with_four_times_the_acceleration_moves_in_half_the_time() -> None:
+    commands = unwound(np.random.default_rng(5).uniform(0, 2 * np.pi, (5, 2)))
+    twice = float(np.degrees(2.0))
+    faster = Request(rate_dps=twice, acceleration_dps2=2.0 * twice)
+    times = [measuring_order(Places(commands, np.zeros(5)), commands, request)[1] for request in (Request(), faster)]
+    assert times[1] == pytest.approx(0.5 * times[0])
 
 
 def test_a_longer_tour_is_an_order_and_better_than_chance() -> None:

@@ -14,8 +14,9 @@ from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
 from trihedron.tools.planning.plan import Grid, Plan, plan_targets
-from trihedron.tools.planning.positions import Places, Pool, Task, clearances, costs, readings
-from trihedron.tools.planning.search import HittingSet, bound_positions, drawn
+from trihedron.tools.planning.pool import HittingSet, Pool, bound_positions
+from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings
+from trihedron.tools.planning.search import drawn
 
 
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:
@@ -161,12 +162,27 @@ def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, Pool]) 
     assert 0.8 * best <= bound_positions(task, pool, 7, second).ratio <= best * (1 + 1e-9)
 
 
+def test_a_bound_where_one_may_be_lost_or_some_are_measured_is_that_of_the_best_set(
+    small_pool: tuple[Task, Pool],
+) -> None:
+    task, pool = small_pool
+    known = replace(task, measured=pool.places.chosen([0, 2, 3, 5]))
+    sets = (pool.places.chosen(list(rows)).joined(known.measured) for rows in combinations(range(10), 3))
+    best = min(costs(known, places).worst for places in sets)
+    assert bound_positions(known, pool, 3, best).ratio == pytest.approx(best, rel=1e-7)
+    # Each of the best seven twice stands any loss.
+    robust = replace(task, request=replace(task.request, lost=1))
+    best = costs(robust, pool.places.chosen([*range(7), *range(7)])).worst
+    assert best == pytest.approx(costs(task, pool.places.chosen(list(range(7)))).worst)
+    assert 0.9 * best <= bound_positions(robust, pool, 14, best).ratio <= best * (1 + 1e-9)
+
+
 def test_a_position_that_just_reaches_a_ratio_counts_for_its_cut(small_pool: tuple[Task, Pool]) -> None:
     """Position 0 reaches the first cut to rounding and the second surely: it alone hits both."""
     hitting = HittingSet(*small_pool)
     heights = np.zeros((10, 2))
     heights[:2, 0], heights[0, 1] = (1.0 - 1e-11, 2.0), 2.0
-    hitting._height = heights / 2.0
+    hitting._height, hitting._known = heights / 2.0, np.zeros(2)
     least, answer = hitting.least_count(2.0)
     assert 1.0 - 1e-8 <= least <= 1.0
     assert answer == pytest.approx(np.eye(10)[0])

@@ -7,13 +7,13 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from planning_tasks import planned, stored, tables_task
+from planning_tasks import known_optima, planned, stored, tables_task
 from simulated_bench import random_bench, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.targets import FACES, GOALS, levelling_error
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning import common, positions
-from trihedron.tools.planning.common import plan_in_time, plan_positions
+from trihedron.tools.planning.common import plan_in_time, plan_positions, plan_to_accuracy
 from trihedron.tools.planning.positions import Places, costs
 from trihedron.tools.planning.request import Request
 from trihedron.tools.records import write_record
@@ -54,6 +54,37 @@ def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for
         # Readings whose sign is not certain before are used too, and derivatives are those at the fit.
         assert 0.9 * plan.costs[symbol] < error < 1.02 * plan.costs[symbol]
     assert plan.to_json()["levelling_error"] == plan.levelling_error
+
+
+def test_the_fewest_positions_that_keep_a_wanted_error_or_that_none_do():
+    symbols = GOALS["gyrocompass"]
+    request = Request(goal="gyrocompass", latitude_deg=-45.0, admissible="tables", starts=1, cuts=0, noise_bound=2e-5)
+    with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.0), np.zeros((0, 2)))):
+        plan = plan_to_accuracy(replace(request, accuracy="100urad"))
+        with pytest.raises(InputError, match=r"--accuracy 11arcsec: no positions, however many, .* than 11\.66 arcsec"):
+            plan_to_accuracy(replace(request, accuracy="11arcsec"))
+    assert plan.accuracy_kept is not None
+    assert plan.azimuth_error == pytest.approx(plan.levelling_error)
+    assert plan.azimuth_error == pytest.approx(plan.accuracy_kept / 2e-5)
+    assert plan.accuracy_kept <= plan.accuracy == pytest.approx(100e-6)
+    assert plan.fewer_keep is not None
+    assert plan.fewer_keep > 100e-6
+    at_pole_side = replace(request, latitude_deg=60.0)
+    assert common._error(at_pole_side, plan.costs) == pytest.approx(np.sqrt(3.0) * plan.levelling_error)
+
+
+@pytest.mark.parametrize("text", ["7", "7 arcsec", "20ug", "5ppm", "1e-5"])
+def test_an_accuracy_is_read_with_its_unit(text: str):
+    known = {"7": 7e5, "7 arcsec": 7e5 * np.pi / 648000.0, "20ug": 2.0, "5ppm": 0.5, "1e-5": 1.0}
+    assert Request(accuracy=text).wanted == pytest.approx(known[text])
+
+
+@pytest.mark.parametrize("text", ["", "arcsec", "7 minutes", "-1", "nan", "0", "inf"])
+def test_what_is_no_accuracy_is_refused(text: str):
+    with pytest.raises(InputError, match=r"--accuracy .*: must be a positive number, alone or of arcsec"):
+        _ = Request(accuracy=text).wanted
+    with pytest.raises(InputError, match="--accuracy: the targets have units 1, g, rad"), known_optima():
+        plan_to_accuracy(Request(accuracy="1e-5", admissible="tables"))
 
 
 @pytest.mark.acceptance

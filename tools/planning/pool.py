@@ -1,0 +1,329 @@
+"""What no set of so many positions can reach.
+
+Lower bounds come from an implicit hitting set on a pool of table positions. A set reaches the ratio r only if, for
+every target k and every y with a'y = c_k, one of its positions has |F'y| ≥ 1/r: at least one position of that region
+must be in the set. A linear programme over such cuts bounds the number of positions from below. Cuts are found where
+the programme's present answer violates them: positions are gathered, the heaviest first, while they cannot reach r
+together; the dual that proves that is the cut. It holds for all images under the symmetries of the problem: the
+programme has one variable for each group of images. The bound is proven for positions of a stated pool alone.
+Where a position may be lost, two must be in each region; regions that hold what is measured already prove nothing.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from ..bounded.programmes import SolverError
+from .certificate import Columns
+from .forms import basis
+from .positions import TURN, Places, Readings, Task, allowed, clearances, on_all_mountings, readings
+
+SAMPLES = 40
+"""Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
+EQUAL = 1e-11
+OFFSETS_DEG = (0.0, 1.4, 2.5, 5.0, 10.0, 20.0, 30.0, 45.0)
+"""Distances of the pool's lines from the multiples of 90° of both axes."""
+SAFE = 1e-9
+"""A position this little below 1/r is counted into a region."""
+COVERED = 1e-6
+BATCH = 24
+"""Columns that are added to a programme at once."""
+COARSE, FINE = 16, 1
+"""Least size of the groups of positions without and with weight in the present answer that are tried together."""
+NOISE = 0.3
+RATIO_STEPS = 24
+NEAREST = 0.1
+"""Least part of what is open between bound and set that is aimed at."""
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """θ → sense θ + shift, for both angles: senses (2,) ±1 and shifts (2,) 0 or π [rad]."""
+
+    sense: NDArray
+    shift: NDArray
+
+    def of(self, angle: NDArray) -> NDArray:
+        """Images (N, 2) of positions (N, 2) [rad]."""
+        return np.mod(self.sense * angle + self.shift, TURN)
+
+
+def symmetries(task: Task) -> list[Symmetry]:
+    """Of the sixteen candidates, those that map readings to readings and targets to targets, up to signs.
+
+    The cost of every target on a set of positions and on its image under one of these is then that of a target with
+    the same optimum: what is proven of a set holds for its images. What is measured must be its own image; keep-outs
+    are not looked at.
+    """
+    angle = np.random.default_rng(1).uniform(0.0, TURN, (SAMPLES, 2))
+    here, clear = _regressors_and_clearances(task, angle)
+    found = []
+    for senses in product((1.0, -1.0), repeat=2):
+        for shifts in product((0.0, np.pi), repeat=2):
+            symmetry = Symmetry(np.array(senses), np.array(shifts))
+            there, moved = _regressors_and_clearances(task, symmetry.of(angle))
+            if np.abs(clear - moved).max() <= EQUAL and _stays(task, symmetry) and _holds(task, here, there):
+                found.append(symmetry)
+    return found
+
+
+def _regressors_and_clearances(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
+    """F (N, 3, P) of the sheets with the larger clearance, and that clearance (N, 3), with every mounting."""
+    places = on_all_mountings(angle, len(task.parametrisation.mountings))
+    clear = clearances(task, places)
+    a, b = basis(places.angle[:, 0]), basis(places.angle[:, 1])
+    f = np.einsum("spij,ni,nj->nsp", task.regressor, a, b, optimize=True)
+    clear = np.stack([np.where(task.accelerometer == p, clear, -np.inf) for p in range(3)], axis=1)
+    best = clear.argmax(axis=2)[..., None]
+    return np.take_along_axis(f, best, axis=1), np.take_along_axis(clear, best, axis=2)[..., 0]
+
+
+def _stays(task: Task, symmetry: Symmetry) -> bool:
+    """Whether the image of what is measured already is the same positions."""
+    at = task.measured
+    apart = np.sin(0.5 * (symmetry.of(at.angle)[:, None] - at.angle[None])) ** 2
+    same = (apart.sum(axis=2) < EQUAL**2) & (at.mounting[:, None] == at.mounting[None])
+    return bool(same.any(axis=1).all())
+
+
+def _holds(task: Task, here: NDArray, there: NDArray) -> bool:
+    """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order."""
+    for signs in product((1.0, -1.0), repeat=2):
+        turned = there * np.array([1.0, *signs])[None, :, None]
+        mixed = _permutation(here.reshape(-1, here.shape[2]), turned.reshape(-1, here.shape[2]))
+        if mixed is not None:
+            moved = (task.weights @ mixed)[:, None]
+            near = np.minimum(np.abs(task.weights - moved).max(axis=2), np.abs(task.weights + moved).max(axis=2))
+            if near.min(axis=1).max() <= EQUAL:
+                return True
+    return False
+
+
+def _permutation(here: NDArray, there: NDArray) -> NDArray | None:
+    """D (P, P), a permutation with signs, with there = here D; None where there is none."""
+    size = here.shape[1]
+    mixed = np.zeros((size, size))
+    for column in range(size):
+        for sign in (1.0, -1.0):
+            same = np.abs(here - sign * there[:, column : column + 1]).max(axis=0) < EQUAL
+            if same.sum() == 1:
+                mixed[int(same.argmax()), column] = sign
+    return mixed if (np.abs(mixed).sum(axis=0) == 1).all() and (np.abs(mixed).sum(axis=1) == 1).all() else None
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Positions on which bounds are proven, the group (n,) that each forms with its images, and all their readings."""
+
+    places: Places
+    orbit: NDArray
+    readings: Readings
+
+    def heights(self, dual: NDArray) -> NDArray:
+        """The greatest |F'y| (n,) over the readings of each position."""
+        first = np.searchsorted(self.readings.position, np.arange(len(self.places)))
+        return np.maximum.reduceat(np.abs(self.readings.regressor @ dual[:, None])[:, 0], first)
+
+
+def pool_of(task: Task, extra: Places | None = None) -> Pool:
+    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, other positions; all images too.
+
+    Positions in a keep-out, and those where no reading counts, are left out.
+    """
+    offsets = np.array(sorted({sign * offset for offset in OFFSETS_DEG for sign in (1.0, -1.0)}))
+    lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
+    grid = np.radians(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1).reshape(-1, 2))
+    given = on_all_mountings(np.concatenate([grid, task.support]), len(task.parametrisation.mountings))
+    if extra is not None:
+        given = given.joined(extra)
+    group = symmetries(task)
+    images = np.stack([np.round(np.mod(np.degrees(s.of(given.angle)), 360.0), 9) % 360.0 for s in group], axis=1)
+    mounting = np.broadcast_to(given.mounting[:, None, None], (*images.shape[:2], 1))
+    keys = np.concatenate([mounting, images], axis=2)
+    least = np.array([min(map(tuple, of_one)) for of_one in keys])
+    _, orbit = np.unique(least, axis=0, return_inverse=True)
+    every, first = np.unique(keys.reshape(-1, 3), axis=0, return_index=True)
+    places = Places(np.radians(every[:, 1:]), every[:, 0].astype(int))
+    orbit = np.repeat(orbit.ravel(), len(group))[first]
+    read = np.unique(readings(task, places).position)
+    read = read[allowed(task, places.angle[read])]
+    _, orbit = np.unique(orbit[read], return_inverse=True)
+    places = places.chosen(read)
+    return Pool(places, orbit.ravel(), readings(task, places))
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What is proven: no set of `count` positions of a pool (in words) has a worst ratio below `ratio`.
+
+    `cuts` is how many prove it, images not counted.
+    """
+
+    ratio: float
+    count: int
+    on: str
+    cuts: int
+
+
+class HittingSet:
+    """The cuts found so far on a pool, for any ratio and any number of positions."""
+
+    def __init__(self, task: Task, pool: Pool):
+        self._task, self._pool = task, pool
+        self._rng = np.random.default_rng(task.request.seed)
+        self._height = np.zeros((len(pool.places), 0))
+        self._measured = readings(task, task.measured).regressor
+        self._known = np.zeros(0)
+        self._needed = 1.0 + task.request.lost
+        self._size = np.bincount(pool.orbit)
+        self._whole = np.array([self._cost_of_all(k) for k in range(len(task.targets))])
+
+    def __len__(self) -> int:
+        """The number of cuts."""
+        return self._height.shape[1]
+
+    def least_count(self, ratio: float) -> tuple[float, NDArray]:
+        """A proven lower bound of how many positions reach the ratio, and the programme's answer (n,) by position."""
+        if (self._whole > ratio).any():
+            return np.inf, np.zeros(len(self._pool.places))
+        counts = self._known < 1.0 / ratio - SAFE
+        if not counts.any():
+            return 0.0, np.full(len(self._pool.places), 1.0 / len(self._pool.places))
+        inside, orbit = self._height[:, counts] >= 1.0 / ratio - SAFE, self._pool.orbit
+        share = np.stack([np.bincount(orbit, column, len(self._size)) for column in inside.T]) / self._size
+        least = np.full(len(share), self._needed)
+        solved = linprog(np.ones(len(self._size)), A_ub=-share, b_ub=-least, method="highs")
+        if solved.x is None:
+            return 0.0, np.zeros(len(self._pool.places))
+        prices = np.maximum(-solved.ineqlin.marginals, 0.0)
+        proven = float(prices @ least / max(1.0, (share.T @ prices).max()))
+        return proven * (1.0 - SAFE), (solved.x / self._size)[self._pool.orbit]
+
+    def prove(self, count: int, ratio: float, most: int) -> bool:
+        """Look for cuts that prove that `count` positions cannot reach the ratio; at most `most` new ones."""
+        failures = 0
+        for turn in range(4 * most):
+            least, answer = self.least_count(ratio)
+            if least > count:
+                return True
+            if most <= 0 or failures >= len(self._task.targets):
+                return False
+            try:
+                found = self._cut(turn % len(self._task.targets), ratio, answer)
+            except SolverError:
+                found = None
+            failures = failures + 1 if found is None else 0
+            if found is not None:
+                self._height = np.column_stack([self._height, self._pool.heights(found)])
+                self._known = np.append(self._known, np.abs(self._measured @ found).max(initial=0.0))
+                most -= 1
+        return False
+
+    def bound(self, count: int, ceiling: float) -> Bound:
+        """The greatest ratio below `ceiling` that the cuts exclude for this number of positions."""
+        low, high = 1.0, ceiling
+        for _ in range(RATIO_STEPS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.least_count(middle)[0] > count else (low, middle)
+        return Bound(low, count, f"pool of {len(self._pool.places)} positions", len(self))
+
+    def _cost_of_all(self, k: int) -> float:
+        gathering = _Gathering(self._task, self._pool, k, -np.inf)
+        gathering.gather(np.arange(len(self._pool.places)), 1, np.zeros(0), 0.0)
+        return float(gathering.dual @ self._task.weights[k]) / self._task.best[k] * (1.0 - 10 * SAFE)
+
+    def _cut(self, k: int, ratio: float, answer: NDArray) -> NDArray | None:
+        """A dual y (P,) whose region the answer covers by less than one; None when the greedy search finds none."""
+        noisy = answer * np.exp(NOISE * self._rng.normal(size=len(answer)))
+        order = np.argsort(-noisy, kind="stable")
+        heavy = order[answer[order] > 0.0]
+        light = self._rng.permutation(np.flatnonzero(answer <= 0.0))
+        gathering = _Gathering(self._task, self._pool, k, ratio)
+        left = self._needed - COVERED
+        for chunk in np.array_split(heavy, max(1, len(heavy) // COARSE)):
+            left -= gathering.gather(chunk, FINE, answer, left)
+            if left <= 0.0:
+                return None
+        for chunk in np.array_split(light, max(1, len(light) // (8 * COARSE))):
+            gathering.gather(chunk, COARSE, answer, np.inf)
+        return gathering.cut()
+
+
+class _Gathering:
+    """Positions that with what is measured cannot reach the ratio for a target, and the dual that proves it."""
+
+    def __init__(self, task: Task, pool: Pool, k: int, ratio: float):
+        self._limit = ratio * task.best[k] * (1.0 + SAFE)
+        self._target, self._best = task.weights[k], float(task.best[k])
+        self._programme = Columns(len(self._target))
+        self._programme.aim(self._target)
+        measured = readings(task, task.measured).regressor
+        self._first = len(measured)
+        if self._first:
+            self._programme.add(measured)
+        self._pool = pool
+        self._inside = np.zeros(len(pool.places), dtype=bool)
+        self._added = np.zeros(len(pool.readings.position), dtype=bool)
+        self._rows = np.zeros(0, dtype=int)
+        self.dual = self._programme.solve()[1]
+
+    def cut(self) -> NDArray | None:
+        """The dual y (P,) with a'y the target's optimum; None where what is measured reaches the ratio by itself."""
+        cost = float(self.dual @ self._target)
+        return self.dual * (self._best / cost) if cost > self._limit else None
+
+    def gather(self, chunk: NDArray, least: int, answer: NDArray, room: float) -> float:
+        """Take in as many of these positions as the set can hold; the weight of those that it cannot."""
+        if self._holds(chunk):
+            return 0.0
+        if len(chunk) <= least:
+            return float(answer[chunk].sum())
+        half = len(chunk) // 2
+        lost = self.gather(chunk[:half], least, answer, room)
+        return lost + (self.gather(chunk[half:], least, answer, room - lost) if lost < room else np.inf)
+
+    def _holds(self, chunk: NDArray) -> bool:
+        """Try the set with these positions: kept when it still cannot reach the ratio."""
+        self._inside[chunk] = True
+        self._close(chunk, closed=False)
+        regressor, position = self._pool.readings.regressor, self._pool.readings.position
+        while True:
+            dual = self._programme.solve()[1]
+            if dual @ self._target <= self._limit:
+                break
+            height = np.abs(regressor @ dual)
+            new = np.flatnonzero(self._inside[position] & ~self._added & (height > 1.0 + 0.5 * SAFE))
+            if not len(new):
+                self.dual = dual
+                return True
+            new = new[np.argsort(-height[new], kind="stable")[:BATCH]]
+            self._programme.add(regressor[new])
+            self._added[new] = True
+            self._rows = np.append(self._rows, new)
+        self._inside[chunk] = False
+        self._close(chunk, closed=True)
+        return False
+
+    def _close(self, chunk: NDArray, *, closed: bool) -> None:
+        known = np.flatnonzero(np.isin(self._pool.readings.position[self._rows], chunk))
+        if len(known):
+            self._programme.close(self._first + known, closed=closed)
+
+
+def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound:
+    """The best bound for so many positions that the request's cuts give, aimed ever nearer to what was reached.
+
+    That is the worst ratio of the best set known.
+    """
+    hitting, share = HittingSet(task, pool), 0.5
+    known = hitting.bound(count, reached).ratio
+    while (left := task.request.cuts - len(hitting)) > 0 and share > NEAREST:
+        aim = known + share * (reached - known)
+        if hitting.prove(count, aim, left):
+            known = max(aim, known)
+        else:
+            share *= 0.5
+    return hitting.bound(count, reached)
