@@ -18,7 +18,7 @@ from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
 from ..bounded.set_bounds import ACCEPTED, REFUSED, settle
 from ..bounded.sets import Problem, Work, sharp_weights
 from ..evidence.evidence import Evidence
-from ..evidence.pairs import Form, Pair
+from ..evidence.pairs import WAVES, Form, Pair
 
 RIVAL = 1.5
 """What stands at so many times the least complexity is a rival of what stands there."""
@@ -34,6 +34,8 @@ SHARPENED = 6
 """Rounds that sharpen the weights of the model without functions."""
 ALIKE = 0.1
 """Functions that are so much of their size apart are told apart."""
+WAVES_APART, FINEST_WAVES, MOST_REFINED = WAVES[1] - WAVES[0], 1.0 / 256.0, 4
+"""Waves are tried so far apart, over the range of a quantity, and about so many that are refused least so near."""
 SMOOTH_ORDER = 4
 """Highest power, or harmonic, of the functions by which two quantities are compared."""
 NONE = np.full(5, -1)
@@ -257,9 +259,25 @@ class Search:
             yield from (Trial(pair, *one) for one in zip(own[-2:], spaces, strict=True))
             imitated = max(c.shape[1] - s.shape[1] for c, s in zip(columns, spaces, strict=True))
             yield from (Trial(pair, form, None, max(0, pair.size(form) - imitated)) for form in own[:-2])
-        forms = list(pair.single())
+        forms = [*pair.single(), *(self.waves_between(pair) if pair.waves else ())]
         if forms:
             yield from self.open_trials(pair, forms)
+
+    def waves_between(self, pair: Pair) -> list[Form]:
+        """Waves between those of the grid, ever nearer to those that the weights refuse least.
+
+        A wave that is a little off in its frequency is far off at the ends of a record.
+        """
+        known: dict[float, float] = {}
+        step, more = 2.0 * WAVES_APART, list(WAVES)
+        while True:
+            blocks = pair.columns_of([Form("wave", at=at) for at in more])
+            known |= dict(zip(more, self.bounds(blocks).tolist(), strict=True))
+            step *= 0.5
+            if step <= FINEST_WAVES:
+                return [Form("wave", at=at) for at in known if at not in WAVES]
+            nearest = sorted(known, key=lambda at: known[at])[:MOST_REFINED]
+            more = sorted({at + side for at in nearest for side in (-0.5 * step, 0.5 * step)} - set(known))
 
     def open_trials(self, pair: Pair, forms: Sequence[Form]) -> Iterator[Trial]:
         """Those of many forms that the weights do not refuse."""

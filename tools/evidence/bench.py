@@ -379,7 +379,8 @@ class Bench(Evidence):
     def _targets(self, fit: Fit) -> dict[str, Any]:
         """What an extension does to the calibration's targets."""
         nominal = self.calibration.linearised
-        known = zip(nominal.symbols, nominal.point, fit.estimate, fit.ends(self.room(fit)), strict=False)
+        ends = fit.ends(self.room(fit), count=len(nominal.symbols))
+        known = zip(nominal.symbols, nominal.point, fit.estimate, ends, strict=False)
         targets = [
             {"symbol": symbol, "before": float(before), "after": float(after)}
             | dict(zip(("low", "high"), map(finite_or_none, ends), strict=True))

@@ -40,10 +40,11 @@ def simulated_turns(
     travel: Travel,
     point: NDArray,
     effects: Mapping[EffectPlace, NDArray],
+    set_in: Mapping[EffectPlace, float] | None = None,
 ) -> NDArray[np.float64]:
     """What the gyro block's FMU integrates over each piece (S, 3) [rad], extended by effects of given coefficients.
 
-    `point` (P,) are parameters of bench, accelerometers and gyros.
+    `point` (P,) are parameters of bench, accelerometers and gyros; `set_in` times [h] of effects that have one.
     """
     own, time = whole.own, raw.time_s
     targets, gyros = whole.parametrisation.selection[0] @ point[:own], point[own:]
@@ -54,7 +55,8 @@ def simulated_turns(
     on_gyros: list[tuple[EffectPlace, Sequence[float]]] = list(effects_of_model(gyros).items())
     for place, coefficients in effects.items():
         if place.definition.component == "GyroBlock":
-            on_gyros.append((place, place.definition.from_coefficients(coefficients)))
+            since = [time for other, time in (set_in or {}).items() if other == place]
+            on_gyros.append((place, [*place.definition.from_coefficients(coefficients), *since]))
         elif place.definition.turns is not None:
             added = (travel.way_of(place) @ coefficients) @ travel.to_block.T
             hours = (time - time[0]) / 3600.0

@@ -6,7 +6,7 @@ encoders; an effect on the table is seen by both, each of them a witness.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -31,6 +31,7 @@ from .bench_again import effects_of_model, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
 from .bench_moving import Moving
+from .bench_onsets import SETTING_IN, SLACK, TurnsInTime
 from .bench_pairs import pairs_of_whole
 from .bench_scenario import extension_of_bench
 from .bench_travel import Travel, approached, effects_of_gyros
@@ -52,12 +53,10 @@ IN_MOTION = tuple(
     for place in effect.places
 )
 """Effects of accelerometers and table that only motion shows."""
-SLACK = 0.5
-"""What the linear model of a search may be wrong by, in bounds."""
 
 
 @dataclass(frozen=True, eq=False)
-class BenchInMotion(Bench):
+class BenchInMotion(Bench, TurnsInTime):
     """What rests on a table and turns between them say against the exact model of bench, accelerometers and gyros.
 
     Rows are in units of their bounds: three readings of each position and of each moment in motion, then three
@@ -70,6 +69,11 @@ class BenchInMotion(Bench):
     whole: WithTurns
     travel: Travel
     raw: BenchRecord
+    starting: tuple[EffectPlace, ...] = SETTING_IN
+    set_in: Mapping[EffectPlace, float] = field(default_factory=dict)
+    around: Fit | None = None
+    narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]] = field(default_factory=dict)
+    loose: float = 0.0
 
     # The rows are many, and each effect by itself would have to be fitted to all of them.
     ranks_each = False
@@ -77,11 +81,15 @@ class BenchInMotion(Bench):
     @cached_property
     def residual(self) -> NDArray[np.float64]:
         """Readings and integrals less prediction (M,), over their bounds."""
+        if self.around is not None:
+            return self.around.without_effects
         return self.whole.residual / self.whole.bound
 
     @cached_property
     def nominal(self) -> NDArray[np.float64]:
         """Derivatives (M, P) by the parameters of bench, accelerometers and gyros, over the bounds."""
+        if self.around is not None:
+            return self.around.jacobian[:, : len(self.point)]
         lagging = np.zeros((len(self.whole.bound), 1))
         lagging[: self.of_readings, 0] = self.moving.lagging(0.0)[1]
         return np.hstack([self.whole.jacobian, lagging]) / self.whole.bound[:, None]
@@ -159,7 +167,9 @@ class BenchInMotion(Bench):
             # What is not linear acts on accelerometers at rest alone.
             if is_linear(place):
                 if place not in known:
-                    known[place] = np.vstack([self.moving.columns(place), self.travel.columns(place)])
+                    in_time = place in self.set_in
+                    turned = self.columns_set_in(place) if in_time else self.travel.columns(place)
+                    known[place] = np.vstack([self.moving.columns(place), turned])
                 added[:, block] = known[place]
         return added
 
@@ -183,6 +193,11 @@ class BenchInMotion(Bench):
         return Classes.of(self.linear_places, spaces_beyond(self.nominal, columns))
 
     @property
+    def limit(self) -> float:
+        """Radius up to which a model stands."""
+        return super().limit + self.loose
+
+    @property
     def rounding(self) -> float:
         """What writing down the readings adds to their bounds, in units of these."""
         return self.rests.rounding / self.calibration.noise_bound
@@ -192,7 +207,9 @@ class BenchInMotion(Bench):
         return self.rests.second_order_at(radius)
 
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
-        """The exact model with linear effects, relinearised."""
+        """The exact model with linear effects, relinearised; about a fit the linear one."""
+        if self.around is not None:
+            return Evidence.refit(self, places)
         return relinearised(self.at, places, self.point)
 
     def candidates(
@@ -225,6 +242,8 @@ class BenchInMotion(Bench):
                         allowed[key] = self._turns_allow(key, slack, work)
                     if allowed[key] and frozenset((*bent, *own)) not in seen:
                         yield (*bent, *own)
+        if among is None:
+            yield from self.sets_in_time(size)
 
     def _turns_allow(self, places: Sequence[EffectPlace], slack: float, work: Work) -> bool:
         """Whether the turns by themselves stand with some effects of the gyros and the table."""
@@ -235,6 +254,8 @@ class BenchInMotion(Bench):
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set with possible sizes with which the model stands; of what is not linear in its ways."""
+        if any(place in self.starting for place in places):
+            return self.mended_in_time(places, work)
         work.programme(*self.matrix([place for place in places if is_linear(place)]).shape)
         if all(is_linear(place) for place in places):
             fit = self.refit(places)
@@ -277,7 +298,9 @@ class BenchInMotion(Bench):
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Linear effects that a fit has not, with their columns (M, k) at the nominal fit."""
-        for place in self.classes.places:
+        # Beside each of many time constants that would be as many searches more.
+        fading = any(place.definition.fades for place in fit.places)
+        for place in () if fading else self.classes.places:
             if place not in fit.places:
                 yield place, self.columns_of([place])
 
@@ -291,7 +314,7 @@ class BenchInMotion(Bench):
 
         Its signature is shuffled over positions, and over turns.
         """
-        if not fit.linear:
+        if not self.acts_linearly(fit):
             return
         folds = self.fold_of_rows()
         yield from trials_of_each(fit, [np.flatnonzero(folds == fold) for fold in range(FOLDS)], self._shuffled)
@@ -388,16 +411,19 @@ class BenchInMotion(Bench):
         return first.model_copy(update={"others": [turned]})
 
     def _gain_of_turns(self, fit: Fit) -> Gain | None:
-        if not fit.linear or not self._added(fit.places)[self.of_readings :].any():
+        made = self.with_onsets(fit)
+        if not self.acts_linearly(fit) or not made._added(fit.places)[self.of_readings :].any():
             return None
         held, errors = np.arange(0, len(self.whole.turns.first), FOLDS), []
         kept = self.fold_of_rows() != 0
         for places in ((), fit.places):
-            solution = estimated(self.matrix(places)[kept], self.residual[kept])
+            solution = estimated(made.matrix(places)[kept], self.residual[kept])
             point, sizes = np.split(solution, [len(self.point)])
             effects = {p: sizes[block] for p, block in zip(places, blocks_of(places), strict=True)}
             try:
-                read = simulated_turns(self.raw, self.whole, self.travel, (self.point + point)[:-1], effects)
+                read = simulated_turns(
+                    self.raw, self.whole, self.travel, (self.point + point)[:-1], effects, made.set_in
+                )
             except InputError:
                 # Values that no component takes.
                 return None

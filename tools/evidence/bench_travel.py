@@ -119,7 +119,8 @@ class Travel:
     def columns(self, place: EffectPlace) -> NDArray[np.float64]:
         """What a unit of each coefficient adds to the integrals of the gyros over all pieces (3 S, K) [rad]."""
         if place.definition.component == "GyroBlock":
-            return self._of_gyros(place)
+            sums = self.sums_of(place)
+            return self._read(sums[self.last] - sums[self.first], np.eye(3))
         if place.definition.turns is None:
             return np.zeros((3 * len(self.first), coefficient_count(place)))
         sums = self.way_of(place)
@@ -168,20 +169,22 @@ class Travel:
         np.cumsum(np.cross(self.turning[:, :, None], middle, axis=1), axis=0, out=grown[1:])
         return tilts + grown
 
-    def _of_gyros(self, place: EffectPlace) -> NDArray[np.float64]:
-        """The integral of a gyro effect's signature, at the rates that the table gives."""
+    def sums_of(self, place: EffectPlace) -> NDArray[np.float64]:
+        """The integral up to each row (R, 3, K) of a gyro effect's signature, at the rates that the table gives."""
         signature = place.definition.signature(place, self.motion) * self.step[:, None, None]
         sums = np.zeros((len(self.hours), *signature.shape[1:]))
         np.cumsum(signature, axis=0, out=sums[1:])
-        return self._read(sums[self.last] - sums[self.first], np.eye(3))
+        return sums
 
     @cached_property
     def motion(self) -> MotionRows:
         """The steps of the way as the gyros see them, at the rates that the table gives."""
         rate = self.turning @ self.to_block.T / self.step[:, None]
+        # Between rows far from each other a table comes to rest: how its rate changes, the rates at the rows say.
+        at_rows = turning_of(self.beta, self.axis_rates[:, 0], self.axis_rates[:, 1], self.lean) @ self.to_block.T
         return MotionRows(
             rate=rate,
-            rate_before=np.concatenate([rate[:1], rate[:-1]]),
+            rate_before=rate - np.diff(at_rows, axis=0),
             specific_force=0.5 * (self.up[1:] + self.up[:-1]),
             hours=0.5 * (self.hours[1:] + self.hours[:-1]),
             step=self.step,

@@ -16,7 +16,7 @@ from ...models.effects import MotionRows
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
 from ..motion.norm import inputs_of
 from .evidence import Evidence, rows_over
-from .onsets import Onsets
+from .onsets import CarriedOnsets
 from .pairs import GYROS, TURN, Pair, Spread
 from .references import Gravity, turning
 
@@ -55,7 +55,7 @@ class GyroPairs:
     rests: NDArray[np.bool_]
 
     @staticmethod
-    def carried(evidence: Evidence, onsets: Onsets) -> "GyroPairs":
+    def carried(evidence: Evidence, onsets: CarriedOnsets) -> "GyroPairs":
         """The gyros of a block that is carried."""
         count, model = len(onsets.motion), onsets.model
         means = onsets.bias or [None] * len(evidence.parts)

@@ -93,6 +93,12 @@ class Fit:
         return self.residual - self.jacobian @ self.step
 
     @property
+    def without_effects(self) -> NDArray[np.float64]:
+        """Errors (M,) at `at` without the effects, as far as these are linear."""
+        count = len(self.point)
+        return self.residual + self.jacobian[:, count:] @ self.at[count:]
+
+    @property
     def allowed(self) -> NDArray[np.float64]:
         """How large the errors (M,) may be where the radius is attained, with what the sizes there leave open."""
         return self.bound + self.growths[0].at(self.step) if self.growths else self.bound
@@ -214,11 +220,15 @@ class Fit:
         low, high = np.hstack([np.zeros((2, 0)), *(np.array(own) for own in ends)])
         return low, high
 
-    def ends(self, room: float = 0.0, most_rows: int | None = None) -> NDArray[np.float64]:
-        """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it."""
+    def ends(self, room: float = 0.0, most_rows: int | None = None, count: int | None = None) -> NDArray[np.float64]:
+        """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it.
+
+        Of so many of the first parameters, by default of all.
+        """
         possible = self.possible_in_any(room, None, most_rows) if self.swept else self.possible(room, None, most_rows)
-        own = np.array([np.add(possible.ends(k), self.central[k]) for k in range(len(self.point))]).reshape(-1, 2)
-        return hull([own, *(other.ends(room, most_rows) for other in self.also if not self.swept)])
+        asked = range(len(self.point))[:count]
+        own = np.array([np.add(possible.ends(k), self.central[k]) for k in asked]).reshape(-1, 2)
+        return hull([own, *(other.ends(room, most_rows, count) for other in self.also if not self.swept)])
 
     def intervals(self, room: float = 0.0, most_rows: int | None = None) -> tuple[tuple[Interval, ...], ...]:
         """Ends of the values that each parameter of each effect can have; infinite where nothing bounds it.

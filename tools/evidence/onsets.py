@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import LAST_HOUR
 from ...models.effects.settling import most_bent
-from ..bounded.sets import sharpened
+from ..bounded.sets import Work, sharpened
 from ..motion.carry import GyroModel, Motion
 from .fit import estimated, least_radius
 from .references import Gravity, Run, Truth, integrals, matrices_of
@@ -104,33 +104,22 @@ class Fading:
 
 @dataclass(frozen=True, eq=False)
 class Onsets:
-    """Columns of effects that set in after a row of a run of the gyros, for the parts of its evidence.
+    """Columns of effects that set in after a row of a record, for the parts of its evidence.
 
-    `turns` (S, d, 3) of each part: what a turn within a piece adds to its error; `bias` (S, d, 3) what a bias adds,
-    which the mean at rest takes out, None where none is; `rests` (N,) whether a row belongs to a rest.
+    `hours` (N,) of each row since the first; `turns` (S, d, 3) of each part: what a turn within a piece adds to its
+    error; `bias` (S, d, 3) what a bias adds, which the mean at rest takes out, None where none is; `rests` (N,) whether
+    a row belongs to a rest.
     """
 
-    motion: Motion
-    model: GyroModel
-    attitude: NDArray[np.float64]
+    hours: NDArray[np.float64]
     pieces: tuple[Pieces, ...]
     turns: tuple[NDArray[np.float64], ...]
     bias: tuple[NDArray[np.float64], ...] | None
     rests: NDArray[np.bool_]
 
-    @staticmethod
-    def turns_of(
-        reference: Gravity | Truth, attitude: NDArray, x: NDArray, parts: Sequence[Part]
-    ) -> tuple[NDArray, ...]:
-        """What a turn within each piece of some parts of a reference's evidence adds to its error (S, d, 3)."""
-        every = reference.parts(Turned(attitude, reference.rows, np.zeros((0, 3, 3)), 0), x, ())
-        known = {part.label: part.columns for part in every}
-        return tuple(known[part.label] for part in parts)
-
-    @cached_property
-    def hours(self) -> NDArray[np.float64]:
-        """Time of each row (N,) since the first [h]."""
-        return (self.motion.time_s - self.motion.time_s[0]) / 3600.0
+    def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What an effect turns up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest."""
+        raise NotImplementedError
 
     @cached_property
     def edges(self) -> NDArray[np.int_]:
@@ -168,13 +157,7 @@ class Onsets:
 
     def acting(self, place: EffectPlace) -> Acting | Fading:
         """What an effect does from each row on, or with each time constant."""
-        rows = np.arange(len(self.motion))
-        integral = integrals(self.motion, self.model, self.attitude, [place], rows)
-        counted = np.zeros_like(integral)
-        if self.bias is not None:
-            seen = self.motion.rows(1, len(rows), self.model.inverse, self.model.bias)
-            counted[1:] = place.definition.signature(place, seen) * self.rests[1:, None, None]
-            counted /= max(int(self.rests[1:].sum()), 1)
+        integral, counted = self.grown(place)
         if not place.definition.fades:
             return Acting(integral, np.cumsum(counted, axis=0))
         low, high = SHORTEST * self.hours[self.edges[0]], LONGEST * self.hours[-1]
@@ -290,6 +273,35 @@ class Onsets:
         return found
 
 
+@dataclass(frozen=True, eq=False)
+class CarriedOnsets(Onsets):
+    """Columns of effects that set in after a row of a run of the gyros, about which its evidence is linear."""
+
+    motion: Motion
+    model: GyroModel
+    attitude: NDArray[np.float64]
+
+    @staticmethod
+    def turns_of(
+        reference: Gravity | Truth, attitude: NDArray, x: NDArray, parts: Sequence[Part]
+    ) -> tuple[NDArray, ...]:
+        """What a turn within each piece of some parts of a reference's evidence adds to its error (S, d, 3)."""
+        every = reference.parts(Turned(attitude, reference.rows, np.zeros((0, 3, 3)), 0), x, ())
+        known = {part.label: part.columns for part in every}
+        return tuple(known[part.label] for part in parts)
+
+    def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """∫ C (I + Γ)⁻¹ δω dt up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest."""
+        rows = np.arange(len(self.motion))
+        integral = integrals(self.motion, self.model, self.attitude, [place], rows)
+        counted = np.zeros_like(integral)
+        if self.bias is not None:
+            seen = self.motion.rows(1, len(rows), self.model.inverse, self.model.bias)
+            counted[1:] = place.definition.signature(place, seen) * self.rests[1:, None, None]
+            counted /= max(int(self.rests[1:].sum()), 1)
+        return integral, counted
+
+
 def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
     """What the values at nodes (R, j) count in the polynomials through them at some numbers (R,)."""
     found = np.ones(nodes.shape)
@@ -310,10 +322,10 @@ def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
     return basis[:, :kept], float(left_away[count - 1]) if count else 0.0
 
 
-def refused(matrix: NDArray, residual: NDArray, limit: float) -> bool:
+def refused(matrix: NDArray, residual: NDArray, limit: float, work: Work) -> bool:
     """Whether rows (M, P) in units of their bounds leave a radius above the limit, whatever the coefficients.
 
-    Weighted least squares prove it, or a linear programme does.
+    Weighted least squares prove it, or a linear programme does; what they cost is added to the work.
     """
     if not len(residual):
         return False
@@ -321,6 +333,7 @@ def refused(matrix: NDArray, residual: NDArray, limit: float) -> bool:
     matrix = matrix[:, scale > 0.0] / scale[scale > 0.0]
     weights = np.full(len(residual), 1.0 / len(residual))
     for _ in range(ROUNDS):
+        work.add(300.0 + 0.1 * matrix.size)
         root = np.sqrt(weights)
         misfit = residual - matrix @ estimated(root[:, None] * matrix, root * residual)
         if weights @ misfit**2 > limit**2 * (1.0 + 1e-6):

@@ -45,7 +45,17 @@ from .block import (
 )
 from .case import NOISES, TAKEN_OUT, Case, Options, check_seed, hidden_effects
 from .days import Days, draw_shared_and_own, joined
-from .sizes import Hidden, SureSizes, Way, draw_direction, largest_size, level_margins, sizes_of_way, sure_sizes
+from .sizes import (
+    Hidden,
+    SureSizes,
+    Way,
+    draw_direction,
+    drawn_time,
+    largest_size,
+    level_margins,
+    sizes_of_way,
+    sure_sizes,
+)
 from .whole import draw_whole, hidden_in
 
 ADDING = ("reading_effects", "geometry_effects")
@@ -63,11 +73,6 @@ ALONE_SIZES = (3.0, 6.0)
 RATES_HZ = (50.0, 100.0, 200.0)
 BASELINE = {"gravity": "calibrated", "truth": "nominal"}
 """What the diagnosis of a moved block takes for known, by the record's reference."""
-MIDDLE_OF_RECORD = 0.2, 0.8
-"""Parts of the times at which an effect may set in."""
-SHORT_OF_RECORD = 0.02, 0.4
-"""Parts of the record's length between which time constants are, evenly in their logarithm; of longer ones hardly more
-than a drift shows."""
 UNSEEN_BETWEEN_RESTS = ("lag", "latency", "latency-step")
 """A lag turns nothing from one rest to the next."""
 
@@ -414,15 +419,9 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
         name = names[rng.integers(len(names))]
         places = [place for place in every if place.effect == name]
         place = places[rng.integers(len(places))]
-        # What sets in at a time does so at any, but near the ends, where it shows in hardly any piece.
         here = evidence
         if place in evidence.starting:
-            onsets, acting = evidence.onsets, evidence.acting[place]
-            if place.definition.fades:
-                low, high = (round(onsets.number(acting, part * float(onsets.hours[-1]))) for part in SHORT_OF_RECORD)
-            else:
-                low, high = np.quantile(onsets.edges, MIDDLE_OF_RECORD)
-            here = evidence.with_onset(place, int(rng.integers(low, high)))
+            here = evidence.with_onset(place, drawn_time(rng, evidence, place))
         wanted = float(rng.uniform(*options.sizes))
         effect = place.definition
         if effect.component == "AttitudeComputer" and not block.instruments.increments:

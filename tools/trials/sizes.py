@@ -27,6 +27,7 @@ from ..diagnosis.cause import NamedEffect
 from ..evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns, untold_readings
 from ..evidence.fit import coefficient_count
 from ..evidence.of_record import InRecord, in_record
+from ..evidence.setting_in import SettingIn
 from ..result import finite_or_none
 
 RECORD_DECIMALS = 9
@@ -39,6 +40,11 @@ ROUNDS = 12
 """Rounds of Lawson's algorithm in which a rival may be found too far away to matter."""
 DIRECTIONS = 16
 """Directions of an effect's coefficients among which the worst is sought."""
+MIDDLE_OF_RECORD = 0.2, 0.8
+"""Parts of the times at which an effect may set in."""
+SHORT_OF_RECORD = 0.02, 0.4
+"""Parts of the record's length between which time constants are, evenly in their logarithm; of longer ones hardly more
+than a drift shows."""
 
 
 Way = tuple[EffectPlace, Variant]
@@ -364,10 +370,38 @@ def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
     return np.abs(direction) if only_grow else direction
 
 
+def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace) -> int:
+    """The row, or the number of the time constant, from which on an effect that sets in acts in a record.
+
+    At any but near the ends, where it shows in hardly any piece.
+    """
+    onsets, acting = evidence.onsets, evidence.acting[place]
+    if place.definition.fades:
+        low, high = (round(onsets.number(acting, part * float(onsets.hours[-1]))) for part in SHORT_OF_RECORD)
+    else:
+        low, high = np.quantile(onsets.edges, MIDDLE_OF_RECORD)
+    return int(rng.integers(low, high))
+
+
+def most_alike(evidence: SettingIn, place: EffectPlace, change: NDArray) -> NDArray[np.float64]:
+    """Columns (M, K) of an effect that sets in, at the time at which least squares bring it next to a change (M,)."""
+    acting = evidence.acting[place]
+    every = evidence.onsets.edges_of(acting)
+    tried = [evidence.over_bounds(evidence.onsets.columns(acting, row)[0]) for row in every]
+    base = column_space(evidence.nominal)
+    left = change - base @ (base.T @ change)
+
+    def told(columns: NDArray) -> float:
+        own = column_space(columns - base @ (base.T @ columns))
+        return float(np.sum((own.T @ left) ** 2))
+
+    return max(tried, key=told)
+
+
 def largest_size(place: EffectPlace, direction: NDArray) -> float:
     """The largest possible size along a direction of the coefficients."""
     effect = place.definition
     unit = effect.from_coefficients(direction)
     # Phases do not grow with the size.
-    growing = zip(effect.parameters, unit, strict=True)
+    growing = zip(effect.linear_parameters, unit, strict=True)
     return min((p.largest / abs(v) for p, v in growing if not p.name.endswith("phase") and v != 0.0), default=0.0)

@@ -18,7 +18,7 @@ from ..orchestrator.scenario import Scenario
 from ..records import PositionRecord, RawRecord, read_record
 from .bench import BLOCK_NOISE, ENCODER_FLUCTUATION, NOISE_BOUND, Bench, draw_truth, temperature_at
 from .case import Options
-from .sizes import Hidden, draw_direction, largest_size, sizes_of_change
+from .sizes import Hidden, draw_direction, drawn_time, largest_size, most_alike, sizes_of_change
 
 STEP_S, DWELL_S = 0.02, 4.0
 """A record has fifty rows a second; the table rests so long at each position."""
@@ -155,25 +155,34 @@ def hidden_in(
 ) -> Hidden | None:
     """An effect for a bench whose clean record is given, at a size of the mode; None where that is not a possible one.
 
-    It is one of those that are linear; by default so many times as large as excludes each other linear one.
+    It is linear, at its time where it sets in; by default so many times as large as excludes each other one.
     """
     evidence = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND)
     classes = evidence.classes
     shown = [place for first in classes.places for place in classes.whole_class(first)]
+    shown += evidence.starting
     names = sorted({place.effect for place in shown if not options.effects or place.effect in options.effects})
     if not names:
         return None
     name = names[rng.integers(len(names))]
     own = [place for place in shown if place.effect == name]
     place = own[rng.integers(len(own))]
+    in_time = place in evidence.starting
+    here = evidence.with_onset(place, drawn_time(rng, evidence, place)) if in_time else evidence
     direction = draw_direction(rng, place)
-    change = evidence.columns_of([place]) @ direction
-    rivals = [other for other in classes.places if place not in classes.whole_class(other)]
-    columns = {other.title: evidence.columns_of([other]) for other in (rivals if options.size is None else ())}
+    change = here.columns_of([place]) @ direction
+    columns = {}
+    if options.size is None:
+        rivals = [other for other in classes.places if place not in classes.whole_class(other)]
+        columns = {other.title: evidence.columns_of([other]) for other in rivals}
+        # What contains it comes behind it.
+        beside = (p for p in evidence.starting if p != place and place.effect not in p.definition.contains)
+        columns |= {other.title: most_alike(evidence, other, change) for other in beside}
     sizes = sizes_of_change(evidence.nominal, change, columns)
     size = above * sizes.excluded
     if options.size is not None:
         size = sizes.detected * float(np.exp(rng.uniform(*np.log(options.size))))
     if not np.isfinite(size) or size > largest_size(place, direction):
         return None
-    return Hidden(place, place.definition.from_coefficients(size * direction), float(size), sizes)
+    values = here.values_of([place], np.append(np.zeros(len(here.names)), size * direction))[place]
+    return Hidden(place, values, float(size), sizes)

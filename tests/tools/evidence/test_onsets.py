@@ -201,10 +201,10 @@ def test_what_is_refused_has_no_fit():
     rng = np.random.default_rng(1)
     matrix = rng.normal(size=(400, 5))
     inside = matrix @ rng.normal(size=5) + rng.uniform(-1.0, 1.0, 400)
-    assert not refused(matrix, inside, 1.0)
+    assert not refused(matrix, inside, 1.0, Work())
     beyond = inside + 3.0 * np.sign(rng.normal(size=400))
-    assert refused(matrix, beyond, 1.0)
-    assert not refused(matrix[:0], inside[:0], 1.0)
+    assert refused(matrix, beyond, 1.0, Work())
+    assert not refused(matrix[:0], inside[:0], 1.0, Work())
 
 
 @pytest.mark.parametrize(("filmed", "place"), [(True, STEP), (False, STEP), (True, SCALE_STEP), (True, WARM_UP)])

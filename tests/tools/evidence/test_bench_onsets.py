@@ -1,0 +1,68 @@
+"""Effects of gyros that set in at a time on a whole bench: found with sizes and times that hold what was hidden."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded.sets import Work
+from trihedron.tools.evidence.bench_in_motion import BenchInMotion, whole_evidence
+from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials.whole import draw_whole
+
+SIGMA = 1e-5
+BIAS_STEP, SCALE_STEP, LATENCY_STEP, WARM_UP = (
+    EffectPlace(name, "gyro-block") for name in ("gyro-bias-step", "gyro-scale-step", "latency-step", "gyro-warm-up")
+)
+DRAWN = draw_whole(np.random.default_rng([5, 5]))
+BENCH = replace(DRAWN, alpha=DRAWN.alpha[-28:], beta=DRAWN.beta[-28:])
+
+
+CASES = [
+    (BIAS_STEP, (3e-6, -2e-5, 1e-5, 0.041)),
+    (LATENCY_STEP, (5e-5, 0.045)),
+    pytest.param(SCALE_STEP, (3e-5, -1e-4, 2e-5, 0.052), marks=pytest.mark.acceptance),
+    pytest.param(WARM_UP, (3e-5, -5e-5, 2e-5, 0.02), marks=pytest.mark.acceptance),
+]
+
+
+@cache
+def evidence_with(*hidden: Hidden) -> BenchInMotion:
+    return whole_evidence(BENCH.measured(5, None, hidden), BENCH.place, noise_bound=SIGMA)
+
+
+def title(value: object) -> str:
+    return value.effect if isinstance(value, EffectPlace) else ""
+
+
+@pytest.mark.parametrize(("place", "values"), CASES, ids=title)
+def test_turns_change_as_the_extended_component_says(place, values):
+    """What the gyro block's own component integrates, with the effect less without, piece by piece."""
+    clean, moved = evidence_with(), evidence_with(Hidden(place, values))
+    changed = (moved.whole.turns.integral - clean.whole.turns.integral).ravel()
+    number = clean.onsets.number(clean.acting[place], values[-1])
+    columns = clean.with_onset(place, number).columns_set_in(place)
+    assert np.abs(columns @ values[:-1] - changed).max() <= 5e-3 * np.abs(changed).max()
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize(("place", "values"), CASES, ids=title)
+def test_what_sets_in_is_found_with_its_time(place, values):
+    """No other effect that sets in would do, and none that always acts; intervals hold what was hidden."""
+    evidence = evidence_with(Hidden(place, values))
+    assert evidence.falsified
+    found = {other: fits for other in evidence.starting if (fits := evidence.mended([other], Work()))}
+    assert list(found) == [place]
+    ((fit,),) = found.values()
+    (ends,) = fit.intervals()
+    for value, stated, (low, high) in zip(values, fit.values()[0], ends, strict=True):
+        assert low <= value <= high
+        assert low <= stated <= high
+    assert ends[-1][0] > 0.0
+    if place is not WARM_UP:
+        # Within a move, or a rest with its moves.
+        assert ends[-1][1] - ends[-1][0] < 20.0 / 3600.0
+    always = EffectPlace("gyro-bias-drift", "gyro-block"), EffectPlace("gyro-scale-drift", "gyro-block")
+    assert all(evidence.refit([other]).radius > evidence.limit for other in always)

@@ -1,0 +1,126 @@
+"""Effects of the gyros that set in at a time, or fade, as the turns of a bench record show them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
+from ..bounded.sets import Work
+from ..calibration.turns import WithTurns
+from ..records import BenchRecord
+from .bench_travel import Travel
+from .fit import Fit, estimated
+from .onsets import Onsets
+from .rows import Pieces
+from .setting_in import SettingIn
+
+SETTING_IN = tuple(
+    place
+    for effect in STRAPDOWN_EFFECTS.values()
+    if effect.component == "GyroBlock" and (effect.sets_in or effect.fades)
+    for place in effect.places
+)
+"""Effects of gyros that act from a time on, or settle."""
+SLACK = 0.5
+"""What the linear model of a search may be wrong by, in bounds."""
+
+
+@dataclass(frozen=True, eq=False)
+class TurnOnsets(Onsets):
+    """What gyros on a table integrate of effects that set in after a row of its record."""
+
+    travel: Travel
+
+    @staticmethod
+    def of(raw: BenchRecord, whole: WithTurns, travel: Travel) -> "TurnOnsets":
+        """Of the pieces of a bench record."""
+        turns = whole.turns
+        each = np.broadcast_to(np.eye(3), (len(turns.first), 3, 3))
+        pieces = Pieces("turns", "turns", turns.first, turns.last)
+        hours = (raw.time_s - raw.time_s[0]) / 3600.0
+        return TurnOnsets(hours, (pieces,), (each,), None, np.zeros(len(hours), dtype=bool), travel)
+
+    def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What an effect adds to the gyros' integrals up to each row (N, 3, K); no mean at rest is taken out."""
+        sums = self.travel.sums_of(place)
+        flat = sums.reshape(len(sums), -1).T
+        # Between the rows that are looked at the table turns by little: rates, and what a bias adds, are even.
+        found = np.stack([np.interp(self.hours, self.travel.hours, own) for own in flat], axis=1)
+        found = found.reshape(len(self.hours), *sums.shape[1:])
+        return found, np.zeros_like(found)
+
+
+class TurnsInTime(SettingIn):
+    """Evidence of a whole bench beside which effects of its gyros set in.
+
+    `around` is the fit about which its rows are linear, in place of the nominal model's, `narrowed` what `left_open`
+    says beside it; `loose` what its model may be wrong by, in bounds.
+    """
+
+    raw: BenchRecord
+    whole: WithTurns
+    travel: Travel
+    around: Fit | None
+    narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]]
+    loose: float
+
+    @property
+    def left_open(self) -> Mapping[EffectPlace, Sequence[tuple[int, int]]]:
+        """Stretches of an effect's times beside the fit about which the rows are linear."""
+        return self.narrowed
+
+    @cached_property
+    def onsets(self) -> TurnOnsets:
+        """Columns of effects that set in after a row."""
+        return TurnOnsets.of(self.raw, self.whole, self.travel)
+
+    def with_onset(self, place: EffectPlace, row: float) -> Self:
+        """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
+        value = self.onsets.value(self.onsets.acting(place), row)
+        return self._replaced_by(set_in={**self.set_in, place: value})
+
+    def columns_set_in(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What an effect that sets in at its time adds to the integrals (3 S, K) [rad]."""
+        acting = self.onsets.acting(place)
+        (columns,), _ = self.onsets.columns(acting, self.onsets.number(acting, self.set_in[place]))
+        return columns.reshape(-1, columns.shape[2])
+
+    def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+        """Columns (S, 3, K) of the turns as rows (M, K) over their bounds; the readings show nothing of them."""
+        (own,) = columns
+        turned = own.reshape(-1, own.shape[2])
+        above = np.zeros((len(self.whole.bound) - len(turned), turned.shape[1]))
+        return np.vstack([above, turned]) / self.whole.bound[:, None]
+
+    def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+        """Fits of a set with one effect that sets in; rows are linear about the best that the nominal point shows."""
+        if self.around is None:
+            (place,) = (place for place in places if place in self.starting)
+            others = [other for other in places if other != place]
+            rough = self._replaced_by(loose=SLACK)
+            if not (left := list(rough.open_stretches(place, others, work))):
+                return []
+            begin, end = min(left, key=lambda ends: self._left_by(place, others, 0.5 * (ends[0] + ends[1])))
+            fit = self.with_onset(place, 0.5 * (begin + end)).refit([*others, place])
+            about = self._replaced_by(around=fit, point=fit.point, narrowed={place: left})
+            return about.mended_in_time(places, work)
+        return super().mended_in_time(places, work)
+
+    def _left_by(self, place: EffectPlace, others: Sequence[EffectPlace], row: float) -> float:
+        """What least squares leave of the rows with an effect that sets in after a row."""
+        columns, _ = self.onsets.columns(self.acting[place], int(row))
+        matrix = np.hstack([self.matrix(others), self.over_bounds(columns)])
+        return float(np.linalg.norm(self.residual - matrix @ estimated(matrix, self.residual)))
+
+    def acts_linearly(self, fit: Fit) -> bool:
+        """Whether every effect of a fit is linear in its coefficients, at its time where it sets in."""
+        return all(variant is None or place in self.starting for place, _, variant in fit.ways)
+
+    def _replaced_by(self, **fields: Any) -> Self:
+        made = replace(self, **fields)
+        made.__dict__.update({name: self.__dict__[name] for name in ("onsets", "acting") if name in self.__dict__})
+        return made

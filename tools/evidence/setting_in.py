@@ -1,0 +1,269 @@
+"""Evidence beside which effects set in at a time, or fade: the times that a record leaves possible, each of them held.
+
+Stretches of times that no bound refuses are swept row by row; what stands at any of them counts for the intervals.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import combinations, pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace
+from ...models.effects.definition import all_coefficients
+from ...models.effects.last_stage import variant
+from ..bounded.sets import Work
+from ..bounded.sweep import Rows, Swept, apart, largest_sizes
+from .evidence import Evidence
+from .fit import Fit, coefficient_limits
+from .onsets import STRETCHES, WEIGHED, Acting, Fading, Onsets, held, refused
+
+MOST_TRIED = 12
+"""After so many rows of a stretch that stands its least radius is no longer sought."""
+MOST_WITH_ONSET = 1
+"""Sets of more effects have none that sets in at a time: each such pair costs tens of programmes."""
+FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
+"""Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
+not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""
+LEFT_AWAY = 1e-3
+"""A few columns hold those of a stretch of time constants where the largest size does so much of a bound otherwise."""
+Standing = tuple[tuple[float, float], list[tuple[Fit, float]], list[Swept]]
+
+
+class SettingIn(Evidence):
+    """Evidence with effects `starting` that set in or fade; of those that are fitted `set_in` has times [h].
+
+    `left_open` are stretches of an effect's times that are known to hold all that are possible.
+    """
+
+    starting: tuple[EffectPlace, ...]
+    set_in: Mapping[EffectPlace, float]
+
+    @property
+    def left_open(self) -> Mapping[EffectPlace, Sequence[tuple[int, int]]]:
+        """None are known."""
+        return {}
+
+    @property
+    def onsets(self) -> Onsets:
+        """Columns of effects that set in after a row."""
+        raise NotImplementedError
+
+    def with_onset(self, place: EffectPlace, row: float) -> Self:
+        """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
+        raise NotImplementedError
+
+    def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+        """Columns (S, d, K) of each part of the onsets as rows (M, K) over their bounds."""
+        raise NotImplementedError
+
+    @cached_property
+    def acting(self) -> dict[EffectPlace, Acting | Fading]:
+        """What each effect that sets in does from each row on."""
+        return {place: self.onsets.acting(place) for place in self.starting}
+
+    @cached_property
+    def stretches(self) -> dict[tuple[EffectPlace, int, int], tuple[NDArray[np.float64], float]]:
+        """Columns of the stretches that were tried, and what is missed."""
+        return {}
+
+    def with_onsets(self, fit: Fit) -> Self:
+        """The evidence with the effects of a fit that set in, at the times of the fit."""
+        made = self
+        for place, values in zip(fit.places, fit.values(), strict=True):
+            if place in self.starting:
+                made = made.with_onset(place, self.onsets.number(self.acting[place], values[-1]))
+        return made
+
+    def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
+        """Values of the parameters of some effects by a solution (P + k,); those that set in have their times."""
+        found = super().values_of(places, solution)
+        return {p: (*v, self.set_in[p]) if p in self.set_in else v for p, v in found.items()}
+
+    def sets_in_time(self, size: int) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of so many effects of which one sets in; larger ones than `MOST_WITH_ONSET` have none."""
+        for others in combinations(self.classes.places, size - 1) if size <= MOST_WITH_ONSET else ():
+            yield from ((*others, place) for place in self.starting)
+
+    def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+        """Fits of a set of effects with possible sizes, at the times at which the one that sets in can do so.
+
+        These begin at zero where one that acts from the first row on would do as well.
+        """
+        (place,) = (place for place in places if place in self.starting)
+        others, acting = [p for p in places if p != place], self.acting[place]
+        ends, found, swept = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, others, work)
+        if not found:
+            return []
+        start, end = self.onsets.ends(acting, *ends)
+        best = sorted(found, key=lambda one: one[0].radius)
+        first, *also = (setting_in_at(fit, place, self.onsets.value(acting, row), (start, end)) for fit, row in best)
+        return [replace(first, also=tuple(also), swept=tuple(swept))]
+
+    def _setting_in(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
+        """Ends of the rows at which an effect beside others can set in, fits at some of them, and all of them."""
+        found, every, ends = [], [], []
+        for begin, end in self.open_stretches(place, others, work):
+            swept = self._swept(place, others, (begin, end))
+            fits = self._searched(swept, [*others, place], np.arange(begin, end + 1), work)
+            if fits:
+                found, every, ends = [*found, fits[0]], [*every, swept], [*ends, begin, end]
+        if not found:
+            return (0, 0), [], []
+        # One that acts from the first row on would do as well.
+        always = self.with_onset(place, 0).refit([*others, place]).radius <= self.limit
+        return (0 if always else min(ends), max(ends)), found, every
+
+    def _fading(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
+        """Numbers of time constants about all with which an effect beside others can fade, and fits, as above."""
+        stretches = list(self.open_stretches(place, others, work))
+        if not stretches:
+            return (0, 0), [], []
+        begin, end = float(min(begin for begin, _ in stretches)), float(max(end for _, end in stretches))
+        parts, sizes, found = 1.0, None, []
+        while True:
+            numbers = np.linspace(begin, end, max(2, round((end - begin) * parts)) + 1)
+            rows, error = self._rows_of_times(place, others, numbers)
+            far = apart(rows, error)
+            if sizes is None:
+                sizes = largest_sizes(rows, self.limit, far, rows.bound[len(self.residual) :])
+            more = float((far @ sizes / rows.bound).max())
+            swept = Swept(replace(rows, bound=rows.bound + far @ sizes), self.limit, np.zeros(rows.fixed.shape[1]))
+            gap = numbers[1] - numbers[0]
+            within = [(numbers >= low - gap) & (numbers <= high + gap) for low, high in stretches]
+            swept.proven[~np.any(within, axis=0)] = np.inf
+            found = self._searched(swept, [*others, place], numbers, work) or found
+            # The first and the last that are not refused stand with the bounds as they have grown.
+            for side in (0, -1):
+                while not swept.refused.all() and swept.tried(_standing(swept)[side]) > self.limit:
+                    work.programme(*swept.rows.fixed.shape)
+            if swept.refused.all():
+                return (0, 0), [], []
+            first, last = _standing(swept)
+            begin, end = float(numbers[max(0, first - 1)]), float(numbers[min(len(numbers) - 1, last + 1)])
+            # Nearer to each other bounds grow by less.
+            finer = min(parts * (more / FINE if more > FINE else FINER), MOST_TIMES / (end - begin))
+            if (found and more <= FINE) or more <= DECIDED or finer < LEAST_FINER * parts:
+                break
+            parts = finer
+        if not found:
+            return (0, 0), [], []
+        every = swept
+        swept = Swept(every.rows.chosen(slice(len(self.residual))), self.limit, every.origin, every.radii)
+        swept.proven = every.proven
+        return (begin, end), found, [swept]
+
+    def _rows_of_times(
+        self, place: EffectPlace, others: Sequence[EffectPlace], numbers: NDArray
+    ) -> tuple[Rows, NDArray[np.float64]]:
+        """An effect beside others with time constants of some numbers (R,), and what it misses (M, k) between these.
+
+        The last k rows say that the sizes are possible.
+        """
+        acting = self.acting[place]
+        assert isinstance(acting, Fading)
+        moving, ways, error = self.onsets.swept_times(acting, numbers)
+        before, own = self.matrix(others), self.over_bounds(error)
+        largest = np.abs(self.limits_of([place])).max(axis=0)
+        (count, known), none = before.shape, np.zeros((len(largest), len(largest)))
+        fixed = np.zeros((count + len(largest), known + len(largest)))
+        fixed[:count, :known], fixed[count:, known:] = before, np.eye(len(largest))
+        columns = np.vstack([self.over_bounds(moving), np.zeros((len(largest), ways.shape[1]))])
+        residual, bound = np.append(self.residual, none[0]), np.append(self.bound, largest)
+        rows = Rows(fixed, columns, ways, known + np.arange(len(largest)), residual, bound)
+        return rows, np.vstack([own, none])
+
+    def _swept(self, place: EffectPlace, others: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
+        """An effect beside others at every row between two."""
+        acting = self.acting[place]
+        assert isinstance(acting, Acting)
+        fixed, moving, ways = self.onsets.swept(acting, *ends)
+        rows = [self.over_bounds(columns) for columns in (fixed, moving)]
+        matrix = np.hstack([self.matrix(others), rows[0]])
+        own = np.arange(matrix.shape[1] - rows[0].shape[1], matrix.shape[1])
+        every = Rows(matrix, rows[1], ways, own, self.residual, self.bound)
+        return Swept(every, self.limit, np.zeros(matrix.shape[1]))
+
+    def _searched(
+        self, swept: Swept, places: Sequence[EffectPlace], numbers: NDArray, work: Work
+    ) -> list[tuple[Fit, float]]:
+        """The fit of a set of effects that mends the record at a value next to the best, with its number; or none."""
+        for count, _ in enumerate(swept.search()):
+            work.programme(*swept.rows.fixed.shape)
+            if swept.refused.all() or (count >= MOST_TRIED and min(r for r, _ in swept.radii.values()) <= self.limit):
+                break
+        best, radius = min(((way, radius) for way, (radius, _) in swept.radii.items()), key=lambda one: one[1])
+        if radius > self.limit:
+            return []
+        fit = self.with_onset(places[-1], numbers[best]).refit(places)
+        return [(fit, numbers[best])] if fit.radius <= self.limit else []
+
+    def open_stretches(
+        self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
+    ) -> Iterator[tuple[int, int]]:
+        """Rows between which an effect beside others may set in, as far as no bound refuses it."""
+        if len(self.onsets.edges) < 2:
+            return
+        if place in self.left_open:
+            yield from self.left_open[place]
+            return
+        edges, matrix = self.onsets.edges_of(self.acting[place]), self.matrix(others)
+        starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
+        left = list(pairwise(starts.tolist()))[::-1]
+        while left:
+            low, high = left.pop()
+            more, missed = self._of_stretch(place, int(edges[low]), int(edges[high]))
+            kept = np.isfinite(more).all(axis=1)
+            columns = np.hstack([matrix, more])[kept]
+            if refused(columns, self.residual[kept], self.limit + missed, work):
+                continue
+            if high - low == 1:
+                yield int(edges[low]), int(edges[high])
+            else:
+                middle = (low + high) // 2
+                left += [(middle, high), (low, middle)]
+
+    def _of_stretch(self, place: EffectPlace, begin: int, end: int) -> tuple[NDArray[np.float64], float]:
+        """Columns (M, L) that hold an effect in a stretch of its times, over the bounds; kept for the next set.
+
+        And by how many bounds what it does may miss them, where its size is possible.
+        """
+        known = self.stretches.get((place, begin, end))
+        if known is None:
+            acting = self.acting[place]
+            if isinstance(acting, Fading):
+                every, error = (self.over_bounds(columns) for columns in self.onsets.faded(acting, begin, end))
+                largest = np.abs(self.limits_of([place])).max(axis=0)
+                columns, left_away = held(every, LEFT_AWAY / (WEIGHED * float(np.linalg.norm(largest))))
+                known = columns, float((error @ largest + left_away * WEIGHED * np.linalg.norm(largest)).max())
+            else:
+                known = self.over_bounds(self.onsets.within(acting, begin, end)), 0.0
+            self.stretches[place, begin, end] = known
+        return known
+
+
+def _standing(swept: Swept) -> tuple[int, int]:
+    """The first and the last value that is not refused."""
+    left = np.flatnonzero(~swept.refused)
+    return int(left[0]), int(left[-1])
+
+
+def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float, float]) -> Fit:
+    """A fit whose last effect sets in at a time [h], of times within ends that are possible."""
+    low, high = coefficient_limits(place)
+
+    def values(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+        return (*all_coefficients(coefficients), start)
+
+    way = variant(
+        (0, 3),
+        (*zip(low.tolist(), high.tolist(), strict=True), ends),
+        columns=np.zeros((0, 3, len(low))),
+        low=low,
+        high=high,
+        values=values,
+    )
+    return replace(fit, variants=(*(None for _ in fit.places[:-1]), way))
