@@ -149,7 +149,7 @@ def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: 
         return _cells(place, ends, (values[..., None], error[..., None]), lambda rows, two: settled(rows.hours, two)[0])
     warmth = np.frombuffer(temperature)
     ahead = beginnings(warmth)
-    values, error = begun(lagged(when, warmth, ends), settled(when, ends), ahead)
+    values, error = _begun_of(hours, temperature)
 
     def later(rows: Rows, two: NDArray[np.float64]) -> NDArray[np.float64]:
         """Each row as if it were the next after the record."""
@@ -161,6 +161,14 @@ def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: 
         return found.reshape(len(found), -1)
 
     return _cells(place, ends, (values, error + resolution), later, ahead)
+
+
+@lru_cache(maxsize=4)
+def _begun_of(hours: bytes, temperature: bytes) -> tuple[NDArray, NDArray]:
+    """What `begun` says of a record: it is the same of each accelerometer."""
+    when, warmth = np.frombuffer(hours), np.frombuffer(temperature)
+    ends = time_constants(when, SHORTER)
+    return begun(lagged(when, warmth, ends), settled(when, ends), beginnings(warmth))
 
 
 def beginnings(temperature: NDArray[np.float64]) -> NDArray[np.float64]:

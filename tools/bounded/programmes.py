@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lstsq, qr
 
+from .exchange import exchanged
+
 TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
 RELATIVE_TOLERANCE = 1e-9
@@ -177,14 +179,16 @@ def shortened(matrix: NDArray) -> NDArray[np.float64]:
     return np.vstack((triangles.reshape(-1, matrix.shape[1]), matrix[count * BLOCK :]))
 
 
-def _most_violated(violation: NDArray, taken: NDArray, tolerance: float, matrix: NDArray | None = None) -> NDArray:
-    """Rows to take in: the most violated of those that are not in yet, in the order of the rows.
+def _most_violated(
+    violation: NDArray, taken: NDArray, tolerance: float, matrix: NDArray | None = None, count: int = ADDED_ROWS
+) -> NDArray:
+    """Rows to take in: the most violated of those that are not in yet, so many of them, in the order of the rows.
 
     With a matrix (M, n) so few of them that no two bound nearly the same.
     """
     violation[taken] = 0.0
     worst = np.flatnonzero(violation > tolerance)
-    count = ADDED_ROWS if matrix is None else CONSIDERED
+    count = count if matrix is None else CONSIDERED
     if len(worst) > count:
         worst = worst[np.argpartition(violation[worst], -count)[-count:]]
     if matrix is None:
@@ -222,6 +226,16 @@ def chebyshev_radius(
     if growth is not None:
         low, high = np.maximum(low, growth.low), np.minimum(high, growth.high)
     taken = first_rows(jacobian / bound[:, None])
+    held = exchanged(jacobian / bound[:, None], residual / bound) if len(taken) < len(bound) else None
+    if held is not None and growth is None and not np.isfinite((low, high)).any():
+        every = np.zeros(len(bound))
+        every[held.rows] = held.multipliers / bound[held.rows]
+        return held.radius, held.x, every
+    if held is not None:
+        # What holds the solution without ends and growth is near to what holds it with them.
+        worst = np.argpartition(-np.abs((residual - jacobian @ held.x) / bound), ADDED_ROWS)[:ADDED_ROWS]
+        taken = np.unique(np.concatenate((taken, held.rows, worst)))
+    added = ADDED_ROWS
     while True:
         every, own = np.zeros(len(bound)), None if growth is None else growth.of(taken)
         radius, x, every[taken] = _chebyshev(jacobian[taken], residual[taken], bound[taken], (low, high), own)
@@ -229,10 +243,17 @@ def chebyshev_radius(
             return radius, x, every
         grown = 0.0 if growth is None else growth.at(x)
         excess = (np.abs(residual - jacobian @ x) - grown) / bound - radius
-        more = _most_violated(excess, taken, TOLERANCE * max(1.0, radius))
+        more = _most_violated(excess, taken, TOLERANCE * max(1.0, radius), count=added)
         if not len(more):
             return radius, x, every
-        taken = np.append(taken, more)
+        # Each round begins anew: they are to be few.
+        taken, added = np.append(taken, more), 2 * added
+
+
+def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[float, NDArray[np.float64]]:
+    """The radius of `chebyshev_radius`, and some x (n,) that attains it, of which there may be many: in less time."""
+    held = exchanged(jacobian / bound[:, None], residual / bound)
+    return chebyshev_radius(jacobian, residual, bound)[:2] if held is None else (max(0.0, held.radius), held.x)
 
 
 def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np.float64]:

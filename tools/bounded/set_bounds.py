@@ -20,19 +20,21 @@ ROUNDS = 30
 @compile_callee
 def _append(projection, candidate, factor, count):
     """Extend a Cholesky factor of so many columns by those of a candidate; dependent ones are passed over."""
-    _, _, _, _, gram, product, starts, sizes = projection
+    _, _, _, _, gram, own, product, starts, sizes = projection
     chosen, triangle, solved = factor
     first = starts[candidate]
     for column in range(first, first + sizes[candidate]):
         for m in range(count):
-            value = gram[column, chosen[m]]
+            other = chosen[m]
+            value = own[column, other - first] if other >= first else gram[column, other]
             for q in range(m):
                 value -= triangle[count, q] * triangle[m, q]
             triangle[count, m] = value / triangle[m, m]
-        pivot = gram[column, column]
+        size = own[column, column - first]
+        pivot = size
         for q in range(count):
             pivot -= triangle[count, q] * triangle[count, q]
-        if pivot > 1e-9 * gram[column, column] and pivot > 0.0:
+        if pivot > 1e-9 * size and pivot > 0.0:
             triangle[count, count] = np.sqrt(pivot)
             value = product[column]
             for q in range(count):
@@ -44,28 +46,44 @@ def _append(projection, candidate, factor, count):
 
 
 @compile_callee
-def _of_effects(projection, total, candidates, factor):
-    """How many columns candidates (3,) have in their factor, and their squared bound."""
-    count = 0
-    for candidate in candidates:
-        if candidate >= 0:
-            count = _append(projection, candidate, factor, count)
+def _of_effects(projection, candidates, factor, before, counts):
+    """How many candidates (3,) there are, from which on they are others than `before` (3,), which they replace.
+
+    `counts` (4,) are how many columns so many candidates have in their factor.
+    """
+    depth, changed = 0, 3
+    for level in range(3):
+        candidate = candidates[level]
+        depth += candidate >= 0
+        if changed == 3 and candidate != before[level]:
+            changed = level
+        if changed <= level:
+            before[level] = candidate
+            counts[level + 1] = counts[level]
+            if candidate >= 0:
+                counts[level + 1] = _append(projection, candidate, factor, counts[level])
+    return depth, changed
+
+
+@compile_callee
+def _squared(total, factor, count):
+    """The squared bound of effects with so many columns in their factor."""
     square = total
     for q in range(count):
         square -= factor[2][q] * factor[2][q]
-    return count, max(0.0, square)
+    return max(0.0, square)
 
 
 @compile_callee
 def _reading(projection, row, factor, count, own):
     """Residual and leverage of a reading beside the chosen columns; `own` takes its row of these, made orthonormal."""
-    _, basis, residual, columns, _, _, _, _ = projection
+    _, basis, residual, columns = projection[0], projection[1], projection[2], projection[3]
     chosen, triangle, solved = factor
     left, leverage = residual[row], 0.0
-    for q in range(basis.shape[1]):
-        leverage += basis[row, q] * basis[row, q]
+    for q in range(len(basis)):
+        leverage += basis[q, row] * basis[q, row]
     for m in range(count):
-        value = columns[row, chosen[m]]
+        value = columns[chosen[m], row]
         for q in range(m):
             value -= triangle[m, q] * own[q]
         own[m] = value / triangle[m, m]
@@ -75,13 +93,31 @@ def _reading(projection, row, factor, count, own):
 
 
 @compile_callee
-def _product(basis, a, b, own, count):
-    """Of the rows of two readings in the space of nominal and chosen columns."""
+def _readings(columns, factor, place, own, r, h):
+    """As `_reading` of all at once: take the chosen column of a place into `own` (K, M), residuals and leverages."""
+    chosen, triangle, solved = factor
+    column, row, rows = columns[chosen[place]], own[place], len(r)
+    for k in range(rows):
+        row[k] = column[k]
+    for q in range(place):
+        part, other = triangle[place, q], own[q]
+        for k in range(rows):
+            row[k] -= part * other[k]
+    size, part = triangle[place, place], solved[place]
+    for k in range(rows):
+        row[k] /= size
+        r[k] -= row[k] * part
+        h[k] += row[k] * row[k]
+
+
+@compile_callee
+def _product(basis, a, b, own, other, count):
+    """Of the rows of two readings in the space of nominal and chosen columns; `own` and `other` are theirs of these."""
     product = 0.0
     for q in range(count):
-        product += own[a, q] * own[b, q]
-    for q in range(basis.shape[1]):
-        product += basis[a, q] * basis[b, q]
+        product += own[q] * other[q]
+    for q in range(len(basis)):
+        product += basis[q, a] * basis[q, b]
     return product
 
 
@@ -108,22 +144,24 @@ def _without_two(square, residuals, leverages, cross, weight):
 def bounds_of(sets, projection):
     """Squared bounds (n,) of sets (n, 5) under one projection.
 
-    A projection is weights, basis, residual, columns, gram, product as `sets.Projection` has them, then the first
+    A projection is weights, basis, residual, columns, gram, own, product as `sets.Projection` has them, then the first
     column and the number of columns of each candidate.
     """
     weights, basis, residual = projection[0], projection[1], projection[2]
-    factor, own, total = _room(residual)
-    found = np.empty(len(sets))
+    factor, before, counts, total = _room(residual)
+    two, found = np.zeros((2, MOST_COLUMNS)), np.empty(len(sets))
     for n in range(len(sets)):
-        count, square = _of_effects(projection, total, sets[n, :3], factor)
+        _of_effects(projection, sets[n, :3], factor, before, counts)
+        count = counts[3]
+        square = _squared(total, factor, count)
         a, b = sets[n, 3], sets[n, 4]
         if a >= 0:
-            ra, ha = _reading(projection, a, factor, count, own[a])
+            ra, ha = _reading(projection, a, factor, count, two[0])
             if b < 0:
                 square = _without_one(square, ra, ha, weights[a])
             else:
-                rb, hb = _reading(projection, b, factor, count, own[b])
-                cross = _product(basis, a, b, own, count)
+                rb, hb = _reading(projection, b, factor, count, two[1])
+                cross = _product(basis, a, b, two[0], two[1], count)
                 square = _without_two(square, (ra, rb), (ha, hb), cross, weights[a] + weights[b])
         found[n] = square
     return found
@@ -131,12 +169,12 @@ def bounds_of(sets, projection):
 
 @compile_callee
 def _room(residual):
-    """A Cholesky factor of no columns, room for a row of each reading, and the residual's sum of squares."""
+    """A Cholesky factor of no columns, the candidates and counts of columns in it; the residual's sum of squares."""
     factor = np.zeros(MOST_COLUMNS, np.int64), np.zeros((MOST_COLUMNS, MOST_COLUMNS)), np.zeros(MOST_COLUMNS)
     total = 0.0
     for value in residual:
         total += value * value
-    return factor, np.zeros((len(residual), MOST_COLUMNS)), total
+    return factor, np.full(3, -2), np.zeros(4, np.int64), total
 
 
 @compile_callee
@@ -153,37 +191,80 @@ def _kept(survivors, count, numbers, a, b):
     return survivors
 
 
+@compile_callee
+def _one_may_do(square, residuals, leverages, spared):
+    """Whether some reading left out might take a set's square (squared bound) to the limit: in few steps for each."""
+    may = 0
+    for a in range(len(residuals)):
+        left = 1.0 - leverages[a]
+        enough = (square - spared[a]) * left <= residuals[a] * residuals[a] * (1.0 + 1e-6)
+        may |= enough | (left <= 1e-8)
+    return may
+
+
 @compiled_and_kept
 def _surviving(sets, outliers, limit, projection):
     """Of sets (n, 3) of candidates, each with every choice of so many outliers, those that are not refused."""
-    weights, basis, residual = projection[0], projection[1], projection[2]
-    factor, own, total = _room(residual)
+    weights, basis, residual, columns = projection[0], projection[1], projection[2], projection[3]
+    factor, before, counts, total = _room(residual)
     rows = len(residual)
-    r, h = np.empty(rows), np.empty(rows)
+    # Residuals and leverages beside none, one, two and three candidates.
+    own, r, h = np.empty((MOST_COLUMNS, rows)), np.empty((4, rows)), np.zeros((4, rows))
+    r[0] = residual
+    spared, picked = np.empty(rows), np.empty(rows, np.int64)
+    for a in range(rows):
+        for q in range(len(basis)):
+            h[0, a] += basis[q, a] * basis[q, a]
+        # What is left out takes its weight off the limit; with all of the weight it may take anything.
+        spared[a] = limit * (1.0 - weights[a]) if weights[a] < 1.0 - 1e-8 else np.inf
     survivors, found = np.empty((1024, WIDTH), dtype=np.int64), 0
     for numbers in sets:
-        count, square = _of_effects(projection, total, numbers, factor)
+        depth, changed = _of_effects(projection, numbers, factor, before, counts)
+        count = counts[3]
+        square = _squared(total, factor, count)
         if outliers == 0:
             if square <= limit:
                 survivors = _kept(survivors, found, numbers, -1, -1)
                 found += 1
             continue
-        for m in range(rows):
-            r[m], h[m] = _reading(projection, m, factor, count, own[m])
-        for a in range(rows):
-            if outliers == 1:
-                if _without_one(square, r[a], h[a], weights[a]) <= limit:
+        for level in range(changed, depth):
+            for a in range(rows):
+                r[level + 1, a], h[level + 1, a] = r[level, a], h[level, a]
+            for place in range(counts[level], counts[level + 1]):
+                _readings(columns, factor, place, own, r[level + 1], h[level + 1])
+        left_r, left_h = r[depth], h[depth]
+        if outliers == 1:
+            if not _one_may_do(square, left_r, left_h, spared):
+                continue
+            for a in range(rows):
+                if _without_one(square, left_r[a], left_h[a], weights[a]) <= limit:
                     survivors = _kept(survivors, found, numbers, a, -1)
                     found += 1
+            continue
+        largest = highest = 0.0
+        for a in range(rows):
+            largest, highest = max(largest, left_r[a] * left_r[a]), max(highest, left_h[a])
+        some = 0
+        for a in range(rows):
+            # Beside no other reading is it enough.
+            left = 1.0 - left_h[a] - highest
+            if left > 1e-6 and square - (left_r[a] * left_r[a] + largest) / left > limit:
                 continue
-            for b in range(a + 1, rows):
+            picked[some] = a
+            some += 1
+        for one in range(some):
+            a = picked[one]
+            ra, ha = left_r[a], left_h[a]
+            for other in range(one + 1, some):
+                b = picked[other]
+                rb, hb = left_r[b], left_h[b]
                 # The smallest eigenvalue of the formula's matrix is not below this.
-                left = 1.0 - h[a] - h[b]
+                left = 1.0 - ha - hb
                 weight = weights[a] + weights[b]
-                if left > 1e-6 and square - (r[a] * r[a] + r[b] * r[b]) / left > limit * (1.0 - weight):
+                if left > 1e-6 and square - (ra * ra + rb * rb) / left > limit * (1.0 - weight):
                     continue
-                cross = _product(basis, a, b, own, count)
-                if _without_two(square, (r[a], r[b]), (h[a], h[b]), cross, weight) <= limit:
+                cross = _product(basis, a, b, own[:, a], own[:, b], count)
+                if _without_two(square, (ra, rb), (ha, hb), cross, weight) <= limit:
                     survivors = _kept(survivors, found, numbers, a, b)
                     found += 1
     return survivors[:found]

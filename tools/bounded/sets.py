@@ -12,15 +12,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .programmes import chebyshev_radius, column_space
+from .exchange import MOST_COLUMNS
+from .programmes import MANY_ROWS, any_centre, column_space
 from .set_bounds import ACCEPTED, REFUSED, UNDECIDED, bounds_of, settle, surviving_sets
 
 MAX_SET = 3
 MOST_OUTLIERS = 2
+MANY_CANDIDATES, SOME_ROWS = 2000, 300
+"""So many candidates are first judged by about so many rows: what these refuse all refuse."""
 FEW = 32
 """For so few sets their own bounds cost less than another projection."""
 ROUNDS_AT_FIRST = (2, 6, 12)
@@ -53,7 +57,8 @@ class Work:
 
     def programme(self, rows: int, columns: int) -> None:
         """Count a linear programme, its model included."""
-        self.add(1000.0 + 1.2 * rows * columns)
+        exchanged = rows > MANY_ROWS and columns < MOST_COLUMNS
+        self.add(1000.0 + (0.2 if exchanged else 1.2) * rows * columns)
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,27 @@ class Problem:
             every = np.concatenate((every, more))
         return every
 
+    def with_some(self, some: Sequence[int], step: int = 1) -> "Problem":
+        """Some of the candidates (indices, in order), and every so many-th row."""
+        columns = [self.columns[::step, self.blocks[k]] for k in some]
+        apart = len(self.blocks) - self.alike
+        alike = sum(k >= apart for k in some)
+        return Problem.of(self.residual[::step].copy(), self.nominal[::step], columns, alike)
+
+    def of_some_rows(self) -> tuple["Problem", list[list[int]]]:
+        """Rows spread evenly, and of candidates that are the same in these one for all; which ones (indices) each is.
+
+        A set that these rows refuse is refused; what stands in all rows is in a set of no fewer here.
+        """
+        step = max(1, len(self.residual) // SOME_ROWS)
+        # Rows may be of three channels in turn.
+        step += step % 3 == 0
+        apart, groups = len(self.blocks) - self.alike if self.alike else 0, dict[Any, list[int]]()
+        for k, block in enumerate(self.blocks):
+            same = k if k < apart else self.columns[::step, block].tobytes()
+            groups.setdefault(same, []).append(k)
+        return self.with_some([members[0] for members in groups.values()], step), list(groups.values())
+
     @property
     def size_of_projection(self) -> float:
         """The work of one projection."""
@@ -104,6 +130,11 @@ class Problem:
     def without_candidates(self) -> "Problem":
         """The same without any candidate, as sets of outliers alone have it."""
         return Problem.of(self.residual, self.nominal, ())
+
+    @property
+    def together(self) -> int:
+        """How many columns, the first ones, are of candidates beside which others may stand in a set."""
+        return self.blocks[-self.alike].start if self.alike else self.columns.shape[1]
 
     @cached_property
     def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
@@ -116,9 +147,10 @@ class Problem:
 class Projection:
     """A problem under weights (M,), with the nominal columns projected out.
 
-    `basis` (M, p) is orthonormal, of the weighted nominal columns; `residual` (M,) and `columns` (M, C), of all
-    candidates, are weighted and projected; `gram` (C, C) and `product` (C,) are the columns' products with each other
-    and with the residual. For candidates one at a time only each one's own products are in `gram`, else zeros.
+    `basis` (p, M) is orthonormal, of the weighted nominal columns; `residual` (M,) and `columns` (C, M), of all
+    candidates, are weighted and projected. Of the columns' products `gram` (C, A) holds those with the A columns of
+    candidates beside which others may stand in a set, `own` (C, K) those with the columns of the same candidate, and
+    `product` (C,) those with the residual.
     """
 
     weights: NDArray
@@ -126,6 +158,7 @@ class Projection:
     residual: NDArray
     columns: NDArray
     gram: NDArray
+    own: NDArray
     product: NDArray
 
 
@@ -136,20 +169,30 @@ def project(problem: Problem, weights: NDArray, together: bool = True) -> Projec
     """
     root = np.sqrt(weights)
     basis, residual = without_nominal(problem, root)
-    columns = root[:, None] * problem.columns
-    before = np.linalg.norm(columns, axis=0)
-    columns = columns - basis @ (basis.T @ columns)
-    columns[:, np.linalg.norm(columns, axis=0) < 1e-7 * before] = 0.0
-    gram = columns.T @ columns if together else _own_products(columns, problem.blocks)
-    return Projection(weights, basis, residual, columns, gram, columns.T @ residual)
+    basis = np.ascontiguousarray(basis.T)
+    columns = np.multiply(problem.columns.T, root, order="C")
+    before = np.einsum("cm,cm->c", columns, columns)
+    columns -= (columns @ basis.T) @ basis
+    after = np.einsum("cm,cm->c", columns, columns)
+    columns[after < 1e-14 * before] = 0.0
+    after[after < 1e-14 * before] = 0.0
+    beside = problem.together if together else 0
+    gram, own = columns @ columns[:beside].T, _own_products(columns, after, problem)
+    return Projection(weights, basis, residual, columns, gram, own, columns @ residual)
 
 
-def _own_products(columns: NDArray, blocks: Sequence[slice]) -> NDArray:
-    """The products (C, C) of the columns of each block; zeros between blocks."""
-    gram = np.zeros((columns.shape[1], columns.shape[1]))
-    for block in blocks:
-        gram[block, block] = columns[:, block].T @ columns[:, block]
-    return gram
+def _own_products(columns: NDArray, squares: NDArray, problem: Problem) -> NDArray[np.float64]:
+    """The products (C, K) of columns (C, M), of which squares (C,) are known, with those of the same candidate."""
+    starts, sizes = problem.layout
+    own = np.zeros((len(columns), sizes.max(initial=0)))
+    for width in np.unique(sizes):
+        places = starts[sizes == width, None] + np.arange(width)
+        if width == 1:
+            own[places[:, 0], 0] = squares[places[:, 0]]
+        elif width > 1:
+            of_each = columns[places]
+            own[places, :width] = of_each @ of_each.transpose(0, 2, 1)
+    return own
 
 
 def without_nominal(problem: Problem, root: NDArray) -> tuple[NDArray, NDArray]:
@@ -197,8 +240,18 @@ def sets_of_size(
     is what the linearisation may be wrong by, in units of the bounds; of outliers, 0 to 2, enough explain anything.
     What it costs is added to the work.
     """
-    limit, work = (1.0 + slack) ** 2, work or Work()
+    work = work or Work()
     problem = problem if size else problem.without_candidates
+    if len(problem.blocks) > MANY_CANDIDATES:
+        some = standing_in_some_rows(problem, size, slack, most_outliers, work)
+        for found in _sets_of_size(problem.with_some(some), size, slack, most_outliers, work):
+            yield EffectSet(tuple(some[k] for k in found.effects), found.outliers)
+        return
+    yield from _sets_of_size(problem, size, slack, most_outliers, work)
+
+
+def _sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int, work: Work) -> Iterator[EffectSet]:
+    limit = (1.0 + slack) ** 2
     weights = np.full(len(problem.residual), 1.0 / len(problem.residual))
     projections: list[Projection] = []
 
@@ -213,7 +266,8 @@ def sets_of_size(
 
     for outliers in range(min(size, most_outliers) + 1):
         rows, choices = len(problem.residual), problem.choices(size - outliers)
-        work.add(len(choices) * (1.0, 0.1 * rows, 0.1 * rows + 0.002 * rows**2)[outliers])
+        # Of two readings that are left out few pairs are looked at.
+        work.add(len(choices) * (0.3, 0.005 * rows, 0.04 * rows + 5e-5 * rows**2)[outliers])
         sets = surviving_sets(choices, outliers, limit, parts(problem, projection(0)))
         open_sets = OpenSets(sets, np.zeros(len(sets)), np.zeros(len(sets), dtype=int))
         for number in range(len(ROUNDS_AT_FIRST)):
@@ -221,6 +275,18 @@ def sets_of_size(
                 work.add(0.3 * len(open_sets))
                 open_sets = open_sets.tried(problem, projection(number), number, limit)
         yield from settled(problem, projections, open_sets, slack, work, together=size > 1)
+
+
+def standing_in_some_rows(problem: Problem, size: int, slack: float, most_outliers: int, work: Work) -> list[int]:
+    """Candidates (indices) that stand in any set by some of the rows, and all of those that are not alike."""
+    fewer, groups = problem.of_some_rows()
+    kept = set(range(len(problem.blocks) - problem.alike)) if problem.alike else set[int]()
+    first = len(kept)
+    for found in _sets_of_size(fewer, size, slack, most_outliers, work):
+        kept.update(k for effect in found.effects if effect >= first for k in groups[effect])
+        if len(kept) == len(problem.blocks):
+            break
+    return sorted(kept)
 
 
 @dataclass(frozen=True)
@@ -288,7 +354,7 @@ def settled(
 def parts(problem: Problem, projection: Projection) -> tuple[NDArray, ...]:
     """A projection of a problem as compiled code takes it."""
     p = projection
-    return (p.weights, p.basis, p.residual, p.columns, p.gram, p.product, *problem.layout)
+    return (p.weights, p.basis, p.residual, p.columns, p.gram, p.own, p.product, *problem.layout)
 
 
 def linear_radius(problem: Problem, candidate: EffectSet) -> float:
@@ -296,12 +362,12 @@ def linear_radius(problem: Problem, candidate: EffectSet) -> float:
     kept = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
     own = [problem.columns[:, problem.blocks[effect]] for effect in candidate.effects]
     columns = np.hstack([problem.nominal, *own])[kept]
-    return chebyshev_radius(columns, problem.residual[kept], np.ones(len(kept)))[0]
+    return any_centre(columns, problem.residual[kept], np.ones(len(kept)))[0]
 
 
 def _combinations(count: int, size: int) -> NDArray[np.int64]:
     """Every choice (n, 3) of so many of a number of candidates; -1 stands for none."""
     every = np.array(list(combinations(range(count), size)), dtype=np.int64)
     sets = np.full((len(every), 3), -1)
-    sets[:, :size] = every.reshape(len(every), -1)
+    sets[:, :size] = every.reshape(len(every), size)
     return sets

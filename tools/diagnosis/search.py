@@ -18,7 +18,7 @@ from ..progress import tracked
 MOST_FOUND = 60
 """So many sets of one size are enough to say that the record cannot decide."""
 MOST_WORK = 8e6
-"""The work of a search, after which it is cut off: some eight seconds of one processor."""
+"""The work of a search, after which it is cut off: some eight seconds of one processor; in a long record more."""
 MOST_COMPARED = 10
 
 
@@ -61,7 +61,7 @@ def search(
     A set that does not mend the record is tried with other members of its effects' classes, too: these differ in the
     second order of their sizes, for which noise at its bound leaves no room.
     """
-    work = Work(most_work)
+    work = Work(most_work * evidence.length)
     for size in range(1, MAX_SET + 1):
         found: list[Fit] = []
         complete = True

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
-from ..bounded.programmes import Interval
+from ..bounded.programmes import MANY_ROWS, Interval, any_centre
 from ..bounded.sets import Work
 from ..calibration.calibration import (
     Asked,
@@ -203,6 +203,11 @@ class Bench(Evidence):
         """Radius of the nominal model."""
         return self.calibration.radius
 
+    @property
+    def length(self) -> float:
+        """By the readings, of which a usual record has a thousand at most."""
+        return max(1.0, len(self.residual) / MANY_ROWS)
+
     def pairs(self) -> Sequence[Pair]:
         """Accelerometers, turns and tilts of the axes, each with every quantity of the record's rows."""
         return tuple(pairs_of_bench(self.rows))
@@ -252,6 +257,8 @@ class Bench(Evidence):
         if columns.shape[1] == 1:
             rate[:, count] = left_open(place, self.rows)
         growths = growths_of(Paid.of({place: count}, rate), rate, np.zeros(jacobian.shape[1]))
+        if not growths:
+            return any_centre(jacobian, self.residual, self.bound)[0]
         return least_radius(jacobian, self.residual, self.bound, growths)[0]
 
     # What a joint evidence of several records asks

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from .bench_model import MAX_LEVERAGE, predicted_errors
+from .bench_model import MAX_LEVERAGE, determined, predicted_errors
 from .bench_visits import readings_at
 from .evidence import Errors, Trial, Worst
 from .fit import Fit
@@ -38,7 +39,15 @@ class Linear:
 
     def predicted(self, kept: NDArray, held: NDArray) -> Prediction | None:
         """Readings that are held out, over those that are kept."""
-        return predicted_errors(self.jacobian, self.residual, self.bound, kept, held)
+        return predicted_errors(self._unit, self._rank, self.residual, self.bound, kept, held)
+
+    @cached_property
+    def _unit(self) -> NDArray[np.float64]:
+        return self.jacobian / self.bound[:, None]
+
+    @cached_property
+    def _rank(self) -> int:
+        return determined(self._unit)
 
     def beside(self, columns: NDArray) -> "Linear":
         """The model with more columns (M, k)."""

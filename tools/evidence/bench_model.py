@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.rows import Variant
-from ..bounded.programmes import Growth, chebyshev_radius, least_squares
+from ..bounded.programmes import Growth, any_centre, chebyshev_radius, least_squares
 from ..bounded.sets import Work
 from ..calibration.model import (
     Linearisation,
@@ -100,9 +100,14 @@ def growths_of(paid: Sequence[Paid], rate: NDArray[np.float64], x: NDArray[np.fl
 
 
 def least_radius(
-    jacobian: NDArray, residual: NDArray, bound: NDArray, growths: Sequence[Growth]
+    jacobian: NDArray, residual: NDArray, bound: NDArray, growths: Sequence[Growth], *, any_step: bool = False
 ) -> tuple[float, NDArray, int]:
-    """The least radius of all branches of the bounds' growth, the step (n,) to it, and which branch it is."""
+    """The least radius of all branches of the bounds' growth, the step (n,) to it, and which branch it is.
+
+    Where several steps lead to it, `any_step` of them, or that of the programme.
+    """
+    if any_step and not growths:
+        return *any_centre(jacobian, residual, bound), 0
     tried = [chebyshev_radius(jacobian, residual, bound, growth=growth)[:2] for growth in growths or (None,)]
     branch = int(np.argmin([radius for radius, _ in tried]))
     return (*tried[branch], branch)
@@ -330,7 +335,7 @@ def fitted(
     single = {place: count + block.start for place, block in zip(cast.places, blocks, strict=True)}
     single = {place: column for place, column in single.items() if is_linear(place)}
 
-    def fit_at(x: NDArray, model: Model, estimate: NDArray, *, there: bool = False) -> Fit:
+    def fit_at(x: NDArray, model: Model, estimate: NDArray, *, there: bool = False, any_step: bool = False) -> Fit:
         """The fit linear at x: at the centre that a step leads to, or as it is `there`."""
         paid = Paid.of(single, model.rate) + [
             Paid(slice(count + block.start, count + block.stop), float(way.low[0]), float(way.high[0]))
@@ -345,7 +350,7 @@ def fitted(
             step, radius = np.zeros(len(x)), float(((np.abs(residual) - grown) / model.bound).max(initial=0.0))
         else:
             work.programme(*model.jacobian.shape)
-            radius, step, branch = least_radius(model.jacobian, residual, model.bound, growths)
+            radius, step, branch = least_radius(model.jacobian, residual, model.bound, growths, any_step=any_step)
             growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
         at = (x, step, residual, model.bound, model.jacobian)
         return Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants, growths)
@@ -364,7 +369,7 @@ def fitted(
         size = np.abs(x)
         model = model_at(x)
         if model is not None and not near and np.abs(step).max(initial=0.0) < NEAR:
-            near, tried = True, fit_at(x, model, x)
+            near, tried = True, fit_at(x, model, x, any_step=True)
             # By how much the programmes to come may end lower: the second order of the steps that remain.
             more = SECOND_ORDER * float(np.abs(tried.step).sum() ** 2 / model.bound.min())
             if tried.radius > limit + more:
@@ -462,36 +467,47 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
 
 def leverages(jacobian: NDArray, kept: NDArray, held: NDArray) -> NDArray | None:
     """How uncertain (H,) readings that are held out are predicted, over the others; None where these lose the rank."""
-    inverse = _inverse(jacobian, kept)
-    return None if inverse is None else np.linalg.norm(jacobian[held] @ inverse, axis=1)
+    found = _inverse(jacobian, determined(jacobian), kept)
+    return None if found is None else np.linalg.norm(jacobian[held] @ found[1], axis=1)
 
 
 def predicted_errors(
-    jacobian: NDArray, residual: NDArray, bound: NDArray, kept: NDArray, held: NDArray
+    unit: NDArray, rank: int, residual: NDArray, bound: NDArray, kept: NDArray, held: NDArray
 ) -> tuple[NDArray, NDArray] | None:
     """Errors (H,) of readings that were left out, and their leverages (H,); None where rank is lost.
 
-    They are predicted by least squares over those that are kept, each in units of its bound; a leverage is by how many
-    bounds the prediction is uncertain where each error is one bound (rms).
+    They are predicted by least squares over those that are kept, each in units of its bound, as are the derivatives
+    (M, n), `unit`, of a rank; a leverage is by how many bounds the prediction is uncertain where each error is one
+    bound (rms).
     """
-    unit = jacobian / bound[:, None]
-    inverse = _inverse(unit, kept)
-    if inverse is None:
+    found = _inverse(unit, rank, kept)
+    if found is None:
         return None
-    weights = unit[held] @ inverse
-    errors = residual[held] - bound[held] * (weights @ (residual[kept] / bound[kept]))
-    return errors, np.linalg.norm(weights, axis=1)
+    inverse, uncertain = found
+    predicted = unit[held] @ (inverse @ (residual[kept] / bound[kept]))
+    return residual[held] - bound[held] * predicted, np.linalg.norm(unit[held] @ uncertain, axis=1)
 
 
-def _inverse(matrix: NDArray, kept: NDArray) -> NDArray | None:
-    """The pseudoinverse (n, K) of the rows that are kept; None where they lose the rank of all, or are too few."""
+def determined(matrix: NDArray) -> int:
+    """How many directions rows (M, n) determine; the units of the columns do not matter."""
+    values = np.linalg.svd(matrix / _sizes(matrix), compute_uv=False)
+    return int((values > DETERMINED * values.max(initial=0.0)).sum())
+
+
+def _sizes(matrix: NDArray) -> NDArray[np.float64]:
     scale = np.abs(matrix).max(axis=0, initial=0.0)
-    unit = matrix / np.where(scale > 0.0, scale, 1.0)
-    values = np.linalg.svd(unit, compute_uv=False)
-    rank = int((values > DETERMINED * values.max(initial=0.0)).sum())
-    u, own, directions = np.linalg.svd(unit[kept], full_matrices=False)
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def _inverse(matrix: NDArray, rank: int, kept: NDArray) -> tuple[NDArray, NDArray] | None:
+    """The pseudoinverse (n, K) of the rows that are kept; None where they lose the rank of all, or are too few.
+
+    And a matrix (n, r) of which each row is as long as that of the pseudoinverse, in every direction.
+    """
+    scale = _sizes(matrix)
+    u, own, directions = np.linalg.svd(matrix[kept] / scale, full_matrices=False)
     held = own > DETERMINED * own.max(initial=0.0)
     if len(kept) <= rank or held.sum() < rank:
         return None
-    inverse = (directions[held].T / own[held]) @ u[:, held].T
-    return inverse / np.where(scale > 0.0, scale, 1.0)[:, None]
+    uncertain = (directions[held].T / own[held]) / scale[:, None]
+    return uncertain @ u[:, held].T, uncertain

@@ -16,7 +16,7 @@ from ...models.bench import admissible, nominal_input
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
 from ...models.effects.rows import Variant
-from ..bounded.programmes import column_space, least_squares
+from ..bounded.programmes import least_squares
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.estimates import widening
 from ..calibration.model import Linearisation, linearise, predicted_input
@@ -53,8 +53,14 @@ SECOND_ORDER = 5.0
 TOO_MUCH = 0.3
 """With more slack than this, effects that stand out are fitted before others are sought."""
 MOST_ANCHORS = 3
+ALL_BUT_SAME = 1e-12
+"""Products of columns, each of size one, of which a part is so small are of columns that depend on each other."""
 PROVEN_WANDER = 2
 """A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
+
+
+Step = tuple[EffectPlace, int]
+"""An effect that only adds columns, in one of its ways."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +72,7 @@ class Setting:
 
     centre: Fit
     slack: float
-    steps: tuple[tuple[EffectPlace, int], ...]
+    steps: tuple[Step, ...]
 
 
 def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None = None) -> Fit:
@@ -200,7 +206,7 @@ class BenchSearch:
         return {place: ways for place, ways in found.items() if ways and all(way.adds for way in ways)}
 
     @property
-    def ways(self) -> list[tuple[EffectPlace, int]]:
+    def ways(self) -> list[Step]:
         """Each effect that only adds columns, in each of its ways."""
         return [(place, way) for place, ways in self.additive.items() for way in range(len(ways))]
 
@@ -218,7 +224,7 @@ class BenchSearch:
         return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
 
     @cached_property
-    def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting]]]:
+    def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting], tuple[Step, ...]]]:
         return {}
 
     @cached_property
@@ -283,17 +289,14 @@ class BenchSearch:
         if size > 0 and self.slack(centre) > TOO_MUCH:
             if centre.places not in self._anchors:
                 work.add(2 * MOST_ANCHORS * ROUNDS * model_work(self.readings))
-                self._anchors[centre.places] = self.anchors(centre, free), self.settings(centre)
-            more, settings = self._anchors[centre.places]
+                settings = self.settings(centre)
+                self._anchors[centre.places] = self.anchors(centre, free), settings, self.nearest(centre, settings)
+            more, settings, steps = self._anchors[centre.places]
             for one in more:
                 yield from self._linear_sets(one, places, chosen, size - 1, work)
             for setting in settings:
                 yield from self._sets_of(setting, free, chosen, size, work)
             free = [place for place in free if place not in {one.places[-1] for one in more}]
-            standing = {place for setting in settings for place, _ in setting.steps}
-            steps = [step for step in steps if step[0] not in standing]
-            # Others have no time told, but for the gaps that are nearest to what they look like.
-            steps = tuple(steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS])
         yield from self._sets_of(Setting(centre, self.slack(centre), steps), free, chosen, size, work)
 
     def _sets_of(
@@ -301,7 +304,10 @@ class BenchSearch:
     ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
         """As `_linear_sets`, in one setting, of so many of the effects that are free and of its steps."""
         steps, places = setting.steps, setting.centre.places
-        problem = self.problem(setting.centre, free, steps)
+        key = (setting.centre, tuple(free), steps)
+        if key not in self._problems:
+            self._problems[key] = self.problem(setting.centre, free, steps)
+        problem = self._problems[key]
         part, kept = self._without(problem, chosen)
         for candidate in sets_of_size(part, size, setting.slack, work=work):
             outliers = [int(kept[row]) for row in candidate.outliers]
@@ -336,6 +342,12 @@ class BenchSearch:
                 break
         return [setting for setting in found.values() if setting.steps]
 
+    def nearest(self, centre: Fit, settings: Sequence[Setting]) -> tuple[Step, ...]:
+        """Of effects with no setting few ways at a centre: their time is not told, but for what looks most like it."""
+        standing = {place for setting in settings for place, _ in setting.steps}
+        steps = [step for step in self.ways if step[0] not in standing]
+        return tuple(steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS])
+
     def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
         """Centres with one effect more that stands out, the most helpful first."""
         helpful = [places[k] for k in most_helpful(self.problem(centre, places))]
@@ -345,18 +357,12 @@ class BenchSearch:
         ]
         return [one for one in more if usual_misfit(one) <= STANDS_OUT * usual_misfit(centre)]
 
-    def problem(
-        self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[tuple[EffectPlace, int]] = ()
-    ) -> Problem:
+    def problem(self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[Step] = ()) -> Problem:
         """The search for effects beside those of a centre, and for others in some ways, in units of the bounds."""
-        key = (centre, tuple(places), tuple(ways))
-        if key in self._problems:
-            return self._problems[key]
         rows, bound = self.readings.rows_with(centre), self.readings.bound[:, None]
         blocks = [signature_columns([place], rows) / bound for place in places]
         blocks += [self.additive[place][way].columns.reshape(len(bound), -1) / bound for place, way in ways]
-        found = Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
-        return self._problems.setdefault(key, found)
+        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
 
     def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
         """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
@@ -402,8 +408,19 @@ class BenchSearch:
 
 
 def most_helpful(problem: Problem) -> list[int]:
-    """Candidates by what each takes off the robust sum of squares, the most helpful first."""
-    projection = project(problem, 1.0 / np.maximum(1.0, np.abs(problem.residual)))
-    spaces = [column_space(projection.columns[:, block]) for block in problem.blocks]
-    gains = [float(np.sum((space.T @ projection.residual) ** 2)) for space in spaces]
-    return [k for k in np.argsort(-np.array(gains), kind="stable").tolist() if spaces[k].shape[1]]
+    """Candidates by what each takes off the robust sum of squares, the most helpful first; none that adds nothing."""
+    projection = project(problem, 1.0 / np.maximum(1.0, np.abs(problem.residual)), together=False)
+    starts, sizes = problem.layout
+    gains = np.zeros(len(sizes))
+    for width in np.unique(sizes):
+        of_width = np.flatnonzero(sizes == width)
+        columns = starts[of_width, None] + np.arange(width)
+        products = projection.own[columns][..., :width]
+        scale = np.sqrt(np.diagonal(products, axis1=1, axis2=2))
+        scale = np.where(scale > 0.0, scale, 1.0)
+        inverse = np.linalg.pinv(products / scale[:, :, None] / scale[:, None, :], rcond=ALL_BUT_SAME, hermitian=True)
+        right = projection.product[columns] / scale
+        gains[of_width] = np.einsum("np,npq,nq->n", right, inverse, right)
+    # What is the same but for rounding stays in order.
+    gains = np.round(gains / max(projection.residual @ projection.residual, 1e-300), 12)
+    return [k for k in np.argsort(-gains, kind="stable").tolist() if gains[k] > 0.0]

@@ -14,7 +14,7 @@ from scipy.sparse import bmat, csc_matrix, identity
 
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.definition import ACCELEROMETERS
-from ..bounded.programmes import SolverError, chebyshev_radius, linear_programme, solved, solver
+from ..bounded.programmes import SolverError, any_centre, linear_programme, solved, solver
 from ..bounded.sets import Work
 from .bench_visits import signature_columns
 from .fit import Fit
@@ -37,13 +37,18 @@ def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) 
     that costs is added to the work.
     """
 
-    def stands(columns: NDArray[np.float64]) -> bool:
-        matrix = np.hstack((centre.jacobian, columns)) / centre.bound[:, None]
+    every = np.arange(len(centre.residual))
+
+    def stands(columns: NDArray[np.float64], kept: NDArray[np.int_] = every) -> bool:
+        matrix = (np.hstack((centre.jacobian, columns)) / centre.bound[:, None])[kept]
         work.programme(*matrix.shape)
-        return chebyshev_radius(matrix, centre.residual / centre.bound, np.ones(len(matrix)))[0] <= limit
+        return any_centre(matrix, (centre.residual / centre.bound)[kept], np.ones(len(kept)))[0] <= limit
 
     for p, where in enumerate(ACCELEROMETERS):
-        if not stands(_free(p, len(rows.hours))) or (proven and not _is_time(centre, rows, p, work)):
+        # Free at every reading of an accelerometer, a function is as good as none of its readings.
+        if not stands(centre.jacobian[:, :0], every[every % 3 != p]):
+            continue
+        if proven and not _is_time(centre, rows, p, work):
             continue
         for knots in range(3, len(rows.hours) // ROWS_PER_KNOT + 1):
             own = EffectPlace("bias-wander", where, law=straight(rows.hours, knots))

@@ -216,6 +216,11 @@ class Evidence:
     """So many rows bound what is possible; None: all."""
 
     @property
+    def length(self) -> float:
+        """How many times as much each set costs as in a usual record: so much more a search may take."""
+        return 1.0
+
+    @property
     def too_large(self) -> str:
         """What to say where no linear programme of the record can be solved."""
         return "the errors are too large for one linear system"

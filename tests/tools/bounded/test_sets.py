@@ -18,6 +18,7 @@ from trihedron.tools.bounded.sets import (
     project,
     sets_of_size,
     sharp_weights,
+    standing_in_some_rows,
 )
 
 
@@ -94,6 +95,28 @@ def test_of_candidates_that_are_alike_a_set_has_one_at_most(size):
     choices = problem.choices(size)
     assert len(choices) == len(wanted)
     assert {tuple(int(i) for i in row if i >= 0) for row in choices} == wanted
+
+
+@pytest.mark.parametrize("alike", [0, 30])
+def test_many_candidates_are_judged_by_some_rows_first_and_what_stands_is_the_same(alike, monkeypatch):
+    """Steps that are the same in those rows are one there, and each of them is judged where it stands."""
+    rng = np.random.default_rng(2)
+    rows, hidden = 90, (3, 25)
+    columns = [rng.normal(size=(rows, 1)) for _ in range(10)]
+    columns += [np.where(np.arange(rows)[:, None] > 20 + 2 * k, 1.0, 0.0) for k in range(30)]
+    residual = 30 * columns[hidden[0]][:, 0] + 20 * columns[hidden[1]][:, 0] + rng.uniform(-1, 1, rows)
+    residual[40] += 9.0
+    problem = Problem.of(residual, np.ones((rows, 1)), columns, alike)
+    wanted = {size: set(sets_of_size(problem, size, 0.0)) for size in (1, 2, 3)}
+    assert EffectSet(hidden, (40,)) in wanted[3]
+    monkeypatch.setattr("trihedron.tools.bounded.sets.MANY_CANDIDATES", 20)
+    monkeypatch.setattr("trihedron.tools.bounded.sets.SOME_ROWS", 18)
+    fewer, groups = problem.of_some_rows()
+    assert len(fewer.residual) < 25
+    assert len(groups) < len(problem.blocks)
+    assert {size: set(sets_of_size(problem, size, 0.0)) for size in (1, 2, 3)} == wanted
+    few = len(standing_in_some_rows(problem, 3, 0.0, 2, Work()))
+    assert few < len(problem.blocks)
 
 
 def test_columns_that_depend_on_others_change_nothing():

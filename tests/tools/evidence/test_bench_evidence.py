@@ -22,7 +22,7 @@ from trihedron.tools.diagnosis.procedure import excluded_sizes, judgement_of
 from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.evidence import bench_left_out, bench_predictions
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.bench_model import Cast, predicted_errors
+from trihedron.tools.evidence.bench_model import Cast, determined, predicted_errors
 from trihedron.tools.evidence.bench_predictions import second_mounting, simulate_rows
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.trials.bench import NOISE_BOUND
@@ -137,7 +137,8 @@ def test_leaving_one_out_agrees_with_the_closed_form():
     hat = jacobian @ np.linalg.pinv(jacobian)
     whole = residual - hat @ residual
     for row in (0, 13):
-        errors = predicted_errors(jacobian, residual, bound, np.delete(np.arange(30), row), np.array([row]))
+        kept = np.delete(np.arange(30), row)
+        errors = predicted_errors(jacobian, determined(jacobian), residual, bound, kept, np.array([row]))
         assert errors is not None
         assert errors[0][0] == pytest.approx(whole[row] / (1.0 - hat[row, row]), rel=1e-12)
         # Its prediction's variance is h / (1 − h) of a reading's.

@@ -1,0 +1,63 @@
+"""The least largest residual by exchanging rows, against linear programmes and its own proof."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trihedron.tools.bounded import programmes
+from trihedron.tools.bounded.exchange import exchanged
+from trihedron.tools.bounded.programmes import Growth, any_centre, chebyshev_radius
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.sampled_from(["normal", "at its bound", "whole numbers"]))
+def test_what_is_found_is_that_of_the_programme_and_is_proven(seed, kind):
+    rng = np.random.default_rng(seed)
+    columns, rows = int(rng.integers(1, 9)), int(rng.integers(12, 90))
+    matrix, target = rng.normal(size=(rows, columns)) * 10.0 ** rng.uniform(-6, 6, columns), rng.normal(size=rows)
+    target = {"normal": target, "at its bound": np.sign(target), "whole numbers": np.round(3 * target)}[kind]
+    held = exchanged(matrix, target)
+    radius = chebyshev_radius(matrix, target, np.ones(rows))[0]
+    assert any_centre(matrix, target, np.ones(rows))[0] == pytest.approx(radius, rel=1e-9)
+    assert held is not None
+    assert held.radius == pytest.approx(radius, rel=1e-9)
+    assert np.abs(target - matrix @ held.x).max() == pytest.approx(radius, rel=1e-9)
+    # No x misses these rows by less: their weights add up to nothing of any column.
+    own = held.multipliers
+    assert np.abs(own).sum() == pytest.approx(1.0, rel=1e-12)
+    assert own @ target[held.rows] == pytest.approx(radius, rel=1e-9)
+    assert np.abs(own @ matrix[held.rows]) == pytest.approx(0.0, abs=1e-10 * np.abs(matrix).max())
+
+
+def test_columns_that_depend_on_each_other_are_left_to_the_programme():
+    matrix, target = np.random.default_rng(1).normal(size=(30, 3)), np.random.default_rng(2).normal(size=30)
+    held = exchanged(matrix, target)
+    assert held is not None
+    for more in (matrix[:, :1], np.zeros((30, 1)), matrix[:, 1:2] + 1e-12 * matrix[:, 2:]):
+        wider = np.hstack((matrix, more))
+        assert exchanged(wider, target) is None
+        assert any_centre(wider, target, np.ones(30))[0] == pytest.approx(held.radius, rel=1e-9)
+    for few in (matrix[:3], matrix[:, :0]):
+        assert exchanged(few, target[: len(few)]) is None
+
+
+@pytest.mark.parametrize("paid", [False, True])
+def test_of_many_rows_few_are_given_to_the_solver(paid, monkeypatch):
+    """And the same comes out, with duals that prove it, as when it gets them all."""
+    rng = np.random.default_rng(3)
+    jacobian, residual, bound = rng.normal(size=(3000, 6)), rng.normal(size=3000), rng.uniform(0.5, 2.0, 3000)
+    ends = np.append(np.full(5, np.inf), 1.0)
+    rate = np.hstack((np.zeros((3000, 5)), rng.uniform(0.0, 0.3, (3000, 1))))
+    growth = Growth(np.zeros(3000), rate, np.append(np.full(5, -np.inf), 0.0), ends) if paid else None
+    solved, given = programmes._chebyshev, []
+    monkeypatch.setattr(programmes, "_chebyshev", lambda rows, *more: given.append(len(rows)) or solved(rows, *more))
+    radius, x, duals = chebyshev_radius(jacobian, residual, bound, growth=growth)
+    assert given == [] if not paid else max(given) < 1000
+    monkeypatch.setattr(programmes, "MANY_ROWS", 5000)
+    assert radius == pytest.approx(chebyshev_radius(jacobian, residual, bound, growth=growth)[0], rel=1e-9)
+    grown = growth.at(x) if growth else 0.0
+    assert ((np.abs(residual - jacobian @ x) - grown) / bound).max() <= radius * (1 + 1e-9)
+    if not paid:
+        assert np.abs(duals @ jacobian).max() < 1e-10
+        assert duals @ residual / (np.abs(duals) @ bound) == pytest.approx(radius, rel=1e-9)
