@@ -20,6 +20,7 @@ _TYPES = {
 _FUNCTIONS = {
     "at_table": ("measure",),
     "library": (
+        "choose",
         "compare",
         "doctor",
         "export",

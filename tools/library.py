@@ -6,17 +6,19 @@ schema go to JSON by `to_json`. What a function needs is imported when it is cal
 notebook's first line need none of it.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import calibration as calibrations
 from . import campaign as campaigns
-from . import orchestrator, own_effects, planning, reports, ssp, trials
+from . import motion as motions
+from . import orchestrator, own_effects, papers, planning, records, reports, ssp, trials
 from .errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from .comparison import Compared
     from .exporting import Exported
@@ -375,6 +377,103 @@ def plan_imu(
         exchanges=exchanges,
         progress=progress,
     )
+
+
+NAMED_MOTIONS = {"slow": "1", "vibration": "first", "strong-vibration": "second"}
+"""Motions of `papers.MOTIONS` by what they are."""
+CONE = math.radians(1.0), 51.0
+"""Half angle [rad] and frequency [Hz] of the motion \"coning\"."""
+
+
+def choose(
+    motion: "str | Path",
+    *,
+    rate_hz: float | None = None,
+    duration_s: float | None = None,
+    rate_divisor: int = 8,
+    quantum_arcsec: float = 0.0,
+    noise_radps: float = 0.0,
+    channels: Sequence[str] = (),
+    progress: bool = False,
+) -> "motions.Choice":
+    """Say which attitude algorithm to take: error against cost of all on one motion, as one's own gyros read it.
+
+    Parameters
+    ----------
+    motion : str or path
+        slow, coning, vibration or strong-vibration; a scenario (.toml) with a HarmonicMotion; or a strapdown record.
+    rate_hz : float, optional
+        Gyro samples a second, 1000.
+    duration_s : float, optional
+        Length of the motion [s], 20.
+    rate_divisor : int
+        Of a record, in place of rate and duration: so many rows are one gyro sample; those between tell the truth.
+    quantum_arcsec : float
+        Quantum of the gyros' increments [arcsec].
+    noise_radps : float
+        Bound of the white noise of a sample's rate [rad/s].
+    channels : sequence of str
+        How the record's channels are read: as of `attitude`.
+    progress : bool
+        Show a bar on standard error, where that is a terminal.
+
+    Raises
+    ------
+    InputError
+        for a motion that there is not, and for options that cannot be used
+
+    Examples
+    --------
+    >>> import trihedron as th
+    >>> th.choose("coning", rate_hz=1000.0).enough.algorithm  # doctest: +SKIP
+    'functional-iteration-8'
+    """
+    name, readings = str(motion), []
+    for option, value, most, told in (
+        ("quantum-arcsec", quantum_arcsec, 3600.0, f"quanta of {quantum_arcsec:g}″"),
+        ("noise-radps", noise_radps, 1.0, f"noise of {noise_radps:g} rad/s"),
+    ):
+        if not 0.0 <= value <= most:
+            raise InputError(f"--{option} {value:g}: must be from 0 to {most:g}")
+        readings += [told] if value else []
+    measured = name.endswith((".csv", ".parquet"))
+    for option, value, of_record in (
+        ("rate-hz", rate_hz, False),
+        ("duration", duration_s, False),
+        ("rate-divisor", rate_divisor if rate_divisor != 8 else None, True),
+    ):
+        if value is not None and of_record != measured:
+            raise InputError(f"--{option}: is of {'a record' if of_record else 'a motion that is no record'}")
+        if value is not None and not value > 0.0:
+            raise InputError(f"--{option} {value:g}: must be positive")
+    if measured:
+        record = records.read_record(motion, records.StrapdownRecord, channels=channels)
+        course = motions.course_of_record(record, rate_divisor)
+    else:
+        rate, duration = (1000.0 if rate_hz is None else rate_hz), (20.0 if duration_s is None else duration_s)
+        course = motions.course_of_harmonics(_harmonics(name), rate, duration)
+    return motions.choose_algorithm(
+        course,
+        ", ".join((Path(name).name, " and ".join(readings) or "exact")),
+        quantum=quantum_arcsec * math.pi / 648000.0,
+        noise_bound=noise_radps,
+        progress=progress,
+    )
+
+
+def _harmonics(name: str) -> "NDArray":
+    """The harmonics of a motion that is named, or of a scenario's."""
+    if name == "coning":
+        return motions.cone(*CONE)
+    if not name.endswith(".toml"):
+        if name not in NAMED_MOTIONS:
+            known = ", ".join(NAMED_MOTIONS)
+            raise InputError(f"motion {name}: must be coning, {known}, a scenario (.toml) or a record (.csv, .parquet)")
+        return papers.paper_motion(NAMED_MOTIONS[name], papers.EXACT)
+    settings = [s for s in orchestrator.read_scenario(name).fmus.values() if s.component == "HarmonicMotion"]
+    if len(settings) != 1 or settings[0].parameters_from is not None:
+        raise InputError(f"{name}: must have one HarmonicMotion, its parameters in the scenario")
+    return motions.harmonics_of(settings[0].parameters)
 
 
 def hide(

@@ -7,22 +7,22 @@ pictures under docs/pictures again.
 import math
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from operations import operations_of_update
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 from trihedron.models.attitude_algorithms.inputs import INPUT_KINDS, order_with
-from trihedron.models.harmonic_motion import store_harmonics
 from trihedron.tools.files import write_text
 from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles
-from trihedron.tools.motion.compare import Samples, read_increments, run_algorithm, sample_motion
+from trihedron.tools.motion.choice import ADAPTIVE, ENOUGH, Choice, choose_algorithm, cone, course_of_harmonics
+from trihedron.tools.motion.compare import run_algorithm, sample_motion
+from trihedron.tools.motion.operations import operations_of_update
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.progress import progress_bar
+from trihedron.tools.reports.choice import chart
 from trihedron.tools.reports.pictures import (
     ALERT,
     BAND,
@@ -84,7 +84,6 @@ SITUATIONS = (
     Situation("first", 2000.0, "vibration 60 to 420 Hz, 2.5'' and 2', at 2 kHz"),
     Situation("second", 1000.0, "ten times stronger, at 1 kHz"),
 )
-ADAPTIVE = "adaptive-degree"
 
 CHARTED = (
     ("slow, ±15° at 1 Hz, 100 Hz", "1", 100.0),
@@ -98,18 +97,6 @@ CHARTED_DURATION = 20.0
 
 READINGS = {"exact": (0.0, 0.0), "quanta of 0.5″": (0.5 * math.pi / 648000.0, 0.0), "noise of 20″/s": (0.0, 1e-4)}
 """What gyros make of the motions: quantum [rad] and bound of the noise [rad/s]."""
-
-TIMES = 16
-"""How often gyros with quanta or noise are drawn: by one draw alone a worse algorithm may look better by luck."""
-
-ENOUGH = 1.2
-
-KINDS: dict[str, dict[str, Any]] = {
-    "formulas": {"color": MUTED.light, "marker": "o", "label": "formulas"},
-    "products": {"color": SECOND.light, "marker": "s", "label": "products"},
-    "iteration": {"color": THIRD.light, "marker": "^", "label": "iteration"},
-}
-"""Marks of the algorithms, by the module that they stand in."""
 
 RATES = (500.0, 600.0, 700.0, 800.0, 900.0, 1000.0, 1200.0, 1400.0, 1600.0, 2000.0, 2800.0, 4000.0, 8000.0)
 """Gyro sample rates of the picture of aliasing [Hz]."""
@@ -240,144 +227,38 @@ def aliasing_table(errors: Sequence[Sequence[float]], rates: Sequence[float]) ->
     return "\n".join(lines)
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One field of the chart: of every algorithm the operations per gyro sample and the largest error [deg].
-
-    The error is the root mean square over all draws of quanta or noise.
-
-    `operations` and `degrees` go by the algorithm's name; `title` says motion and readings.
-    """
-
-    title: str
-    operations: dict[str, float]
-    degrees: dict[str, float]
-
-    @property
-    def frontier(self) -> list[str]:
-        """Those that no cheaper one betters, from the cheapest on."""
-        best: list[str] = []
-        for name in sorted(self.degrees, key=lambda name: (self.operations[name], self.degrees[name])):
-            if not best or self.degrees[name] < self.degrees[best[-1]]:
-                best.append(name)
-        return best
-
-    @property
-    def enough(self) -> str:
-        """The cheapest whose error is at most `ENOUGH` times the least."""
-        return next(name for name in self.frontier if self.degrees[name] <= ENOUGH * min(self.degrees.values()))
-
-
-def charted_cells(step: Callable[[], None] = lambda: None) -> list[Cell]:
+def charted(step: Callable[[], None] = lambda: None) -> list[Choice]:
     """Every algorithm on the motions of `CHARTED`, its gyros exact, with quanta and with noise."""
-    cells = []
-    costs = {a.name: operations_per_sample(a) for a in ALGORITHMS}
+    found = []
     for title, motion, rate in CHARTED:
-        samples = sample_motion(_harmonics(motion), 1.0 / rate, round(CHARTED_DURATION * rate))
+        harmonics = cone(CONE, 51.0) if motion == "coning" else paper_motion(motion, EXACT)
+        course = course_of_harmonics(harmonics, rate, CHARTED_DURATION)
         for reading, (quantum, noise) in READINGS.items():
-            drawn = [_read(samples, quantum, noise, seed) for seed in range(1, 1 + (TIMES if quantum + noise else 1))]
-            increments = drawn[0]
-            found = {
-                a.name: math.degrees(_rms_error(a, drawn, samples.angles_at_steps(a)))
-                for a in ALGORITHMS
-                if np.linalg.norm(increments, axis=1).max() <= a.max_increment
-            }
-            adaptive = algorithm_named(ADAPTIVE)
-            window = increments[len(increments) // 2 :][: 2 * adaptive.samples]
-            own = {name: costs[name] for name in found}
-            own[ADAPTIVE] = operations_of_update(adaptive, window) / adaptive.samples
-            cells.append(Cell(f"{title}, {reading}", own, found))
+            found.append(choose_algorithm(course, f"{title}, {reading}", quantum=quantum, noise_bound=noise))
             step()
-    return cells
+    return found
 
 
-def _read(samples: Samples, quantum: float, noise: float, seed: int) -> np.ndarray:
-    """What gyros make of increments; the first quantum is in part passed when the motion begins."""
-    exact = samples.increments.copy()
-    exact[0] += quantum * np.random.default_rng(seed).uniform(-0.5, 0.5, 3)
-    begun = replace(samples, increments=exact)
-    return read_increments(begun, np.zeros(9), np.zeros(3), quantum, noise, seed) if quantum + noise else exact
-
-
-def _rms_error(algorithm: Algorithm, drawn: Sequence[np.ndarray], angles: np.ndarray) -> float:
-    return math.sqrt(sum(_error(algorithm, increments, angles) ** 2 for increments in drawn) / len(drawn))
-
-
-def _harmonics(motion: str) -> np.ndarray:
-    """Of a motion of the paper, or of a cone of 1° at 51 Hz: ϑ = A sin Ωt, γ = A cos Ωt - A."""
-    if motion != "coning":
-        return paper_motion(motion, EXACT)
-    harmonics, rest, quarter = [0.0] * 36, [0.0] * 2, 0.5 * math.pi
-    store_harmonics(1, math.pi, [CONE, 0.0, *rest], [51.0, 0.0, *rest], [0.0, 0.0, *rest], harmonics)
-    store_harmonics(2, math.pi, [CONE, -CONE, *rest], [51.0, 0.0, *rest], [quarter, quarter, *rest], harmonics)
-    return np.array(harmonics)
-
-
-def beside_the_line(cell: Cell) -> float:
-    """Error of the adaptive algorithm, of the least of those that are no costlier."""
-    own = cell.operations[ADAPTIVE]
-    least = min(error for name, error in cell.degrees.items() if cell.operations[name] <= own)
-    return cell.degrees[ADAPTIVE] / least
-
-
-def picking_table(cells: Sequence[Cell]) -> str:
+def picking_table(choices: Sequence[Choice]) -> str:
     """Markdown: of each field of the chart what is enough, what is best, and how far the adaptive one is from it."""
     lines = [
         f"| motion, readings | cheapest within {ENOUGH:g} times of the best | its operations | best | its error [deg] "
         f"| `{ADAPTIVE}`: operations | its error, of the best that is no costlier |",
         "|---|---|---|---|---|---|---|",
     ]
-    for cell in cells:
-        best = min(cell.degrees, key=lambda name: (cell.degrees[name], cell.operations[name]))
+    for found in choices:
+        (adaptive, beside), best = found.adaptive, found.best
         said = (
-            cell.title,
-            f"`{cell.enough}`",
-            f"{cell.operations[cell.enough]:.0f}",
-            f"`{best}`",
-            f"{cell.degrees[best]:.1e}",
-            f"{cell.operations[ADAPTIVE]:.0f}",
-            f"{beside_the_line(cell):.2f}",
+            found.title,
+            f"`{found.enough.algorithm}`",
+            f"{found.enough.operations:.0f}",
+            f"`{best.algorithm}`",
+            f"{math.degrees(best.error or 0.0):.1e}",
+            f"{adaptive.operations:.0f}",
+            f"{beside:.2f}",
         )
         lines.append(f"| {' | '.join(said)} |")
     return "\n".join(lines)
-
-
-def accuracy_against_cost(cells: Sequence[Cell]) -> str:
-    """Error of all algorithms over operations per gyro sample, motions down, readings across: down and left is better
-    (SVG)."""
-    with drawing():
-        across = len(READINGS)
-        figure = Figure(figsize=(WIDTH, 7.5), layout="constrained")
-        panels = figure.subplots(len(cells) // across, across, sharex=True, sharey="row")
-        for axes, cell in zip(panels.flat, cells, strict=True):
-            frontier = cell.frontier
-            x, y = ([of[name] for name in frontier] for of in (cell.operations, cell.degrees))
-            axes.plot([*x, 6000.0], [*y, y[-1]], color=FIRST.light, drawstyle="steps-post", linewidth=0.9)
-            for kind, look in KINDS.items():
-                names = [a.name for a in ALGORITHMS if a.kernel.__module__.endswith(kind) and a.name in cell.degrees]
-                names = [name for name in names if name != ADAPTIVE]
-                places = ([of[name] for name in names] for of in (cell.operations, cell.degrees))
-                axes.plot(*places, linestyle="none", markersize=3.2, **look)
-            axes.plot(
-                cell.operations[ADAPTIVE],
-                cell.degrees[ADAPTIVE],
-                "*",
-                color=ALERT.light,
-                markersize=8,
-                label="adaptive",
-            )
-            axes.set_xscale("log")
-            axes.set_yscale("log")
-            axes.set_xlim(25.0, 6000.0)
-            axes.yaxis.set_major_formatter(power_of_ten)
-            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-            axes.set_title(cell.title.replace(", ", "\n"), fontsize=8)
-        panels[0, 0].legend(fontsize=6.5, loc="upper right")
-        figure.supxlabel("operations per gyro sample (a division, root, sine or cosine counts as ten)", fontsize=8)
-        figure.supylabel(
-            f"largest error in {CHARTED_DURATION:g} s [deg], rms of {TIMES} draws of quanta or noise", fontsize=8
-        )
-        return svg_text(figure, "Error of all attitude algorithms against their cost, by motion and readings")
 
 
 def coning_drift(names: Sequence[str], phases: Sequence[float], drift: Sequence[Sequence[float]]) -> str:
@@ -436,19 +317,19 @@ def make_page(docs: Path, *, progress: bool = False) -> list[Path]:
             advance(1)
             return found
 
-        cells = charted_cells(lambda: advance(1))
+        choices = charted(lambda: advance(1))
         errors = [each(situation, compared) for situation in SITUATIONS]
         by_rate = [each(Situation(ALIASING_MOTION, rate, ""), shown) for rate in RATES]
         drift = [[relative_coning_drift(a, phase) for phase in CONING_PHASES] for a in coning]
         advance(1)
     pictures = {
-        "attitude-accuracy.svg": accuracy_against_cost(cells),
+        "attitude-accuracy.svg": chart(choices),
         "attitude-coning.svg": coning_drift(CONING_SHOWN, CONING_PHASES, drift),
         "attitude-aliasing.svg": aliasing(ALIASING_SHOWN, RATES, by_rate, HIGHEST_FREQUENCY),
     }
     tables = {
         "accuracy": accuracy_table(errors),
-        "picking": picking_table(cells),
+        "picking": picking_table(choices),
         "aliasing": aliasing_table(by_rate, RATES),
         "orders": order_table(),
     }

@@ -11,9 +11,7 @@ from choosing import (
     PAGE,
     RATES,
     SITUATIONS,
-    Cell,
     Situation,
-    accuracy_against_cost,
     aliasing,
     between_marks,
     coning_drift,
@@ -81,12 +79,7 @@ def test_page_names_pictures_and_algorithms_that_exist():
 
 
 def test_pictures_are_the_same_bytes_each_time():
-    operations = {a.name: 30.0 + 40.0 * k for k, a in enumerate(ALGORITHMS)}
-    cells = [Cell("a, b", operations, {name: 1e-3 / cost for name, cost in operations.items()})] * 9
-    first = accuracy_against_cost(cells)
-    assert first == accuracy_against_cost(cells)
-    assert cells[0].enough == cells[0].frontier[-6]
-    assert "<svg" in coning_drift(["a"], [0.1, 0.2], [[1e-5, 1e-4]])
+    assert coning_drift(["a"], [0.1, 0.2], [[1e-5, 1e-4]]) == coning_drift(["a"], [0.1, 0.2], [[1e-5, 1e-4]])
     assert "<svg" in aliasing(["a"], [500.0, 1000.0], [[1e-5], [1e-4]], 420.0)
 
 

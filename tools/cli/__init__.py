@@ -13,6 +13,7 @@ from .commands import (
     attitude,
     calibrate,
     check,
+    choose,
     demo,
     diagnose,
     doctor,
@@ -61,7 +62,7 @@ app = App(
 )
 
 for command in (
-    *(apply, attitude, calibrate, campaign, campaign_report, check, compare, demo, diagnose, doctor, export),
+    *(apply, attitude, calibrate, campaign, campaign_report, check, choose, compare, demo, diagnose, doctor, export),
     *(
         export_notebook,
         export_ssp,

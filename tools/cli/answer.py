@@ -222,6 +222,7 @@ TYPES: dict[str, Any] = {
     "baud": Whole,
     "cuts": Whole,
     "detect": tuple[str, ...],
+    "duration_s": Annotated[float | None, Parameter(name="--duration", allow_leading_hyphen=True)],
     "dwell_s": Annotated[float, Parameter(name="--dwell", allow_leading_hyphen=True)],
     "effects": Annotated[tuple[str, ...], Parameter(name="--effect")],
     "effects_from": Annotated[Path | None, Parameter(name="--effects-from")],

@@ -198,16 +198,18 @@ def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: i
     return Samples(period, increments, angles)
 
 
-def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False) -> np.ndarray:
+def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False, runs: int = 1) -> np.ndarray:
     """Attitudes (N // samples, 4), scalar first, at the end of each step of an algorithm, from the attitude 1.
 
-    The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out.
+    The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out. So many runs
+    like this one are to be made.
     """
     table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
     prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
     work = (np.array(table), np.array(half_table), np.zeros(SPACE_SIZE), np.zeros(4), attitudes)
-    _runner(algorithm, loops_over(len(increments)))(np.ascontiguousarray(increments), renormalise, *work)
+    run = _runner(algorithm.kernel, algorithm.previous, loops_over(runs * len(increments)))
+    run(np.ascontiguousarray(increments), algorithm.samples, renormalise, *work)
     return attitudes
 
 
@@ -239,14 +241,13 @@ def _sampler(made: Makers) -> Callable[..., None]:
 
 
 @cache
-def _runner(algorithm: Algorithm, made: Makers) -> Callable[..., None]:
+def _runner(kernel: Callable[..., Any], keeps_previous: bool, made: Makers) -> Callable[..., None]:
     kernel_made, loop_made = made
-    turn = _turn(algorithm, kernel_made)
-    samples, keeps_previous = algorithm.samples, algorithm.previous
+    turn = _turn(kernel, keeps_previous, kernel_made)
     multiply, normalise = kernel_made(rotation.multiply), kernel_made(rotation.normalise)
 
     @loop_made
-    def run(increments, renormalise, table, half_table, space, part, attitudes):
+    def run(increments, samples, renormalise, table, half_table, space, part, attitudes):
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
         previous, g = np.zeros(STEP_SIZE), np.zeros(STEP_SIZE)
@@ -255,7 +256,7 @@ def _runner(algorithm: Algorithm, made: Makers) -> Callable[..., None]:
             for i in range(samples):
                 for j in range(3):
                     g[3 * i + j] = increments[samples * k + i, j]
-            turn(previous, known, g, table, half_table, space, part, turned)
+            turn(samples, previous, known, g, table, half_table, space, part, turned)
             known = 1.0
             multiply(attitude, turned, attitude)
             if renormalise:
@@ -269,33 +270,32 @@ def _runner(algorithm: Algorithm, made: Makers) -> Callable[..., None]:
     return run
 
 
-def _turn(algorithm: Algorithm, kernel_made: Callable[..., Any]) -> Callable[..., None]:
-    """The kernel with one signature for all: previous increments, whether there are any, increments, work, result."""
-    kernel = kernel_made(algorithm.kernel)
-    samples = algorithm.samples
-    if algorithm.kernel in (by_products, by_products_and_series, by_products_cut_off):
+def _turn(own: Callable[..., Any], previous: bool, kernel_made: Callable[..., Any]) -> Callable[..., None]:
+    """The kernel with one signature for all: samples, increments before, whether there are any, own, work, result."""
+    kernel = kernel_made(own)
+    if own in (by_products, by_products_and_series, by_products_cut_off):
 
-        def turn(previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, half_table, space, part, turned):
             kernel(previous, g, table, part, turned)
 
-    elif algorithm.kernel in (functional_iteration, rodrigues_iteration):
+    elif own in (functional_iteration, rodrigues_iteration):
 
-        def turn(previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, half_table, space, part, turned):
             kernel(samples, g, 0, table, space, turned)
 
-    elif algorithm.kernel is adaptive_degree:
+    elif own is adaptive_degree:
 
-        def turn(previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, half_table, space, part, turned):
             kernel(previous, known, g, table, half_table, space, part, turned)
 
-    elif algorithm.previous:
+    elif previous:
 
-        def turn(previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, half_table, space, part, turned):
             kernel(previous, g, turned)
 
     else:
 
-        def turn(previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, half_table, space, part, turned):
             kernel(g, turned)
 
     return compile_callee(turn, allocates=False) if kernel_made is compiled else turn

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from trihedron.models.attitude_algorithms import PRODUCTS, Algorithm
-from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, prepare_update
-from trihedron.models.attitude_algorithms.iteration import SPACE_SIZE
-from trihedron.models.rotation import multiply
+from ...models.attitude_algorithms import PRODUCTS, Algorithm
+from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, prepare_update
+from ...models.attitude_algorithms.iteration import SPACE_SIZE
+from ...models.rotation import multiply
 
 COSTLY = 10
 """What a division, a root, a sine, a cosine or an arctangent counts as, in additions or multiplications."""
