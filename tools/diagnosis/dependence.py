@@ -3,7 +3,7 @@
 `dependence(evidence)` asks the evidence for its `pairs()` of a place and a quantity, and of each for the least complex
 functions with which the model stands, within the bounds of the search. Complexity counts the coefficients that such
 functions add beside the model, and one more for each number that is searched for; so do the columns of an effect of the
-catalogue. What suffices where nothing else does at `RIVAL` times its complexity is proven.
+catalogue. What suffices where nothing else does that is hardly more complex, a rival, is proven.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,7 @@ from ..evidence.evidence import Evidence
 from ..evidence.pairs import WAVES, Form, Pair
 
 RIVAL = 1.5
-"""What stands at so many times the least complexity is a rival of what stands there."""
+"""What stands at so many times the least complexity, or with one coefficient more, is a rival of what stands there."""
 NEAR = 1.3
 """Below this radius a slightly larger noise bound is a candidate like any other: nothing is proven."""
 MOST_SECOND_ORDER = 1.0
@@ -55,7 +55,7 @@ class Standing:
 class Dependence:
     """What of a falsified model the functions of one quantity at one place can mend.
 
-    `standing`: pairs with which the model stands, the least complex first, up to `RIVAL` times its complexity;
+    `standing`: pairs with which the model stands, the least complex first, up to `most_of_rivals` of it;
     `freedoms`: ways in which a place may act with which the model stands where it may do so as it likes; `radius` of
     the model without functions. `listed_elsewhere`, `listed_otherwise`: whether a set of the catalogue that is as
     simple acts at another place, or depends on another quantity.
@@ -99,6 +99,11 @@ class Dependence:
             return None
         first, *others = self.standing
         return first if all(is_same(first.pair, other.pair) for other in others) else None
+
+
+def most_of_rivals(least: float) -> float:
+    """The complexity up to which what stands is a rival of what stands at the least."""
+    return max(RIVAL * least, least + 1.0)
 
 
 def is_same(one: Pair, other: Pair) -> bool:
@@ -224,7 +229,7 @@ class Search:
         return chebyshev_radius(matrix, self.problem.residual, np.ones(len(matrix)))[0]
 
     def standing(self, freedoms: Sequence[str]) -> Iterator[Standing]:
-        """The least complex functions of each pair, up to `RIVAL` times the least complexity of all."""
+        """The least complex functions of each pair, as complex as a rival of the least complex of all may be."""
         every = (trial for pair in self.pairs if pair.freedom in freedoms for trial in self.trials(pair))
         # What waits comes before what is as complex, then what came first.
         queue = [(trial.complexity, trial.space is not None, k, trial) for k, trial in enumerate(every)]
@@ -243,7 +248,7 @@ class Search:
             known = any(pair in found for pair in (trial.pair, *trial.pair.members))
             if not known and self.stands(trial.space):
                 found.append(trial.pair)
-                most = min(most, RIVAL * trial.complexity)
+                most = min(most, most_of_rivals(trial.complexity))
                 radius = self.radius(np.hstack((self.problem.nominal, trial.space)))
                 yield Standing(trial.pair, trial.form, trial.complexity, radius)
 

@@ -16,7 +16,7 @@ from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, estimated, least_radius
 from ..evidence.pairs import GYROS, LEAST_AROUND, PIECES, Form, Pair
 from ..rounding import digits
-from .dependence import LARGEST_PART, RIVAL, Dependence, Standing
+from .dependence import LARGEST_PART, Dependence, Standing, most_of_rivals
 
 LIKE = 0.05
 """An effect is a function of a quantity where so little of it, relatively, is none."""
@@ -96,11 +96,11 @@ class Listed:
         """A dependence of which nothing is proven that a set of the catalogue, as simple, does otherwise.
 
         Sets of several effects are so many that some stand by chance where one function suffices: they have to be no
-        more complex than that, single effects `RIVAL` times as complex at most.
+        more complex than that, single effects no more complex than rivals may be.
         """
         least = np.inf if found.least is None else found.least
         for fit in fits:
-            most = RIVAL * least if len(fit.places) == 1 else least
+            most = most_of_rivals(least) if len(fit.places) == 1 else least
             if found.listed_elsewhere or complexity_of(fit.places) > most:
                 continue
             of_readings = all(place.effect == OUTLIER for place in fit.places)

@@ -14,9 +14,9 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.beyond import Beyond
-from trihedron.tools.diagnosis.dependence import Dependence, Search, dependence, is_same
+from trihedron.tools.diagnosis.dependence import Dependence, Search, dependence, is_same, most_of_rivals
 from trihedron.tools.diagnosis.laws import Laws
-from trihedron.tools.diagnosis.rivals import NOT_COMPARED, RIVAL, ROUGHLY, Listed, Unlisted, complexity_of
+from trihedron.tools.diagnosis.rivals import NOT_COMPARED, ROUGHLY, Listed, Unlisted, complexity_of
 from trihedron.tools.diagnosis.search import search
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.records import read_record
@@ -202,7 +202,7 @@ def test_sets_of_several_effects_that_are_less_simple_are_no_rivals_of_one_funct
     assert found.least is not None
     others = [fit for fit in sets if not any(listed.is_of(fit, one.pair) for one in found.standing)]
     assert others
-    assert found.least < min(complexity_of(fit.places) for fit in others) <= RIVAL * found.least
+    assert found.least < min(complexity_of(fit.places) for fit in others) <= most_of_rivals(found.least)
     proven = listed.beside(found, sets).proven
     assert proven is not None
     assert (proven.pair.where, proven.pair.name) == ("accelerometer-1", "n1")

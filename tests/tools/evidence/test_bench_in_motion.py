@@ -9,6 +9,7 @@ import pytest
 
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
+from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.gyros import fit_whole
 from trihedron.tools.cli import main
@@ -194,3 +195,22 @@ def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
     rate = pairs["gyro-2", "w2"]
     for theirs, ours in ((harmonic, mine), (squared, rate.spread(rate.values[:, None] ** 2)[:, 0])):
         assert np.abs(theirs - ours).max() <= 3e-3 * np.abs(theirs).max()
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("seed", range(6))
+def test_of_a_gyro_that_swings_no_slow_temperature_is_proven_alone(seed):
+    """It swings about twice as fast as the laboratory's temperature, whose functions are then nearly as simple."""
+    rng = np.random.default_rng([75, 7 + seed])
+    drawn, p, per_hour = draw_whole(rng), int(rng.integers(1, 4)), float(rng.uniform(11.0, 13.4))
+    # About the hour at which the temperature is highest.
+    phase = 0.5 * np.pi - 2.0 * np.pi * per_hour / 24.0 + float(rng.uniform(-0.4, 0.4))
+    place = Formula.of(f"w{p} += c*sin({2.0 * np.pi * per_hour:.4f}*hours + {phase:.3f})").place
+    clean = whole_evidence(drawn.measured(75, seed), drawn.place, noise_bound=SIGMA)
+    unit = clean.columns_of([place])[:, 0]
+    seen = 2.0 / chebyshev_radius(clean.nominal, unit, np.ones(len(unit)))[0]
+    hidden = Hidden(place, (seen * float(rng.uniform(1.5, 6.0)),))
+    found = dependence(whole_evidence(drawn.measured(75, seed, (hidden,)), drawn.place, noise_bound=SIGMA))
+    assert found is not None
+    assert found.place in (f"gyro-{p}", None)
+    assert found.proven is None or "hours" in found.quantities
