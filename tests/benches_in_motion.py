@@ -55,7 +55,8 @@ def small_turns(relative: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Truth:
     """What a bench and a block are: stand and mounting [rad], Γ and biases of the accelerometers [1], [g], the gyros'
-    bias [rad/s], matrix [1], sensitivity [rad/s per g] and lag [s]."""
+    bias [rad/s], matrix [1], sensitivity [rad/s per g] and lag [s]; the accelerometers' lag [s] and places (3, 3)
+    [m]."""
 
     kappa: float
     epsilon: float
@@ -69,6 +70,8 @@ class Truth:
     gyro_matrix: np.ndarray
     sensitivity: np.ndarray
     lag: float
+    force_lag: float
+    arms: np.ndarray
 
     @staticmethod
     def drawn(rng: np.random.Generator) -> "Truth":
@@ -91,6 +94,8 @@ class Truth:
             gyro_matrix=within(8e-3, 3, 3),
             sensitivity=within(2e-4, 3, 3),
             lag=4e-3 * lag,
+            force_lag=float(within(4e-3)),
+            arms=within(0.03, 3, 3),
         )
 
     @property
@@ -106,6 +111,11 @@ class Truth:
         """Bias, matrix and sensitivity row by row, lag."""
         rows = np.concatenate([self.gyro_bias, self.gyro_matrix.ravel(), self.sensitivity.ravel()])
         return [*rows.tolist(), self.lag]
+
+    @property
+    def lags(self) -> list[float]:
+        """Of the accelerometers behind the encoders, and of the gyros behind the accelerometers."""
+        return [self.force_lag, self.lag - self.force_lag]
 
 
 @dataclass(frozen=True)
@@ -172,6 +182,18 @@ def attitudes_of(truth: Truth, record: BenchRecord) -> np.ndarray:
     return _turned_block(truth, record.time_s, np.stack([record.alpha, record.beta], axis=1), np.eye(3))[1]
 
 
+def _felt(truth: Truth, time: np.ndarray, force: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Specific force (N, 3, 3) [g] where each accelerometer is, as late as it reads it."""
+    middle = 0.5 * (time[1:] + time[:-1])
+    turning = np.stack([np.interp(time, middle, rate[:, k]) for k in range(3)], axis=1)
+    faster = np.diff(turning, axis=0, prepend=turning[:1], append=turning[-1:])
+    faster = 0.5 * (faster[1:] + faster[:-1]) * (len(time) - 1) / (time[-1] - time[0])
+    felt = [force + (np.cross(turning, np.cross(turning, r)) + np.cross(faster, r)) / GRAVITY for r in truth.arms]
+    late = np.stack(felt, axis=1).reshape(len(time), 9)
+    moments = time - truth.force_lag
+    return np.stack([np.interp(moments, time, late[:, k]) for k in range(9)], axis=1).reshape(-1, 3, 3)
+
+
 def bench_record(
     truth: Truth, programme: Programme = PROGRAMME, errors: Errors = Errors(), mounting=None
 ) -> BenchRecord:
@@ -198,7 +220,10 @@ def bench_record(
     still = np.all(np.abs(np.diff(angle[::FINE], axis=0, prepend=angle[:1])) < 1e-12, axis=1)
     rest = np.cumsum(np.diff(still.astype(int), prepend=0) == 1)
     held = rng.uniform(-errors.force, errors.force, (rest.max() + 1, 3))
-    f = n + n @ truth.gamma.T + np.where(n >= 0.0, truth.plus, truth.minus) * n + truth.bias + held[rest]
+    felt = _felt(truth, time, force, rate)[::FINE]
+    scale = np.where(np.einsum("npp->np", felt) >= 0.0, truth.plus, truth.minus)
+    own = np.einsum("npp->np", felt) * (1.0 + scale) + np.einsum("pq,npq->np", truth.gamma, felt)
+    f = own + truth.bias + held[rest]
     off = rng.uniform(-errors.encoder, errors.encoder, (rest.max() + 1, 2))[rest]
     told = angle[::FINE] + off
     return BenchRecord(time[::FINE], told[:, 0], told[:, 1], GRAVITY * f, increment=increments)

@@ -19,6 +19,7 @@ from ..fmus import components
 from ..models.bench import TARGETS, target_values
 from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
 from .calibration import Bench, Calibration, calibrate_whole
+from .calibration.latency import LATENCIES
 from .diagnosis import diagnose, export_extended
 from .document.blocks import Page, Section
 from .document.page import html
@@ -189,7 +190,7 @@ def true_targets(scenario: Scenario) -> dict[str, float]:
     found = dict(zip(TARGETS, target_values(true_elementary(truth, ()), np.eye(3)).tolist(), strict=True))
     if gyros := true_values(scenario, "GyroBlock"):
         # What else the calibration seeks of gyros this block has not.
-        own = dict.fromkeys(GYRO_PARAMETERS, 0.0)
+        own = dict.fromkeys((*GYRO_PARAMETERS, *LATENCIES), 0.0)
         own |= zip(GYRO_PARAMETERS[BIAS], gyros["bias"], strict=True)
         own |= zip(GYRO_PARAMETERS[MATRIX], gyros["scale_misalignment"], strict=True)
         found |= own

@@ -28,7 +28,7 @@ def test_every_parameter_of_two_hundred_benches_is_inside_its_interval():
         assert both.verdict == "consistent", seed
         assert both.gyros is not None
         estimates = [*both.parameters, *both.gyros.parameters]
-        for e, x in zip(estimates, [*truth.targets, *truth.gyros], strict=True):
+        for e, x in zip(estimates, [*truth.targets, *truth.gyros, *truth.lags], strict=True):
             assert e.low is not None
             assert e.high is not None
             if not e.low <= x <= e.high:

@@ -49,13 +49,15 @@ Measured = PositionRecord | RawRecord | StrapdownRecord
 class GyroCorrection:
     """The inverse of calibrated gyros, but for their lag [s], which stays in what they read.
 
-    `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g].
+    `bias` (3,) [rad/s], `matrix` (3, 3) I + Γ, `sensitivity` (3, 3) [rad/s per g]; `force_lag` that of the
+    accelerometers [s], which stays too, None where it is not known.
     """
 
     bias: NDArray
     matrix: NDArray
     sensitivity: NDArray
     lag: float
+    force_lag: float | None
 
     @staticmethod
     def of(calibration: Mapping[str, Any]) -> "GyroCorrection | None":
@@ -73,7 +75,9 @@ class GyroCorrection:
         matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
         if not np.linalg.cond(matrix) < WELL_POSED:
             raise ValueError("the gyros' scale factors and misalignments have no inverse")
-        return GyroCorrection(values[BIAS], matrix, values[SENSITIVITY].reshape(3, 3), float(values[LAG]))
+        late = known.get("A")
+        lags = float(values[LAG]), None if late is None else checked_number(late, "A")
+        return GyroCorrection(values[BIAS], matrix, values[SENSITIVITY].reshape(3, 3), *lags)
 
     def corrected(self, reading: NDArray, n: NDArray, seconds: NDArray | float = 1.0) -> NDArray:
         """Rates (N, 3) [rad/s], or integrals over (N, 1) [s], from readings, at inputs (N, 3) [g]."""

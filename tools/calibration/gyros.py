@@ -21,6 +21,8 @@ from ..result import finite_or_none
 from ..rounding import exactly
 from .calibration import ROUNDING, Asked, calibrate, wanted_targets
 from .estimates import FeasibleSet, a_priori_values, chebyshev_centre, least_squares_values, possible_values
+from .in_motion import InMotion
+from .latency import lag_targets, with_motion
 from .model import Linearisation
 from .result import NUMBERS, Calibration, Estimate, Gain, GyroCalibration, OpenTarget, ReadingError, Turn
 from .targets import Target, corners, error_weights
@@ -38,6 +40,7 @@ GAINED = 0.99
 ANGLES_DEG = {"latitude_deg": 90.0, "azimuth_deg": 360.0}
 LARGEST_ENCODER = 1e-3
 """No encoder of a table is off by more [rad]."""
+NO_LAG = "no one lag of all accelerometers explains what they read in motion; diagnose says what does"
 SAME_DEG = 1e-6
 """Angles that differ by less are the same, written with other digits."""
 
@@ -132,7 +135,9 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
             "(--latitude-deg, its comment line)"
         )
     found = calibrate(record, **options)
-    return with_gyros(found, record, bench, fit_whole(found.linearised, record, bench, found.noise_bound), asked)
+    whole = fit_whole(found.linearised, record, bench, found.noise_bound)
+    made = with_gyros(found, record, bench, whole, asked)
+    return _with_latency(made, record, bench, whole)
 
 
 def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_bound: float) -> WithTurns:
@@ -155,27 +160,16 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
     targets = wanted_targets(alone.parametrisation, asked)
     wanted = [*targets, *gyro_targets(here.own)]
     of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
+    slack = record.written_to(found.gravity) + ROUNDING
     wanted = [widened(target, len(here.point)) for target in wanted]
-    weights = np.vstack([*(target.weights for target in wanted), of_errors])
-    possible = np.full((len(weights), 4), np.nan)
-    feasible, slack = None, record.written_to(found.gravity) + ROUNDING
     try:
-        radius, centre, duals = chebyshev_centre(here)
-        contradicted = radius > 1.0 + slack / found.noise_bound + RELATIVE_TOLERANCE
-        if not contradicted:
-            feasible = FeasibleSet(here, centre, slack)
-            possible, _ = possible_values(feasible, weights)
-        beside = a_priori_values(here, wanted), least_squares_values(here, weights[: len(wanted)])
+        told = _told(here, wanted, slack, found.noise_bound, of_errors)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --gyro-noise in rad/s?") from error
-    numbers = np.hstack((possible[: len(wanted)], *beside))
-    estimates = [
-        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(NUMBERS, map(finite_or_none, row), strict=True)))
-        for t, row in zip(wanted, numbers, strict=True)
-    ]
+    estimates, contradicted = told.estimates, told.contradicted
     count = len(targets)
     of_bench = [_no_wider(one, before) for one, before in zip(estimates[:count], found.parameters, strict=True)]
-    proof = np.flatnonzero(np.abs(duals) * here.bound > 1e-9) if contradicted else np.zeros(0, dtype=int)
+    proof = np.flatnonzero(np.abs(told.duals) * here.bound > 1e-9) if contradicted else np.zeros(0, dtype=int)
     behind = len(alone.residual)
     gyros = GyroCalibration(
         pieces=len(here.turns.first),
@@ -184,11 +178,11 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
         latitude_deg=float(bench.latitude_deg),
         azimuth_deg=float(bench.azimuth_deg),
         parameters=estimates[count:],
-        missing=[OpenTarget(symbol=e.symbol, name=e.name) for e in estimates[count:] if e.a_priori is None],
+        missing=_missing(estimates[count:]),
         gains=[] if contradicted else _gains(found.parameters, of_bench),
         witness=[_turn(here, raw.time_s, int(k) - behind) for k in proof if k >= behind],
     )
-    changed: dict[str, Any] = {"radius": radius, "gyros": gyros}
+    changed: dict[str, Any] = {"radius": told.radius, "gyros": gyros}
     if found.verdict != "insufficient":
         changed |= {"parameters": of_bench}
     if contradicted and found.verdict == "consistent":
@@ -198,13 +192,65 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
             "no_estimate": "no parameters of bench, accelerometers and gyros keep every turn within its bound",
             "witness": [],
         }
-    if feasible is not None:
-        errors = zip(corners(), possible[len(wanted) :, 2:], strict=True)
+    if not contradicted:
+        errors = zip(corners(), told.further[:, 2:], strict=True)
         changed["reading_errors"] = [
             ReadingError(accelerometer=p, input=list(n), low=finite_or_none(low), high=finite_or_none(high))
             for (p, n), (low, high) in errors
         ]
     return found.model_copy(update=changed)
+
+
+def _with_latency(found: Calibration, record: PositionRecord, bench: Bench, here: WithTurns) -> Calibration:
+    """A calibration of the whole IMU with the accelerometers' latency, as what they read in motion tells it."""
+    alone, gyros = found.linearised, found.gyros
+    assert gyros is not None
+    moving = InMotion.of(record, alone, found.gravity, bench.encoder_within(found.noise_bound))
+    slack = record.written_to(found.gravity) + ROUNDING
+    told = _told(with_motion(here, moving, found.gravity), lag_targets(len(here.point)), slack, found.noise_bound)
+    said = [*gyros.parameters, *told.estimates]
+    changed: dict[str, Any] = {"gyros": gyros.model_copy(update={"parameters": said, "missing": _missing(said)})}
+    if told.contradicted and found.verdict != "falsified":
+        changed["warnings"] = [*found.warnings, NO_LAG]
+    return found.model_copy(update=changed)
+
+
+def _missing(estimates: Sequence[Estimate]) -> list[OpenTarget]:
+    """What a record does not determine."""
+    return [OpenTarget(symbol=e.symbol, name=e.name) for e in estimates if e.a_priori is None]
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What one linear system says: its radius, whether it is contradicted and by which duals (M,), estimates.
+
+    `further` (K, 4): estimate, its error bound and both ends of further combinations.
+    """
+
+    radius: float
+    contradicted: bool
+    duals: NDArray[np.float64]
+    estimates: list[Estimate]
+    further: NDArray[np.float64]
+
+
+def _told(
+    here: WithTurns, wanted: list[Target], slack: float, noise_bound: float, further: NDArray | None = None
+) -> _Told:
+    """What a system says of targets, and of further combinations (K, P); a SolverError where it cannot be solved."""
+    weights = np.array([target.weights for target in wanted])
+    every = weights if further is None else np.vstack([weights, further])
+    radius, centre, duals = chebyshev_centre(here)
+    contradicted = radius > 1.0 + slack / noise_bound + RELATIVE_TOLERANCE
+    possible = np.full((len(every), 4), np.nan)
+    if not contradicted:
+        possible, _ = possible_values(FeasibleSet(here, centre, slack), every)
+    values = possible[: len(wanted)], a_priori_values(here, wanted), least_squares_values(here, weights)
+    estimates = [
+        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(NUMBERS, map(finite_or_none, row), strict=True)))
+        for t, row in zip(wanted, np.hstack(values), strict=True)
+    ]
+    return _Told(radius, contradicted, duals, estimates, possible[len(wanted) :])
 
 
 def gyro_names() -> list[tuple[str, str]]:

@@ -10,16 +10,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench_turns import rates_of_turning
+from ...models.effects import MotionRows
 from ..motion.rest_noise import factor_for
 from ..motion.rests import sampling_of
 from ..records import BenchRecord, PositionRecord
 from ..records.rests import without_turns
-from .model import Linearisation, Positions, predicted_reading
+from .model import Linearisation, Parametrisation, Positions, predicted_reading
 
 HALF_S, HALF_RAD, FEWEST = 0.08, 0.08, 3
 """To either side of the middle so much time [s] and turn [rad] is taken, and at least so many rows."""
 STEADY = 2.5
 """Angles are a parabola of time where they miss it by no more than so many bounds of an encoder."""
+UNSEEN = 4.0
+"""An acceleration that changes by a goes unseen for √(4 · 2.5 bounds / a) at most, near the end of a window."""
 APART = 0.8
 """So far [rad] the table turns from one reading in motion to the next, but where its acceleration is another one."""
 MOST = 90
@@ -55,11 +59,31 @@ class InMotion:
         value, gain = _parabola(reading, rows, half)
         off = encoder_bound + sampling.jitter_max * np.abs(rate)
         at = Positions(angles[rows, 0], angles[rows, 1], np.zeros(len(rows), dtype=int))
-        slopes = np.abs(_slopes(here, at))
+        slopes = np.abs(_slopes(here.parametrisation, here.point, at))
         wave = QUARTIC * (half * sampling.period * np.abs(rate).sum(axis=1)) ** 4
         noise = factor_for(3 * len(rows)) * gain[:, None] * _scatter(reading, record)
         bound = float(here.bound.min()) + noise + (slopes * off[:, None]).sum(axis=2) + wave[:, None]
         return InMotion(rows, angles[rows], value, bound, rate, acceleration)
+
+    def at(self, lag: float) -> Positions:
+        """Where the table stood a lag [s] earlier."""
+        alpha, beta = (self.angles - lag * self.rate + 0.5 * lag**2 * self.acceleration).T
+        return Positions(alpha, beta, np.zeros(len(alpha), dtype=int))
+
+    def by_lag(self, parametrisation: Parametrisation, point: NDArray, lag: float) -> NDArray[np.float64]:
+        """How the readings change (3 W,) with the lag [g/s], at a point (P,)."""
+        earlier = lag * self.acceleration - self.rate
+        return (_slopes(parametrisation, point, self.at(lag)) * earlier[:, None, :]).sum(axis=2).ravel()
+
+    def motion(self, to_block: NDArray, lean: float, gravity: float, lag: float = 0.0) -> MotionRows:
+        """The rows as effects in motion see them, a lag [s] earlier.
+
+        `to_block` (3, 3): axes of the inner frame in those of the block; `lean` ε [rad].
+        """
+        rates = self.rate - lag * self.acceleration
+        rate, change = rates_of_turning(self.at(lag).beta, rates, self.acceleration, lean) @ to_block.T
+        count = len(rate)
+        return MotionRows(rate, rate - change, self.reading, np.zeros(count), np.ones(count), gravity=gravity)
 
 
 def _steady_rows(
@@ -70,23 +94,28 @@ def _steady_rows(
     period = float(np.median(np.diff(time)))
     fastest = float(np.quantile(np.abs(np.diff(angles, axis=0)).sum(axis=1), 0.99)) / period
     half = max(FEWEST, int(min(HALF_S, HALF_RAD / max(fastest, SLOW)) / period))
-    if len(used) < 2 or len(time) < 4 * half:
+    # An axis that speeds up otherwise from near the end on still seems steady, and a reading may be a mean since the
+    # row before: angles are looked at farther.
+    bent = np.abs(np.diff(angles, 2, axis=0)).max(initial=0.0) - 4.0 * encoder_bound
+    unseen = (UNSEEN * STEADY * encoder_bound / max(bent / period**2, SLOW)) ** 0.5
+    wide = half + 1 + int(np.ceil(unseen / period))
+    if len(used) < 2 or len(time) < 4 * wide:
         return np.zeros(0, int), half, np.zeros((0, 2)), np.zeros((0, 2))
-    lags = period * np.arange(-half, half + 1)
+    lags = period * np.arange(-wide, wide + 1)
     inverse = np.linalg.pinv(np.vander(lags, 3, increasing=True))
-    windows = np.lib.stride_tricks.sliding_window_view(angles, 2 * half + 1, axis=0)
-    seen = np.abs(angles[2 * half :] - angles[: -2 * half]).max(axis=1) > SLOW * 2 * half * period
+    windows = np.lib.stride_tricks.sliding_window_view(angles, 2 * wide + 1, axis=0)
+    seen = np.abs(angles[2 * wide :] - angles[: -2 * wide]).max(axis=1) > SLOW * 2 * wide * period
     for rest in used:
-        seen[max(rest.first - 2 * half, 0) : rest.last + 1] = False
-    even = np.abs(time[2 * half :] - time[: -2 * half] - 2 * half * period) < 0.5 * period
+        seen[max(rest.first - 2 * wide, 0) : rest.last + 1] = False
+    even = np.abs(time[2 * wide :] - time[: -2 * wide] - 2 * wide * period) < 0.5 * period
     # Windows that overlap by three quarters say hardly more than each other.
     first = np.flatnonzero(seen & even)[:: max(half // 2, 1)]
     terms = windows[first] @ inverse.T
     left = windows[first] - terms @ np.vander(lags, 3, increasing=True).T
-    forces = np.lib.stride_tricks.sliding_window_view(reading, 2 * half + 1, axis=0)[first]
-    one_sign = (np.abs(np.sign(forces).sum(axis=2)) == 2 * half + 1).all(axis=1)
+    forces = np.lib.stride_tricks.sliding_window_view(reading, 2 * wide + 1, axis=0)[first]
+    one_sign = (np.abs(np.sign(forces).sum(axis=2)) == 2 * wide + 1).all(axis=1)
     good = (np.abs(left).max(axis=(1, 2)) <= STEADY * encoder_bound) & one_sign
-    rows, rate, acceleration = first[good] + half, terms[good, :, 1], 2.0 * terms[good, :, 2]
+    rows, rate, acceleration = first[good] + wide, terms[good, :, 1], 2.0 * terms[good, :, 2]
     between = np.searchsorted([rest.first for rest in used], rows)
     gone = np.floor(np.append(0.0, np.abs(np.diff(angles, axis=0)).sum(axis=1)).cumsum()[rows] / APART)
     largest = np.abs(acceleration).max(initial=0.0)
@@ -112,8 +141,7 @@ def _scatter(reading: NDArray, record: PositionRecord) -> NDArray[np.float64]:
     return np.sqrt(np.median([np.var(own, axis=0) for own in kept], axis=0))
 
 
-def _slopes(here: Linearisation, at: Positions) -> NDArray[np.float64]:
-    """Derivatives (N, 3, 2) of readings by the angles."""
+def _slopes(parametrisation: Parametrisation, point: NDArray, at: Positions) -> NDArray[np.float64]:
+    """Derivatives (N, 3, 2) of readings by the angles, at a point (P,)."""
     from_angles = [replace(at, **{name: getattr(at, name) + 1j * 1e-30}) for name in ("alpha", "beta")]
-    read = [np.imag(predicted_reading(here.parametrisation, here.point, one)) / 1e-30 for one in from_angles]
-    return np.stack(read, axis=2)
+    return np.stack([np.imag(predicted_reading(parametrisation, point, one)) / 1e-30 for one in from_angles], axis=2)

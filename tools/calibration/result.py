@@ -135,9 +135,10 @@ class GyroCalibration(_Part):
     latitude_deg, azimuth_deg : float
         where the bench stands, and the outer axis points, from north towards east
     parameters : list of Estimate
-        biases B, scale factors and misalignments M, sensitivities to specific force S, lag behind the encoders L
+        biases B, scale factors and misalignments M, sensitivities to specific force S, lag behind the encoders L; the
+        accelerometers' lag A, by what they read in motion, and the gyros' behind them, L-A
     missing : list of OpenTarget
-        what the turns do not determine
+        what the record does not determine
     gains : list of Gain
         targets of the bench that are known better by the turns
     witness : list of Turn

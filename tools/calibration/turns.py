@@ -6,8 +6,9 @@ piece the integral of the readings errs by the gyros' noise, by what the encoder
 what both axes do between rows, and by a moment at its ends.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,9 @@ LARGEST = 0.5
 """No gyro has a larger scale-factor error or misalignment."""
 PLAUSIBLE = np.array([1e-2] * 3 + [1e-2] * 9 + [1e-2] * 9 + [1e-2])
 """Sizes of gyros' parameters: a direction that moves no reading by its bound at such sizes is not determined."""
-ROUNDS = 8
+ROUNDS, STILL = 8, 1e-10
+"""So many steps of least squares at most; one of so small a part of the sizes moves nothing."""
+Model = TypeVar("Model", bound=Linearisation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +279,11 @@ class WithTurns(Linearisation):
         return len(self.parametrisation.symbols)
 
     @property
+    def sizes(self) -> NDArray[np.float64]:
+        """Plausible sizes (P,) of the parameters."""
+        return np.append(np.full(self.own, 1e-2), PLAUSIBLE)
+
+    @property
     def symbols(self) -> tuple[str, ...]:
         """Names of the parameters."""
         return (*self.parametrisation.symbols, *GYRO_PARAMETERS)
@@ -309,13 +317,7 @@ def with_turns(here: Linearisation, turns: Turns, where: str) -> WithTurns:
     found = WithTurns(**values, turns=turns)
     for _ in range(ROUNDS):
         bound = np.append(here.bound, turns.bound(selection @ point[:count], point[count:]))
-        residual, jacobian = found.residual_at(point), found.jacobian_at(point)
-        span = _determined(jacobian / bound[:, None], np.append(np.full(count, 1e-2), PLAUSIBLE))
-        found = WithTurns(
-            **values | {"point": point, "bound": bound, "residual": residual, "jacobian": jacobian, "span": span},
-            turns=turns,
-        )
-        step = span @ np.linalg.lstsq(jacobian @ span / bound[:, None], residual / bound, rcond=None)[0]
+        found, step = fitted_step(found, point, bound, found.sizes)
         point = point + step
         matrix = point[count:][MATRIX]
         if np.abs(matrix).max() > LARGEST:
@@ -325,9 +327,21 @@ def with_turns(here: Linearisation, turns: Turns, where: str) -> WithTurns:
                 f"{digits(float(matrix[worst] + (worst % 4 == 0)), 2)} times the turn about axis {worst % 3 + 1}; give "
                 "order, signs or units by --channels, as w=2,1,-3 or w=deg"
             )
-        if np.abs(step / np.append(np.full(count, 1e-2), PLAUSIBLE)).max() < 1e-10:
+        if np.abs(step / found.sizes).max() < STILL:
             break
     return found
+
+
+def fitted_step(model: Model, point: NDArray, bound: NDArray, sizes: NDArray) -> tuple[Model, NDArray]:
+    """A model linearised at a point (P,) with bounds (M,), and the step (P,) from there to the least squares.
+
+    What moves no reading by its bound at parameters of these sizes (P,) stays where it is.
+    """
+    residual, jacobian = model.residual_at(point), model.jacobian_at(point)
+    rows = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]) / bound[:, None], mode="r"))
+    span = _determined(rows[:, :-1], sizes)
+    made = replace(model, point=point, bound=bound, residual=residual, jacobian=jacobian, span=span)
+    return made, span @ np.linalg.lstsq(rows[:, :-1] @ span, rows[:, -1], rcond=None)[0]
 
 
 def _determined(rows: NDArray, sizes: NDArray) -> NDArray:

@@ -463,8 +463,11 @@ def application_lines(result: Application, latitude_deg: float | None = None) ->
         f"corrected at most {upwards(azimuth * after / ARCSEC, 3)}",
     ]
     if result.gyros is not None and result.correction.gyros is not None:
-        lag = exactly(1e3 * result.correction.gyros.lag, 3)
-        lines.append(f"gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated; their lag of {lag} ms stays")
+        gyros = result.correction.gyros
+        lags = [f"their lag of {exactly(1e3 * gyros.lag, 3)} ms stays"]
+        if gyros.force_lag is not None:
+            lags.append(f"that of the accelerometers, {exactly(1e3 * gyros.force_lag, 3)} ms, too")
+        lines.append(f"gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated; {', '.join(lags)}")
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
     return lines + [f"warning: {warning}" for warning in result.warnings]

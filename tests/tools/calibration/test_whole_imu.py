@@ -14,6 +14,7 @@ from trihedron.models.bench import TARGETS
 from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings
 from trihedron.tools.bounded.programmes import Polytope
 from trihedron.tools.calibration import Bench, Calibration, calibrate, calibrate_whole, strapdown_by_table
+from trihedron.tools.calibration.latency import LATENCIES
 from trihedron.tools.calibration.result import GyroCalibration
 from trihedron.tools.calibration.turns import Turns, turns_of, with_turns
 from trihedron.tools.cli import main
@@ -65,7 +66,9 @@ def gyros_of(result: Calibration) -> GyroCalibration:
 
 def outside(result: Calibration, truth: Truth) -> list[str]:
     """Symbols whose interval does not hold the truth."""
-    known = zip([*result.parameters, *gyros_of(result).parameters], [*truth.targets, *truth.gyros], strict=True)
+    known = zip(
+        [*result.parameters, *gyros_of(result).parameters], [*truth.targets, *truth.gyros, *truth.lags], strict=True
+    )
     return [e.symbol for e, x in known if e.low is None or e.high is None or not e.low <= x <= e.high]
 
 
@@ -135,6 +138,31 @@ def test_every_interval_holds_the_truth(result, truth):
     assert gyros_of(result).missing == []
 
 
+def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
+    """Accelerometers centimetres from the crossing of the axes, milliseconds late: known to microseconds."""
+    for e, x in zip(gyros_of(result).parameters[-2:], truth.lags, strict=True):
+        told = (e.a_priori, e.guaranteed_error, e.estimate, e.error_bound, e.low, e.high)
+        assert None not in told
+        a_priori, guaranteed, estimate, error, low, high = (float(v) for v in told if v is not None)
+        assert abs(a_priori - x) <= guaranteed < 5e-5
+        assert abs(estimate - x) <= error
+        assert high - low <= 2.0 * guaranteed * (1.0 + 1e-9)
+    assert np.abs(truth.arms).max() > 0.01
+    assert np.abs(truth.lags).max() > 1e-3
+
+
+def test_accelerometers_of_different_lags_have_no_latency_and_all_else_stands(record, result):
+    force = record.specific_force.copy()
+    force[1:, 1] = force[:-1, 1]
+    found = told(replace(record, specific_force=force))
+    late = gyros_of(found).parameters[-2:]
+    assert [e.estimate for e in late] == [None, None]
+    assert sum("no one lag of all accelerometers" in text for text in found.warnings) == 1
+    assert found.verdict == "consistent"
+    for e, before in zip(found.parameters, result.parameters, strict=True):
+        assert abs(e.estimate - before.estimate) < before.error_bound
+
+
 def test_what_both_determine_is_never_known_worse_and_the_leaning_of_the_axes_better(result, record):
     alone = calibrate(position_record_of(record), noise_bound=SIGMA)
     for both, before in zip(result.parameters, alone.parameters, strict=True):
@@ -193,7 +221,7 @@ def test_rates_say_what_increments_say(record, result):
     for one, other in zip(gyros_of(sampled).parameters, gyros_of(found).parameters, strict=True):
         assert one.guaranteed_error is not None
         assert other.guaranteed_error is not None
-        assert one.guaranteed_error > 1.02 * other.guaranteed_error or one.symbol[0] in "BS"
+        assert one.guaranteed_error > 1.02 * other.guaranteed_error or one.symbol[0] in "BSA"
 
 
 def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
@@ -212,7 +240,7 @@ def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
     bench = Bench(*place, encoder_bound=table["encoder_fluctuation_bound"])
     found = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
     assert found.verdict == "consistent"
-    assert inside_intervals(found, true_targets(scenario)) == 40
+    assert inside_intervals(found, true_targets(scenario)) == 42
     (tmp_path / "imu.json").write_text(found.json_text(), encoding="utf-8")
     compensated = short.replace("[record]", COMPENSATION + "[record]").replace(
         "step_s = 0.05", "step_s = 0.05\nstop_s = 40.0"
@@ -268,7 +296,7 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     assert "the turns make X3 better known" in said
     assert "gyro-misalignment-12" in said
     again = Calibration.model_validate_json((tmp_path / "imu.json").read_text(encoding="utf-8"))
-    assert [e.symbol for e in gyros_of(again).parameters] == list(GYRO_PARAMETERS)
+    assert [e.symbol for e in gyros_of(again).parameters] == [*GYRO_PARAMETERS, *LATENCIES]
     units = {e.name: e.unit for e in gyros_of(again).parameters}
     assert (units["gyro-scale-factor-error-1"], units["gyro-misalignment-12"]) == ("1", "rad")
     written = (tmp_path / "imu-gyros.ssv").read_text(encoding="utf-8")

@@ -149,7 +149,7 @@ def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(
     found = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
     assert found.verdict == "consistent"
     assert found.gyros is not None
-    assert inside_intervals(found, true_targets(read_scenario(tmp_path / "planned.toml"))) == 40
+    assert inside_intervals(found, true_targets(read_scenario(tmp_path / "planned.toml"))) == 42
     for one, promised in zip([*found.parameters, *found.gyros.parameters], plan.targets, strict=True):
         assert one.symbol == promised.symbol
         assert one.guaranteed_error == pytest.approx(promised.promised, rel=plan.held_to), one.symbol
