@@ -87,7 +87,7 @@ SIZES = {
 
 def place_of(text: str, *, in_motion: bool = False) -> EffectPlace:
     """The effect of a formula."""
-    (place,) = places_of([text], in_motion=in_motion)
+    (place,) = places_of([text], at_table=not in_motion, with_gyros=in_motion)
     return place
 
 

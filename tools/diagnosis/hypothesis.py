@@ -58,8 +58,11 @@ class Hypothesis(Told):
     finding: Any = Field(default=None, exclude=True)
 
 
-def places_of(formulas: Sequence[str], *, in_motion: bool) -> tuple[EffectPlace, ...]:
-    """The effects of formulas, each once; an InputError for what is no formula, or not one of such a record."""
+def places_of(formulas: Sequence[str], *, at_table: bool, with_gyros: bool) -> tuple[EffectPlace, ...]:
+    """The effects of formulas, each once; an InputError for what is no formula, or not one of such a record.
+
+    A record is of a table, of gyros, or of both.
+    """
     found = []
     for text in formulas:
         where = f"--hypothesis '{one_line(str(text))[:60]}'"
@@ -69,13 +72,16 @@ def places_of(formulas: Sequence[str], *, in_motion: bool) -> tuple[EffectPlace,
             place.definition  # noqa: B018  (a formula that has no kernel is refused here)
         except ValueError as error:
             raise InputError(f"{where}: {error}") from error
-        if component == "GyroBlock" and not in_motion:
-            other = "strapdown record; of positions of a table f1, f2, f3, alpha, beta, kappa and epsilon can err"
+        if component == "GyroBlock" and not with_gyros:
+            other = (
+                "strapdown record, or of a bench record whose place is given (--latitude-deg, --azimuth-deg); of "
+                "positions of a table f1, f2, f3, alpha, beta, kappa and epsilon can err"
+            )
             raise InputError(f"{where}: {formula.left} is of a {other}")
-        if component == "TurntableMotion" and in_motion:
+        if component == "TurntableMotion" and not at_table:
             other = "record of a table; of a block that is carried w1, w2, w3, f1, f2 and f3 can err"
             raise InputError(f"{where}: {formula.left} is of a {other}")
-        if in_motion and (missing := [name for name in formula.quantities if name in OF_TABLE]):
+        if not at_table and (missing := [name for name in formula.quantities if name in OF_TABLE]):
             raise InputError(f"{where}: {missing[0]} is of a record of a table; a block that is carried has n1, n2, n3")
         found.append(place)
     return tuple(dict.fromkeys(found))

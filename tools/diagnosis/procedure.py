@@ -63,7 +63,7 @@ def diagnose(
     for a formula that is none.
     """
     carried = isinstance(record, StrapdownRecord)
-    formulas = places_of(hypotheses, in_motion=carried)
+    formulas = places_of(hypotheses, at_table=not carried, with_gyros=carried or options.get("bench") is not None)
     evidence = evidence_of(record, **options) if evidence is None else evidence
     # What carries a block is linear in what it was run with, so its formulas are run beside the catalogue.
     beside = evidence

@@ -103,6 +103,6 @@ def test_a_wrong_one_is_refused_in_one_line_before_anything_is_searched(text, sa
 )
 def test_what_a_kind_of_record_does_not_have_is_refused(text, in_motion, says):
     with pytest.raises(InputError, match=says):
-        places_of([text], in_motion=in_motion)
+        places_of([text], at_table=not in_motion, with_gyros=in_motion)
     with pytest.raises(InputError, match="hypothesis"):
-        places_of(["f1 += c*n1", text], in_motion=in_motion)
+        places_of(["f1 += c*n1", text], at_table=not in_motion, with_gyros=in_motion)

@@ -15,6 +15,9 @@ from trihedron.tools.calibration.gyros import fit_whole
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Diagnosis
 from trihedron.tools.diagnosis.dependence import dependence
+from trihedron.tools.diagnosis.hypothesis import places_of
+from trihedron.tools.diagnosis.procedure import answered
+from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench_again import simulated_turns
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_travel import Travel, approached
@@ -182,6 +185,28 @@ def test_what_no_catalogue_lists_has_its_place_and_quantity_proven(hidden, where
     seen = columns > 1e-4 * columns.max()
     assert seen[:alone].any() == (not where.startswith("gyro"))
     assert seen[alone:].any() == (not where.startswith("accelerometer"))
+
+
+@pytest.mark.acceptance
+def test_a_formula_of_a_gyro_stands_or_is_refuted():
+    """What was hidden stands with its number inside; of another gyro, or of an accelerometer, it does not."""
+    hidden = of_formula("w3 += c*w3**5", 2e-4)
+    evidence = whole_evidence(measured(hidden), bench().place, noise_bound=SIGMA)
+    texts = ("w3 += c*w3**5", "w1 += c*w1**5", "f1 += c*n1**5")
+    places = places_of(texts, at_table=True, with_gyros=True)
+    true, *others = (answered(evidence, place, (), rerun=False) for place in places)
+    assert true.answer == "stands"
+    (own,) = true.parameters
+    assert own.low is not None
+    assert own.high is not None
+    assert own.low <= 2e-4 <= own.high
+    assert [other.answer for other in others] == ["refuted", "refuted"]
+
+
+def test_a_formula_is_of_what_the_record_has():
+    with pytest.raises(InputError, match="w1 is of a strapdown record, or of a bench record whose place is given"):
+        places_of(["w1 += c*w1**3"], at_table=True, with_gyros=False)
+    assert len(places_of(["w1 += c*w1**3", "alpha += c*sin(3*alpha)"], at_table=True, with_gyros=True)) == 2
 
 
 def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
