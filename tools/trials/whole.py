@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..calibration.gyros import Bench as Place
+from ..evidence.bench import Bench as Evidence
 from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.fit import composed
 from ..orchestrator import simulate
@@ -59,6 +60,12 @@ class WholeBench(Bench):
         return Place(
             math.degrees(self.latitude), math.degrees(self.azimuth), GYRO_NOISE, encoder_bound=ENCODER_FLUCTUATION
         )
+
+    def as_recorded(self, hidden: Sequence[Hidden], evidence: Evidence) -> tuple[Hidden, ...]:
+        """As of a bench of positions; what gyros do counts from the record's first row, as the run does."""
+        own = [one.place.definition.component == "GyroBlock" for one in hidden]
+        moved = super().as_recorded(hidden, evidence)
+        return tuple(one if of_gyros else late for one, late, of_gyros in zip(hidden, moved, own, strict=True))
 
     def measured(
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
