@@ -15,7 +15,10 @@ last 16 increments,
   sample rate makes each difference larger than the one before, and a high degree carries it wrongly into the attitude;
 * eight where, from the fourth to the eighth, it grows less than half as much as noise alone would make it: then the
   fourth is of the motion. What a low degree leaves out of a motion adds up; what a high one takes in of noise and
-  quanta is random, and small beside what they do to the sum of the increments.
+  quanta is random, and small beside what they do to the sum of the increments;
+* none where the increments are too noisy for it to matter: from the sixth to the eighth the differences grow as those
+  of noise, which tells its size, and two cheap formulas, of pairs and of four uncompressed, agree to a small part of
+  what the noise does to the window. That of four is taken then.
 """
 
 import math
@@ -26,6 +29,7 @@ from ..rotation import (
     add_increment,
     clear,
     complete_rodrigues,
+    complete_rotation_vector,
     dot,
     multiply,
     scale_vector,
@@ -66,6 +70,16 @@ RODRIGUES = 2.0
 
 WINDOW = 8
 """Increments of one update of adaptive degree."""
+
+LAST_RISE_OF_NOISE = 7.0
+"""Half of what noise makes of it from the sixth to the eighth: C(16, 8)/C(12, 6) = 13.9, quanta 14.2."""
+
+EIGHTH_OF_NOISE = 12870.0
+"""What noise makes of the mean square of eighth differences, over its own: C(16, 8)."""
+
+SMALL_PART = 1.0 / 100.0
+"""Formulas that differ by so much of what noise does to a window differ by as much as it does after 10,000 windows:
+what they leave out adds up, noise adds up by its square."""
 
 RISE_OF_NOISE = 46.0
 """A quarter of what noise makes of the mean square of differences from the fourth to the eighth: C(16, 8)/C(8, 4) = 184
@@ -286,7 +300,8 @@ def supported_degree(previous: Vector, known: float, g: Vector, most: float, spa
     most : float
         no more than so much, as the sum of their lengths, is given to one polynomial
     space : (48,) or longer
-        working space
+        working space; the mean square of the noise of a component of an increment [rad²] comes first, zero where they
+        do not look like noise
     """
     length = WINDOW
     if known == 1.0:
@@ -302,19 +317,27 @@ def supported_degree(previous: Vector, known: float, g: Vector, most: float, spa
         longest = longest + math.sqrt(g[3 * i] * g[3 * i] + g[3 * i + 1] * g[3 * i + 1] + g[3 * i + 2] * g[3 * i + 2])
     second = 0.0
     fourth = 0.0
+    sixth = 0.0
     eighth = 0.0
     for n in range(1, WINDOW + 1):
         # The first eight increments have no eighth difference: their seventh stands for it.
         if n < length:
-            total = 0.0
             for i in range(3 * (length - n)):
                 space[i] = space[i + 3] - space[i]
-                total = total + space[i] * space[i]
-            eighth = total / (length - n)
+            if n == 2 or n == 4 or n >= 6:
+                total = 0.0
+                for i in range(3 * (length - n)):
+                    total = total + space[i] * space[i]
+                eighth = total / (length - n)
         if n == 2:
             second = eighth
         if n == 4:
             fourth = eighth
+        if n == 6:
+            sixth = eighth
+    space[0] = 0.0
+    if length > WINDOW and eighth > LAST_RISE_OF_NOISE * sixth:
+        space[0] = eighth / (3.0 * EIGHTH_OF_NOISE)
     if longest > most or fourth > second:
         return 2
     if eighth > RISE_OF_NOISE * fourth:
@@ -340,6 +363,28 @@ def pair_of_increments(g: Vector, first: int, part: Vector) -> None:
     complete_rodrigues(part)
 
 
+def four_uncompressed(g: Vector, first: int, part: Vector) -> None:
+    """Quaternion of increments `first` to `first` + 3 by their products, as `four-sample-uncompressed`."""
+    clear(part)
+    for i in range(first, first + 4):
+        add_increment(1.0, g, i, part)
+    add_cross(232.0 / 315.0, g, first, g, first + 1, part)
+    add_cross(232.0 / 315.0, g, first + 2, g, first + 3, part)
+    add_cross(178.0 / 315.0, g, first + 1, g, first + 2, part)
+    add_cross(138.0 / 315.0, g, first, g, first + 2, part)
+    add_cross(138.0 / 315.0, g, first + 1, g, first + 3, part)
+    add_cross(162.0 / 315.0, g, first, g, first + 3, part)
+    complete_rotation_vector(part)
+
+
+def pairs_of_window(g: Vector, part: Vector, turned: Vector) -> None:
+    """Quaternion of a window of eight increments, two at a time."""
+    set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
+    for pair in range(4):
+        pair_of_increments(g, 2 * pair, part)
+        multiply(turned, part, turned)
+
+
 def adaptive_degree(
     previous: Vector,
     known: float,
@@ -356,6 +401,20 @@ def adaptive_degree(
     """
     # No more than half a turn is given to one polynomial.
     chosen = supported_degree(previous, known, g, math.pi, space)
+    noise = space[0]
+    if chosen > 2 and noise > 0.0:
+        pairs_of_window(g, part, turned)
+        for k in range(4):
+            space[k] = turned[k]
+        four_uncompressed(g, 0, turned)
+        four_uncompressed(g, 4, part)
+        multiply(turned, part, turned)
+        # Half the angle between them, squared; noise of a sum of eight is eight times as much in the mean square.
+        apart = 0.0
+        for k in range(1, 4):
+            apart = apart + (turned[k] - space[k]) * (turned[k] - space[k])
+        if 4.0 * apart <= SMALL_PART * SMALL_PART * 3.0 * WINDOW * noise:
+            return
     if chosen == 8 and functional_iteration(8, g, 0, table, space, turned) == 1:
         chosen = 4
     if chosen == 4:
@@ -365,10 +424,7 @@ def adaptive_degree(
                 chosen = 2
             multiply(turned, part, turned)
     if chosen == 2:
-        set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
-        for pair in range(4):
-            pair_of_increments(g, 2 * pair, part)
-            multiply(turned, part, turned)
+        pairs_of_window(g, part, turned)
 
 
 ALGORITHMS = (

@@ -9,17 +9,19 @@ import pytest
 
 import trihedron as th
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion.attitude import algorithm_named
+from trihedron.tools.motion.attitude import algorithm_named, angle_between
 from trihedron.tools.motion.choice import (
     Candidate,
     Choice,
+    Course,
     choose_algorithm,
     cone,
     course_of_harmonics,
     course_of_record,
     harmonics_of,
+    operations_on,
 )
-from trihedron.tools.motion.compare import sample_motion
+from trihedron.tools.motion.compare import Samples, read_increments, run_algorithm, sample_motion
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.reports.choice import chart, lines
 
@@ -36,6 +38,11 @@ SWING = {
 @pytest.fixture(autouse=True)
 def _few_algorithms(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("trihedron.tools.motion.choice.ALGORITHMS", tuple(map(algorithm_named, FEW)))
+
+
+def read_increments_of(course: Course, noise: float) -> np.ndarray:
+    begun = Samples(course.period, course.increments, np.zeros((0, 3)))
+    return read_increments(begun, np.zeros(9), np.zeros(3), 0.0, noise, 1)
 
 
 def errors(found: Choice) -> dict[str, float]:
@@ -66,6 +73,20 @@ def test_quanta_and_noise_limit_all_alike() -> None:
     assert min(errors(noisy).values()) > 100.0 * errors(exact)["adaptive-degree"]
     # The noise of a sample is within 1e-3 rad/s · 5 ms, one by one at random.
     assert errors(noisy)["two-sample-quaternion"] < 5.0 * 1e-3 / 200.0 * math.sqrt(200.0)
+
+
+def test_the_adaptive_algorithm_is_cheap_where_noise_hides_what_cheap_ones_leave_out() -> None:
+    course = course_of_harmonics(harmonics_of(SWING | {"psi_amplitude": 0.2}), 400.0, 2.0)
+    adaptive, best = map(algorithm_named, ("adaptive-degree", "functional-iteration-8"))
+    exact, noisy = (read_increments_of(course, noise) for noise in (0.0, 1e-4))
+    assert operations_on(adaptive, exact) > 1500.0
+    assert operations_on(adaptive, noisy) < 250.0
+    # What it leaves out is a small part of the random walk of the noise, within 1e-4 rad/s at each sample; exact it is
+    # the best one.
+    walk = 1e-4 / 400.0 * math.sqrt(len(exact) / 3.0)
+    for increments, close in ((exact, 1e-14), (noisy, 0.05 * walk)):
+        own, other = (run_algorithm(one, increments) for one in (adaptive, best))
+        assert angle_between(own, other).max() < close
 
 
 def test_the_line_holds_those_that_no_cheaper_one_betters() -> None:
