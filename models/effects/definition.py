@@ -281,7 +281,7 @@ CATALOGUE: dict[str, Effect] = {}
 def accelerometer_column(place: EffectPlace, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Signature (N, 3, K) of an effect that adds `values` (N, K), or (N,), to the readings of one accelerometer."""
     columns = np.zeros((len(values), 3, values.shape[1] if values.ndim == 2 else 1))
-    columns[:, place.index] = values.reshape(len(values), -1)
+    columns[:, place.index] = values.reshape(len(values), columns.shape[2])
     return columns
 
 

@@ -11,7 +11,15 @@ from trihedron.fmus import components
 from trihedron.fmus.component import extend
 from trihedron.fmus.units import UNITS
 from trihedron.models.bench import TARGETS, target_reading
-from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows, parameter_name, place_from_mapping
+from trihedron.models.effects import (
+    CATALOGUE,
+    POSITION_EFFECTS,
+    EffectPlace,
+    MotionRows,
+    Rows,
+    parameter_name,
+    place_from_mapping,
+)
 from trihedron.models.effects.definition import turned
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration.model import Positions, linearise, parametrise
@@ -239,3 +247,11 @@ def test_what_a_record_leaves_of_a_width_is_no_negative_width():
     assert linear_intervals(width, lambda direction: 2e-4) == ((0.0, 2e-4),)
     bias = CATALOGUE["bias-asymmetry"].places[0]
     assert linear_intervals(bias, lambda direction: 2e-4) == ((-2e-4, 2e-4),)
+
+
+def test_of_no_rows_effects_in_motion_have_columns_of_no_rows():
+    """As of a record that is too slow for its motion: none of its rows is in steady motion."""
+    none = np.zeros((0, 3))
+    rows = MotionRows(none, none, none, np.zeros(0), np.zeros(0))
+    place = EffectPlace("lever-arm", "accelerometer-1")
+    assert place.definition.signature(place, rows).shape == (0, 3, 3)
