@@ -20,6 +20,8 @@ DEPENDENT = 1e-7
 """Columns, each of size one, of which one has so little beside the others, are not exchanged."""
 EXACT, PROVEN = 1e-10, 1e-9
 """What a row may miss by and what is between radius and proof, relatively to a radius of one or more."""
+MANY = 3000
+"""Of more rows so many, spread evenly, say where to begin."""
 BEGUN = 5
 """The first rows are of those that least squares misses most, so many for each column."""
 
@@ -56,7 +58,8 @@ def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
 def _begun(matrix: NDArray, target: NDArray) -> NDArray[np.int_] | None:
     """Rows (n + 1,) that determine the columns, of those that least squares misses most; None where none do."""
     columns = matrix.shape[1]
-    triangle = np.asarray(qr(np.column_stack((matrix, target)), mode="r")[0])[: columns + 1]
+    some = np.column_stack((matrix, target))[:: max(1, len(matrix) // MANY)]
+    triangle = np.asarray(qr(some, mode="r")[0])[: columns + 1]
     diagonal = np.abs(np.diag(triangle)[:columns])
     if not diagonal.min() > DEPENDENT * diagonal.max():
         return None

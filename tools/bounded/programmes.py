@@ -225,12 +225,12 @@ def chebyshev_radius(
     low, high = -free if low is None else low, free if high is None else high
     if growth is not None:
         low, high = np.maximum(low, growth.low), np.minimum(high, growth.high)
-    taken = first_rows(jacobian / bound[:, None])
-    held = exchanged(jacobian / bound[:, None], residual / bound) if len(taken) < len(bound) else None
+    held = exchanged(jacobian / bound[:, None], residual / bound) if len(bound) > MANY_ROWS else None
     if held is not None and growth is None and not np.isfinite((low, high)).any():
         every = np.zeros(len(bound))
         every[held.rows] = held.multipliers / bound[held.rows]
         return held.radius, held.x, every
+    taken = first_rows(jacobian / bound[:, None])
     if held is not None:
         # What holds the solution without ends and growth is near to what holds it with them.
         worst = np.argpartition(-np.abs((residual - jacobian @ held.x) / bound), ADDED_ROWS)[:ADDED_ROWS]
