@@ -16,9 +16,9 @@ last 16 increments,
 * eight where, from the fourth to the eighth, it grows less than half as much as noise alone would make it: then the
   fourth is of the motion. What a low degree leaves out of a motion adds up; what a high one takes in of noise and
   quanta is random, and small beside what they do to the sum of the increments;
-* none where the increments are too noisy for it to matter: from the sixth to the eighth the differences grow as those
-  of noise, which tells its size, and two cheap formulas, of pairs and of four uncompressed, agree to a small part of
-  what the noise does to the window. That of four is taken then.
+* in place of four's iteration, four's products where it does not matter: from the sixth to the eighth the differences
+  grow as those of noise, which tells its size, and two cheap formulas, of pairs and of four uncompressed, agree to a
+  small part of what the noise does to the window.
 """
 
 import math
@@ -402,7 +402,7 @@ def adaptive_degree(
     # No more than half a turn is given to one polynomial.
     chosen = supported_degree(previous, known, g, math.pi, space)
     noise = space[0]
-    if chosen > 2 and noise > 0.0:
+    if chosen == 4 and noise > 0.0:
         pairs_of_window(g, part, turned)
         for k in range(4):
             space[k] = turned[k]
