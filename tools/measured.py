@@ -88,10 +88,12 @@ def check(file: str | Path, *, channels: Sequence[str] = ()) -> "checks.Check":
 def inspect(record: "records.Source", *, gravity: float = 9.80665, channels: Sequence[str] = ()) -> "motion.Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
 
+    Of a bench record the accelerometers are judged against the table's angles, as `calibrate` does without options.
+
     Parameters
     ----------
     record : path, table in memory or record
-        Strapdown record, CSV or Parquet.
+        Strapdown record or bench record, CSV or Parquet.
     gravity : float
         Model value of gravity [m/s²].
     channels : sequence of str
@@ -103,8 +105,11 @@ def inspect(record: "records.Source", *, gravity: float = 9.80665, channels: Seq
     InputError
         for a record of a table, or gravity that is none
     """
-    run = records.read_record(record, records.StrapdownRecord, channels=channels)
-    return motion.inspect_record(run, gravity=gravity)
+    run = records.read_record(record, records.StrapdownRecord, records.BenchRecord, channels=channels)
+    if isinstance(run, records.StrapdownRecord):
+        return motion.inspect_record(run, gravity=gravity)
+    found = motion.inspect_record(run.gyros, gravity=gravity)
+    return found.model_copy(update={"accelerometers": None, "at_table": calibrations.judged_at_table(run, gravity)})
 
 
 def attitude_of_record(

@@ -6,4 +6,5 @@ from .correction import apply_calibration as apply_calibration
 from .correction import write_parameter_set as write_parameter_set
 from .gyros import Bench as Bench
 from .gyros import calibrate_whole as calibrate_whole
+from .gyros import judged_at_table as judged_at_table
 from .result import Calibration as Calibration

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..errors import InputError
+from ..motion.inspect import AtTable
 from ..motion.rests import check_meaning
 from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
+from ..records.rests import position_record_of
 from ..result import finite_or_none
 from ..rounding import exactly
 from .calibration import ROUNDING, Asked, calibrate, wanted_targets
@@ -138,6 +140,17 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
     whole = fit_whole(found.linearised, record, bench, found.noise_bound)
     made = with_gyros(found, record, bench, whole, asked)
     return _with_latency(made, record, bench, whole)
+
+
+def judged_at_table(raw: BenchRecord, gravity: float) -> AtTable:
+    """What the rests of a bench record say of its accelerometers, with σ as the record tells it; gravity [m/s²]."""
+    try:
+        rests = position_record_of(raw)
+        found = calibrate(rests, gravity=gravity)
+    except InputError as error:
+        return AtTable(verdict="insufficient", positions=0, lacks=str(error))
+    known = {"noise_bound": found.noise_bound, "noise_bound_basis": found.noise_bound_basis}
+    return AtTable(verdict=found.verdict, positions=found.positions, radius=found.radius, **known)
 
 
 def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_bound: float) -> WithTurns:

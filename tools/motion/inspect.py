@@ -1,7 +1,7 @@
 """What a strapdown record supports: sampling, rests, moves, excitation, and what its rests say of the instruments."""
 
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +110,20 @@ class RecordSeen(Result):
     warnings: tuple[str, ...]
 
 
+class AtTable(Result):
+    """What the rests of a bench record say of its accelerometers against the table's angles, as `calibrate` judges.
+
+    `noise_bound` is a fraction of g; `lacks` says why they are not judged, where they are not.
+    """
+
+    verdict: Literal["consistent", "falsified", "insufficient"]
+    positions: int
+    radius: float | None = None
+    noise_bound: float | None = None
+    noise_bound_basis: str = ""
+    lacks: str = ""
+
+
 class Inspection(Result):
     """What a record supports.
 
@@ -126,8 +140,12 @@ class Inspection(Result):
     excitation : (3,) array
         rms of each gyro's rate outside the rests [rad/s]
     accelerometers : NormCalibration or None
-        None where there are no rests, or their noise cannot be told
+        None where there are no rests, their noise cannot be told, or a table tells more
+    at_table : AtTable or None
+        of a bench record; None of any other
     """
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"at_table"})
 
     schema_: Literal["trihedron.inspection/1"] = Field(default="trihedron.inspection/1", alias="schema")
     seen: RecordSeen = Field(alias="record")
@@ -142,6 +160,7 @@ class Inspection(Result):
     turning: TurningCheck
     accelerometers: NormCalibration | None
     gyros: GyrosAtRest | None = Field(alias="gyros_at_rest")
+    at_table: AtTable | None = None
     measured: StrapdownRecord = Field(default=ABSENT, exclude=True)
 
     @property

@@ -67,7 +67,7 @@ Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord
 Faults: TypeAlias = Generator[RecordError, None, Columns | None]
 """Every fault of a file; what it returns are the columns of the rows without, None where there are none."""
 Wanted = TypeVar("Wanted", PositionRecord, StrapdownRecord)
-Other = TypeVar("Other", PositionRecord, StrapdownRecord)
+Other = TypeVar("Other", PositionRecord, StrapdownRecord, BenchRecord)
 
 _DIGITS = re.compile(r"\s*[+-]?(\d*)\.?(\d*)(?:[eE][+-]?\d+)?\s*")
 
@@ -126,7 +126,7 @@ def read_record(source: Source, *wanted: Any, channels: Sequence[str] = ()) -> A
     elif isinstance(source, Recorded):
         found = source.position_record()
     else:
-        found = _parsed(source, STRAPDOWN_KINDS if wanted and not table else KINDS)
+        found = _parsed(source, STRAPDOWN_KINDS if wanted and not table and BenchRecord not in wanted else KINDS)
     if channels:
         found = found.read_with(Channels.given(channels))
     if table and isinstance(found, RawRecord):

@@ -14,7 +14,7 @@ from ..document.notation import Cell, half_width, sentence, unit_text
 from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
-from ..motion.inspect import EXCITED, GyrosAtRest, Inspection
+from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection
 from ..motion.norm import COLUMNS, ROWS, NormCalibration
 from ..motion.rests import rest_warnings
 from ..rounding import Number, digits, downwards, exactly, interval, outwards, residual, upwards
@@ -30,7 +30,20 @@ def inspection_lines(found: Inspection) -> list[str]:
     lines = [*sampling_lines(found), *rest_lines(found)]
     if found.accelerometers is not None:
         lines += accelerometer_lines(found.accelerometers)
+    if found.at_table is not None:
+        lines.append(table_line(found.at_table))
     return lines if found.gyros is None else [*lines, *gyro_lines(found.gyros)]
+
+
+def table_line(found: AtTable) -> str:
+    """The accelerometers of a bench record against the table's angles."""
+    said = f"accelerometers against the table's angles: {found.verdict}"
+    if found.radius is None or found.noise_bound is None:
+        return f"{said}: {found.lacks}"
+    return (
+        f"{said}, {found.positions} positions, radius {residual(found.radius)}, σ = {upwards(found.noise_bound, 3)} g "
+        f"({found.noise_bound_basis}); `trihedron calibrate` gives the numbers"
+    )
 
 
 def sampling_lines(found: Inspection) -> list[str]:

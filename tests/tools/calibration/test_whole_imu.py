@@ -259,6 +259,18 @@ def test_exchanged_gyros_are_refused_with_the_option(record):
         told(replace(record, increment=record.increment[:, [1, 0, 2]]))
 
 
+def test_an_inspection_judges_the_accelerometers_by_the_table(record):
+    """Their scale factors depend on the sign, which the norm of gravity cannot hold: the table's angles can."""
+    found = th.inspect(record)
+    assert found.accelerometers is None
+    assert found.at_table is not None
+    alone = calibrate(position_record_of(record))
+    assert (found.at_table.verdict, found.at_table.radius) == ("consistent", alone.radius)
+    strapdown = th.inspect(record.gyros)
+    assert strapdown.at_table is None
+    assert "at_table" not in strapdown.to_json()
+
+
 def test_a_bench_record_is_known_by_its_columns(record, tmp_path):
     first = slice(0, 3000)
     part = BenchRecord(
