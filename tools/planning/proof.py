@@ -10,15 +10,16 @@ its greatest value at the corners and, by linear interpolation along one angle a
 second derivative by each angle, h half of the cell's width. A reading counts in a cell where, by intervals, (1.9) may
 hold somewhere in it.
 
-The tree divides the sets by how many of their positions lie in which box of cells. A node divides one box in two, once
-for each way of sharing out its positions; or it is refuted: cuts with weights, so that Σ over boxes of positions × the
-greatest weight of the cuts that one cell of the box can hit is less than all weights together, and some cut is hit by
-no position; or it is an earlier node's image under one of the sixteen symmetries θ → ±θ + (0 or π) of both angles,
-which take readings to readings and targets to targets. Weights and counts are integers, regions are rounded outwards.
+The tree divides the sets of positions. A state is a list of items: so many positions lie in these cells. A node first
+uses cuts whose region only one item meets: one of its positions is in the region. Then it divides, by which item has
+the position that hits a cut, and is done with where none can; or by whether any of an item's positions is between two
+lines; or every set in its state is also in that of an earlier node, or in its image under one of the sixteen symmetries
+θ → ±θ + (0 or π) of both angles, which take readings to readings and targets to targets.
+Regions are rounded outwards; the rest is sets of cells, which are integers, one bit for each cell.
 """
 
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import product
 from typing import Annotated, Literal
 
@@ -29,10 +30,8 @@ from pydantic import Field
 from ..errors import InputError
 from ..result import Result
 
-Box = tuple[int, int, int, int]
-"""First cell and number of cells along α, then along β; beyond the last cell comes the first."""
-State = tuple[tuple[Box, int], ...]
-"""Boxes, and how many positions lie in each; none lie elsewhere."""
+State = tuple[tuple[int, int], ...]
+"""Items: cells, as the bits of a number, and how many positions lie in them. An item may lie within another."""
 
 STAND = (((0, (2, 0), -1), (1, (0, 1), -1), (2, (0, 0), -1)), ((0, (2, 1), 1), (1, (0, 0), -1), (2, (0, 1), 1)))
 STAND = (*STAND, ((1, (1, 2), 1),))
@@ -73,22 +72,28 @@ class Cut(Result):
 
 
 class Node(Result):
-    """A node of the tree, one of three.
+    """A node of the tree, with one of cover, split and like. A cut and a symmetry g are the number 16 × cut + g.
 
     Attributes
     ----------
-    split : (int, int, int)
-        number of a box, axis (0 α, 1 β), cells of its first part; the children follow, most positions in it first
-    cuts : tuple of (int, int, int)
-        refuted: number of a cut, of a symmetry, and weight
+    narrow : tuple of int
+        cuts, one after the other, that only one item meets: one of its positions is put into the region, an item of
+        its own in its place, and the others come last
+    cover : int
+        a cut; of every item that meets it there is a child where one of its positions is in the region and, of the
+        items before it, none is; where none meets it the node is done with
+    split : (int, int, int, int)
+        number of an item, axis (0 α, 1 β), first cell and number of cells; in the first child one of the item's
+        positions is in them, in the second none is
     like : int
-        number of an earlier node, of which this is an image
+        number of an earlier node
     """
 
-    omitted = frozenset({"split", "cuts", "like"})
+    omitted = frozenset({"narrow", "cover", "split", "like"})
 
-    split: tuple[int, int, int] | None = None
-    cuts: tuple[tuple[int, int, Annotated[int, Field(ge=1, le=10**9)]], ...] | None = None
+    narrow: tuple[int, ...] = ()
+    cover: int | None = None
+    split: tuple[int, int, int, int] | None = None
     like: int | None = None
 
 
@@ -106,7 +111,7 @@ class Proof(Result):
         of every target
     cuts : tuple of Cut
     nodes : tuple of Node
-        the tree, a node's children after it and before its next sibling
+        the tree, a node's children after it and before its next sibling; the first has all cells for all positions
     """
 
     schema_: Literal["trihedron.positions-bound/1"] = Field(default="trihedron.positions-bound/1", alias="schema")
@@ -210,67 +215,109 @@ class Proof(Result):
     def _check_tree(self) -> None:
         n = len(self._lines) - 1
         regions = [self._region(np.array(cut.y)) for cut in self.cuts]
-        moved: dict[tuple[int, int], NDArray] = {}
-        states: list[State] = []
-        waiting: list[tuple[State, tuple[int, ...]]] = [((((0, n, 0, n), self.positions),), ())]
+
+        @cache
+        def region(number: int) -> int:
+            if not 0 <= number < 16 * len(regions):
+                raise InputError(f"nodes: there is no cut {number // 16}")
+            return _bits(_image(regions[number // 16], number % 16))
+
+        asked = {node.like for node in self.nodes}
+        states: dict[int, State] = {}
+        waiting: list[tuple[State, tuple[int, ...]]] = [((((1 << n * n) - 1, self.positions),), ())]
         for number, node in enumerate(self.nodes):
             where = f"nodes[{number + 1}]"
             if not waiting:
                 raise InputError(f"{where}: belongs to no other")
             state, above = waiting.pop()
-            states.append(state)
-            if (node.split is None) + (node.cuts is None) + (node.like is None) != 2:
-                raise InputError(f"{where}: must have one of split, cuts, like")
-            if node.split is not None:
+            if number in asked:
+                states[number] = state
+            if sum(way is not None for way in (node.cover, node.split, node.like)) != 1:
+                raise InputError(f"{where}: must have one of cover, split, like")
+            for cut in node.narrow:
+                met = _met(state, region(cut))
+                if len(met) != 1:
+                    raise InputError(f"{where}: narrow: {len(met)} items meet {cut}")
+                state = _put(state, met[0], region(cut))
+            children: list[State] = []
+            if node.cover is not None:
+                children = _covered(state, region(node.cover))
+            elif node.split is not None:
                 children = _divided(state, node.split, n, where)
-                waiting += [(child, (*above, number)) for child in reversed(children)]
-            elif node.like is not None:
-                if not 0 <= node.like < number or node.like in above:
-                    raise InputError(f"{where}: like must be an earlier node that is done with")
-                if not any(_image(state, g, n) == sorted(states[node.like]) for g in range(16)):
-                    raise InputError(f"{where}: is no image of nodes[{node.like + 1}]")
-            elif node.cuts is not None:
-                load, total = np.zeros((n, n), dtype=np.int64), 0
-                for cut, g, weight in node.cuts:
-                    if not (0 <= cut < len(regions) and 0 <= g < 16):
-                        raise InputError(f"{where}: no cut {cut} or no symmetry {g}")
-                    if (cut, g) not in moved:
-                        a, b = (_moved_cells(g, axis, n) for axis in (0, 1))
-                        moved[cut, g] = regions[cut][np.ix_(a, b)]
-                    load += weight * moved[cut, g]
-                    total += weight
-                hit = sum(count * int(load[_cells(box, n)].max()) for box, count in state)
-                if hit >= total:
-                    raise InputError(f"{where}: its positions can hit all cuts ({hit} of {total})")
+            elif node.like not in states or node.like in (*above, number):
+                raise InputError(f"{where}: like must be an earlier node that is done with")
+            elif not _within_an_image(state, states[node.like], n):
+                raise InputError(f"{where}: is in no image of nodes[{node.like + 1}]")
+            waiting += [(child, (*above, number)) for child in reversed(children)]
         if waiting:
             raise InputError(f"nodes: {len(waiting)} are missing at the end")
 
 
-def _divided(state: State, split: tuple[int, int, int], n: int, where: str) -> list[State]:
-    """The children of a node, the most positions in the first part first."""
-    which, axis, size = split
-    if not (0 <= which < len(state) and axis in (0, 1) and 0 < size < state[which][0][2 * axis + 1]):
-        raise InputError(f"{where}: split {split} divides no box")
-    box, count = state[which]
-    rest = state[:which] + state[which + 1 :]
-    first, second = list(box), list(box)
-    first[2 * axis + 1] = size
-    second[2 * axis] = (box[2 * axis] + size) % n
-    second[2 * axis + 1] = box[2 * axis + 1] - size
-    return [
-        (*rest, *((part, many) for part, many in ((_box(first), k), (_box(second), count - k)) if many))
-        for k in range(count, -1, -1)
-    ]
+def _bits(cells: NDArray) -> int:
+    """Cells (n, n) as a number; n is a multiple of 8."""
+    return int.from_bytes(np.packbits(cells).tobytes(), "big")
 
 
-def _box(numbers: list[int]) -> Box:
-    a, na, b, nb = numbers
-    return a, na, b, nb
+def _met(state: State, region: int) -> list[int]:
+    """The items that meet a region."""
+    return [number for number, (cells, _) in enumerate(state) if cells & region]
 
 
-def _cells(box: Box, n: int) -> tuple[NDArray, ...]:
-    a, na, b, nb = box
-    return np.ix_((a + np.arange(na)) % n, (b + np.arange(nb)) % n)
+def _put(state: State, which: int, region: int) -> State:
+    """One position of an item is in the region; the item's others come last."""
+    cells, count = state[which]
+    rest = ((cells, count - 1),) if count > 1 else ()
+    return *state[:which], (cells & region, 1), *state[which + 1 :], *rest
+
+
+def _without(state: State, which: int, region: int) -> State:
+    """No position of an item is in the region."""
+    cells, count = state[which]
+    return *state[:which], (cells & ~region, count), *state[which + 1 :]
+
+
+def _covered(state: State, region: int) -> list[State]:
+    """The children, one for each item that may be the first with a position in the region."""
+    children = []
+    for which in _met(state, region):
+        children.append(_put(state, which, region))
+        state = _without(state, which, region)
+        if not state[which][0]:
+            break
+    return children
+
+
+def _divided(state: State, split: tuple[int, int, int, int], n: int, where: str) -> list[State]:
+    """A position of an item is in these rows or columns of cells; none is."""
+    which, axis, first, size = split
+    if not (0 <= which < len(state) and axis in (0, 1) and 0 < size < n):
+        raise InputError(f"{where}: split {split} divides no item")
+    between = np.zeros((n, n), dtype=bool)
+    between[(first + np.arange(size)) % n] = True
+    region = _bits(between if axis == 0 else between.T)
+    if not state[which][0] & region or not state[which][0] & ~region:
+        raise InputError(f"{where}: split {split} divides no item")
+    return [_put(state, which, region), _without(state, which, region)]
+
+
+def _within_an_image(state: State, other: State, n: int) -> bool:
+    """Whether each position of a state, one by one, lies in the cells of one of the other's image."""
+    known = sorted(other, key=lambda item: item[0].bit_count())
+    size = n * n // 8
+    cells = [np.unpackbits(np.frombuffer(item[0].to_bytes(size, "big"), np.uint8)).reshape(n, n) for item in known]
+    small_first = sorted(state, key=lambda item: item[0].bit_count())
+    for g in range(16):
+        left = [count for _, count in small_first]
+        for part, (_, count) in zip(cells, known, strict=True):
+            outside, lacking = ~_bits(_image(part, g)), count
+            for number, (mine, _) in enumerate(small_first):
+                if left[number] and not mine & outside:
+                    taken = min(left[number], lacking)
+                    left[number] -= taken
+                    lacking -= taken
+        if not any(left):
+            return True
+    return False
 
 
 def _sense_and_shift(g: int, axis: int) -> tuple[int, int]:
@@ -285,18 +332,10 @@ def _moved_cells(g: int, axis: int, n: int) -> NDArray:
     return ((cell if sense > 0 else n // 4 - 1 - cell) + shift * n // 2) % n
 
 
-def _image(state: State, g: int, n: int) -> list[tuple[Box, int]]:
-    """The boxes where symmetry g takes positions, in order."""
-    found = []
-    for box, count in state:
-        new: list[int] = []
-        for axis in (0, 1):
-            first, size = box[2 * axis], box[2 * axis + 1]
-            moved = _moved_cells(g, axis, n)
-            end = first if _sense_and_shift(g, axis)[0] > 0 else (first + size - 1) % n
-            new += [0 if size == n else int(moved[end]), size]
-        found.append((_box(new), count))
-    return sorted(found)
+def _image(cells: NDArray, g: int) -> NDArray:
+    """Cells (n, n) where symmetry g, which is its own inverse, takes them."""
+    a, b = (_moved_cells(g, axis, len(cells)) for axis in (0, 1))
+    return cells[np.ix_(a, b)]
 
 
 def _aim(target: str) -> NDArray:
