@@ -64,9 +64,11 @@ def test_the_fewest_positions_that_keep_a_wanted_error_or_that_none_do():
         with pytest.raises(InputError, match=r"--accuracy 11arcsec: no positions, however many, .* than 11\.66 arcsec"):
             plan_to_accuracy(replace(request, accuracy="11arcsec"))
     assert plan.accuracy_kept is not None
+    assert plan.accuracy is not None
     assert plan.azimuth_error == pytest.approx(plan.levelling_error)
     assert plan.azimuth_error == pytest.approx(plan.accuracy_kept / 2e-5)
-    assert plan.accuracy_kept <= plan.accuracy == pytest.approx(100e-6)
+    assert plan.accuracy == pytest.approx(100e-6)
+    assert plan.accuracy_kept <= plan.accuracy
     assert plan.fewer_keep is not None
     assert plan.fewer_keep > 100e-6
     at_pole_side = replace(request, latitude_deg=60.0)
