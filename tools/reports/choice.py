@@ -29,7 +29,7 @@ def lines(found: Choice) -> list[str]:
     drawn = f", rms of {found.draws} draws" if found.draws > 1 else ""
     said = [
         f"{found.title}: {exactly(found.rate_hz, 6)} gyro samples a second, {exactly(found.duration_s, 6)} s",
-        f"take {enough.algorithm}: the cheapest within {ENOUGH:g} times of the best, {best.algorithm}",
+        f"take {enough.algorithm}: the cheapest within {exactly(ENOUGH)} times of the best, {best.algorithm}",
         f"{ADAPTIVE}, which asks for no choice: {digits(beside, 3)} times the error of the best that is no costlier"
         if adaptive.error is not None
         else f"{ADAPTIVE}: cannot be run",
@@ -40,7 +40,7 @@ def lines(found: Choice) -> list[str]:
     frontier = found.frontier
     said += [
         f"{'*' if one in frontier else ' '} {one.algorithm:{width}}  {one.order:5d}  {one.samples:7d}  "
-        f"{one.operations:10.0f}  {digits(math.degrees(one.error or 0.0), 3):>9}"
+        f"{exactly(round(one.operations)):>10}  {digits(math.degrees(one.error or 0.0), 3):>9}"
         for one in found.able
     ]
     unable = [one.algorithm for one in found.algorithms if one.error is None]
@@ -73,7 +73,7 @@ def chart(choices: Sequence[Choice]) -> str:
             axes.set_yscale("log")
             axes.set_xlim(25.0, 6000.0)
             axes.yaxis.set_major_formatter(power_of_ten)
-            axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+            axes.xaxis.set_major_formatter(lambda value, _: exactly(value))
             axes.set_title(found.title.replace(", ", "\n"), fontsize=8)
         panels[0, 0].legend(fontsize=6.5, loc="upper right")
         figure.supxlabel("operations per gyro sample (a division, root, sine or cosine counts as ten)", fontsize=8)
