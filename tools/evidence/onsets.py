@@ -95,11 +95,18 @@ class Fading:
         """The time constant [h] of a number, between two of `times` or beyond them."""
         return float(self.times[0] * math.exp(self.step * number))
 
-    def at(self, number: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The integral (N, 3, K) up to each row with a time constant, and its part of the mean at rest (3, K)."""
+    def at(self, number: float, rows: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The integral (R, 3, K) up to some rows with a time constant, and its part of the mean at rest (3, K)."""
         part = np.exp(-self.hours[1:] / self.time(number))[:, None, None]
-        grown = np.cumsum(self.turning * part, axis=0)
-        return np.concatenate([np.zeros_like(grown[:1]), grown]), (self.resting * part).sum(axis=0)
+        return _up_to(self.turning * part, rows), np.einsum("nik,n->ik", self.resting, part[:, 0, 0])
+
+
+def _up_to(each: NDArray, rows: NDArray) -> NDArray[np.float64]:
+    """The sums (R, 3, K) of what (N - 1, 3, K) comes before some rows (R,), in order."""
+    starts = np.append(0, rows[:-1])
+    some, sums = rows > starts, np.zeros((len(rows), *each.shape[1:]))
+    sums[some] = np.add.reduceat(each[: rows[-1]], starts[some], axis=0)
+    return np.cumsum(sums, axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +124,11 @@ class Onsets:
     bias: tuple[NDArray[np.float64], ...] | None
     rests: NDArray[np.bool_]
 
+    @cached_property
+    def ends_of_pieces(self) -> NDArray[np.int_]:
+        """Rows at which pieces begin or end."""
+        return np.unique(np.concatenate([rows for p in self.pieces for rows in (p.first, p.last)]))
+
     def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What an effect turns up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest."""
         raise NotImplementedError
@@ -126,7 +138,7 @@ class Onsets:
         """Rows at which pieces begin or end, where enough of them are before and after."""
         main = max((p for p in self.pieces if p.kind not in ("rests", "norms")), key=len)
         first, last = np.sort(main.first)[-FEWEST], np.sort(main.last)[FEWEST - 1]
-        every = np.unique(np.concatenate([rows for p in self.pieces for rows in (p.first, p.last)]))
+        every = self.ends_of_pieces
         return every[(every >= last) & (every <= first)]
 
     def edges_of(self, acting: Acting | Fading) -> NDArray[np.int_]:
@@ -169,14 +181,15 @@ class Onsets:
 
         Of one that fades with the time constant of that number.
         """
-        found, first = [], 0 if isinstance(acting, Fading) else int(row)
+        found = []
         if isinstance(acting, Fading):
-            integral, mean = acting.at(row)
+            integral, mean = acting.at(row, self.ends_of_pieces)
+            at = [[np.searchsorted(self.ends_of_pieces, rows) for rows in (p.last, p.first)] for p in self.pieces]
         else:
-            integral, mean = acting.integral, acting.at_rest[-1] - acting.at_rest[first]
-        for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
-            after, before = (integral[np.maximum(rows, first)] for rows in (pieces.last, pieces.first))
-            mine = turns @ (after - before)
+            integral, mean = acting.integral, acting.at_rest[-1] - acting.at_rest[int(row)]
+            at = [[np.maximum(rows, int(row)) for rows in (p.last, p.first)] for p in self.pieces]
+        for k, (turns, (last, first)) in enumerate(zip(self.turns, at, strict=True)):
+            mine = turns @ (integral[last] - integral[first])
             found.append(mine if self.bias is None else mine - self.bias[k] @ mean)
         return found, mean
 
@@ -264,11 +277,12 @@ class Onsets:
 
     def _at_most(self, acting: Fading, part: NDArray) -> Columns:
         """What a part (N - 1,), of either sign, of what the effect does at each row does to the errors at most."""
-        grown = np.cumsum(np.abs(acting.turning) * part[:, None, None], axis=0)
-        grown = np.concatenate([np.zeros_like(grown[:1]), grown])
-        mean, found = (np.abs(acting.resting) * part[:, None, None]).sum(axis=0), []
+        ends = self.ends_of_pieces
+        grown = _up_to(np.abs(acting.turning) * part[:, None, None], ends)
+        mean, found = np.einsum("nik,n->ik", np.abs(acting.resting), part), []
         for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
-            mine = np.abs(turns) @ (grown[pieces.last] - grown[pieces.first])
+            last, first = (np.searchsorted(ends, rows) for rows in (pieces.last, pieces.first))
+            mine = np.abs(turns) @ (grown[last] - grown[first])
             found.append(mine if self.bias is None else mine + np.abs(self.bias[k]) @ mean)
         return found
 
