@@ -220,7 +220,12 @@ def _with_latency(found: Calibration, record: PositionRecord, bench: Bench, here
     assert gyros is not None
     moving = InMotion.of(record, alone, found.gravity, bench.encoder_within(found.noise_bound))
     slack = record.written_to(found.gravity) + ROUNDING
-    told = _told(with_motion(here, moving, found.gravity), lag_targets(len(here.point)), slack, found.noise_bound)
+    try:
+        told = _told(with_motion(here, moving, found.gravity), lag_targets(len(here.point)), slack, found.noise_bound)
+    except SolverError as error:
+        return found.model_copy(
+            update={"warnings": [*found.warnings, f"the accelerometers' latency is not told: {error}"]}
+        )
     said = [*gyros.parameters, *told.estimates]
     changed: dict[str, Any] = {"gyros": gyros.model_copy(update={"parameters": said, "missing": _missing(said)})}
     if told.contradicted and found.verdict != "falsified":

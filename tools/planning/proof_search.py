@@ -193,7 +193,7 @@ class _Refuted:
 
 
 class _GaveUp(Exception):
-    """The tree has more nodes than are allowed."""
+    """The tree has more nodes than are allowed, or a state that nothing refutes and that cannot be divided."""
 
 
 class _Tree:
@@ -228,7 +228,8 @@ class _Tree:
                 break
             rows = np.append(rows, np.arange(before, cuts.rows))
         known = cuts.rows
-        ways = self._ways(items, rows, expected)
+        if not (ways := self._ways(items, rows, expected)):
+            raise _GaveUp
         if len(ways) > 1 and depth < LOOK_DEPTH:
             before = sum(item.count * np.log(cuts.cells.area[item.cells].sum()) for item in items)
             sizes = [sum(self._size(child, rows, before) for child in children) for _, children in ways]

@@ -215,3 +215,7 @@ def test_the_search_finds_what_is_stored(entry: Any) -> None:
 @pytest.mark.acceptance
 def test_the_search_proves_nothing_of_what_is_reached() -> None:
     assert prove(8, 1.17, nodes=50) is None
+
+
+def test_lines_too_far_apart_prove_nothing() -> None:
+    assert prove(8, 1.1, nodes=500, quarter_deg=(30.0, 45.0)) is None
