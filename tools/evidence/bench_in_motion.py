@@ -193,6 +193,11 @@ class BenchInMotion(Bench, TurnsInTime):
         return Classes.of(self.linear_places, spaces_beyond(self.nominal, columns))
 
     @property
+    def length(self) -> float:
+        """Effects of gyros and of what turns, and their times, are about as many again as those of readings."""
+        return 2.0 * super().length
+
+    @property
     def limit(self) -> float:
         """Radius up to which a model stands."""
         return super().limit + self.loose
@@ -230,10 +235,14 @@ class BenchInMotion(Bench, TurnsInTime):
                 seen.add(frozenset(found))
                 yield found
         gyros = [place for place in self.classes.places if place.definition.component == "GyroBlock"]
+        resting = {self.outlier_at(int(row)) for row in self.of_positions}
         search, allowed = self.moving.read.search, dict[tuple[EffectPlace, ...], bool]()
         for count in range(1, size + 1):
             for bent in search.candidates(count, work):
                 if all(is_linear(place) and place not in search.relaxed for place in bent):
+                    continue
+                # A row in motion is no reading that may be off by itself: it has no number.
+                if any(place.effect == "outlier" and place not in resting for place in bent):
                     continue
                 turned = tuple(place for place in bent if is_linear(place) and place.definition.turns is not None)
                 for own in combinations(gyros, size - count):

@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 from functools import cache
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded.programmes import chebyshev_radius
+from trihedron.tools.bounded.sets import Work
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.gyros import fit_whole
 from trihedron.tools.cli import main
@@ -18,6 +20,7 @@ from trihedron.tools.diagnosis.dependence import dependence
 from trihedron.tools.diagnosis.hypothesis import places_of
 from trihedron.tools.diagnosis.procedure import answered
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence import bench_in_motion
 from trihedron.tools.evidence.bench_again import simulated_turns
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_travel import Travel, approached
@@ -220,6 +223,25 @@ def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
     rate = pairs["gyro-2", "w2"]
     for theirs, ours in ((harmonic, mine), (squared, rate.spread(rate.values[:, None] ** 2)[:, 0])):
         assert np.abs(theirs - ours).max() <= 3e-3 * np.abs(theirs).max()
+
+
+def test_no_reading_in_motion_is_off_by_itself():
+    """Beside an effect that is not linear one was a candidate, and then had no number of its position."""
+    evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)
+    still, moving = (
+        evidence.outlier_at(int(np.flatnonzero(evidence.moving.at_rest == at)[0]) * 3) for at in (True, False)
+    )
+    hysteresis = EffectPlace("hysteresis", "accelerometer-2")
+    sets = [(hysteresis, still), (hysteresis, moving)]
+    patch = mock.patch.object
+    with (
+        patch(bench_in_motion, "sets_of_size", return_value=[]),
+        patch(type(evidence), "_turns_allow", return_value=True),
+        patch(type(evidence.moving.read.search), "candidates", return_value=sets),
+    ):
+        found = list(evidence.candidates(2, Work()))
+    assert (hysteresis, still) in found
+    assert (hysteresis, moving) not in found
 
 
 @pytest.mark.acceptance
