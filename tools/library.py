@@ -195,7 +195,7 @@ def plan_positions(
     rate_dps: float | None = None,
     acceleration_dps2: float | None = None,
     goal: Literal["levelling", "gyrocompass"] | None = None,
-    latitude_deg: float = 55.75,
+    latitude_deg: float | None = None,
     accuracy: str | None = None,
     noise_bound: float = 1e-5,
     lost: int = 0,
@@ -235,8 +235,8 @@ def plan_positions(
     goal : str, optional
         What the correction is for, in place of single targets: levelling makes the largest error of a level small,
         gyrocompass that of the azimuth, at the latitude.
-    latitude_deg : float
-        Of the gyrocompass [deg].
+    latitude_deg : float, optional
+        Of the gyrocompass [deg], 55.75.
     accuracy : str, optional
         The error that the goal, or each target, must keep, as 7arcsec, 20ug, 5ppm or 1e-5.
     noise_bound : float

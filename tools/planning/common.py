@@ -284,7 +284,7 @@ def _error(request: Request, errors: Mapping[str, float]) -> float:
     """The largest error of what is asked for [σ], by those of the targets."""
     if request.goal is None:
         return max(errors.values())
-    return levelling_error(errors) * (abs(tan(radians(request.latitude_deg))) if request.goal == "gyrocompass" else 1.0)
+    return levelling_error(errors) * (abs(tan(radians(request.latitude))) if request.goal == "gyrocompass" else 1.0)
 
 
 def plan_to_accuracy(request: Request, *, progress: bool = False) -> PositionPlan:
@@ -294,7 +294,7 @@ def plan_to_accuracy(request: Request, *, progress: bool = False) -> PositionPla
     positions keep, proven over all angles, or that was not found to be kept, and for targets of several units.
     """
     wanted, sigma = request.wanted, request.noise_bound
-    alone = replace(request, goal=None, accuracy=None, targets=request.expressions)
+    alone = replace(request, goal=None, accuracy=None, latitude_deg=None, targets=request.expressions)
     own = task_of(alone, progress=progress)
     units = {target.unit for target in own.targets}
     if len(units) > 1 and request.goal is None:

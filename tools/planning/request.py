@@ -47,7 +47,7 @@ class Request:
     measured: Path | None = None
     accuracy: str | None = None
     noise_bound: float = 1e-5
-    latitude_deg: float = 55.75
+    latitude_deg: float | None = None
     rate_dps: float | None = None
     acceleration_dps2: float | None = None
 
@@ -55,6 +55,11 @@ class Request:
     def any_number(self) -> bool:
         """Whether any number of positions may do: for targets of one's own, or beside what is measured."""
         return bool(self.targets or self.goal or self.measured)
+
+    @property
+    def latitude(self) -> float:
+        """That of the gyrocompass [deg]."""
+        return 55.75 if self.latitude_deg is None else self.latitude_deg
 
     @property
     def expressions(self) -> tuple[str, ...]:
@@ -119,8 +124,10 @@ class Request:
         ):
             if value is not None and not 0.0 < value <= most:
                 raise InputError(f"--{name} {value:g}: must be positive, and at most {most:g}")
-        if not abs(self.latitude_deg) <= 89.0:
-            raise InputError(f"--latitude-deg {self.latitude_deg:g}: must be from -89 to 89")
+        if self.latitude_deg is not None and self.goal != "gyrocompass":
+            raise InputError("--latitude-deg: goes with --goal gyrocompass, or with --imu")
+        if not abs(self.latitude) <= 89.0:
+            raise InputError(f"--latitude-deg {self.latitude:g}: must be from -89 to 89")
         if self.goal is not None and self.targets:
             raise InputError("--goal and --target: give one of the two")
         for text in self.keep_out:

@@ -118,7 +118,7 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
     if plan.lost:
         lines.append("the costs hold when any one of these positions is lost")
     request = plan.task.request
-    latitude = exactly(request.latitude_deg)
+    latitude = exactly(request.latitude)
     of_goal = {"levelling": plan.levelling_error, f"a gyrocompass at latitude {latitude}°": plan.azimuth_error}
     for what, error in of_goal.items():
         if error is not None:

@@ -70,6 +70,7 @@ def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixtu
         ("--positions 12 --curve 6 8", "--positions and --curve"),
         ("--reserve 1", "--reserve: goes with --positions"),
         ("--positions 12 --noise-bound 1e-5", "--noise-bound: does not go with --positions"),
+        ("--positions 8 --latitude-deg 40", "--latitude-deg: goes with --goal gyrocompass"),
         ("--curve 6 8 --order tour", "--order: does not go with --curve"),
         ("--curve 9 8", "--curve 9 8"),
         ("--positions 12 --reserve -1", "--reserve -1"),
