@@ -57,7 +57,8 @@ class Turns:
 
     `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] what the gyros integrate from one to the
     other; `moments` (S, 13), `growth` (2, S, 13) as of `models.bench_turns`; `noise` (S,) [rad] bounds what gyros add;
-    `swept` (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame.
+    `swept` (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame; `coning` (S, 3)
+    sums of γ' × γ over the gyros' increments γ of the rows, γ' being the one before.
     """
 
     first: NDArray[np.int_]
@@ -67,6 +68,7 @@ class Turns:
     growth: NDArray[np.float64]
     noise: NDArray[np.float64]
     swept: NDArray[np.float64]
+    coning: NDArray[np.float64]
     mounting: NDArray[np.float64]
     earth: NDArray[np.float64]
     basis: str
@@ -143,6 +145,8 @@ def turns_of(
     angle = np.zeros((len(time), 3))
     taken = raw.increment[1:] if raw.increment is not None else mean_rates(gyros, rates) * np.diff(time)[:, None]
     np.cumsum(taken, axis=0, out=angle[1:])
+    coning = np.zeros_like(angle)
+    np.cumsum(np.cross(taken[:-1], taken[1:]), axis=0, out=coning[2:])
     sums = integrated_angles(time, alpha, beta)
     swung = np.cumsum([motion_of(values, encoder_bound) for values in (alpha, beta)], axis=1)
     ends = [_within(rest) for rest in used]
@@ -184,6 +188,7 @@ def turns_of(
         growth[:, last] - growth[:, first],
         noise,
         swept,
+        coning[last] - coning[first],
         np.asarray(mounting),
         np.asarray(earth),
         basis,

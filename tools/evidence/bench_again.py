@@ -87,7 +87,11 @@ def simulated_turns(
     )
     read = np.cumsum(simulate(scenario).table.select([f"w{k}_rad" for k in (1, 2, 3)]).to_numpy(), axis=0)
     sums = np.stack([np.interp(time, even, read[:, k]) for k in range(3)], axis=1)
-    return sums[whole.turns.last] - sums[whole.turns.first]
+    found = sums[whole.turns.last] - sums[whole.turns.first]
+    for place, coefficients in effects.items():
+        if place.definition.component == "AttitudeComputer":
+            found = found + (travel.columns(place) @ coefficients).reshape(-1, 3)
+    return found
 
 
 def parameters_of(place: EffectPlace, values: Sequence[float]) -> dict[str, object]:

@@ -34,7 +34,7 @@ from .bench_moving import Moving
 from .bench_onsets import SETTING_IN, SLACK, TurnsInTime
 from .bench_pairs import pairs_of_whole
 from .bench_scenario import extension_of_bench
-from .bench_travel import Travel, approached, effects_of_gyros
+from .bench_travel import OF_GYROS, Travel, approached, effects_of_gyros
 from .bench_visits import is_linear
 from .carried import SHOWN_BY
 from .evidence import Evidence, Trial
@@ -234,7 +234,7 @@ class BenchInMotion(Bench, TurnsInTime):
                 found = (*(places[i] for i in chosen.effects), *(self.outlier_at(row) for row in chosen.outliers))
                 seen.add(frozenset(found))
                 yield found
-        gyros = [place for place in self.classes.places if place.definition.component == "GyroBlock"]
+        gyros = [place for place in self.classes.places if place.definition.component in OF_GYROS]
         resting = {self.outlier_at(int(row)) for row in self.of_positions}
         search, allowed = self.moving.read.search, dict[tuple[EffectPlace, ...], bool]()
         for count in range(1, size + 1):
@@ -463,15 +463,15 @@ class BenchInMotion(Bench, TurnsInTime):
         for place, values in effects_of_model(point[own:-1]).items():
             further[place] = values, list(zip(lowest[place], highest[place], strict=True))
         starts = [Start.of(name, said(point), intervals, further) for name in ("GyroBlock", "GyroCompensation")]
+        if any(place.definition.component == "AttitudeComputer" for place in effects):
+            starts.append(Start.of("AttitudeComputer", {}, {}, further))
         return Extension([*made.starts, *starts], made.scenarios)
 
 
 def acts_at_rest(place: EffectPlace) -> bool:
     """Whether an effect acts on accelerometers or table, and not on the gyros alone, or in motion on accelerometers."""
     effect = place.definition
-    return effect.component not in ("GyroBlock", "AttitudeComputer") and not (
-        effect.in_motion and effect.component == "AccelerometerBlock"
-    )
+    return effect.component not in OF_GYROS and not (effect.in_motion and effect.component == "AccelerometerBlock")
 
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> BenchInMotion:

@@ -28,13 +28,17 @@ CONTAINING = ("lag",)
 """Effects that these hold, to first order."""
 
 
+OF_GYROS = ("GyroBlock", "AttitudeComputer")
+"""What turns the block without moving the table: gyros, and the computer that adds up what they read."""
+
+
 def effects_of_gyros() -> tuple[EffectPlace, ...]:
     """Linear effects that gyros on a table can show beside what their calibration has in it."""
     return tuple(
         place
         for name, effect in STRAPDOWN_EFFECTS.items()
         if name not in (*IN_THE_MODEL, *CONTAINING)
-        and effect.component == "GyroBlock"
+        and effect.component in OF_GYROS
         and not (effect.sets_in or effect.fades or effect.of_law or effect.variants)
         for place in effect.places
     )
@@ -59,8 +63,8 @@ class Travel:
 
     `hours` (R,); `alpha`, `beta` (R,) [rad]; `turning` (R - 1, 3) [rad] turns of the inner frame between them, in its
     axes; `step` (R - 1,) [s]; `up` (R, 3) the vertical in block axes; `senses` (R, 2) of each axis' last move;
-    `axis_rates` (R, 2) [rad/s]; `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `to_gyros` (3, 3)
-    what gyros read of turns of the inner frame, `to_block` (3, 3) these in block axes.
+    `axis_rates` (R, 2) [rad/s]; `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `coning` (S, 3)
+    as of `Turns`; `to_gyros` (3, 3) what gyros read of turns of the inner frame, `to_block` (3, 3) these in block axes.
     """
 
     hours: NDArray[np.float64]
@@ -74,6 +78,7 @@ class Travel:
     temperature: NDArray[np.float64] | None
     first: NDArray[np.int_]
     last: NDArray[np.int_]
+    coning: NDArray[np.float64]
     to_gyros: NDArray[np.float64]
     to_block: NDArray[np.float64]
     shift: float
@@ -109,6 +114,7 @@ class Travel:
             None if raw.temperature is None else raw.temperature[kept],
             np.searchsorted(kept, turns.first),
             np.searchsorted(kept, turns.last),
+            turns.coning,
             to_gyros,
             turns.block_axes(targets),
             float(targets[1]),
@@ -121,6 +127,9 @@ class Travel:
         if place.definition.component == "GyroBlock":
             sums = self.sums_of(place)
             return self._read(sums[self.last] - sums[self.first], np.eye(3))
+        if place.definition.component == "AttitudeComputer":
+            # It adds up the record's own rows, whatever the table does between them.
+            return -self.coning.reshape(-1, 1)
         if place.definition.turns is None:
             return np.zeros((3 * len(self.first), coefficient_count(place)))
         sums = self.way_of(place)

@@ -174,7 +174,8 @@ class Block:
         effects = [one for one in hidden if one.place.effect != STAMPS or increments]
         for one in effects:
             if one.place.effect == UNDERSAMPLING:
-                motion, effects = without_coning(motion, one.values[0]), []
+                motion = replace(motion, increment=without_coning(motion.increment, one.values[0]))
+                effects = []
         seed = seed * 100_003 + (index or 0)
         rng = np.random.default_rng([seed, ERRORS])
         rows, period = len(motion), motion.period
@@ -343,10 +344,10 @@ def angles_and_rates(harmonics: NDArray, time: NDArray) -> tuple[NDArray, NDArra
     )
 
 
-def without_coning(motion: TrueMotion, coefficient: float) -> TrueMotion:
-    """The motion with increments that lack c γ' × γ, γ' being the increment before: as one that sums rates has them."""
-    before = np.vstack([motion.increment[:1], motion.increment[:-1]])
-    return replace(motion, increment=motion.increment - coefficient * np.cross(before, motion.increment))
+def without_coning(increment: NDArray, coefficient: float) -> NDArray[np.float64]:
+    """Increments (N, 3) that lack c γ' × γ, γ' being the increment before: as one that sums rates has them."""
+    before = np.vstack([increment[:1], increment[:-1]])
+    return increment - coefficient * np.cross(before, increment)
 
 
 def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficient: float) -> NDArray[np.float64]:

@@ -13,11 +13,13 @@ import numpy as np
 from ..calibration.gyros import Bench as Place
 from ..evidence.bench import Bench as Evidence
 from ..evidence.bench_in_motion import whole_evidence
+from ..evidence.bench_travel import OF_GYROS
 from ..evidence.fit import composed
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
-from ..records import PositionRecord, RawRecord, read_record
+from ..records import BenchRecord, PositionRecord, RawRecord, read_record
 from .bench import BLOCK_NOISE, ENCODER_FLUCTUATION, NOISE_BOUND, Bench, draw_truth, temperature_at
+from .block import UNDERSAMPLING, without_coning
 from .case import Options
 from .sizes import Hidden, draw_direction, drawn_time, largest_size, most_alike, sizes_of_change
 
@@ -63,7 +65,7 @@ class WholeBench(Bench):
 
     def as_recorded(self, hidden: Sequence[Hidden], evidence: Evidence) -> tuple[Hidden, ...]:
         """As of a bench of positions; what gyros do counts from the record's first row, as the run does."""
-        own = [one.place.definition.component == "GyroBlock" for one in hidden]
+        own = [one.place.definition.component in OF_GYROS for one in hidden]
         moved = super().as_recorded(hidden, evidence)
         return tuple(one if of_gyros else late for one, late, of_gyros in zip(hidden, moved, own, strict=True))
 
@@ -74,8 +76,12 @@ class WholeBench(Bench):
         run = simulate(self.run_of(hidden, seed * 100_003 + (index or 0)), progress=progress)
         rests, place = read_record(run.table, PositionRecord), self.place
         told = {name: str(value) for name, value in vars(place).items() if value is not None}
-        assert rests.raw is not None
-        return replace(rests, raw=replace(rests.raw, about=told))
+        raw = rests.raw
+        assert isinstance(raw, BenchRecord)
+        for one in hidden:
+            if one.place.effect == UNDERSAMPLING and raw.increment is not None:
+                raw = replace(raw, increment=without_coning(raw.increment, one.values[0]))
+        return replace(rests, raw=replace(raw, about=told))
 
     def run_of(self, hidden: Sequence[Hidden], seed: int) -> Scenario:
         """The scenario in which the table carries both blocks from position to position; the seed is of all errors."""
@@ -100,7 +106,7 @@ class WholeBench(Bench):
                 "block": ("AccelerometerBlock", {**block, "seed": (seed + 1) % 2**31}),
                 "gyros": ("GyroBlock", {**gyros, "seed": (seed + 2) % 2**31}),
             },
-            [one.entry for one in hidden],
+            [one.entry for one in hidden if one.place.effect != UNDERSAMPLING],
             {
                 "alpha_deg": "table.angle_reading[1]",
                 "beta_deg": "table.angle_reading[2]",

@@ -7,7 +7,9 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from trihedron.models.bench_turns import moments_of
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded.programmes import chebyshev_radius
@@ -31,6 +33,7 @@ from trihedron.tools.trials.whole import WholeBench, draw_whole
 
 SIGMA = 1e-5
 HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 3)
+UNDERSAMPLING = EffectPlace("undersampling", "attitude-computer")
 
 
 @cache
@@ -76,6 +79,7 @@ def test_the_extended_gyro_block_gives_the_record_again(clean):
         (EffectPlace("encoder-harmonic", "inner-axis", 3), (1e-4, 2.0)),
         (EffectPlace("backlash", "outer-axis"), (1e-4,)),
         (EffectPlace("gyro-rate-squared", "gyro-block"), (2e-4, -1e-4, 5e-5)),
+        (UNDERSAMPLING, (0.5,)),
     ],
     ids=lambda value: value.title if isinstance(value, EffectPlace) else "",
 )
@@ -93,6 +97,25 @@ def test_turns_change_as_the_extended_components_say(clean, place, values):
     told = travel.columns(place) @ np.asarray(coefficients)
     assert np.abs(told).max() > 5e-5
     assert np.abs(seen - told).max() < 0.02 * np.abs(told).max()
+
+
+def test_turns_from_row_to_row_hold_the_coning_that_increments_lack(clean):
+    """A computer that takes rates' integrals for the body's turns lacks 1/12 of γ' × γ.
+
+    About the inner axis, where angles at rows tell it: what axes that speed up add within a row is across.
+    """
+    whole, travel = clean
+    record = measured().raw
+    assert isinstance(record, BenchRecord)
+    alpha, beta = np.unwrap(record.alpha), np.unwrap(record.beta)
+    body = Rotation.from_euler("XZ", np.stack([alpha, beta], axis=1))
+    turns = (body[:-1].inv() * body[1:]).as_rotvec()
+    integrals = np.diff(moments_of(record.time_s, alpha, beta)[:, :4], axis=0)[:, [0, 1, 3]] * [1.0, -1.0, 1.0]
+    lacks = np.vstack([np.zeros(3), np.cumsum(turns - integrals, axis=0)])
+    seen = (lacks[whole.turns.last] - lacks[whole.turns.first])[:, 2]
+    told = -travel.columns(UNDERSAMPLING).reshape(-1, 3)[:, 2] / 12.0
+    assert np.abs(seen).max() > 5e-5
+    assert np.abs(seen - told).max() < 0.02 * np.abs(seen).max()
 
 
 @pytest.mark.acceptance

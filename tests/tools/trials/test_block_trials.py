@@ -138,10 +138,10 @@ def test_stamps_that_jitter_leave_rates_and_spoil_increments():
 def test_increments_without_coning_turn_the_body_elsewhere():
     """What is left out is what the attitude computer, extended, adds: the effect takes itself out to second order."""
     motion = draw_motion(np.random.default_rng(6), BEFORE_A_CAMERA, 0.02)
-    lacking = without_coning(motion, 0.5)
-    before = np.vstack([lacking.increment[:1], lacking.increment[:-1]])
-    mended = lacking.increment + 0.5 * np.cross(before, lacking.increment)
-    lost = np.abs(lacking.increment - motion.increment).max()
+    lacking = without_coning(motion.increment, 0.5)
+    before = np.vstack([lacking[:1], lacking[:-1]])
+    mended = lacking + 0.5 * np.cross(before, lacking)
+    lost = np.abs(lacking - motion.increment).max()
     assert lost > 1e-5
     assert np.abs(mended - motion.increment).max() < 0.1 * lost
 
