@@ -13,9 +13,9 @@ import re
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from html import escape
 from importlib import metadata
-from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -53,6 +53,15 @@ FMI2_CAPABILITIES = {
     "providesDirectionalDerivatives": "providesDirectionalDerivative",
 }
 """What FMI 2.0 spells otherwise than FMI 3.0."""
+
+
+@cache
+def version(package: str = "trihedron") -> str:
+    """Version of a distribution that is installed, "none" where it is not: each is looked for once."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "none"
 
 
 def start_text(variable: Variable, value: float) -> str:
@@ -156,9 +165,9 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
         "modelName": component.name,
         "description": component.description,
         "author": "The Trihedron developers",
-        "version": version("trihedron"),
+        "version": version(),
         "license": "BSD-2-Clause",
-        "generationTool": f"Trihedron {version('trihedron')}",
+        "generationTool": f"Trihedron {version()}",
         "variableNamingConvention": "structured",
     }
     if fmi == 2:

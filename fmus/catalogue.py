@@ -1,7 +1,6 @@
 """Every component, and how it becomes an FMU."""
 
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 
 from ..models.effects import EffectPlace
@@ -43,11 +42,6 @@ def components() -> dict[str, Component]:
 def component_names() -> tuple[str, ...]:
     """Names of the components."""
     return tuple(COMPONENTS)
-
-
-def version() -> str:
-    """Version of the distribution."""
-    return metadata.version("trihedron")
 
 
 def build(

@@ -8,14 +8,13 @@ import sys
 import webbrowser
 from dataclasses import replace
 from importlib import resources
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 
-from ..fmus import components
+from ..fmus import components, version
 from ..models.bench import TARGETS, target_values
 from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
 from .calibration import Bench, Calibration, calibrate_whole

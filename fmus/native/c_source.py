@@ -14,7 +14,7 @@ import fmpy
 from ..archive import accompanying_files, identity, model_description, write_archive
 from ..component import Component, Variable
 from ..reference import layered_reference
-from ..source import flat_parts
+from ..source import Part, flat_parts
 from .compile import FLAGS, Platform, binary
 from .tangent import tangent_name, tangents
 from .translate import Signature, kernel_name, translate
@@ -192,6 +192,12 @@ def _derivatives(component: Component, kernels: dict[str, Signature]) -> str:
     return head + "".join(f"    {line}\n" for line in lines) + "}\n"
 
 
+@cache
+def _translated(parts: tuple[Part, ...], differentiated: tuple[str, ...]) -> tuple[str, dict[str, Signature]]:
+    """C of the parts, and of the tangents of those kernels: the same for every start value and edition of FMI."""
+    return translate((*parts, *tangents(parts, differentiated)) if differentiated else parts)
+
+
 def model_c(component: Component, fmi: int) -> str:
     """Source of the table, the start values and the kernels.
 
@@ -200,10 +206,8 @@ def model_c(component: Component, fmi: int) -> str:
     RestrictionError
         a kernel is not in restricted Python
     """
-    parts = flat_parts(component)
-    if component.derivatives:
-        parts = (*parts, *tangents(parts, [k for k in DIFFERENTIATED if k in component.kernels]))
-    text, kernels = translate(parts)
+    wanted = tuple(k for k in DIFFERENTIATED if k in component.kernels) if component.derivatives else ()
+    text, kernels = _translated(flat_parts(component), wanted)
     table = rows(component, fmi)
     return MODEL_C.format(
         description=component.description,

@@ -12,7 +12,6 @@ import platform
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
-from importlib import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -114,7 +113,7 @@ def code_hash() -> str:
     """Hash of the code that results follow from, and of the versions of what it uses."""
     digest = hashlib.sha256(f"{platform.python_version()} {platform.machine()}".encode())
     for package in _PACKAGES:
-        digest.update(f"\0{package} {_version(package)}".encode())
+        digest.update(f"\0{package} {fmus.version(package)}".encode())
     tools = Path(__file__).parents[1]
     folders = [Path(str(package.__file__)).parent for package in (models, fmus)]
     for place in (*folders, *(tools / name for name in _CODE)):
@@ -256,13 +255,6 @@ def _digest(path: Path) -> str | None:
         return None
 
 
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "none"
-
-
 def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: bytes) -> dict[str, Any]:
     """What says which campaign a folder holds, and what its scalars are."""
     return {
@@ -273,7 +265,7 @@ def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: byt
         "code_sha256": order.code,
         "digests": DIGESTS,
         "files": order.hashes,
-        "versions": {name: _version(name) for name in _PACKAGES} | {"python": platform.python_version()},
+        "versions": {name: fmus.version(name) for name in _PACKAGES} | {"python": platform.python_version()},
         "runs": campaign.runs,
         "runs_of_partition": campaign.partition_size,
         "partitions": campaign.partitions,

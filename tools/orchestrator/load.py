@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -93,7 +92,7 @@ def usual_flavour() -> Literal["native", "python"]:
 @cache
 def _sources() -> str:
     """Hash of everything that components are made from."""
-    said = [platform.python_version(), host_name(), *map(metadata.version, ("trihedron", "fmpy", "pythonfmu"))]
+    said = [platform.python_version(), host_name(), *map(fmus.version, ("trihedron", "fmpy", "pythonfmu"))]
     digest = hashlib.sha256(repr(said).encode())
     for folder in (Path(str(package.__file__)).parent for package in (models, fmus)):
         for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix not in (".pyc", ".fmu")):

@@ -17,13 +17,13 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
 import numpy as np
 
+from ...fmus import version
 from ...fmus.cache import kept
 from ...models.table_commands import TICK_TOLERANCE
 from ..errors import InputError
@@ -320,7 +320,7 @@ def compiled_march() -> Callable[..., int]:
     )
     name = "trihedron_march"
     made_from = [llvm.get_default_triple().encode(), cpu.encode(), features.encode(), name.encode()]
-    made_from += [metadata.version(package).encode() for package in ("numba", "llvmlite")]
+    made_from += [version(package).encode() for package in ("numba", "llvmlite")]
     sources = ("../compiled.py", "machine_code.py", "operations.py", "loops.py")
     made_from += [(Path(__file__).parent / source).read_bytes() for source in sources]
     made_from.append(platform.python_version().encode())

@@ -14,7 +14,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import cached_property
-from importlib.metadata import version
 from multiprocessing.util import Finalize
 from pathlib import Path
 from types import MappingProxyType
@@ -23,6 +22,7 @@ from typing import Any, Literal
 import polars as pl
 from pydantic import Field
 
+from ...fmus import version
 from ..errors import InputError, one_line
 from ..files import at_once, json_text, make_folders, said_writable, whole_folder
 from ..progress import progress_bar

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -173,7 +173,7 @@ def matrix_text(matrix: Sequence[Sequence[float]]) -> str:
 def versions() -> dict[str, object]:
     """Of the program and of what it computes with."""
     python = ".".join(str(part) for part in sys.version_info[:3])
-    libraries = ", ".join(f"{name} {metadata.version(name)}" for name in LIBRARIES)
+    libraries = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
     return {"trihedron": version(), "computed with": f"Python {python}, {libraries}"}
 
 
