@@ -174,7 +174,7 @@ def diagnosed(
         if proven is not None and proven.quantity:
             # Where other laws of the quantity were not compared, no law is the only one.
             told |= {"level": "quantity" if several_laws or "beyond" not in told else "law"}
-        elif evidence.tries_all_sets:
+        elif len(best.fit.places) <= evidence.most_known_alone:
             told |= {"level": "quantity" if several_laws else "law"}
     excluded = excluded_sizes(evidence, best.fit)
     same = next(group for group in groups if set(best.fit.places) in [set(fit.places) for fit in group])
@@ -280,7 +280,7 @@ def of_functions(
 
 def laws_beside(evidence: Evidence, held: Standing, fits: Sequence[Fit]) -> tuple[str, ...]:
     """What else does as well as sets of the catalogue (fits) that one function holds, though no quantity is proven."""
-    if evidence.tries_all_sets:
+    if len(fits[0].places) <= evidence.most_known_alone:
         return ()
     beyond = Beyond(evidence, held.pair, held.form, tuple(fits))
     return beyond.caution if beyond.bands else ()

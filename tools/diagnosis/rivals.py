@@ -177,7 +177,7 @@ class Unlisted:
         most = min([complexity_of(fit.places), *needed])
         rivals = tuple(one for one in found.standing if compared and one not in own and one.complexity <= most)
         # Where not all sets are tried some stand that are more complex than what is proven, and elsewhere.
-        proven = found.proven is not None and not listed.evidence.tries_all_sets
+        proven = found.proven is not None and len(fit.places) > listed.evidence.most_known_alone
         if proven:
             # All that stands is one quantity, as far as the record tells: no rival of itself, one of a set elsewhere.
             rivals = () if own else rivals[:1]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import MANY_ROWS, Interval, any_centre
-from ..bounded.sets import Work
+from ..bounded.sets import MAX_SET, Work
 from ..calibration.calibration import (
     Asked,
     Calibration,
@@ -101,7 +101,7 @@ class Bench(Evidence):
 
     most_sets = None
     most_rows = None
-    tries_all_sets = True
+    most_known_alone = MAX_SET
     told_by = "any measurement with these mountings"
 
     @cached_property

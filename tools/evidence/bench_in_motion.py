@@ -53,6 +53,7 @@ IN_MOTION = tuple(
     for place in effect.places
 )
 """Effects of accelerometers and table that only motion shows."""
+NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each of its time constants asks for its own"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,8 @@ class BenchInMotion(Bench, TurnsInTime):
 
     # The rows are many, and each effect by itself would have to be fitted to all of them.
     ranks_each = False
+    # Of several, two that set in at a time are not tried together.
+    most_known_alone = 1
 
     @cached_property
     def residual(self) -> NDArray[np.float64]:
@@ -252,7 +255,8 @@ class BenchInMotion(Bench, TurnsInTime):
                     if allowed[key] and frozenset((*bent, *own)) not in seen:
                         yield (*bent, *own)
         if among is None:
-            yield from self.sets_in_time(size)
+            # About the nominal point the rows are not quite linear.
+            yield from self.sets_in_time(size, work, SLACK)
 
     def _turns_allow(self, places: Sequence[EffectPlace], slack: float, work: Work) -> bool:
         """Whether the turns by themselves stand with some effects of the gyros and the table."""
@@ -308,8 +312,7 @@ class BenchInMotion(Bench, TurnsInTime):
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Linear effects that a fit has not, with their columns (M, k) at the nominal fit."""
         # Beside each of many time constants that would be as many searches more.
-        fading = any(place.definition.fades for place in fit.places)
-        for place in () if fading else self.classes.places:
+        for place in () if fades(fit) else self.classes.places:
             if place not in fit.places:
                 yield place, self.columns_of([place])
 
@@ -384,8 +387,9 @@ class BenchInMotion(Bench, TurnsInTime):
         return TurnErrors(first, last, turns.moments[:, 2:4], before, after, each)
 
     def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-        """What an extension does to the targets."""
-        return self._targets(fit) if fit.places else {}
+        """What an extension does to the targets, and why no sizes of others are excluded beside it."""
+        targets = self._targets(fit) if fit.places else {}
+        return targets | ({"warnings": (NOT_EXCLUDED,)} if fades(fit) else {})
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """Positions that tell sets apart, where accelerometers or table tell; for gyros turns and rests in words."""
@@ -466,6 +470,11 @@ class BenchInMotion(Bench, TurnsInTime):
         if any(place.definition.component == "AttitudeComputer" for place in effects):
             starts.append(Start.of("AttitudeComputer", {}, {}, further))
         return Extension([*made.starts, *starts], made.scenarios)
+
+
+def fades(fit: Fit) -> bool:
+    """Whether an effect of a fit settles."""
+    return any(place.definition.fades for place in fit.places)
 
 
 def acts_at_rest(place: EffectPlace) -> bool:

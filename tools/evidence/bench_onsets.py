@@ -68,6 +68,8 @@ class TurnsInTime(SettingIn):
     narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]]
     loose: float
 
+    most_with_onset = 2
+
     @property
     def left_open(self) -> Mapping[EffectPlace, Sequence[tuple[int, int]]]:
         """Stretches of an effect's times beside the fit about which the rows are linear."""

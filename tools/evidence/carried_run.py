@@ -171,7 +171,7 @@ class CarriedRun(CarriedRecord, SettingIn):
         """Sets of so many effects that no bound refuses, then those with one that sets in."""
         yield from super().candidates(size, work, among)
         if among is None:
-            yield from self.sets_in_time(size)
+            yield from self.sets_in_time(size, work)
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set of effects with possible sizes, at the times at which it can set in, if any of it does."""

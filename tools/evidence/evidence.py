@@ -415,8 +415,8 @@ class Evidence:
     ranks_each: ClassVar[bool] = True
     """Whether it is told what each effect by itself would leave; else nobody asks, and it is not worked out."""
 
-    tries_all_sets: ClassVar[bool] = False
-    """Whether a set that stands alone is known to be the only one of its size; else a level needs a proven quantity."""
+    most_known_alone: ClassVar[int] = 0
+    """Sets of so many effects are known to stand alone where no other is found; larger ones need a proven quantity."""
 
     second_order: ClassVar[float] = 0.0
     """What the linear model may be wrong by, in units of the bounds."""

@@ -6,8 +6,8 @@ Stretches of times that no bound refuses are swept row by row; what stands at an
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import combinations, pairwise
-from typing import Self
+from itertools import pairwise
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ...models.effects.definition import all_coefficients
 from ...models.effects.last_stage import variant
-from ..bounded.sets import Work
+from ..bounded.sets import Problem, Work, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes
 from .evidence import Evidence
 from .fit import Fit, coefficient_limits
@@ -23,8 +23,6 @@ from .onsets import STRETCHES, WEIGHED, Acting, Fading, Onsets, held, refused
 
 MOST_TRIED = 12
 """After so many rows of a stretch that stands its least radius is no longer sought."""
-MOST_WITH_ONSET = 1
-"""Sets of more effects have none that sets in at a time: each such pair costs tens of programmes."""
 FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
 """Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
 not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""
@@ -83,10 +81,43 @@ class SettingIn(Evidence):
         found = super().values_of(places, solution)
         return {p: (*v, self.set_in[p]) if p in self.set_in else v for p, v in found.items()}
 
-    def sets_in_time(self, size: int) -> Iterator[tuple[EffectPlace, ...]]:
-        """Sets of so many effects of which one sets in; larger ones than `MOST_WITH_ONSET` have none."""
-        for others in combinations(self.classes.places, size - 1) if size <= MOST_WITH_ONSET else ():
-            yield from ((*others, place) for place in self.starting)
+    most_with_onset: ClassVar[int] = 1
+    """Sets of more effects have none that sets in: in a long record each such pair costs tens of programmes."""
+
+    def sets_in_time(self, size: int, work: Work, slack: float = 0.0) -> Iterator[tuple[EffectPlace, ...]]:
+        """Sets of one or two effects of which one sets in; of two those that no bound refuses.
+
+        By so much `slack`, in bounds, the rows may be wrong.
+        """
+        if size > self.most_with_onset:
+            return
+        for place in self.starting:
+            others = [()] if size == 1 else [(other,) for other in self._others_beside(place, work, slack)]
+            yield from ((*other, place) for other in others)
+
+    def _others_beside(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
+        """Linear effects beside which an effect may set in, in the order of their places."""
+        every = self.classes.places
+        if len(self.onsets.edges) < 2:
+            return []
+        columns, edges = [self.columns_of([other]) for other in every], self.onsets.edges_of(self.acting[place])
+        starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
+        left, found = [(low, high, range(len(every))) for low, high in pairwise(starts.tolist())], set[int]()
+        while left:
+            low, high, among = left.pop()
+            among = [k for k in among if k not in found]
+            more, missed = self._of_stretch(place, int(edges[low]), int(edges[high]))
+            kept = np.isfinite(more).all(axis=1)
+            nominal = np.hstack([self.nominal, more])[kept]
+            problem = Problem.of(self.residual[kept], nominal, [columns[k][kept] for k in among])
+            open_sets = sets_of_size(problem, 1, self.limit - 1.0 + missed + slack, 0, work)
+            standing = [among[k] for one in open_sets for k in one.effects]
+            if high - low == 1:
+                found.update(standing)
+            elif standing:
+                middle = (low + high) // 2
+                left += [(middle, high, standing), (low, middle, standing)]
+        return [every[k] for k in sorted(found)]
 
     def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set of effects with possible sizes, at the times at which the one that sets in can do so.

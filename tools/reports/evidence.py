@@ -212,7 +212,7 @@ def ranking_section(result: Diagnosis) -> Section | None:
     alone = [finding.causes[0] for finding in result.findings if len(finding.causes) == 1]
     remaining = {place.title for cause in alone for place in (cause.place, *cause.alike)}
     refused = len(mending - remaining)
-    if refused and remaining and result.evidence.tries_all_sets:
+    if refused and remaining and result.evidence.most_known_alone:
         which = "One of them is" if refused == 1 else f"{refused} of them are"
         said.append(
             f"{which} not among the sets that remain: only a size that is not possible, or only to first order, mends "

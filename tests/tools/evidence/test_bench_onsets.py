@@ -9,6 +9,7 @@ import pytest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.evidence.bench_in_motion import BenchInMotion, whole_evidence
+from trihedron.tools.evidence.bench_onsets import SLACK
 from trihedron.tools.trials.sizes import Hidden
 from trihedron.tools.trials.whole import draw_whole
 
@@ -45,6 +46,19 @@ def test_turns_change_as_the_extended_component_says(place, values):
     number = clean.onsets.number(clean.acting[place], values[-1])
     columns = clean.with_onset(place, number).columns_set_in(place)
     assert np.abs(columns @ values[:-1] - changed).max() <= 5e-3 * np.abs(changed).max()
+
+
+@pytest.mark.acceptance
+def test_what_sets_in_beside_another_effect_is_sought_and_found_with_it():
+    """Of all pairs few are left by bounds, the true one among them; its intervals hold what was hidden."""
+    hidden = Hidden(EffectPlace("encoder-harmonic", "outer-axis", 3), (6e-5, 1.0)), Hidden(BIAS_STEP, CASES[0][1])
+    evidence, work = evidence_with(*hidden), Work()
+    left = list(evidence.sets_in_time(2, work, SLACK))
+    assert tuple(one.place for one in hidden) in left
+    assert len(left) <= 5
+    (fit,) = evidence.mended([one.place for one in hidden], work)
+    for one, ends in zip(hidden, fit.intervals(), strict=True):
+        assert all(low <= value <= high for value, (low, high) in zip(one.values, ends, strict=True))
 
 
 @pytest.mark.acceptance
