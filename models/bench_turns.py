@@ -39,6 +39,8 @@ MOMENTS = (
 
 BIAS, MATRIX, SENSITIVITY, LAG = slice(0, 3), slice(3, 12), slice(12, 21), 21
 _KAPPA, _ALPHA, _EPSILON, _TURN = 0, 1, 2, slice(14, 11, -1)
+_BENT = (_KAPPA, _ALPHA, _EPSILON, 12, 13, 14)
+"""Targets on which the gyros' readings depend."""
 
 
 def earth_in_base(latitude: float, azimuth: float) -> NDArray[np.float64]:
@@ -139,16 +141,22 @@ def integrated_readings(
     earth : (3,) array
         `earth_in_base`
     """
-    x, g = np.asarray(targets), np.asarray(gyros)
-    moments = moments - g[LAG] * (growth[0] - 0.5 * g[LAG] * growth[1])
+    g = np.asarray(gyros)
+    time, turned, vertical = _inputs(np.asarray(targets), g[LAG], moments, growth, mounting, earth)
+    matrix, sensitivity = np.eye(3) + g[MATRIX].reshape(3, 3), g[SENSITIVITY].reshape(3, 3)
+    return turned @ matrix.T + g[BIAS] * time + vertical @ sensitivity.T
+
+
+def _inputs(
+    x: NDArray, lag: complex, moments: NDArray, growth: NDArray, mounting: ArrayLike, earth: ArrayLike
+) -> tuple[NDArray, NDArray, NDArray]:
+    """What gyros integrate over pieces: time (S, 1), turns and the vertical (S, 3) in axes of the block."""
+    moments = moments - lag * (growth[0] - 0.5 * lag * growth[1])
     block = small_turn(x[_TURN]) @ np.asarray(mounting)
     lean = np.cos(x[_EPSILON]), np.sin(x[_EPSILON])
     own = [lean[0] * moments[:, 0], -lean[0] * moments[:, 1], lean[1] * moments[:, 2] + moments[:, 3]]
     turned = (np.stack(own, axis=-1) + _carried(x, moments, np.asarray(earth))) @ block.T
-    vertical = _carried(x, moments, np.array([0.0, 0.0, 1.0])) @ block.T
-    time = moments[:, 4:5]
-    matrix, sensitivity = np.eye(3) + g[MATRIX].reshape(3, 3), g[SENSITIVITY].reshape(3, 3)
-    return turned @ matrix.T + g[BIAS] * time + vertical @ sensitivity.T
+    return moments[:, 4:5], turned, _carried(x, moments, np.array([0.0, 0.0, 1.0])) @ block.T
 
 
 def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
@@ -167,15 +175,21 @@ def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
 def integrated_jacobian(
     arguments: Sequence[ArrayLike], rest: tuple[NDArray, NDArray, NDArray, NDArray]
 ) -> NDArray[np.float64]:
-    """Derivatives (S, 3, 40) of `integrated_readings` by the 18 targets and the gyros' parameters (complex step).
+    """Derivatives (S, 3, 40) of `integrated_readings` by the 18 targets and the gyros' parameters.
 
-    `arguments` are targets and gyros, `rest` what follows them.
+    `arguments` are targets and gyros, `rest` what follows them. By complex steps where it is not linear.
     """
     x, g = (np.asarray(values, dtype=float) for values in arguments)
-    at, step = np.concatenate([x, g]), 1e-30
-    columns = []
-    for k in range(len(at)):
+    at, step, count = np.concatenate([x, g]), 1e-30, len(x)
+    found = np.zeros((len(rest[0]), 3, len(at)))
+    for k in (*_BENT, count + LAG):
         moved = at.astype(complex)
         moved[k] += 1j * step
-        columns.append(np.imag(integrated_readings(moved[: len(x)], moved[len(x) :], *rest)) / step)
-    return np.stack(columns, axis=-1)
+        found[:, :, k] = np.imag(integrated_readings(moved[:count], moved[count:], *rest)) / step
+    own, (time, turned, vertical) = found[:, :, count:], _inputs(x, g[LAG], *rest)
+    for p in range(3):
+        for part, inputs in ((BIAS, time), (MATRIX, turned), (SENSITIVITY, vertical)):
+            width = inputs.shape[1]
+            first = part.start + width * p
+            own[:, p, first : first + width] = inputs
+    return found
