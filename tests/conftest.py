@@ -43,7 +43,7 @@ def pytest_collection_finish() -> None:
     """Modules and tests stay to the end: the collector of cycles need not go through them again and again."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
+    gc.set_threshold(100_000, 50, 50)
 
 
 @pytest.fixture(scope="session", autouse=True)

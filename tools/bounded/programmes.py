@@ -225,8 +225,9 @@ def chebyshev_radius(
     low, high = -free if low is None else low, free if high is None else high
     if growth is not None:
         low, high = np.maximum(low, growth.low), np.minimum(high, growth.high)
-    held = exchanged(jacobian / bound[:, None], residual / bound) if len(bound) > MANY_ROWS else None
-    if held is not None and growth is None and not np.isfinite((low, high)).any():
+    anywhere = growth is None and not np.isfinite((low, high)).any()
+    held = exchanged(jacobian / bound[:, None], residual / bound) if anywhere or len(bound) > MANY_ROWS else None
+    if held is not None and anywhere:
         every = np.zeros(len(bound))
         every[held.rows] = held.multipliers / bound[held.rows]
         return held.radius, held.x, every

@@ -241,14 +241,15 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
     """A folder for unpacked FMUs; what their scripts left of it in Python's search path and modules goes too."""
+    before = set(sys.modules)
     with own_folder() as folder:
         name = str(folder)
         try:
             yield folder
         finally:
             sys.path[:] = [entry for entry in sys.path if not str(entry).startswith(name)]
-            for module, loaded in list(sys.modules.items()):
-                if str(getattr(loaded, "__file__", None)).startswith(name):
+            for module in sys.modules.keys() - before:
+                if str(getattr(sys.modules[module], "__file__", None)).startswith(name):
                     del sys.modules[module]
 
 
