@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, qr
 
-from .programmes import Interval, Polytope, chebyshev_radius, column_space
+from .programmes import Polytope, chebyshev_radius, column_space
 
 IMITATED = 1e-6
 """Functions of which so little is left beside the parameters, relatively, are imitated."""
@@ -177,14 +177,14 @@ class Functions:
             lower[rows] -= more
             upper[rows] += more
         self._polytope.confine(lower, upper)
-        ends = np.array([self._ends(int(k)) for k in at]).reshape(-1, 2)
-        return Band(self.unknown.knots[at], ends[:, 0], ends[:, 1], least, bending)
+        # Next to each other ends of one side are at vertices that are near each other.
+        low, high = (np.array([sign * self._farthest(int(k), sign) for k in at]) for sign in (-1.0, 1.0))
+        return Band(self.unknown.knots[at], low, high, least, bending)
 
-    def _ends(self, knot: int) -> Interval:
+    def _farthest(self, knot: int, sign: float) -> float:
         weights = np.zeros(len(self._bent))
-        weights[self._first + knot] = 1.0
-        low, high = -self._polytope.maximise(-weights)[0], self._polytope.maximise(weights)[0]
-        return self._size * low, self._size * high
+        weights[self._first + knot] = sign
+        return self._size * self._polytope.maximise(weights)[0]
 
     def _just_shows(self, values: NDArray, bending: float | None = None) -> float:
         """How much a function (K,) bends that is of this shape and just shows; 0 where it never does."""
