@@ -52,12 +52,12 @@ def weights_of(samples: int, mixed: bool) -> list[list[Fraction]]:
     given = [value(i, 1) for i in powers]
     if mixed:
         given = [integral(i - 1, i + 1) if i % 2 else value(i, 2) for i in powers]
-    return [solved(given, integral(m, m + 1)) for m in range(samples)]
+    return solved(given, [integral(m, m + 1) for m in range(samples)])
 
 
-def solved(rows: Sequence[Sequence[Fraction]], right: Sequence[Fraction]) -> list[Fraction]:
-    """The x of x A = b, A by its rows, by Gauss and Jordan."""
-    table = [[*column, b] for column, b in zip(zip(*rows, strict=True), right, strict=True)]
+def solved(rows: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+    """The X of X A = B, A and B by their rows, by Gauss and Jordan."""
+    table = [[*column, *b] for column, b in zip(zip(*rows, strict=True), zip(*right, strict=True), strict=True)]
     for n in range(len(table)):
         at = next(k for k in range(n, len(table)) if table[k][n] != 0)
         table[n], table[at] = table[at], table[n]
@@ -65,7 +65,7 @@ def solved(rows: Sequence[Sequence[Fraction]], right: Sequence[Fraction]) -> lis
         for k in range(len(table)):
             if k != n:
                 table[k] = [x - table[k][n] * y for x, y in zip(table[k], table[n], strict=True)]
-    return [row[-1] for row in table]
+    return [list(row) for row in zip(*(row[len(rows) :] for row in table), strict=True)]
 
 
 WEIGHTS = tuple(

@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 WELL_POSED = 1e3
 """Gyros whose matrix is conditioned worse measure no three rates."""
-ARCSEC = math.radians(1 / 3600)
 
 Measured = PositionRecord | RawRecord | StrapdownRecord
 """What can be corrected."""

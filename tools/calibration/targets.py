@@ -17,6 +17,7 @@ from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ..errors import InputError, nearest
 from .model import Linearisation, Parametrisation, determined
 
+ARCSEC = math.radians(1 / 3600)
 NAMES = {
     "X1": ("outer-axis-tilt", "rad"),
     "X2": ("outer-angle-offset", "rad"),

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ...models.bench import TARGETS
 from ..calibration import Calibration
-from ..calibration.correction import Correction
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..document.blocks import Download, Section, Table
@@ -24,6 +23,7 @@ from .pictures.residuals import next_directions
 if TYPE_CHECKING:
     from polars import DataFrame
 
+    from ..calibration.correction import Correction
     from ..diagnosis.cause import Cause
 
 VERDICTS = {
@@ -391,7 +391,7 @@ def cause_lines(causes: "Sequence[Cause]") -> list[str]:
 
 
 def correction_terms(
-    correction: Correction, bound: float | None = None, below: str = ""
+    correction: "Correction", bound: float | None = None, below: str = ""
 ) -> list[tuple[str, str, str, str]]:
     """For each accelerometer its input, the reading less what is known of it, and the scales of either sign.
 

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibration import Calibration
-from ..calibration.correction import ARCSEC, Application, Correction, Levelling, correction_of, face_readings, levelling
+from ..calibration.correction import Application, Correction, Levelling, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..calibration.gyros import said_of_place
 from ..calibration.result import Estimate, GyroCalibration
+from ..calibration.targets import ARCSEC
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import (
     Bar,

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import planning
-from ..calibration.correction import ARCSEC
+from ..calibration.targets import ARCSEC
 from ..document.blocks import Download, Page, Section, Table
 from ..document.notation import Cell, equation, minus, signed, symbol_text
 from ..document.page import html
