@@ -18,6 +18,7 @@ lines; or every set in its state is also in that of an earlier node, or in its i
 Regions are rounded outwards; the rest is sets of cells, which are integers, one bit for each cell.
 """
 
+from collections.abc import Callable
 from fractions import Fraction
 from functools import cache, cached_property, lru_cache
 from itertools import product
@@ -72,7 +73,7 @@ class Cut(Result):
 
 
 class Node(Result):
-    """A node of the tree, with one of cover, split and like. A cut and a symmetry g are the number 16 × cut + g.
+    """A node of the tree, with one of cover, split, weights, like. A cut and a symmetry g are the number 16 × cut + g.
 
     Attributes
     ----------
@@ -85,16 +86,35 @@ class Node(Result):
     split : (int, int, int, int)
         number of an item, axis (0 α, 1 β), first cell and number of cells; in the first child one of the item's
         positions is in them, in the second none is
+    weights : tuple of (int, int)
+        cuts and the weight of each: a set hits all of them, so what its positions hit, added up, is no less than all
+        weights; where even the cells of the items that hit most add up to less, the node is done with
     like : int
         number of an earlier node
     """
 
-    omitted = frozenset({"narrow", "cover", "split", "like"})
+    omitted = frozenset({"narrow", "cover", "split", "weights", "like"})
 
     narrow: tuple[int, ...] = ()
     cover: int | None = None
     split: tuple[int, int, int, int] | None = None
+    weights: tuple[tuple[int, Annotated[int, Field(ge=1, le=10**6)]], ...] | None = None
     like: int | None = None
+
+    @property
+    def cuts(self) -> tuple[int, ...]:
+        """All that it uses."""
+        return (*self.narrow, *(() if self.cover is None else (self.cover,)), *(cut for cut, _ in self.weights or ()))
+
+    def renumbered(self, number: Callable[[int], int]) -> "Node":
+        """The same with other numbers of its cuts."""
+        return self.model_copy(
+            update={
+                "narrow": tuple(number(cut) for cut in self.narrow),
+                "cover": None if self.cover is None else number(self.cover),
+                "weights": None if self.weights is None else tuple((number(cut), each) for cut, each in self.weights),
+            }
+        )
 
 
 class Proof(Result):
@@ -232,8 +252,8 @@ class Proof(Result):
             state, above = waiting.pop()
             if number in asked:
                 states[number] = state
-            if sum(way is not None for way in (node.cover, node.split, node.like)) != 1:
-                raise InputError(f"{where}: must have one of cover, split, like")
+            if sum(way is not None for way in (node.cover, node.split, node.weights, node.like)) != 1:
+                raise InputError(f"{where}: must have one of cover, split, weights, like")
             for cut in node.narrow:
                 met = _met(state, region(cut))
                 if len(met) != 1:
@@ -244,6 +264,13 @@ class Proof(Result):
                 children = _covered(state, region(node.cover))
             elif node.split is not None:
                 children = _divided(state, node.split, n, where)
+            elif node.weights is not None:
+                weight = sum(
+                    (each * _cells(region(cut), n) for cut, each in node.weights), np.zeros((n, n), dtype=np.int64)
+                )
+                most = sum(count * int(weight[_cells(cells, n)].max(initial=0)) for cells, count in state)
+                if most >= sum(each for _, each in node.weights):
+                    raise InputError(f"{where}: positions may hit a weight of {most}")
             elif node.like not in states or node.like in (*above, number):
                 raise InputError(f"{where}: like must be an earlier node that is done with")
             elif not _within_an_image(state, states[node.like], n):
@@ -256,6 +283,11 @@ class Proof(Result):
 def _bits(cells: NDArray) -> int:
     """Cells (n, n) as a number; n is a multiple of 8."""
     return int.from_bytes(np.packbits(cells).tobytes(), "big")
+
+
+def _cells(bits: int, n: int) -> NDArray:
+    """The cells (n, n) of such a number."""
+    return np.unpackbits(np.frombuffer(bits.to_bytes(n * n // 8, "big"), np.uint8)).reshape(n, n).astype(bool)
 
 
 def _met(state: State, region: int) -> list[int]:
@@ -303,8 +335,7 @@ def _divided(state: State, split: tuple[int, int, int, int], n: int, where: str)
 def _within_an_image(state: State, other: State, n: int) -> bool:
     """Whether each position of a state, one by one, lies in the cells of one of the other's image."""
     known = sorted(other, key=lambda item: item[0].bit_count())
-    size = n * n // 8
-    cells = [np.unpackbits(np.frombuffer(item[0].to_bytes(size, "big"), np.uint8)).reshape(n, n) for item in known]
+    cells = [_cells(bits, n) for bits, _ in known]
     small_first = sorted(state, key=lambda item: item[0].bit_count())
     for g in range(16):
         left = [count for _, count in small_first]

@@ -1,11 +1,11 @@
 """Look for the certificate of `proof` that no N positions reach a ratio: a tree, and the cuts that it needs.
 
 A state says of each position, or of several, in which cells it lies. A cut that only one of these items meets narrows
-it, and so on until nothing changes; what no item meets refutes the state. Else the state is divided: an item whose
-cells are apart, between them; or by which item hits the cut that the fewest positions would, drawn at random from their
-cells; or an item in the middle. Where every cut would be hit by many, cuts are looked for that fewer would hit: from
-one y of each target at once, steps down the gradient of the weight of the cells with |F'y| > 1, the step at 1 made ever
-steeper. A state that lies within one that is refuted, or within its image under a symmetry, needs no proof of its own.
+it, and so on until nothing changes; what no item meets refutes the state. Nor can it be where even weights, an item's
+positions spread at will over its cells, do not put a weight of one into each region (`proof_weights`). Else cuts are
+looked for that these weights do not hit, or that no item hits but one (`proof_cuts`). Then the state is divided, by
+which item hits a cut or where an item lies: of some ways the one is taken that leaves weights and positions least room.
+A state that lies within one that is refuted, or within its image under a symmetry, needs no proof of its own.
 
 A tree that is found is only proposed: what holds is what `Proof.verify` says.
 """
@@ -19,157 +19,38 @@ from numpy.typing import NDArray
 from ..progress import progress_bar
 from .certificate import scaled_optimum
 from .continuum import Continuum
-from .forms import basis, clearance, sheets, x_from_targets
-from .positions import Task, task_of, wanted
+from .forms import sheets, x_from_targets
+from .positions import task_of, wanted
 from .proof import Cut, Node, OptimalPlan, Proof, Reading
+from .proof_cuts import DECIMALS, Cells, Corners, Cuts, Found
+from .proof_weights import Item, Items, Spread, spread_of
 from .request import Request
 
 QUARTER_DEG = (1.33, 2.6, 4.0, 6.0, 9.0, 13.0, 19.0, 26.0, 35.0, 45.0)
 """Lines between cells: narrow beside the multiples of 90°, where positions are to be."""
-SAMPLES = np.linspace(0.0, 1.0, 13)
-"""Where a cell's clearance is looked at, along each angle."""
-STEPS, STEP = 40, 0.06
-STEEP, AIM = (0.25, 0.008), 0.99
-"""First and last width of the step at 1 of |F'y|, which stands a little lower."""
-DECIMALS = 5
 FIRST_DRAWN, DRAWN = 2500, 700
 """Cells at most that a descent looks at, drawn at random by their weight; before the tree begins, and in it."""
-FIRST_TRIES = 5
+FIRST_TRIES = 3
 """Cuts for each target, from random y, before the tree begins."""
-FEW = 0.6
-"""New cuts are looked for where the expected number of positions that hit a cut is no less than this for any cut."""
-ROUNDS, NEW = 2, 2
-"""So often in a node, and so many cuts at most each time."""
+ROUNDS, NEW = 6, 3
+"""So often in a node new cuts are looked for, and so many at most each time."""
+MISSED, SPREAD = 0.98, (0.05, 0.005)
+"""A cut is new where the weights hit it with less than this; to find it, so much more is spread evenly, in turn."""
+FEW_CELLS = 500
+"""Items of more cells are no part of the programmes about corners, but as the one that is left out."""
+NARROWER = 0.9
+"""A cut about the other items is of use where it leaves an item no more than this part of its cells."""
 APART_DEG = 5.0
 """Cells with a gap as wide as this between them are apart."""
-SURE = 0.2
-"""A cut that so few positions are expected to hit is used before items are divided that are apart."""
-LOOK_DEPTH, LOOKED_AT = 12, 4
-"""Down to here divisions are tried, so many of each kind, and the one is taken that leaves the positions least room."""
+LOOKED_AT, WIDE = 5, 3
+"""So many divisions of each kind are tried; of items whose cells are not apart, so many."""
+EXACT, TRIED, SWEEPS = 60, 6, 2
+"""Rounds of a programme of weights; where a division is tried, and how often its state is narrowed there."""
+GAIN, ROOM, MOST = 60.0, 0.3, 1.5
+"""The work of a state grows with the exponential of so much of the least weight, up to a most, and of log volume."""
 ALIKE_DEPTH = 8
 """Down to here a state is compared with those that are refuted."""
 WHOLE, NONE = 1.0 - 1e-6, 1e-9
-
-
-class Cells:
-    """The torus of both angles, divided: which sheets count where, F at corners and middles, images, areas."""
-
-    def __init__(self, task: Task, quarter_deg: Sequence[float]):
-        around = np.concatenate([-np.array(quarter_deg)[::-1], [0.0], quarter_deg[:-1]])
-        self.low_deg = (90.0 * np.arange(4)[:, None] + around).ravel()
-        self.width_deg = np.diff(np.append(self.low_deg, self.low_deg[0] + 360.0))
-        self.size = n = len(self.low_deg)
-        self.area = (np.outer(self.width_deg, self.width_deg).ravel() / 360.0**2).astype(np.float32)
-        low, width = np.radians(self.low_deg), np.radians(self.width_deg)
-        self._half = 0.5 * width
-        inside = (low[:, None] + width[:, None] * SAMPLES).ravel()
-        self._regressor = task.regressor
-        self._counts = np.stack(
-            [
-                clearance(sheet, inside[:, None], inside).reshape(n, len(SAMPLES), n, len(SAMPLES)).max(axis=(1, 3))
-                > 0.0
-                for sheet in sheets(task.parametrisation, bounds=task.request.bounds, rule=task.request.admissible)
-            ]
-        )
-        corner, centre = basis(low), basis(low + self._half)
-        self._corners = np.einsum("spij,ai,bj->sabp", task.regressor, corner, corner, optimize=True)
-        values = np.einsum("spij,ai,bj->sabp", task.regressor, centre, centre, optimize=True)
-        # The middle stands for the whole cell, where F'y is greater by about as much.
-        values *= (self._counts * (1.0 + 0.4 * (self._half[:, None] + self._half)))[..., None]
-        first = np.argsort(~self._counts, axis=0, kind="stable")[: self._counts.sum(axis=0).max()]
-        values = np.take_along_axis(values, first[..., None], axis=0)
-        self.rows = values.reshape(len(values), n * n, -1).astype(np.float32)
-        axes = []
-        for g in range(16):
-            one = []
-            for sense, shift in ((g >> 3 & 1, g >> 1 & 1), (g >> 2 & 1, g & 1)):
-                cell = np.arange(n)
-                one.append(((n // 4 - 1 - cell if sense else cell) + shift * n // 2) % n)
-            axes.append((one[0][:, None] * n + one[1]).ravel())
-        self.images = np.array(axes)
-
-    def region(self, y: NDArray) -> NDArray:
-        """Which cells (n²,) |F'y| may exceed one in."""
-        form = np.tensordot(self._regressor, y, axes=(1, 0))
-        value = np.abs(self._corners @ y)
-        value = np.maximum(value, np.roll(value, -1, axis=1))
-        value = np.maximum(value, np.roll(value, -1, axis=2))
-        a, b = (np.sqrt(2.0) * np.linalg.norm(part, 2, axis=(1, 2)) for part in (form[:, :2], form[:, :, :2]))
-        bent = a[:, None, None] * self._half[:, None] ** 2 + b[:, None, None] * self._half**2
-        return (self._counts & (value + 0.5 * bent > 1.0 - 1e-7)).any(axis=0).ravel()
-
-
-class Cuts:
-    """Cuts that were found, with the regions of all their images."""
-
-    def __init__(self, cells: Cells, aims: NDArray, rng: np.random.Generator):
-        self.cells, self.found = cells, list[tuple[int, NDArray]]()
-        self._aims, self._rng = aims, rng
-        self._regions = np.zeros((cells.size**2, 1024), dtype=np.float32)
-
-    @property
-    def rows(self) -> int:
-        """Number of regions, 16 for each cut."""
-        return 16 * len(self.found)
-
-    def region(self, row: int) -> NDArray:
-        """The cells (n²,) of a region, as bool."""
-        return self._regions[:, row] > 0.0
-
-    def share(self, cells: NDArray, first: int) -> NDArray:
-        """Which part of the area of these cells each region from the first on has."""
-        area = self.cells.area[cells]
-        return (area / area.sum()) @ self._regions[cells, first : self.rows]
-
-    def tried(self, weight: NDArray, drawn: int) -> list[tuple[float, int, NDArray, NDArray]]:
-        """A y for each target by descent with these weights (n²,): the weight of its region, target, y and region."""
-        inside = np.flatnonzero(weight)
-        if len(inside) > drawn:
-            inside = self._rng.choice(len(weight), drawn, replace=False, p=weight / weight.sum())
-            among = np.full(drawn, weight.sum() / drawn)
-        else:
-            among = weight[inside]
-        rows = self.cells.rows[:, inside]
-        start = 0.5 * self._rng.normal(size=(len(self._aims), rows.shape[2]))
-        for k in np.flatnonzero(self._rng.random(len(self._aims)) < 0.4):
-            if known := [y for target, y in self.found if target == k]:
-                start[k] = known[self._rng.integers(len(known))] + 0.1 * self._rng.normal(size=start.shape[1])
-        found = []
-        for k, y in enumerate(_descended(rows, among, start, self._aims)):
-            y = np.round(y, DECIMALS)
-            y[k] = np.ceil((self._aims[k] + 1e-8) * 10.0**DECIMALS) / 10.0**DECIMALS
-            region = self.cells.region(y)
-            found.append((float(weight @ region), k, y, region))
-        return found
-
-    def add(self, target: int, y: NDArray, region: NDArray) -> None:
-        """Keep one."""
-        if self.rows + 16 > self._regions.shape[1]:
-            self._regions = np.hstack([self._regions, np.zeros_like(self._regions)])
-        self._regions[:, self.rows : self.rows + 16] = region[self.cells.images].T
-        self.found.append((target, y))
-
-
-class _Item:
-    """So many positions in these cells; which part of the cells' area each region has."""
-
-    def __init__(self, cells: NDArray, count: int, share: NDArray):
-        self.cells, self.count, self._share = cells, count, share
-
-    def share(self, cuts: Cuts) -> NDArray:
-        if len(self._share) < cuts.rows:
-            self._share = np.append(self._share, cuts.share(self.cells, len(self._share)))
-        return self._share
-
-    def of(self, count: int) -> "_Item":
-        return _Item(self.cells, count, self._share)
-
-    def within(self, region: NDArray, count: int) -> "_Item":
-        """So many in those of its cells that are in a region (n²,)."""
-        return _Item(self.cells[region[self.cells]], count, np.zeros(0))
-
-
-Items = list[_Item]
 
 
 def _put(items: Items, which: int, region: NDArray) -> Items:
@@ -202,8 +83,11 @@ class _Tree:
         self._cuts, self._most, self._report = cuts, most, report
         self._refuted: list[_Refuted] = []
 
-    def grow(self, items: Items, rows: NDArray, depth: int, share: float) -> None:
-        """Refute a state; `rows` are the regions that not all of its sets hit, `share` its part of the work."""
+    def grow(self, items: Items, rows: NDArray, begun: tuple[Sequence[int], NDArray], depth: int, share: float) -> None:
+        """Refute a state; `rows` are the regions that not all of its sets hit, `share` its part of the work.
+
+        `begun` are regions and cells that programmes of weights begin with.
+        """
         number, start, cuts = len(self.nodes), items, self._cuts
         if number >= self._most:
             raise _GaveUp
@@ -214,37 +98,44 @@ class _Tree:
         narrow: list[int] = []
         for step in range(ROUNDS + 1):
             items, rows, refuting = self._narrowed(items, rows, narrow)
-            if refuting is not None:
-                self.nodes.append(Node(narrow=tuple(narrow), cover=refuting))
+            leaf = None if refuting is None else Node(narrow=tuple(narrow), cover=refuting)
+            spread = None
+            if leaf is None and len(rows):
+                spread = spread_of(items, cuts, rows, begun, EXACT)
+                begun = spread.regions, spread.cells
+                if spread.refuting:
+                    leaf = Node(narrow=tuple(narrow), weights=spread.refuting)
+            if leaf is not None:
+                self.nodes.append(leaf)
                 self._report(share)
                 self._keep(number, start, depth)
                 return
-            expected = self._met(items, rows) @ np.array([float(item.count) for item in items])
-            least = expected.min(initial=np.inf)
-            if least < FEW or step == ROUNDS:
+            if step == ROUNDS or not (more := self._more(items, spread, step)):
                 break
             before = cuts.rows
-            if not self._add(items, least):
-                break
-            rows = np.append(rows, np.arange(before, cuts.rows))
+            for cut in more:
+                cuts.add(cut)
+            new = np.arange(before, cuts.rows)
+            rows = np.append(rows, new)
+            if spread is not None:
+                begun = [*begun[0], *new[cuts.hit(spread.cells, spread.weight, before) < MISSED].tolist()], begun[1]
         known = cuts.rows
-        if not (ways := self._ways(items, rows, expected)):
+        if spread is None or (chosen := self._chosen(items, rows, spread)) is None:
             raise _GaveUp
-        if len(ways) > 1 and depth < LOOK_DEPTH:
-            before = sum(item.count * np.log(cuts.cells.area[item.cells].sum()) for item in items)
-            sizes = [sum(self._size(child, rows, before) for child in children) for _, children in ways]
-            ways = [ways[int(np.argmin(sizes))]]
-        way, children = ways[0]
+        way, children = chosen
         self.nodes.append(way.model_copy(update={"narrow": tuple(narrow)}))
         for child in children:
-            self.grow(child, np.append(rows, np.arange(known, cuts.rows)), depth + 1, share / len(children))
+            open_rows = np.append(rows, np.arange(known, cuts.rows))
+            self.grow(child, open_rows, begun, depth + 1, share / len(children))
         self._keep(number, start, depth)
 
     def _met(self, items: Items, rows: NDArray) -> NDArray:
         """Which part of each item's cells is in each of these regions (R, items)."""
         return np.array([item.share(self._cuts)[rows] for item in items]).T
 
-    def _narrowed(self, items: Items, rows: NDArray, narrow: list[int]) -> tuple[Items, NDArray, int | None]:
+    def _narrowed(
+        self, items: Items, rows: NDArray, narrow: list[int], sweeps: float = np.inf
+    ) -> tuple[Items, NDArray, int | None]:
         """The items, narrowed by regions that one alone meets; what regions are open; a region that none meets."""
         part = self._met(items, rows)
         while True:
@@ -253,8 +144,9 @@ class _Tree:
                 return items, rows, int(rows[none.argmax()])
             is_open = ~(part > WHOLE).any(axis=1)
             rows, part, meets = rows[is_open], part[is_open], meets[is_open]
-            if not len(alone := np.flatnonzero(meets.sum(axis=1) == 1)):
+            if not len(alone := np.flatnonzero(meets.sum(axis=1) == 1)) or not sweeps:
                 return items, rows, None
+            sweeps -= 1
             item = meets[alone].argmax(axis=1)
             single = np.array([items[i].count == 1 for i in item])
             if single.any():
@@ -268,33 +160,86 @@ class _Tree:
             if len(items) > part.shape[1]:
                 part = np.column_stack([part, items[-1].share(self._cuts)[rows]])
 
-    def _add(self, items: Items, least: float) -> bool:
-        """Look for cuts that fewer positions hit; whether there were any."""
-        weight = np.zeros(self._cuts.cells.size**2)
+    def _more(self, items: Items, spread: Spread | None, step: int) -> list[Found]:
+        """New cuts: about all items but one at most, or else that the weights of a spread do not hit."""
+        if found := self._exact(items, every=spread is None):
+            return found
+        if spread is None:
+            return []
+        area, weight = self._cuts.cells.area, np.zeros(self._cuts.cells.size**2)
+        np.add.at(weight, spread.cells, spread.weight)
+        mixed = weight.copy()
         for item in items:
-            area = self._cuts.cells.area[item.cells].astype(float)
-            weight[item.cells] += item.count * area / area.sum()
-        found = [each for each in self._cuts.tried(weight, DRAWN) if each[0] < 0.9 * least]
-        for _, target, y, region in sorted(found, key=lambda each: each[0])[:NEW]:
-            self._cuts.add(target, y, region)
-        return bool(found)
+            mixed[item.cells] += SPREAD[step % 2] * item.count * area[item.cells] / area[item.cells].sum()
+        missed = [(float(weight @ cut.region), cut) for cut in self._cuts.descended(mixed, DRAWN)]
+        return [cut for hit, cut in sorted(missed, key=lambda each: each[0])[:NEW] if hit < MISSED]
 
-    def _size(self, items: Items, rows: NDArray, before: float) -> float:
-        """About how much work a state is, of one whose positions have cells of this area (its logarithm)."""
-        items, _, refuting = self._narrowed(items, rows, [])
+    def _exact(self, items: Items, every: bool) -> list[Found]:
+        """Cuts that no item meets, or one alone, which they narrow: one with many cells, or where asked any other."""
+        wide = [k for k, item in enumerate(items) if item.count > 1 or len(item.cells) > FEW_CELLS]
+        if len(wide) > 1:
+            return []
+        parts = [np.zeros(0, dtype=int) if k in wide else item.cells for k, item in enumerate(items)]
+        corners = Corners(self._cuts.cells, parts)
+        if found := self._excluding(items, corners, wide[0] if wide else -1):
+            return found
+        if wide or not every:
+            return []
+        for k in sorted(range(len(items)), key=lambda k: -len(items[k].cells)):
+            if len(items[k].cells) > 1:
+                found += self._excluding(items, corners, k)
+            if len(found) > NEW:
+                break
+        return found
+
+    def _excluding(self, items: Items, corners: Corners, left: int) -> list[Found]:
+        found = []
+        for cut in self._cuts.excluding(corners, left):
+            met = [item for item in items if cut.region[item.cells].any()]
+            if not met:
+                return [cut]
+            area = self._cuts.cells.area[met[0].cells]
+            part = float(area @ cut.region[met[0].cells] / area.sum())
+            if len(met) == 1 and part < NARROWER:
+                found.append((part, cut))
+        return [cut for _, cut in sorted(found, key=lambda each: each[0])[:NEW]]
+
+    def _chosen(self, items: Items, rows: NDArray, spread: Spread) -> tuple[Node, list[Items]] | None:
+        """The division whose children seem least work, and these; None where there is none."""
+        part = self._met(items, rows)
+        hit = np.maximum(self._cuts.hit(spread.cells, spread.weight)[rows] - 1.0, 0.0)
+        many = (part > NONE).sum(axis=1) + 3.0 * hit + part @ np.array([float(item.count) for item in items])
+        apart, wide = self._divisions(items)
+        ways = [self._covered(items, int(rows[k])) for k in np.argsort(many, kind="stable")[:LOOKED_AT]]
+        ways += [self._divided(items, *way) for way in apart[:LOOKED_AT] or wide[:WIDE]]
+        least, chosen = np.inf, None
+        for way, children in ways:
+            work = 0.0
+            for child in children:
+                work += self._work(child, rows, spread, self._room(items))
+                if work >= least:
+                    break
+            if work < least:
+                least, chosen = work, (way, children)
+            if not work:
+                break
+        return chosen
+
+    def _room(self, items: Items) -> float:
+        return float(sum(item.count * np.log(self._cuts.cells.area[item.cells].sum()) for item in items))
+
+    def _work(self, items: Items, rows: NDArray, spread: Spread, room: float) -> float:
+        """About how much work a state is, of one with this spread and room."""
+        items, rows, refuting = self._narrowed(items, rows, [], SWEEPS)
         if refuting is not None:
             return 0.0
-        return float(
-            np.exp(0.3 * (sum(i.count * np.log(self._cuts.cells.area[i.cells].sum()) for i in items) - before))
-        )
-
-    def _ways(self, items: Items, rows: NDArray, expected: NDArray) -> list[tuple[Node, list[Items]]]:
-        """Nodes that divide a state, and their children; the one to take unless one looks ahead comes first."""
-        covers = [int(rows[k]) for k in np.argsort(expected, kind="stable")[:LOOKED_AT] if expected[k] < 1.5]
-        apart, wide = self._divisions(items)
-        found = [self._covered(items, row) for row in covers]
-        divided = [self._divided(items, *way) for way in apart[:LOOKED_AT] or (() if covers else wide[:2])]
-        return found + divided if expected.min(initial=np.inf) < SURE else divided + found
+        least = MOST
+        if len(rows):
+            found = spread_of(items, self._cuts, rows, (spread.regions, spread.cells), TRIED)
+            if found.refuting:
+                return 0.0
+            least = min(found.least, MOST)
+        return float(np.exp(GAIN * (least - spread.least) + ROOM * (self._room(items) - room)))
 
     def _covered(self, items: Items, row: int) -> tuple[Node, list[Items]]:
         region, children = self._cuts.region(row), list[Items]()
@@ -397,21 +342,17 @@ def prove(
     cells, rng, to_x = Cells(task, quarter_deg), np.random.default_rng(seed), x_from_targets()
     cuts = Cuts(cells, ratio * task.best, rng)
     for _ in range(FIRST_TRIES):
-        for _, target, y, region in cuts.tried(cells.area.astype(float), FIRST_DRAWN):
-            cuts.add(target, y, region)
-    everywhere = _Item(np.arange(cells.size**2), count, np.zeros(0))
+        for cut in cuts.descended(cells.area.astype(float), FIRST_DRAWN):
+            cuts.add(cut)
+    everywhere = Item(np.arange(cells.size**2), count)
     with progress_bar(f"{count} positions, {ratio:g}", 1.0, show=progress) as report:
         tree = _Tree(cuts, nodes, report)
         try:
-            tree.grow([everywhere], np.arange(cuts.rows), 0, 1.0)
+            tree.grow([everywhere], np.arange(cuts.rows), ([], np.zeros(0, dtype=int)), 0, 1.0)
         except _GaveUp:
             return None
-    used = {number // 16 for node in tree.nodes for number in (*node.narrow, node.cover) if number is not None}
+    used = {number // 16 for node in tree.nodes for number in node.cuts}
     place = {number: k for k, number in enumerate(sorted(used))}
-
-    def renumbered(number: int | None) -> int | None:
-        return None if number is None else 16 * place[number // 16] + number % 16
-
     proof = Proof(
         positions=count,
         ratio=ratio,
@@ -423,43 +364,10 @@ def prove(
             Cut(target=optima[k].target, y=tuple(np.round(to_x @ y, DECIMALS).tolist()))
             for k, y in (cuts.found[number] for number in place)
         ),
-        nodes=tuple(
-            Node(
-                narrow=tuple(16 * place[number // 16] + number % 16 for number in node.narrow),
-                cover=renumbered(node.cover),
-                split=node.split,
-                like=node.like,
-            )
-            for node in tree.nodes
-        ),
+        nodes=tuple(node.renumbered(lambda number: 16 * place[number // 16] + number % 16) for node in tree.nodes),
     )
     proof.verify()
     return proof
-
-
-def _descended(rows: NDArray, weight: NDArray, start: NDArray, aims: NDArray) -> NDArray:
-    """y (K, P), each of the target in its place with y_k = aim, whose regions have little weight.
-
-    The rows (S, n, P) are F of the cells with these weights (n,); a sheet that does not count is zero there.
-    """
-    flat, weight, each = rows.reshape(-1, rows.shape[2]), weight.astype(np.float32)[:, None], np.arange(len(aims))
-    y = start.T.astype(np.float32)
-    y[each, each] = aims
-    first, second = np.zeros_like(y), np.zeros_like(y)
-    for part in np.linspace(0.0, 1.0, STEPS):
-        value = (flat @ y).reshape(*rows.shape[:2], -1)
-        height = np.abs(value).max(axis=0)
-        step = 1.0 / (
-            1.0 + np.exp(-np.clip((height - AIM) / (STEEP[0] ** (1.0 - part) * STEEP[1] ** part), -15.0, 15.0))
-        )
-        pull = np.where(np.abs(value) == height, np.sign(value) * weight * step * (1.0 - step), 0.0)
-        slope = flat.T @ pull.reshape(len(flat), -1).astype(np.float32)
-        slope[each, each] = 0.0
-        slope /= np.linalg.norm(slope, axis=0) + 1e-20
-        first, second = 0.9 * first + 0.1 * slope, 0.98 * second + 0.02 * slope**2
-        y -= STEP * 0.1**part * first / (np.sqrt(second) + 1e-3)
-        y[each, each] = aims
-    return y.T.astype(float)
 
 
 def _optimal_plans(request: Request) -> tuple[OptimalPlan, ...]:

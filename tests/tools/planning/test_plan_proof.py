@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from planning_tasks import stored, tables_task
 from trihedron.models.bench import TARGETS as SYMBOLS
@@ -16,7 +17,8 @@ from trihedron.tools.planning import proof
 from trihedron.tools.planning.forms import x_from_targets
 from trihedron.tools.planning.positions import costs
 from trihedron.tools.planning.proof import Proof
-from trihedron.tools.planning.proof_search import Cells, prove
+from trihedron.tools.planning.proof_cuts import Cells
+from trihedron.tools.planning.proof_search import prove
 
 SHIPPED = sorted(
     (entry for entry in resources.files("trihedron.tools.planning").joinpath("proofs").iterdir()),
@@ -58,6 +60,20 @@ def test_two_positions_are_near_two_of_three_axes_at_most() -> None:
     verify(caps(2))
     with pytest.raises(InputError, match="1 are missing"):
         verify(caps(3))
+
+
+def test_two_positions_hit_two_of_three_weights_at_most() -> None:
+    """The same without a division: no cell is in two of the regions, so two positions hit two of them at most."""
+    three = [[0, 500], [16, 501], [32, 500]]
+    verify(caps(2) | {"nodes": [{"weights": three}]})
+    with pytest.raises(InputError, match="may hit a weight of 1503"):
+        verify(caps(3) | {"nodes": [{"weights": three}]})
+    for weights in ([], [[0, 1], [16, 1]], [[0, 2], [16, 1], [32, 1]], [[0, 1], [16, 1], [48, 1]]):
+        with pytest.raises(InputError, match="nodes"):
+            verify(caps(2) | {"nodes": [{"weights": weights}]})
+    for weight in (-1, 0, 10**9):
+        with pytest.raises(ValidationError):
+            verify(caps(2) | {"nodes": [{"weights": [[0, weight], *three[1:]]}]})
 
 
 @pytest.mark.parametrize("entry", SHIPPED, ids=lambda entry: entry.name)
@@ -197,10 +213,11 @@ def test_the_search_has_the_regions_of_the_check() -> None:
 
 
 def test_the_search_finds_a_tree() -> None:
-    found = prove(4, 1.1)
+    found = prove(7, 1.05)
     assert found is not None
-    assert (found.positions, found.ratio) == (4, 1.1)
-    assert len(found.nodes) > 1
+    assert (found.positions, found.ratio) == (7, 1.05)
+    assert 1 < len(found.nodes) < 100
+    assert any(node.weights for node in found.nodes)
 
 
 @pytest.mark.acceptance
@@ -218,4 +235,4 @@ def test_the_search_proves_nothing_of_what_is_reached() -> None:
 
 
 def test_lines_too_far_apart_prove_nothing() -> None:
-    assert prove(8, 1.1, nodes=500, quarter_deg=(30.0, 45.0)) is None
+    assert prove(7, 1.05, nodes=30, quarter_deg=(30.0, 45.0)) is None
