@@ -126,13 +126,15 @@ class Polytope:
         The duals Φ, with Φ'J = weights, say how the value changes with each row's active end.
         """
         self._highs.changeColsCost(len(self._columns), self._columns, np.asarray(weights, dtype=float))
+        activity, violation = np.empty((2, len(self._scale)))
         while True:
             solution = solved(self._highs)
             x = np.array(solution.col_value)
             if len(self._taken) == len(self._scale):
                 break
-            activity = self._matrix @ x
-            violation = np.maximum(self._lower - activity, activity - self._upper)
+            activity = np.matmul(self._matrix, x, out=activity)
+            violation = np.subtract(self._lower, activity, out=violation)
+            np.maximum(violation, np.subtract(activity, self._upper, out=activity), out=violation)
             apart = self._matrix if len(violation) >= MANY_BLOCKS * BLOCK else None
             if not len(more := _most_violated(violation, self._taken, TOLERANCE, apart)):
                 break
