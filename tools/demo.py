@@ -17,6 +17,7 @@ import polars as pl
 from ..fmus import components, version
 from ..models.bench import TARGETS, target_values
 from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
+from ..models.effects import EffectPlace
 from .calibration import Bench, Calibration, calibrate_whole
 from .calibration.latency import LATENCIES
 from .diagnosis import diagnose, export_extended
@@ -34,9 +35,12 @@ from .reports.diagnosis import answer_of, sections_of
 from .reports.inspection import attitude_lines, attitude_section
 from .rounding import digits
 from .trials.bench import NOISE_BOUND, true_elementary
+from .trials.case import Case
 from .trials.draw import draw_alone
 from .trials.outcome import judged
+from .trials.sizes import Hidden
 from .trials.suite import write_hidden_record
+from .trials.whole import draw_whole
 
 IMU_CALIBRATION = "imu-calibration.toml"
 SHORTER = {
@@ -46,8 +50,13 @@ SHORTER = {
 }
 """What the scenario says, and what the demonstration's says in its place."""
 MEASURED_RECORD = "broad-03.strapdown.csv"
-EXTENDING_EFFECTS = ("bias-drift", "encoder-harmonic", "quadratic")
-"""Effects of which one is hidden: each can be composed into an FMU, and none looks like another."""
+HIDDEN = (
+    Hidden(EffectPlace("gyro-scale-asymmetry", "gyro-block"), (5e-4, -4e-4, 3e-4)),
+    Hidden(EffectPlace("undersampling", "attitude-computer"), (0.08,)),
+)
+"""Effects of which one is hidden: each can be composed into an FMU, and they do not look alike."""
+POSITIONS, STEP_S = 16, 0.1
+"""Positions and whole turns of the record that hides it, three minutes, and how far its rows are apart [s]."""
 BUMP_AT, BUMP_WIDTH, BUMP_HEIGHT = 2.0, 0.6, 2e-4
 """Where an encoder errs, how far about that, and by how much [rad]."""
 VARIABLE = "TRIHEDRON_DATA"
@@ -80,14 +89,14 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     print(calibration)
     print(f"{inside} of {len(truth)} true values lie inside their intervals")
 
-    say("3  Measure: a record with one hidden effect comes in")
+    say("3  Measure: a record of encoders, gyros and accelerometers with one hidden effect comes in")
     measured = out / "measured.csv"
     answer_file = out / "hidden-answer.json"
-    case = draw_alone(seed, effects=EXTENDING_EFFECTS)
+    case = short_bench(seed)
     write_hidden_record(case, measured, answer_file, progress=True)
 
     say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
-    diagnosis = diagnose(read_record(measured, PositionRecord), noise_bound=NOISE_BOUND, progress=True)
+    diagnosis = diagnose(read_record(measured, PositionRecord), **case.instrument.asked, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
     extended = export_extended(diagnosis, out / "extended")
     print(diagnosis)
@@ -113,8 +122,8 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
         *filter(None, [gyro_section(calibration)]),
         Section(
             "A measured record with a hidden effect",
-            "A second bench was simulated with one more piece of physics composed into its FMUs. The diagnosis saw "
-            f"the record alone. What had been hidden: {hidden}.",
+            "A second bench, with encoders, gyros and accelerometers, was simulated with one more piece of physics in "
+            f"it. The diagnosis saw the record alone. What had been hidden: {hidden}.",
             files=[measured, answer_file],
         ),
         *answer_of(diagnosis, [out / "diagnosis.json", *extended]),
@@ -143,6 +152,14 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     if show:
         open_page(page)
     return page
+
+
+def short_bench(seed: int) -> Case:
+    """A bench with encoders, gyros and accelerometers that hides one effect; the seed decides everything."""
+    rng = np.random.default_rng(seed)
+    drawn = draw_whole(rng)
+    bench = replace(drawn, alpha=drawn.alpha[-POSITIONS:], beta=drawn.beta[-POSITIONS:], step_s=STEP_S)
+    return Case(seed, None, bench, (HIDDEN[rng.integers(len(HIDDEN))],))
 
 
 def with_bump(record: PositionRecord) -> PositionRecord:

@@ -41,7 +41,7 @@ from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.draw import draw_alone
 
 PICTURE_SEED = 2026
-"""Of the record that the README shows: the demo's."""
+"""Of the record that the README shows."""
 
 POINTS = 181
 COLUMNS = 4

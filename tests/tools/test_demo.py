@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from trihedron.tools.demo import IMU_CALIBRATION, MEASURED_RECORD, SHORTER, find_record, run_demo
+from trihedron.tools.records import BenchRecord, read_record
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,12 @@ def test_the_demo_holds_the_truth_names_the_effect_and_measures_the_gain(demo):
     assert diagnosis["causes"][0]["effect"] == hidden["effect"]
     assert diagnosis["causes"][0]["where"] == hidden["where"]
     gain = diagnosis["gain"]
-    assert gain["held_out_rms_after"] < 1e-5 < gain["held_out_rms_before"]
+    assert gain["held_out_rms_after"] < 0.6 * gain["held_out_rms_before"]
+    # Its record is one of a whole bench, of which both witnesses are heard.
+    assert isinstance(read_record(out / "measured.csv"), BenchRecord)
+    (parameter,) = diagnosis["causes"][0]["parameters"]
+    assert parameter["low"] < hidden["parameters"]["coefficient"] < parameter["high"]
+    assert parameter["low"] > 0.0
 
 
 def test_the_page_is_whole_and_links_to_what_was_written(demo):

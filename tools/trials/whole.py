@@ -42,6 +42,8 @@ class WholeBench(Bench):
 
     latitude: float = 0.0
     azimuth: float = 0.0
+    step_s: float = STEP_S
+    """from one row of the record to the next [s]"""
 
     decimals: ClassVar[None] = None
     """The numbers of its record are written whole."""
@@ -114,7 +116,7 @@ class WholeBench(Bench):
                 **{f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)},
                 "temperature_degC": "block.temperature",
             },
-            run={"step_s": STEP_S},
+            run={"step_s": self.step_s},
             connections=[
                 *({"from": f"table.{name}", "to": f"block.{name}"} for name in told),
                 {"from": "table.block_rate", "to": "block.rate"},
