@@ -27,6 +27,8 @@ UNSEEN = 4.0
 APART = 0.8
 """So far [rad] the table turns from one reading in motion to the next, but where its acceleration is another one."""
 MOST = 90
+CERTAIN = 5e-3
+"""By less [g] a radian of turning changes an input in a sense that is not sure."""
 SLOW = 0.02
 """An axis that turns by less [rad/s] hardly turns."""
 QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
@@ -37,7 +39,8 @@ QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
 class InMotion:
     """Readings (W, 3) over g at rows (W,) of a bench record at which the table turns, and their bounds (W, 3).
 
-    `angles`, `rate`, `acceleration` (W, 2) are those of both axes [rad], [rad/s], [rad/s²].
+    `angles`, `rate`, `acceleration` (W, 2) are those of both axes [rad], [rad/s], [rad/s²]; `senses` (W, 3) those in
+    which the inputs change over all of the rows that a reading is of, 0 where it is not one that is sure.
     """
 
     rows: NDArray[np.int_]
@@ -46,6 +49,7 @@ class InMotion:
     bound: NDArray[np.float64]
     rate: NDArray[np.float64]
     acceleration: NDArray[np.float64]
+    senses: NDArray[np.float64]
 
     @staticmethod
     def of(record: PositionRecord, here: Linearisation, gravity: float, encoder_bound: float) -> "InMotion":
@@ -59,11 +63,17 @@ class InMotion:
         value, gain = _parabola(reading, rows, half)
         off = encoder_bound + sampling.jitter_max * np.abs(rate)
         at = Positions(angles[rows, 0], angles[rows, 1], np.zeros(len(rows), dtype=int))
-        slopes = np.abs(_slopes(here.parametrisation, here.point, at))
+        slopes = np.abs(slopes_by_angles(here.parametrisation, here.point, at))
         wave = QUARTIC * (half * sampling.period * np.abs(rate).sum(axis=1)) ** 4
         noise = factor_for(3 * len(rows)) * gain[:, None] * _scatter(reading, record)
         bound = float(here.bound.min()) + noise + (slopes * off[:, None]).sum(axis=2) + wave[:, None]
-        return InMotion(rows, angles[rows], value, bound, rate, acceleration)
+        found = InMotion(rows, angles[rows], value, bound, rate, acceleration, np.zeros_like(value))
+        # A reading may be a mean since the row before.
+        lags, point = (half + 1.0) * sampling.period * np.array([1.0, 0.0, -1.0]), (here.parametrisation, here.point)
+        grown = np.stack([-found.by_lag(*point, lag).reshape(-1, 3) for lag in lags.tolist()])
+        least = CERTAIN * np.abs(rate).max(axis=1, initial=0.0)[:, None]
+        rising, falling = (grown > least).all(axis=0), (grown < -least).all(axis=0)
+        return replace(found, senses=rising.astype(float) - falling)
 
     def at(self, lag: float) -> Positions:
         """Where the table stood a lag [s] earlier."""
@@ -73,7 +83,7 @@ class InMotion:
     def by_lag(self, parametrisation: Parametrisation, point: NDArray, lag: float) -> NDArray[np.float64]:
         """How the readings change (3 W,) with the lag [g/s], at a point (P,)."""
         earlier = lag * self.acceleration - self.rate
-        return (_slopes(parametrisation, point, self.at(lag)) * earlier[:, None, :]).sum(axis=2).ravel()
+        return (slopes_by_angles(parametrisation, point, self.at(lag)) * earlier[:, None, :]).sum(axis=2).ravel()
 
     def motion(self, to_block: NDArray, lean: float, gravity: float, lag: float = 0.0) -> MotionRows:
         """The rows as effects in motion see them, a lag [s] earlier.
@@ -141,7 +151,7 @@ def _scatter(reading: NDArray, record: PositionRecord) -> NDArray[np.float64]:
     return np.sqrt(np.median([np.var(own, axis=0) for own in kept], axis=0))
 
 
-def _slopes(parametrisation: Parametrisation, point: NDArray, at: Positions) -> NDArray[np.float64]:
+def slopes_by_angles(parametrisation: Parametrisation, point: NDArray, at: Positions) -> NDArray[np.float64]:
     """Derivatives (N, 3, 2) of readings by the angles, at a point (P,)."""
     from_angles = [replace(at, **{name: getattr(at, name) + 1j * 1e-30}) for name in ("alpha", "beta")]
     return np.stack([np.imag(predicted_reading(parametrisation, point, one)) / 1e-30 for one in from_angles], axis=2)

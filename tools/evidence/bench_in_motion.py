@@ -489,7 +489,8 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     if not isinstance(raw, BenchRecord):
         raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")
     # By how much an encoder may err says what is motion; more of it than σ would be no reading's noise.
-    record = approached(record, place.encoder_within(LARGEST_FLUCTUATION))
+    least = place.encoder_within(LARGEST_FLUCTUATION)
+    record = approached(record, least)
     rests = bench_evidence(record, **options)
     alone, here = rests.calibration, rests.here
     whole = fit_whole(here, record, place, alone.noise_bound)
@@ -498,7 +499,7 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     encoder_bound = place.encoder_within(alone.noise_bound)
     travel = Travel.of(raw, whole, encoder_bound, alone.gravity)
     more = InMotion.of(record, here, alone.gravity, encoder_bound)
-    moving = Moving.of(rests, raw, more, travel.to_block, travel.lean)
+    moving = Moving.of(rests, raw, more, travel.to_block, travel.lean, least)
     both = with_turns(moving.read.here, whole.turns, str(record.path))
     moving = moving.about(both.point[: both.own])
     # Of a block that slips on the table gyros see the slip itself: that is not tried.

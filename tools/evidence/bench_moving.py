@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace, MotionRows
-from ..calibration.in_motion import SLOW, InMotion
+from ..calibration.in_motion import CERTAIN, InMotion, slopes_by_angles
 from ..calibration.model import linearise
 from ..records import BenchRecord
 from .bench import Bench
 from .bench_model import Readings
+from .bench_travel import FINE, moves_of, senses_of_moves
 from .bench_visits import Circumstances
 from .fit import coefficient_count
 
@@ -31,17 +32,21 @@ class Moving:
     lean: float
 
     @staticmethod
-    def of(rests: Bench, raw: BenchRecord, more: InMotion, to_block: NDArray, lean: float) -> "Moving":
-        """The rests of a record, and what it says between them."""
+    def of(
+        rests: Bench, raw: BenchRecord, more: InMotion, to_block: NDArray, lean: float, encoder_bound: float
+    ) -> "Moving":
+        """The rests of a record, and what it says between them; more than an encoder's error [rad] is motion."""
         here, known = rests.here, rests.readings
         hours = (raw.time_s[more.rows] - known.circumstances.began) / 3600.0
         order = np.argsort(np.append(known.circumstances.hours, hours), kind="stable")
         still, angles = np.zeros((2, len(known), 2)), np.stack([known.at.alpha, known.at.beta], axis=1)
+        moves = moves_of(raw, encoder_bound)
         at_rest = np.full(len(known), -1), angles, known.reading, here.bound.reshape(-1, 3), *still
+        at_rest = *at_rest, _senses_at(rests, raw, moves)
         both: list[Any] = [np.concatenate(pair)[order] for pair in zip(at_rest, vars(more).values(), strict=True)]
         seen = InMotion(*both)
         linear = linearise(here.parametrisation, seen.at(0.0), seen.reading, here.point, seen.bound.ravel())
-        readings = Readings.of(linear, _circumstances(rests, raw, more, order), known.resolution)
+        readings = Readings.of(linear, _circumstances(rests, raw, seen, order, moves), known.resolution)
         numbers = np.append(rests.numbers, np.zeros(len(more.rows), dtype=int))[order]
         return Moving(replace(rests, here=linear, readings=readings, numbers=numbers), seen, to_block, lean)
 
@@ -76,25 +81,40 @@ class Moving:
         return replace(self.read.readings, at=self.seen.at(lag)), slope
 
 
-def _circumstances(rests: Bench, raw: BenchRecord, more: InMotion, order: NDArray) -> Circumstances:
-    """Circumstances of rests and of rows in motion, in this order."""
-    known, moving = rests.readings.circumstances, np.abs(more.rate) > SLOW
-    hours = (raw.time_s[more.rows] - known.began) / 3600.0
-    rest = np.clip(np.searchsorted(known.hours, hours), 1, len(known.hours) - 1) - 1
-    came = np.stack([known.sense_alpha, known.sense_beta], axis=1)
-    senses = np.concatenate([came, np.where(moving, np.sign(more.rate), came[rest])])[order]
-    before = None
-    if known.before is not None:
-        before = np.concatenate([known.before, more.angles - np.where(moving, more.rate, 0.0)])[order]
+def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.float64]:
+    """Senses (N, 3) in which the inputs changed last before rests, 0 where moves (2, T) of both axes do not tell.
+
+    Where both axes came to a rest together both must say so; else it is the one that came later.
+    """
+    circumstances, at = rests.readings.circumstances, rests.readings.at
+    arrived = np.searchsorted(raw.time_s, circumstances.began + 3600.0 * circumstances.hours)
+    row, gone = np.arange(moves.shape[1]), np.cumsum(np.abs(moves), axis=1)
+    last = np.maximum.accumulate(np.where(moves != 0.0, row, 0), axis=1)[:, arrived]
+    later = np.stack([gone[k, arrived] - gone[k, last[1 - k]] for k in (0, 1)]) > FINE
+    senses = np.stack([senses_of_moves(own[1:])[arrived] for own in moves])
+    grown = senses[:, :, None] * np.moveaxis(slopes_by_angles(rests.here.parametrisation, rests.here.point, at), 2, 0)
+    ways = np.where(np.abs(grown) > CERTAIN, np.sign(grown), 0.0)
+    together = np.where(ways[0] == ways[1], ways[0], 0.0)
+    alone = np.where(later[0, :, None], ways[0], ways[1])
+    return np.where((later[0] == later[1])[:, None], together, alone)
+
+
+def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArray, moves: NDArray) -> Circumstances:
+    """Circumstances of rests and of rows in motion, in this order; both are `seen`, moves (2, T) are of both axes."""
+    known, rows = rests.readings.circumstances, seen.rows[seen.rows >= 0]
+    # An axis that came before the other one has the sense of its own last move.
+    going = np.stack([senses_of_moves(own[1:])[rows] for own in moves], axis=1)
+    senses = np.concatenate([np.stack([known.sense_alpha, known.sense_beta], axis=1), going])[order]
     warm = None
     if known.temperature is not None and raw.temperature is not None:
-        warm = np.append(known.temperature, raw.temperature[more.rows])[order]
+        warm = np.append(known.temperature, raw.temperature[rows])[order]
     return replace(
         known,
-        hours=np.append(known.hours, hours)[order],
+        hours=np.append(known.hours, (raw.time_s[rows] - known.began) / 3600.0)[order],
         temperature=warm,
         sense_alpha=senses[:, 0],
         sense_beta=senses[:, 1],
-        before=before,
-        axis_rates=np.concatenate([np.zeros_like(came), more.rate])[order],
+        before=None,
+        axis_rates=seen.rate,
+        input_senses=seen.senses,
     )

@@ -15,7 +15,7 @@ from ...models.bench_turns import axes_of_turns, turning_of
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
-from ..records import BenchRecord, PositionRecord
+from ..records import BenchRecord, PositionRecord, RawRecord
 from ..records.rests import without_turns
 from .carried_pairs import OnKnots, integrated
 from .fit import coefficient_count
@@ -50,11 +50,14 @@ def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
     if raw is None or record.approach_alpha is not None or len(used) != len(record):
         return record
     arrived = np.array([rest.kept_first for rest in used])
-    senses = []
-    for angle in (without_turns(raw.alpha), without_turns(raw.beta)):
-        moved = motion_of(angle, encoder_bound)
-        senses.append(_senses(np.where(moved > 0.0, np.gradient(angle), 0.0)[1:])[arrived])
-    return replace(record, approach_alpha=senses[0], approach_beta=senses[1])
+    outer, inner = (senses_of_moves(moved[1:])[arrived] for moved in moves_of(raw, encoder_bound))
+    return replace(record, approach_alpha=outer, approach_beta=inner)
+
+
+def moves_of(raw: RawRecord, encoder_bound: float) -> NDArray[np.float64]:
+    """How both axes (2, T) move at the rows of a series [rad a row]; 0 where an encoder's error [rad] may be all."""
+    angles = without_turns(raw.alpha), without_turns(raw.beta)
+    return np.stack([np.where(motion_of(a, encoder_bound) > 0.0, np.gradient(a), 0.0) for a in angles])
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +112,7 @@ class Travel:
             turning,
             np.diff(raw.time_s[kept]),
             predicted_input(whole.parametrisation, x, at),
-            np.stack([_senses(values) for values in swing], axis=1),
+            np.stack([senses_of_moves(values) for values in swing], axis=1),
             np.stack([slopes_of(values, raw.time_s)[kept] for values in angles], axis=1),
             None if raw.temperature is None else raw.temperature[kept],
             np.searchsorted(kept, turns.first),
@@ -207,7 +210,7 @@ class Travel:
         return np.einsum("ga,sak->sgk", matrix, turns).reshape(3 * len(turns), -1)
 
 
-def _senses(swing: NDArray) -> NDArray[np.float64]:
+def senses_of_moves(swing: NDArray) -> NDArray[np.float64]:
     """Senses (R,) of an axis' last move at rows between which it turns by swing (R - 1,); 0 before the first."""
     last = np.maximum.accumulate(np.where(swing != 0.0, np.arange(len(swing)), -1))
     return np.append(0.0, np.where(last >= 0, np.sign(swing[last]), 0.0))

@@ -26,6 +26,8 @@ INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
 MOVED = 1e-4
 """An axis whose reading changes by less [rad] from row to row has not moved."""
+CHANGED_ONCE = 1.2
+"""What changes its sign while a reading in motion is taken adds up to so much in the parabola through its rows."""
 COMPLEX_STEP = 1e-30
 Sized = Sequence[tuple[EffectPlace, NDArray]]
 """Effects, each with its linear coefficients."""
@@ -41,7 +43,8 @@ class Circumstances:
 
     `before` (N, 2): encoder readings [rad] of the row before each; NaN where there is none, or another mounting; None
     where the rows follow no order. `temperature_resolution`: half a last digit of the temperature as it was written
-    [K]; `began`: time of the record's first row [s]; `axis_rates` (N, 2) of both axes [rad/s], None at rest.
+    [K]; `began`: time of the record's first row [s]; `axis_rates` (N, 2) of both axes [rad/s], None at rest;
+    `input_senses` (N, 3) those of the last changes of the inputs, 0 where not told, None where no series tells them.
     """
 
     hours: NDArray
@@ -53,6 +56,7 @@ class Circumstances:
     temperature_resolution: float = 0.0
     began: float = 0.0
     axis_rates: NDArray | None = None
+    input_senses: NDArray | None = None
 
     def selected(self, rows: NDArray) -> "Circumstances":
         """The circumstances of some rows (n,) of int."""
@@ -164,10 +168,12 @@ class Visits:
 
         Without approach columns the sense is that of the change from the row before; the first row comes from no
         input. With them it is told where both axes, or the only one that moved, change the input in the same way when
-        they come to the position: else it depends on which of them came last, which no record says. Nor does a series
+        they come to the position: else it depends on which of them came last, which only a series says. Nor does that
         say from where the table came to its first position.
         """
         p, circumstances = self.parametrisation, self.circumstances
+        if circumstances.input_senses is not None:
+            return circumstances.input_senses, circumstances.input_senses != 0.0
         if not circumstances.approached and circumstances.before is not None:
             before = Positions(circumstances.before[:, 0], circumstances.before[:, 1], at.mounting)
             change = n - np.nan_to_num(predicted_input(p, point, before))
@@ -270,7 +276,7 @@ def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     for function in (effect.untold, effect.open_argument):
         if function is not None:
             found = found + function(place, rows)
-    return found.ravel()
+    return (found * np.where(rows.axis_rates.any(axis=1), CHANGED_ONCE, 1.0)[:, None]).ravel()
 
 
 def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, reading: NDArray) -> NDArray:

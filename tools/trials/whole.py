@@ -91,7 +91,8 @@ class WholeBench(Bench):
         table = {
             **self.truth["TurntableMotion"],
             "encoder_fluctuation_bound": ENCODER_FLUCTUATION,
-            "initial_angle": angles[0].tolist(),
+            # The first command's own digits: what rounding leaves would be a move, whose sense no record tells.
+            "initial_angle": np.radians(np.degrees(angles[0])).tolist(),
             "latitude": self.latitude,
             "azimuth": self.azimuth,
             "seed": seed % 2**31,

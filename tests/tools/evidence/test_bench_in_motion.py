@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from trihedron.models.bench_turns import moments_of
-from trihedron.models.effects import EffectPlace
+from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.sets import Work
@@ -116,6 +116,27 @@ def test_turns_from_row_to_row_hold_the_coning_that_increments_lack(clean):
     told = -travel.columns(UNDERSAMPLING).reshape(-1, 3)[:, 2] / 12.0
     assert np.abs(seen).max() > 5e-5
     assert np.abs(seen - told).max() < 0.02 * np.abs(seen).max()
+
+
+@pytest.fixture(scope="module")
+def faultless():
+    return whole_evidence(measured(), bench().place, noise_bound=SIGMA)
+
+
+@pytest.mark.parametrize("effect", ["backlash", "hysteresis"])
+def test_a_sense_is_that_of_the_last_move_in_motion_too(faultless, effect):
+    """With true sizes the readings stand, where one axis comes before the other, and as an input passes its largest.
+
+    Where no sense is told an error may be as large as the effect, and only there.
+    """
+    places = CATALOGUE[effect].places
+    found = whole_evidence(measured(*(Hidden(place, (1e-4,)) for place in places)), bench().place, noise_bound=SIGMA)
+    sizes, point = np.full(len(places), 1e-4), faultless.point
+    before = np.abs(faultless.at((), point, np.zeros(0))[0][: faultless.of_readings]).max()
+    for used, stands in ((sizes, True), (-sizes, False), (0.0 * sizes, False)):
+        left, _, rate = (values[: found.of_readings] for values in found.at(places, point, used))
+        assert (np.abs(left) <= before + 0.1 + rate[:, len(point) :] @ sizes).all() == stands
+    assert found.moving.read.rows.sense_told.mean() > 0.7
 
 
 @pytest.mark.acceptance
