@@ -9,7 +9,7 @@ import math
 
 from ..models import accelerometer, gyro
 from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, inputs, velocity
-from ..models.attitude_algorithms.computer import HALF_TABLE_SIZE, PROGRESS_SIZE, STEP_SIZE, TABLE_SIZE
+from ..models.attitude_algorithms.computer import PROGRESS_SIZE, STEP_SIZE, TABLE_SIZE
 from ..models.attitude_algorithms.iteration import SPACE_SIZE
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE, GYRO_CONTEXT_SIZE
@@ -306,7 +306,6 @@ ATTITUDE_COMPUTER = Component(
             start=PRODUCTS,
         ),
         state("table", "what a functional iteration needs", TABLE_SIZE),
-        state("half_table", "what a functional iteration through half a window needs", HALF_TABLE_SIZE),
         work("space", "differences of the increments; rates, attitude and its derivative at the nodes", SPACE_SIZE),
         work("part", "quaternion of a part of the step", 4),
         work("turned", "quaternion of the step", 4),

@@ -13,7 +13,7 @@ from mpmath import mpf
 from trihedron.fmus import components
 from trihedron.fmus.source import flat_source
 from trihedron.models.attitude_algorithms import Algorithm
-from trihedron.models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE
+from trihedron.models.attitude_algorithms.computer import STEP_SIZE, TABLE_SIZE
 from trihedron.models.attitude_algorithms.iteration import SPACE_SIZE
 
 DIGITS = 50
@@ -42,13 +42,13 @@ def precise_kernels(component: str = "AttitudeComputer") -> dict[str, Any]:
 
 
 @cache
-def tables(algorithm: Algorithm) -> tuple[list, list]:
+def tables(algorithm: Algorithm) -> list:
     """What an algorithm prepares once."""
-    table, half_table = [mpf(0)] * TABLE_SIZE, [mpf(0)] * HALF_TABLE_SIZE
+    table = [mpf(0)] * TABLE_SIZE
     entries = [Fraction(x) for product in algorithm.products for x in (algorithm.number, *product)]
     catalogue = [mpf(x.numerator) / x.denominator for x in entries]
-    precise_kernels()["prepare_update"](mpf(algorithm.number), [*catalogue, mpf(0)], table, half_table)
-    return table, half_table
+    precise_kernels()["prepare_update"](mpf(algorithm.number), [*catalogue, mpf(0)], table)
+    return table
 
 
 @cache
@@ -61,7 +61,7 @@ def updater(algorithm: Algorithm) -> Callable[[Sequence, Sequence | None], list]
         (increments of the step, those of the step before or None) -> quaternion; increments are flat lists
     """
     kernels, number = precise_kernels(), mpf(algorithm.number)
-    table, half_table = tables(algorithm)
+    table = tables(algorithm)
 
     def update(g: Sequence, before: Sequence | None) -> list:
         empty = [mpf(0)] * STEP_SIZE
@@ -72,7 +72,6 @@ def updater(algorithm: Algorithm) -> Callable[[Sequence, Sequence | None], list]
             mpf(0 if before is None else 1),
             [*g, *empty][:STEP_SIZE],
             table,
-            half_table,
             [mpf(0)] * SPACE_SIZE,
             [mpf(0)] * 4,
             turned,

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from choosing import between_marks
 from trihedron.fmus.instruments import VELOCITY_COMPUTER
 from trihedron.fmus.source import instantiate, references
-from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
+from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm, adaptive
 from trihedron.models.attitude_algorithms.definition import SUM
 from trihedron.tools.files import write_text
 
@@ -46,10 +46,12 @@ def products_by_distance(algorithm: Algorithm) -> dict[int, float]:
 
 def theory(algorithm: Algorithm, phase: float) -> float:
     """Relative drift: (Σ k_p 4 sin²(x/2) sin(p x) - (N x - sin N x)/2) / (N x/2)."""
-    whole = algorithm.samples * phase
-    made = sum(
-        k * 4.0 * math.sin(0.5 * phase) ** 2 * math.sin(p * phase) for p, k in products_by_distance(algorithm).items()
-    )
+    samples, factors = algorithm.samples, products_by_distance(algorithm)
+    if algorithm.number == 27 and phase > 0.6:
+        # Not smooth: each increment is a step, with those before it.
+        samples, factors = 1, {p: getattr(adaptive, f"C_{p}") for p in range(1, 9)}
+    whole = samples * phase
+    made = sum(k * 4.0 * math.sin(0.5 * phase) ** 2 * math.sin(p * phase) for p, k in factors.items())
     return (made - 0.5 * (whole - math.sin(whole))) / (0.5 * whole)
 
 

@@ -8,14 +8,13 @@ vector φ e. The coefficients of the paper's algorithms are not printed in it; t
 Source: Chelnokov, Perelyaev, Chelnokova 2016.
 """
 
-from . import formulas, iteration, products
+from . import adaptive, formulas, iteration, products
 from .definition import MAX_INCREMENT, RANGE_ERROR, Algorithm
 
 __all__ = ["ALGORITHMS", "MAX_INCREMENT", "PRODUCTS", "RANGE_ERROR", "Algorithm"]
 
-ALGORITHMS = tuple(
-    sorted(formulas.ALGORITHMS + products.ALGORITHMS + iteration.ALGORITHMS, key=lambda algorithm: algorithm.number)
-)
+_ALL = formulas.ALGORITHMS + products.ALGORITHMS + iteration.ALGORITHMS + adaptive.ALGORITHMS
+ALGORITHMS = tuple(sorted(_ALL, key=lambda algorithm: algorithm.number))
 """The algorithms, by number."""
 
 PRODUCTS = (*(float(x) for a in ALGORITHMS for product in a.products for x in (a.number, *product)), 0.0)

@@ -7,6 +7,7 @@ import math
 
 from ..restricted import Vector
 from ..rotation import multiply, normalise
+from .adaptive import adaptive_degree
 from .definition import MAX_INCREMENT
 from .formulas import (
     mean_rate,
@@ -22,11 +23,8 @@ from .formulas import (
     two_sample_textbook_as_run,
 )
 from .iteration import (
-    EXTRA_NODES,
     LARGEST_TABLE,
     MOST_INCREMENTS,
-    WINDOW,
-    adaptive_degree,
     functional_iteration,
     increments_iterated,
     prepare_functional_iteration,
@@ -39,9 +37,6 @@ STEP_SIZE = 3 * MOST_INCREMENTS
 
 TABLE_SIZE = LARGEST_TABLE
 """Length of `table`."""
-
-HALF_TABLE_SIZE = (WINDOW + EXTRA_NODES + 1) * (WINDOW // 2 + EXTRA_NODES)
-"""Length of `half_table`."""
 
 START = 0
 """Place in `progress`: time of the start [s]"""
@@ -68,7 +63,7 @@ SAMPLE_TOLERANCE = 1e-3
 """How far the end of a step may be off that of a sample [samples]: hosts add up rounded times."""
 
 
-def prepare_update(algorithm: float, catalogue: Vector, table: Vector, half_table: Vector) -> None:
+def prepare_update(algorithm: float, catalogue: Vector, table: Vector) -> None:
     """Write the tables that an algorithm needs; called once, before the first update.
 
     Parameters
@@ -77,8 +72,8 @@ def prepare_update(algorithm: float, catalogue: Vector, table: Vector, half_tabl
         number of the algorithm
     catalogue : (N,)
         of all products, as `prepare_products` takes it
-    table, half_table : (TABLE_SIZE,), (HALF_TABLE_SIZE,)
-        the first with the factors of products where the attitude is not iterated
+    table : (TABLE_SIZE,)
+        overwritten: with the factors of products where the attitude is not iterated
     """
     prepare_products(algorithm, catalogue, table)
     count = increments_iterated(algorithm)
@@ -86,7 +81,6 @@ def prepare_update(algorithm: float, catalogue: Vector, table: Vector, half_tabl
         prepare_functional_iteration(count, table)
     if algorithm == 27.0:
         prepare_functional_iteration(8, table)
-        prepare_functional_iteration(4, half_table)
 
 
 def update(
@@ -95,7 +89,6 @@ def update(
     known: float,
     g: Vector,
     table: Vector,
-    half_table: Vector,
     space: Vector,
     part: Vector,
     turned: Vector,
@@ -110,7 +103,7 @@ def update(
         increments of the step before and of this one, sample after sample [rad]
     known : float
         1.0 where there is a step before; where not, `previous` is zero
-    table, half_table : from `prepare_update`
+    table : from `prepare_update`
     space, part : (SPACE_SIZE,), (4,)
         working space
     turned : (4,)
@@ -149,7 +142,7 @@ def update(
     elif algorithm == 15.0:
         by_products_cut_off(previous, g, table, part, turned)
     elif algorithm == 27.0:
-        adaptive_degree(previous, known, g, table, half_table, space, part, turned)
+        adaptive_degree(previous, known, g, table, space, part, turned)
     elif algorithm >= 33.0:
         return rodrigues_iteration(count, g, 0, table, space, turned)
     elif count > 0:
@@ -181,7 +174,6 @@ def begin_attitude(
     collected: Vector,
     previous: Vector,
     table: Vector,
-    half_table: Vector,
     before: Vector,
     sample: Vector,
     algorithms: Vector,
@@ -202,7 +194,7 @@ def begin_attitude(
     for i in range(STEP_SIZE):
         collected[i] = 0.0
         previous[i] = 0.0
-    prepare_update(algorithm, products, table, half_table)
+    prepare_update(algorithm, products, table)
     for place in range(PROGRESS_SIZE):
         progress[place] = 0.0
     progress[START] = time
@@ -288,13 +280,12 @@ def turn_attitude(
     collected: Vector,
     previous: Vector,
     table: Vector,
-    half_table: Vector,
     space: Vector,
     part: Vector,
     turned: Vector,
 ) -> int:
     """Update the attitude by the increments of a full step; returns 0 or the number of a message."""
-    if update(algorithm, previous, progress[KNOWN], collected, table, half_table, space, part, turned) == 1:
+    if update(algorithm, previous, progress[KNOWN], collected, table, space, part, turned) == 1:
         return 5
     multiply(attitude, turned, attitude)
     if renormalise == 1.0:

@@ -111,7 +111,6 @@ def initialise(
     previous: Vector,
     inputs: Vector,
     table: Vector,
-    half_table: Vector,
     before: Vector,
     sample: Vector,
     algorithms: Vector,
@@ -129,7 +128,6 @@ def initialise(
         collected,
         previous,
         table,
-        half_table,
         before,
         sample,
         algorithms,
@@ -160,7 +158,6 @@ def step(
     inputs: Vector,
     weights: Vector,
     table: Vector,
-    half_table: Vector,
     space: Vector,
     part: Vector,
     turned: Vector,
@@ -209,5 +206,5 @@ def step(
         for k in range(3):
             inputs[k] = inputs[3 * samples + k]
     return turn_attitude(
-        algorithm, renormalise, attitude, updated, progress, collected, previous, table, half_table, space, part, turned
+        algorithm, renormalise, attitude, updated, progress, collected, previous, table, space, part, turned
     )

@@ -6,36 +6,12 @@ of the iteration is below rounding. Nothing of second order in the increments is
 the polynomial alone: of order N + 2 for even N and N + 1 for odd N. (The two-sample one is of order 4, as (22) is.)
 The Rodrigues vector of Wu's first paper (RodFIter, IEEE Trans. AES 54(5), 2018; its abstract and patent were to be had)
 is iterated on the same nodes: the same error to rounding, at more cost and in a shorter range.
-
-The algorithm of adaptive degree chooses it by what the increments support, without knowing anything of the motion. The
-N-th difference of the increments is the error with which N of them predict the next one. In the mean square over the
-last 16 increments,
-
-* four at a time are supported where the fourth difference is no larger than the second. Vibration above a sixth of the
-  sample rate makes each difference larger than the one before, and a high degree carries it wrongly into the attitude;
-* eight where, from the fourth to the eighth, it grows less than half as much as noise alone would make it: then the
-  fourth is of the motion. What a low degree leaves out of a motion adds up; what a high one takes in of noise and
-  quanta is random, and small beside what they do to the sum of the increments;
-* in place of four's iteration, four's products where it does not matter: from the sixth to the eighth the differences
-  grow as those of noise, which tells its size, and two cheap formulas, of pairs and of four uncompressed, agree to a
-  small part of what the noise does to the window.
 """
 
 import math
 
 from ..restricted import Vector
-from ..rotation import (
-    add_cross,
-    add_increment,
-    clear,
-    complete_rodrigues,
-    complete_rotation_vector,
-    dot,
-    multiply,
-    scale_vector,
-    set_quaternion,
-    square_of_vector,
-)
+from ..rotation import dot, scale_vector, square_of_vector
 from .definition import MOST_SAMPLES, Algorithm
 
 EXTRA_NODES = 7
@@ -67,23 +43,6 @@ SPACE_SIZE = 3 * VALUES
 QUATERNION = 1.0
 RODRIGUES = 2.0
 """What is iterated, and how steep its equation is beside the quaternion's."""
-
-WINDOW = 8
-"""Increments of one update of adaptive degree."""
-
-LAST_RISE_OF_NOISE = 7.0
-"""Half of what noise makes of it from the sixth to the eighth: C(16, 8)/C(12, 6) = 13.9, quanta 14.2."""
-
-EIGHTH_OF_NOISE = 12870.0
-"""What noise makes of the mean square of eighth differences, over its own: C(16, 8)."""
-
-SMALL_PART = 1.0 / 100.0
-"""Formulas that differ by so much of what noise does to a window differ by as much as it does after 10,000 windows:
-what they leave out adds up, noise adds up by its square."""
-
-RISE_OF_NOISE = 46.0
-"""A quarter of what noise makes of the mean square of differences from the fourth to the eighth: C(16, 8)/C(8, 4) = 184
-for white noise, C(18, 9)/C(10, 5) = 193 for the rests of quanta."""
 
 
 def increments_iterated(algorithm: float) -> int:
@@ -288,145 +247,6 @@ def weighted_sum(nodes: int, table: Vector, row: int, space: Vector, result: Vec
     result[at + 3] = z
 
 
-def supported_degree(previous: Vector, known: float, g: Vector, most: float, space: Vector) -> int:
-    """How many increments at a time (2, 4 or 8) the last ones support.
-
-    Parameters
-    ----------
-    previous, g : (24,)
-        increments of the window before and of this one
-    known : float
-        1.0 where there is a window before
-    most : float
-        no more than so much, as the sum of their lengths, is given to one polynomial
-    space : (48,) or longer
-        working space; the mean square of the noise of a component of an increment [rad²] comes first, zero where they
-        do not look like noise
-    """
-    length = WINDOW
-    if known == 1.0:
-        length = 2 * WINDOW
-        for i in range(3 * WINDOW):
-            space[i] = previous[i]
-            space[3 * WINDOW + i] = g[i]
-    else:
-        for i in range(3 * WINDOW):
-            space[i] = g[i]
-    longest = 0.0
-    for i in range(WINDOW):
-        longest = longest + math.sqrt(g[3 * i] * g[3 * i] + g[3 * i + 1] * g[3 * i + 1] + g[3 * i + 2] * g[3 * i + 2])
-    second = 0.0
-    fourth = 0.0
-    sixth = 0.0
-    eighth = 0.0
-    for n in range(1, WINDOW + 1):
-        # The first eight increments have no eighth difference: their seventh stands for it.
-        if n < length:
-            for i in range(3 * (length - n)):
-                space[i] = space[i + 3] - space[i]
-            if n == 2 or n == 4 or n >= 6:
-                total = 0.0
-                for i in range(3 * (length - n)):
-                    total = total + space[i] * space[i]
-                eighth = total / (length - n)
-        if n == 2:
-            second = eighth
-        if n == 4:
-            fourth = eighth
-        if n == 6:
-            sixth = eighth
-    space[0] = 0.0
-    if length > WINDOW and eighth > LAST_RISE_OF_NOISE * sixth:
-        space[0] = eighth / (3.0 * EIGHTH_OF_NOISE)
-    if longest > most or fourth > second:
-        return 2
-    if eighth > RISE_OF_NOISE * fourth:
-        return 4
-    return 8
-
-
-def pair_of_increments(g: Vector, first: int, part: Vector) -> None:
-    """Quaternion of increments `first` and `first` + 1 by (22), its series completed to tan(φ/4).
-
-    (22) is x = (1 + y²/3) y e for a constant rate, y = φ/4; the factor makes it tan(y) e, and is 1 + 2 y⁴/15 elsewhere.
-    """
-    clear(part)
-    add_increment(0.25 + dot(g, first, g, first) / 48.0, g, first, part)
-    add_increment(0.25 + dot(g, first + 1, g, first + 1) / 48.0, g, first + 1, part)
-    add_cross(1.0 / 6.0, g, first, g, first + 1, part)
-    square = (dot(g, first, g, first) + 2.0 * dot(g, first, g, first + 1) + dot(g, first + 1, g, first + 1)) / 16.0
-    factor = 1.0 + 2.0 * square * square / 15.0
-    if square > 1e-5:
-        y = math.sqrt(square)
-        factor = math.sin(y) / (math.cos(y) * y * (1.0 + square / 3.0))
-    scale_vector(factor, part)
-    complete_rodrigues(part)
-
-
-def four_uncompressed(g: Vector, first: int, part: Vector) -> None:
-    """Quaternion of increments `first` to `first` + 3 by their products, as `four-sample-uncompressed`."""
-    clear(part)
-    for i in range(first, first + 4):
-        add_increment(1.0, g, i, part)
-    add_cross(232.0 / 315.0, g, first, g, first + 1, part)
-    add_cross(232.0 / 315.0, g, first + 2, g, first + 3, part)
-    add_cross(178.0 / 315.0, g, first + 1, g, first + 2, part)
-    add_cross(138.0 / 315.0, g, first, g, first + 2, part)
-    add_cross(138.0 / 315.0, g, first + 1, g, first + 3, part)
-    add_cross(162.0 / 315.0, g, first, g, first + 3, part)
-    complete_rotation_vector(part)
-
-
-def pairs_of_window(g: Vector, part: Vector, turned: Vector) -> None:
-    """Quaternion of a window of eight increments, two at a time."""
-    set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
-    for pair in range(4):
-        pair_of_increments(g, 2 * pair, part)
-        multiply(turned, part, turned)
-
-
-def adaptive_degree(
-    previous: Vector,
-    known: float,
-    g: Vector,
-    table: Vector,
-    half_table: Vector,
-    space: Vector,
-    part: Vector,
-    turned: Vector,
-) -> None:
-    """Quaternion of a window of eight increments, taken two, four or eight at a time.
-
-    Arguments are those of `computer.update`.
-    """
-    # No more than half a turn is given to one polynomial.
-    chosen = supported_degree(previous, known, g, math.pi, space)
-    noise = space[0]
-    if chosen == 4 and noise > 0.0:
-        pairs_of_window(g, part, turned)
-        for k in range(4):
-            space[k] = turned[k]
-        four_uncompressed(g, 0, turned)
-        four_uncompressed(g, 4, part)
-        multiply(turned, part, turned)
-        # Half the angle between them, squared; noise of a sum of eight is eight times as much in the mean square.
-        apart = 0.0
-        for k in range(1, 4):
-            apart = apart + (turned[k] - space[k]) * (turned[k] - space[k])
-        if 4.0 * apart <= SMALL_PART * SMALL_PART * 3.0 * WINDOW * noise:
-            return
-    if chosen == 8 and functional_iteration(8, g, 0, table, space, turned) == 1:
-        chosen = 4
-    if chosen == 4:
-        set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
-        for half in range(2):
-            if functional_iteration(4, g, 4 * half, half_table, space, part) == 1:
-                chosen = 2
-            multiply(turned, part, turned)
-    if chosen == 2:
-        pairs_of_window(g, part, turned)
-
-
 ALGORITHMS = (
     *(
         Algorithm(
@@ -457,17 +277,5 @@ ALGORITHMS = (
             max_increment=longest,
         )
         for number, count, longest in ((33, 4, RODRIGUES_4), (34, 8, RODRIGUES_8))
-    ),
-    Algorithm(
-        27,
-        "two, four or eight samples at a time, by what the increments support",
-        "Trihedron: the degree that the differences support",
-        adaptive_degree,
-        samples=WINDOW,
-        order=10,
-        coning_order=10,
-        previous=True,
-        constant_rate=True,
-        max_increment=math.pi / 2,
     ),
 )

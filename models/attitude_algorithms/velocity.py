@@ -24,12 +24,14 @@ from ..rotation import (
     add_cross,
     add_increment,
     clear,
+    complete_rotation_vector,
     multiply,
     set_quaternion,
     square_of_vector,
     sum_of_increments,
     to_reference,
 )
+from .adaptive import OTHER, OWN, WINDOW, add_products, is_smooth, pair_of_increments, place_window
 from .computer import (
     KNOWN,
     LEFT,
@@ -48,8 +50,6 @@ from .iteration import (
     VALUES,
     functional_iteration,
     increments_iterated,
-    pair_of_increments,
-    supported_degree,
 )
 from .products import rotation_vector, weighted_before
 
@@ -202,38 +202,46 @@ def velocity_of_window(
     previous_v: Vector,
     v: Vector,
     table: Vector,
-    half_table: Vector,
     space: Vector,
     node: Vector,
     part: Vector,
     turned: Vector,
     gained: Vector,
 ) -> None:
-    """Add the velocity of a window of eight increments, as many at a time as those of angle and velocity both support.
+    """Add the velocity of a window of eight increments, by iteration where those of angle and velocity both support it.
 
     `turned` (4,) is the quaternion of the window so far; others as of `velocity_by_iteration`.
     """
-    chosen = supported_degree(previous, known, g, math.pi, space)
-    other = supported_degree(previous_v, known, v, 1e300, space)
-    if other < chosen:
-        chosen = other
+    place_window(previous, g, OWN, space)
+    place_window(previous_v, v, OTHER, space)
+    smooth = is_smooth(known, OWN, math.pi, space)
+    of_velocity = is_smooth(known, OTHER, 1e300, space)
     set_quaternion(1.0, 0.0, 0.0, 0.0, turned)
-    if chosen == 8 and velocity_by_iteration(8, g, v, 0, table, turned, space, node, part, gained) == 1:
-        chosen = 4
-    if chosen < 8:
-        for half in range(2):
-            failed = 1
-            if chosen == 4:
-                failed = velocity_by_iteration(4, g, v, 4 * half, half_table, turned, space, node, part, gained)
-            if failed == 0:
-                multiply(turned, part, turned)
-            else:
-                for pair in range(2):
-                    first = 4 * half + 2 * pair
-                    velocity_of_pair(g, v, first, node, part, space)
-                    add_turned(turned, space[0], space[1], space[2], space, gained)
-                    pair_of_increments(g, first, part)
-                    multiply(turned, part, turned)
+    if smooth + of_velocity == 2 and velocity_by_iteration(8, g, v, 0, table, turned, space, node, part, gained) == 0:
+        return
+    place_window(previous, g, OWN, space)
+    place_window(previous_v, v, OTHER, space)
+    if known == 1.0:
+        for n in range(WINDOW, 2 * WINDOW):
+            clear(part)
+            clear(node)
+            add_increment(1.0, space, OWN + n, part)
+            add_increment(1.0, space, OTHER + n, node)
+            add_products(OWN + n, OWN + n, space, part)
+            add_products(OWN + n, OTHER + n, space, node)
+            add_products(OTHER + n, OWN + n, space, node)
+            for k in range(3):
+                space[k] = 0.0
+            add_rotation(JOINT, part, node, space)
+            add_turned(turned, space[0], space[1], space[2], space, gained)
+            complete_rotation_vector(part)
+            multiply(turned, part, turned)
+    else:
+        for pair in range(4):
+            velocity_of_pair(g, v, 2 * pair, node, part, space)
+            add_turned(turned, space[0], space[1], space[2], space, gained)
+            pair_of_increments(g, 2 * pair, part)
+            multiply(turned, part, turned)
 
 
 def velocity_of_pair(g: Vector, v: Vector, first: int, phi: Vector, sigma: Vector, gained: Vector) -> None:
@@ -260,7 +268,6 @@ def velocity_of_step(
     previous_v: Vector,
     collected_v: Vector,
     table: Vector,
-    half_table: Vector,
     space: Vector,
     node: Vector,
     part: Vector,
@@ -277,7 +284,7 @@ def velocity_of_step(
     count = increments_iterated(algorithm)
     if algorithm == 27.0:
         velocity_of_window(
-            previous, known, collected, previous_v, collected_v, table, half_table, space, node, part, turned, gained
+            previous, known, collected, previous_v, collected_v, table, space, node, part, turned, gained
         )
     elif count > 0:
         set_quaternion(1.0, 0.0, 0.0, 0.0, part)
@@ -303,7 +310,6 @@ def initialise(
     collected_v: Vector,
     previous_v: Vector,
     table: Vector,
-    half_table: Vector,
     before: Vector,
     sample: Vector,
     sample_v: Vector,
@@ -329,7 +335,6 @@ def initialise(
         collected,
         previous,
         table,
-        half_table,
         before,
         sample,
         algorithms,
@@ -357,7 +362,6 @@ def step(
     collected_v: Vector,
     previous_v: Vector,
     table: Vector,
-    half_table: Vector,
     space: Vector,
     node: Vector,
     part: Vector,
@@ -399,7 +403,6 @@ def step(
         previous_v,
         collected_v,
         table,
-        half_table,
         space,
         node,
         part,
@@ -416,5 +419,5 @@ def step(
         for k in range(size):
             previous_v[k] = collected_v[k]
     return turn_attitude(
-        algorithm, renormalise, attitude, updated, progress, collected, previous, table, half_table, space, part, turned
+        algorithm, renormalise, attitude, updated, progress, collected, previous, table, space, part, turned
     )

@@ -1,6 +1,7 @@
 """The attitude computer with each of its algorithms: what is exact, what is symmetric, and what is refused."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from named import Named
 from trihedron.fmus import components
 from trihedron.models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, RANGE_ERROR, Algorithm
-from trihedron.models.attitude_algorithms.iteration import supported_degree
+from trihedron.models.attitude_algorithms.adaptive import OWN, add_products, is_smooth, place_window
 
 COMPUTER = components()["AttitudeComputer"]
 BY_NAME = {a.name: a for a in ALGORITHMS}
@@ -234,23 +235,51 @@ def test_increments_of_no_smooth_rate_are_a_verdict_not_a_number() -> None:
     assert distance(carry(alternating, BY_NAME["adaptive-degree"]), np.array([1.0, 0.0, 0.0, 0.0])) < 1e-15
 
 
-def chosen_degree(gammas: np.ndarray) -> int:
-    flat = gammas.ravel().tolist()
-    return supported_degree(flat[:24], 1.0, flat[24:48], math.pi, [0.0] * 48)
+def smooth(gammas: np.ndarray) -> int:
+    flat, space = gammas.ravel().tolist(), [0.0] * 96
+    place_window(flat[:24], flat[24:], OWN, space)
+    return is_smooth(1.0, OWN, math.pi, space)
 
 
 @given(st.integers(0, 10**6))
-def test_the_degree_follows_what_the_increments_support(seed: int) -> None:
+def test_eight_at_a_time_are_taken_of_a_smooth_rate_alone(seed: int) -> None:
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
     slow = 0.01 * np.outer(np.sin(0.1 * np.arange(16) + rng.uniform(0, 6)), axis)
-    assert chosen_degree(slow) == 8
+    assert smooth(slow)
     noise = rng.normal(size=(16, 3))
-    assert chosen_degree(slow + 1e-3 * noise) == 2
-    assert chosen_degree(slow + 1e-3 * np.outer(np.sin(2.5 * np.arange(16)), axis)) == 2
-    assert chosen_degree(np.tile(axis * 0.01, (16, 1))) == 8
+    assert not smooth(slow + 1e-3 * noise)
+    assert not smooth(slow + 1e-3 * np.outer(np.sin(2.5 * np.arange(16)), axis))
+    assert smooth(np.tile(axis * 0.01, (16, 1)))
+    # Nothing but rounding is in the differences.
+    assert smooth(0.01 * np.outer(1.0 + 1e-5 * np.arange(16) / 7.0, axis))
     # No more than half a turn is given to one polynomial.
-    assert chosen_degree(np.tile(0.5 * axis / np.linalg.norm(axis), (16, 1))) == 2
+    assert not smooth(np.tile(0.5 * axis / np.linalg.norm(axis), (16, 1)))
+
+
+def test_products_with_the_eight_before_carry_every_cone_and_every_slow_rate() -> None:
+    def products(rates: Callable[[float], np.ndarray]) -> np.ndarray:
+        """Of the last of 16 increments of two rates; the first three places of the space come to nothing else."""
+        both = np.array([rates(float(k)) for k in range(-15, 1)])
+        space, result = [0.0] * 96, [0.0] * 4
+        place_window(both[:8].ravel().tolist(), both[8:].ravel().tolist(), OWN, space)
+        add_products(OWN + 15, OWN + 15, space, result)
+        return np.array(result[1:])
+
+    for phase in (0.05, 0.3, 0.8, 1.2, 1.57, 1.8):
+        # The mean over the turn: what differs from step to step adds up to nothing.
+        begins = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+        cones = (lambda k, p=phase, c=c: np.array([math.cos(p * k + c), math.sin(p * k + c), 0.0]) for c in begins)
+        found = np.mean([products(cone)[2] for cone in cones])
+        assert found * 4.0 * math.sin(phase / 2.0) ** 2 == pytest.approx((phase - math.sin(phase)) / 2.0, rel=4.1e-5)
+    for a, b in ((0, 1), (0, 2), (0, 3), (1, 2)):
+
+        def of_powers(k: float, a: int = a, b: int = b) -> np.ndarray:
+            return np.array([*(((k + 1.0) ** (n + 1) - k ** (n + 1)) / (n + 1) for n in (a, b)), 0.0])
+
+        # Half the integral of α × ω over the step, for ω = (t^a, t^b, 0).
+        exact = 0.5 * (1.0 / (a + 1) - 1.0 / (b + 1)) / (a + b + 2)
+        assert products(of_powers)[2] == pytest.approx(exact, abs=1e-11)
 
 
 @every

@@ -38,7 +38,7 @@ def gained(algorithm: Algorithm, g: list, v: list, before: Sequence[list], form:
     work = [[mpf(0)] * size for size in (SPACE_SIZE, 4, 4, 4)]
     result = [mpf(0)] * 3
     kernel = precise_kernels("VelocityComputer")["velocity_of_step"]
-    assert kernel(mpf(algorithm.number), form, mpf(1), *filled, *tables(algorithm), *work, result) == 0
+    assert kernel(mpf(algorithm.number), form, mpf(1), *filled, tables(algorithm), *work, result) == 0
     return result
 
 

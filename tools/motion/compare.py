@@ -19,10 +19,10 @@ from ...fmus.instruments import GYRO_BLOCK
 from ...fmus.source import instantiate
 from ...models import gyro, harmonic_motion, rotation
 from ...models.attitude_algorithms import ALGORITHMS, PRODUCTS, Algorithm
-from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, STEP_SIZE, TABLE_SIZE, prepare_update
+from ...models.attitude_algorithms.adaptive import adaptive_degree
+from ...models.attitude_algorithms.computer import STEP_SIZE, TABLE_SIZE, prepare_update
 from ...models.attitude_algorithms.iteration import (
     SPACE_SIZE,
-    adaptive_degree,
     functional_iteration,
     rodrigues_iteration,
 )
@@ -204,10 +204,10 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out. So many runs
     like this one are to be made.
     """
-    table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
-    prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
+    table = [0.0] * TABLE_SIZE
+    prepare_update(float(algorithm.number), list(PRODUCTS), table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
-    work = (np.array(table), np.array(half_table), np.zeros(SPACE_SIZE), np.zeros(4), attitudes)
+    work = (np.array(table), np.zeros(SPACE_SIZE), np.zeros(4), attitudes)
     run = _runner(algorithm.kernel, algorithm.previous, loops_over(runs * len(increments)))
     run(np.ascontiguousarray(increments), algorithm.samples, renormalise, *work)
     return attitudes
@@ -247,7 +247,7 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, made: Makers) -> C
     multiply, normalise = kernel_made(rotation.multiply), kernel_made(rotation.normalise)
 
     @loop_made
-    def run(increments, samples, renormalise, table, half_table, space, part, attitudes):
+    def run(increments, samples, renormalise, table, space, part, attitudes):
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
         previous, g = np.zeros(STEP_SIZE), np.zeros(STEP_SIZE)
@@ -256,7 +256,7 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, made: Makers) -> C
             for i in range(samples):
                 for j in range(3):
                     g[3 * i + j] = increments[samples * k + i, j]
-            turn(samples, previous, known, g, table, half_table, space, part, turned)
+            turn(samples, previous, known, g, table, space, part, turned)
             known = 1.0
             multiply(attitude, turned, attitude)
             if renormalise:
@@ -275,27 +275,27 @@ def _turn(own: Callable[..., Any], previous: bool, kernel_made: Callable[..., An
     kernel = kernel_made(own)
     if own in (by_products, by_products_and_series, by_products_cut_off):
 
-        def turn(samples, previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, space, part, turned):
             kernel(previous, g, table, part, turned)
 
     elif own in (functional_iteration, rodrigues_iteration):
 
-        def turn(samples, previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, space, part, turned):
             kernel(samples, g, 0, table, space, turned)
 
     elif own is adaptive_degree:
 
-        def turn(samples, previous, known, g, table, half_table, space, part, turned):
-            kernel(previous, known, g, table, half_table, space, part, turned)
+        def turn(samples, previous, known, g, table, space, part, turned):
+            kernel(previous, known, g, table, space, part, turned)
 
     elif previous:
 
-        def turn(samples, previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, space, part, turned):
             kernel(previous, g, turned)
 
     else:
 
-        def turn(samples, previous, known, g, table, half_table, space, part, turned):
+        def turn(samples, previous, known, g, table, space, part, turned):
             kernel(g, turned)
 
     return compile_callee(turn, allocates=False) if kernel_made is compiled else turn

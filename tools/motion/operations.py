@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...models.attitude_algorithms import PRODUCTS, Algorithm
-from ...models.attitude_algorithms.computer import HALF_TABLE_SIZE, TABLE_SIZE, prepare_update
+from ...models.attitude_algorithms.computer import TABLE_SIZE, prepare_update
 from ...models.attitude_algorithms.iteration import SPACE_SIZE
 from ...models.rotation import multiply
 
@@ -26,8 +26,8 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
     """
     tally = [0]
     number = _counting_number(tally)
-    table, half_table = [0.0] * TABLE_SIZE, [0.0] * HALF_TABLE_SIZE
-    prepare_update(float(algorithm.number), list(PRODUCTS), table, half_table)
+    table = [0.0] * TABLE_SIZE
+    prepare_update(float(algorithm.number), list(PRODUCTS), table)
     values = [number(value) for value in np.asarray(increments).reshape(-1)]
     half = 3 * algorithm.samples
     given: dict[str, Any] = {
@@ -37,7 +37,6 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
         "count": algorithm.samples,
         "first": 0,
         "table": table,
-        "half_table": half_table,
         "turned": [number(0.0)] * 4,
         "part": [number(0.0)] * 4,
         "products": table,
