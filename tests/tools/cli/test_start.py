@@ -57,6 +57,14 @@ def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, 
     assert there & {"scipy", "numba", "highspy", "matplotlib", "trihedron.tools.records.read"} == set()
 
 
+def test_a_plan_imports_nothing_that_reads_records_or_makes_components():
+    there = imported_by("plan", "--target", "X4", "--quiet")
+    assert "highspy" in there
+    assert (
+        there & {"polars", "fmpy", "matplotlib", "trihedron.tools.records.read", "trihedron.fmus.instruments"} == set()
+    )
+
+
 def test_a_diagnosis_needs_no_library_of_distributions():
     """It takes as long to import as a small record to diagnose; the few functions that are needed are special ones."""
     code = "import sys, trihedron.tools.diagnosis.procedure; print('scipy.stats' in sys.modules)"
