@@ -334,7 +334,7 @@ def prove(
     """A certificate, verified, that no `count` positions have a worst ratio below `ratio`; None where none is found.
 
     For the mounting `identity`, the default bounds, and the admissible set of the tables. The tree has at most so many
-    nodes. An InputError where what was found does not hold.
+    nodes; with one thread of linear algebra it is the same each time. An InputError where what was found does not hold.
     """
     request = Request(admissible="tables")
     optima = _optimal_plans(request)
