@@ -1,5 +1,6 @@
 """The greatest size that a fault of a class can have and be hidden in a record: its power, whatever the record."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,8 @@ from .pairs import GYROS, Form, Pair
 PIECES, SECTORS = 6, 8
 """Pieces of a function over the range of a quantity, and round a circle."""
 INPUTS = ("n1", "n2", "n3")
+LARGEST = 1.0
+"""Of a fault: one g, one radian, one rad/s, or its factor itself. What larger ones alone would show says nothing."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class Power:
         """As results write it: ``place``, ``quantity``, where there is one ``factor``, ``size``, ``unit``."""
         factor = {"factor": self.pair.factor} if self.pair.factor else {}
         own = {"place": self.pair.where, "quantity": self.pair.quantity, **factor}
-        return {**own, "size": finite_or_none(self.size), "unit": self.unit}
+        return {**own, "size": finite_or_none(self.size if self.size <= LARGEST else math.inf), "unit": self.unit}
 
 
 def largest_hidden(columns: NDArray, told: NDArray, room: NDArray) -> float:
