@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import block_array, block_diag, csc_array
 
 from ..bounded.programmes import Solver, linear_programme
+from ..calibration.targets import FACES, levelling_error
 from ..progress import progress_bar
 from ..rounding import upwards
 from .certificate import NO_WEIGHT
@@ -46,6 +47,8 @@ SPREAD_DEG = 8.0
 GIVE_UP = ((8, 0.05), (15, 0.01))
 """After so many steps an improvement must be so near the best sets [ratio], relative to what they lose themselves."""
 REDRAWS = 200
+FACETS = 9
+"""Of a quarter of the cone of a level's error."""
 LITTLE = 1e-3
 """Weight of the mean ratio beside the worst: ties are broken by it."""
 WIDE, FINEST = 0.3, 1e-7
@@ -164,10 +167,17 @@ def _random_angles(count: int, rng: np.random.Generator, near_axes: bool) -> NDA
 
 
 def merit(task: Task, found: Costs) -> float:
-    """What is made small: the worst ratio with a little of the mean, or the mean with a little of the worst."""
+    """What is made small: the worst ratio with a little of the mean, or the mean with a little of the worst.
+
+    For a level it is the level's error in place of the worst ratio, over that of two targets at their optimum.
+    """
     if task.request.criterion == "mean":
         return found.mean + LITTLE * found.worst
-    return found.worst + LITTLE * found.mean
+    worst = found.worst
+    if task.request.goal is not None:
+        ratios = dict(zip([target.symbol for target in task.targets], found.ratio.tolist(), strict=True))
+        worst = levelling_error(ratios) / np.sqrt(2.0)
+    return worst + LITTLE * found.mean
 
 
 def improve(
@@ -218,9 +228,12 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
     moved = _by_angles(task, here)
     moved = np.where(np.abs(moved) > 1e-13, moved, 0.0).transpose(0, 2, 1).reshape(many * size, -1)
     edges, least = _edges(task, here, np.flatnonzero(kept), radius)
-    sums = block_diag([np.ones((1, n)) for n in sizes])
+    counted = _counted(task)
+    sums = counted @ block_diag([np.ones((1, n)) for n in sizes])
+    # For a goal the optima are alike.
+    most = task.best if task.request.goal is None else np.full(len(counted), task.best[0])
     matrix = csc_array(
-        block_array([[block_diag(blocks), moved, None], [sums, None, -task.best[:, None]], [None, edges, None]])
+        block_array([[block_diag(blocks), moved, None], [csc_array(sums), None, -most[:, None]], [None, edges, None]])
     )
     down, up = freedom(task, places.angle, radius)
     free, angles = sum(sizes), down.size
@@ -233,8 +246,8 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
         ),
         (matrix.indptr, matrix.indices, matrix.data),
         (
-            np.concatenate([task.weights.ravel(), np.full(many, -np.inf), least]),
-            np.concatenate([task.weights.ravel(), np.zeros(many), np.full(len(least), np.inf)]),
+            np.concatenate([task.weights.ravel(), np.full(len(counted), -np.inf), least]),
+            np.concatenate([task.weights.ravel(), np.zeros(len(counted)), np.full(len(least), np.inf)]),
         ),
     )
     highs = Solver()
@@ -247,6 +260,21 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
         return None
     move = np.array(highs.getSolution().col_value)[free : free + angles].reshape(down.shape)
     return move, float(highs.getInfo().objective_function_value)
+
+
+def _counted(task: Task) -> NDArray:
+    """Sums (R, K) of the targets' costs of which the largest counts: each alone, or of a level the facets of its cone.
+
+    √(a² + b²) is the largest of a cos φ + b sin φ; of `FACETS` φ it is so to half a percent.
+    """
+    if task.request.goal is None:
+        return np.eye(len(task.targets))
+    at = {target.symbol: k for k, target in enumerate(task.targets)}
+    rows = np.zeros((len(FACES), FACETS, len(at)))
+    for row, (one, other) in zip(rows, FACES, strict=True):
+        angle = np.linspace(0.0, 0.5 * np.pi, FACETS)
+        row[:, at[one]], row[:, at[other]] = np.cos(angle), np.sin(angle)
+    return rows.reshape(-1, len(at)) / np.sqrt(2.0)
 
 
 def _by_angles(task: Task, here: Costs) -> NDArray:

@@ -9,6 +9,7 @@ import pytest
 
 from planning_tasks import known_optima, planned, stored, tables_task
 from simulated_bench import random_bench, simulated
+from trihedron.models.bench import nominal_input
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.targets import FACES, GOALS, levelling_error
 from trihedron.tools.errors import InputError
@@ -131,6 +132,30 @@ def test_as_many_positions_as_fit_into_the_minutes():
             assert tried.call_count == 2
     used = plan.duration + dwell * len(plan.programme)
     assert used <= 150.0 < used + 2.0 * dwell
+
+
+def test_a_cone_of_tilt_is_a_limit_of_alpha_and_is_kept():
+    """A hexapod: the plate's normal leans by at most 40° from the vertical, to any side."""
+    with pytest.raises(InputError, match="determine X15;"):
+        tables_task(keep_out=("alpha:40:320",), admissible="paper")
+    symbols = ("X14", "X18")
+    with mock.patch.object(positions, "_optima", return_value=(np.array([2.0, 1.0]), np.zeros((0, 2)))):
+        plan = plan_positions(5, Request(keep_out=("alpha:40:320",), targets=symbols, starts=3, cuts=0))
+    at = angles(plan)
+    up = nominal_input(at[:, 0], at[:, 1], np.eye(3))
+    assert (up[:, 2] >= np.cos(np.radians(40.0)) - 1e-9).all()
+    # To more than one side.
+    assert np.ptp(np.arctan2(up[:, 0], up[:, 1])) > 1.0
+
+
+def test_a_search_for_a_level_makes_its_own_error_small_not_the_largest_single_one():
+    symbols = GOALS["levelling"]
+    with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.05), np.zeros((0, 2)))):
+        request = Request(goal="levelling", starts=2, cuts=0)
+        own = plan_positions(8, request)
+        single = plan_positions(8, replace(request, goal=None, targets=symbols))
+    assert own.levelling_error is not None
+    assert own.levelling_error < 0.97 * levelling_error(single.costs)
 
 
 def test_a_table_with_limited_angles_says_what_it_cannot_determine():
