@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...fmus.parameters import elements_of
 from ...models.bench_turns import BIAS, MATRIX
-from ...models.effects import CATALOGUE, EffectPlace
+from ...models.effects import EffectPlace
 from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibration.calibration import Asked
@@ -31,10 +31,10 @@ from .bench_again import effects_of_model, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
 from .bench_moving import Moving
-from .bench_onsets import SETTING_IN, SLACK, TurnsInTime
+from .bench_onsets import NOT_EXCLUDED, SETTING_IN, SLACK, TurnsInTime, fades
 from .bench_pairs import pairs_of_whole
 from .bench_scenario import extension_of_bench
-from .bench_travel import OF_GYROS, Travel, approached, effects_of_gyros
+from .bench_travel import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .bench_visits import is_linear
 from .carried import SHOWN_BY
 from .evidence import Evidence, Trial
@@ -46,14 +46,6 @@ from .rows import About, Channel
 
 LARGEST_FLUCTUATION = 1e-4
 """An axis that turns by less [rad] has not been moved."""
-IN_MOTION = tuple(
-    place
-    for effect in CATALOGUE.values()
-    if effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion")
-    for place in effect.places
-)
-"""Effects of accelerometers and table that only motion shows."""
-NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each of its time constants asks for its own"
 
 
 @dataclass(frozen=True, eq=False)
@@ -470,17 +462,6 @@ class BenchInMotion(Bench, TurnsInTime):
         if any(place.definition.component == "AttitudeComputer" for place in effects):
             starts.append(Start.of("AttitudeComputer", {}, {}, further))
         return Extension([*made.starts, *starts], made.scenarios)
-
-
-def fades(fit: Fit) -> bool:
-    """Whether an effect of a fit settles."""
-    return any(place.definition.fades for place in fit.places)
-
-
-def acts_at_rest(place: EffectPlace) -> bool:
-    """Whether an effect acts on accelerometers or table, and not on the gyros alone, or in motion on accelerometers."""
-    effect = place.definition
-    return effect.component not in OF_GYROS and not (effect.in_motion and effect.component == "AccelerometerBlock")
 
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> BenchInMotion:

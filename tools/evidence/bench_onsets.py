@@ -27,6 +27,12 @@ SETTING_IN = tuple(
 """Effects of gyros that act from a time on, or settle."""
 SLACK = 0.5
 """What the linear model of a search may be wrong by, in bounds."""
+NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each of its time constants asks for its own"
+
+
+def fades(fit: Fit) -> bool:
+    """Whether an effect of a fit settles."""
+    return any(place.definition.fades for place in fit.places)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench_turns import axes_of_turns, turning_of
-from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
+from ...models.effects import CATALOGUE, STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord, RawRecord
@@ -26,10 +26,21 @@ IN_THE_MODEL = ("gyro-bias", "gyro-scale-misalignment", "gyro-g-sensitivity", "l
 """Effects that the calibration of the gyros has in it."""
 CONTAINING = ("lag",)
 """Effects that these hold, to first order."""
-
-
 OF_GYROS = ("GyroBlock", "AttitudeComputer")
 """What turns the block without moving the table: gyros, and the computer that adds up what they read."""
+IN_MOTION = tuple(
+    place
+    for effect in CATALOGUE.values()
+    if effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion")
+    for place in effect.places
+)
+"""Effects of accelerometers and table that only motion shows."""
+
+
+def acts_at_rest(place: EffectPlace) -> bool:
+    """Whether an effect acts on accelerometers or table, and not on the gyros alone, or in motion on accelerometers."""
+    effect = place.definition
+    return effect.component not in OF_GYROS and not (effect.in_motion and effect.component == "AccelerometerBlock")
 
 
 def effects_of_gyros() -> tuple[EffectPlace, ...]:
