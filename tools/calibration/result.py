@@ -121,6 +121,14 @@ class Gain(_Part):
     with_gyros: Size
 
 
+class Turn(_Part):
+    """A piece that proves something: its gyro, from 1, and when it begins and ends [s]."""
+
+    gyro: Accelerometer
+    from_s: Number
+    to_s: Number
+
+
 class GyroCalibration(_Part):
     """The gyros of a bench record, in the accelerometers' axes.
 
@@ -153,15 +161,7 @@ class GyroCalibration(_Part):
     parameters: list[Estimate]
     missing: list[OpenTarget]
     gains: list[Gain]
-    witness: list["Turn"]
-
-
-class Turn(_Part):
-    """A piece that proves something: its gyro, from 1, and when it begins and ends [s]."""
-
-    gyro: Accelerometer
-    from_s: Number
-    to_s: Number
+    witness: list[Turn]
 
 
 class KnownBefore(_Part):

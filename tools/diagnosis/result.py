@@ -81,6 +81,42 @@ class LargestError(Result):
         return self.error > self.allowed
 
 
+class EffectWitness(Result):
+    """What was left out says of one effect of a set: errors over their bounds with the others, and with it."""
+
+    effect: str
+    where: str
+    rms_without: Number
+    rms_with: Number
+    shuffles: Shuffles
+    place: EffectPlace | None = Field(default=None, exclude=True)
+
+    @staticmethod
+    def of(trial: Trial) -> "EffectWitness":
+        """The witness of a trial of one effect."""
+        (place,), errors = trial.places, trial.folds
+        assert errors is not None
+        without, reached = _rms(errors[0]), _rms(errors[1])
+        figures: dict[str, Any] = {"rms_without": without, "rms_with": reached, "shuffles": Shuffles.of(trial, reached)}
+        return EffectWitness(effect=place.effect, where=place.where, place=place, **figures)
+
+    @property
+    def title(self) -> str:
+        """The effect in words."""
+        return f"{self.effect} {self.where}" if self.place is None else self.place.title
+
+    @property
+    def objections(self) -> tuple[str, ...]:
+        """Why the effect may not be named; none where it may."""
+        title = self.title
+        if not self.rms_with < self.rms_without:
+            return (f"{title} does not improve the parts of the record that were left out",)
+        if not self.shuffles.objects:
+            return ()
+        shuffles = f"{self.shuffles.as_good} of {self.shuffles.tried} shuffles of {title} over the record"
+        return (f"{shuffles} predict what was left out as well",)
+
+
 class Witness(Result):
     """What was left out says of the effects of a set, together.
 
@@ -93,7 +129,7 @@ class Witness(Result):
     blocks: Score | None
     shuffles: Shuffles | None
     largest: LargestError | None
-    each: "tuple[EffectWitness, ...]" = ()
+    each: tuple[EffectWitness, ...] = ()
     place_titles: tuple[str, ...] = Field(default=(), exclude=True)
 
     @staticmethod
@@ -135,42 +171,6 @@ class Witness(Result):
         if self.folds is not None:
             return None
         return "whether the effects improve positions that were left out could not be judged: too few positions"
-
-
-class EffectWitness(Result):
-    """What was left out says of one effect of a set: errors over their bounds with the others, and with it."""
-
-    effect: str
-    where: str
-    rms_without: Number
-    rms_with: Number
-    shuffles: Shuffles
-    place: EffectPlace | None = Field(default=None, exclude=True)
-
-    @staticmethod
-    def of(trial: Trial) -> "EffectWitness":
-        """The witness of a trial of one effect."""
-        (place,), errors = trial.places, trial.folds
-        assert errors is not None
-        without, reached = _rms(errors[0]), _rms(errors[1])
-        figures: dict[str, Any] = {"rms_without": without, "rms_with": reached, "shuffles": Shuffles.of(trial, reached)}
-        return EffectWitness(effect=place.effect, where=place.where, place=place, **figures)
-
-    @property
-    def title(self) -> str:
-        """The effect in words."""
-        return f"{self.effect} {self.where}" if self.place is None else self.place.title
-
-    @property
-    def objections(self) -> tuple[str, ...]:
-        """Why the effect may not be named; none where it may."""
-        title = self.title
-        if not self.rms_with < self.rms_without:
-            return (f"{title} does not improve the parts of the record that were left out",)
-        if not self.shuffles.objects:
-            return ()
-        shuffles = f"{self.shuffles.as_good} of {self.shuffles.tried} shuffles of {title} over the record"
-        return (f"{shuffles} predict what was left out as well",)
 
 
 def _rms(values: NDArray) -> float:

@@ -103,6 +103,7 @@ def test_a_law_that_comes_later_has_the_columns_of_one_that_was_run(law):
     assert later.including([place]) is later
 
 
+@pytest.mark.acceptance
 def test_a_place_that_knows_no_such_law_is_refused():
     _, result = of_hump()
     with pytest.raises(ValueError, match="has no alpha"):

@@ -220,6 +220,7 @@ def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypa
     assert [[(cause.parameter, cause.of) for cause in causes] for causes in sets] == [[("X16", "run")]]
 
 
+@pytest.mark.acceptance
 def test_where_more_than_three_must_differ_that_is_said_of_each_and_nothing_is_named(monkeypatch):
     """A block that was dropped before the third day: scale factors of two accelerometers, both signs."""
     rng = np.random.default_rng(4)

@@ -181,6 +181,7 @@ def test_the_plan_that_is_written(plan_folder: Path) -> None:
     assert {row["dwell_s"] for row in rows} == {"12"}
 
 
+@pytest.mark.acceptance
 def test_the_programme_runs_and_the_truth_is_inside(plan_folder: Path, tmp_path: Path) -> None:
     text = (SCENARIOS / "static-calibration.toml").read_text(encoding="utf-8")
     (tmp_path / "programme.csv").write_text((plan_folder / "programme.csv").read_text(encoding="utf-8"))

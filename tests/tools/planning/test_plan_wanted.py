@@ -115,6 +115,7 @@ def test_what_is_measured_already_counts_and_stays(tmp_path: Path):
         planned(3, Request(admissible="tables", measured=tmp_path / "known.csv", detect=("quadratic",)))
 
 
+@pytest.mark.acceptance
 def test_as_many_positions_as_fit_into_the_minutes():
     request, dwell = Request(admissible="tables", starts=1, cuts=0), 12.0
     with mock.patch.object(positions, "_optima", return_value=(tables_task().best, np.zeros((0, 2)))):

@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import polars as pl
+import pytest
 
 import trihedron as th
 from trihedron.tools.reports import write_plot
@@ -89,6 +90,7 @@ def test_the_spread_over_runs_is_that_of_the_values_at_each_time(monkeypatch) ->
     assert np.allclose([line.value for line in panel], [[0, 0], [0.2, 0.4], [2, 4], [3.8, 7.6], [4, 8]])
 
 
+@pytest.mark.acceptance
 def test_the_page_of_a_campaign_draws_the_records_that_it_kept(tmp_path: Path) -> None:
     text = 'schema = "trihedron.campaign/1"\n[attitude]\nduration_s = 0.5\n[parameters]\n'
     text += "bias_1_radps = { values = [1e-4, 2e-4] }\n"
