@@ -13,9 +13,6 @@ READY = $(VENV)/.ready
 WORKERS ?= 2
 PYTEST = $(BIN)/python -m pytest -c tests/pytest.ini --rootdir tests
 
-# What was compiled is kept: tests start many processes, each of which would compile the library anew.
-unexport PYTHONDONTWRITEBYTECODE
-
 .PHONY: demo test acceptance bench lint docs case-studies setup lowest pythons wheel clean
 
 demo: $(READY)
