@@ -249,8 +249,8 @@ def temporary_folder() -> Iterator[Path]:
         finally:
             sys.path[:] = [entry for entry in sys.path if not str(entry).startswith(name)]
             for module in sys.modules.keys() - before:
-                if str(getattr(sys.modules[module], "__file__", None)).startswith(name):
-                    del sys.modules[module]
+                if str(getattr(sys.modules.get(module), "__file__", None)).startswith(name):
+                    sys.modules.pop(module, None)
 
 
 def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> UnpackedFmu:

@@ -12,6 +12,8 @@ from outside_shapes import Known, carried
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench_power import LARGEST_INPUT, PIECES, SECTORS
+from trihedron.tools.evidence.pairs import Pair
+from trihedron.tools.evidence.power import Power
 from trihedron.tools.records import PositionRecord, read_record
 
 PAIRS = ("accelerometer-2 n2", "accelerometer-1 n3", "accelerometer-3 alpha", "accelerometer-3 hours n3")
@@ -122,3 +124,8 @@ def test_no_size_is_sure_where_nothing_was_measured(tmp_path: Path):
     assert sizes["accelerometer-1", "n1"] is None
     assert sizes["accelerometer-1", "beta"] is not None
     assert "at no size surely: accelerometer-1 by n1" in str(found)
+
+
+def test_what_only_a_fault_beyond_every_instrument_would_show_is_said_to_show_at_no_size():
+    pair = Pair("accelerometer-1", "n1", np.linspace(-1.0, 1.0, 5), lambda hats: hats, "accelerometer-1")
+    assert [Power(pair, size).entry["size"] for size in (0.5, 1.0, 690.0, np.inf)] == [0.5, 1.0, None, None]
