@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, Literal
 from . import calibration as calibrations
 from . import campaign as campaigns
 from . import motion as motions
-from . import orchestrator, own_effects, papers, planning, records, reports, ssp, trials
+from . import orchestrator, own_effects, papers, planning, reports, ssp, trials
 from .errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from .comparison import Compared
     from .exporting import Exported
@@ -379,12 +379,6 @@ def plan_imu(
     )
 
 
-NAMED_MOTIONS = {"slow": "1", "vibration": "first", "strong-vibration": "second"}
-"""Motions of `papers.MOTIONS` by what they are."""
-CONE = math.radians(1.0), 51.0
-"""Half angle [rad] and frequency [Hz] of the motion \"coning\"."""
-
-
 def choose(
     motion: "str | Path",
     *,
@@ -428,52 +422,11 @@ def choose(
     >>> th.choose("coning", rate_hz=1000.0).enough.algorithm  # doctest: +SKIP
     'functional-iteration-8'
     """
-    name, readings = str(motion), []
-    for option, value, most, told in (
-        ("quantum-arcsec", quantum_arcsec, 3600.0, f"quanta of {quantum_arcsec:g}″"),
-        ("noise-radps", noise_radps, 1.0, f"noise of {noise_radps:g} rad/s"),
-    ):
-        if not 0.0 <= value <= most:
-            raise InputError(f"--{option} {value:g}: must be from 0 to {most:g}")
-        readings += [told] if value else []
-    measured = name.endswith((".csv", ".parquet"))
-    for option, value, of_record in (
-        ("rate-hz", rate_hz, False),
-        ("duration", duration_s, False),
-        ("rate-divisor", rate_divisor if rate_divisor != 8 else None, True),
-    ):
-        if value is not None and of_record != measured:
-            raise InputError(f"--{option}: is of {'a record' if of_record else 'a motion that is no record'}")
-        if value is not None and not value > 0.0:
-            raise InputError(f"--{option} {value:g}: must be positive")
-    if measured:
-        record = records.read_record(motion, records.StrapdownRecord, channels=channels)
-        course = motions.course_of_record(record, rate_divisor)
-    else:
-        rate, duration = (1000.0 if rate_hz is None else rate_hz), (20.0 if duration_s is None else duration_s)
-        course = motions.course_of_harmonics(_harmonics(name), rate, duration)
-    return motions.choose_algorithm(
-        course,
-        ", ".join((Path(name).name, " and ".join(readings) or "exact")),
-        quantum=quantum_arcsec * math.pi / 648000.0,
-        noise_bound=noise_radps,
-        progress=progress,
-    )
-
-
-def _harmonics(name: str) -> "NDArray":
-    """The harmonics of a motion that is named, or of a scenario's."""
-    if name == "coning":
-        return motions.cone(*CONE)
-    if not name.endswith(".toml"):
-        if name not in NAMED_MOTIONS:
-            known = ", ".join(NAMED_MOTIONS)
-            raise InputError(f"motion {name}: must be coning, {known}, a scenario (.toml) or a record (.csv, .parquet)")
-        return papers.paper_motion(NAMED_MOTIONS[name], papers.EXACT)
-    settings = [s for s in orchestrator.read_scenario(name).fmus.values() if s.component == "HarmonicMotion"]
-    if len(settings) != 1 or settings[0].parameters_from is not None:
-        raise InputError(f"{name}: must have one HarmonicMotion, its parameters in the scenario")
-    return motions.harmonics_of(settings[0].parameters)
+    reading = motions.reading_told(quantum_arcsec, noise_radps)
+    course = papers.course_asked(motion, rate_hz, duration_s, rate_divisor, channels)
+    title = f"{Path(motion).name}, {reading}"
+    quantum = math.radians(quantum_arcsec / 3600.0)
+    return motions.choose_algorithm(course, title, quantum=quantum, noise_bound=noise_radps, progress=progress)
 
 
 def hide(

@@ -5,10 +5,7 @@ from .attitude import attitude_of_record as attitude_of_record
 from .attitude import attitudes_of_angles as attitudes_of_angles
 from .choice import Choice as Choice
 from .choice import choose_algorithm as choose_algorithm
-from .choice import cone as cone
-from .choice import course_of_harmonics as course_of_harmonics
-from .choice import course_of_record as course_of_record
-from .choice import harmonics_of as harmonics_of
+from .choice import reading_told as reading_told
 from .compare import Samples as Samples
 from .compare import compare_algorithms as compare_algorithms
 from .compare import read_increments as read_increments

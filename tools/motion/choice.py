@@ -193,6 +193,19 @@ def error_of(one: Candidate) -> float:
     return math.inf if one.error is None else one.error
 
 
+def reading_told(quantum_arcsec: float, noise_radps: float) -> str:
+    """What gyros with a quantum and noise within a bound are called; an InputError for those that there are not."""
+    told = []
+    for option, value, most, words in (
+        ("quantum-arcsec", quantum_arcsec, 3600.0, "quanta of {:g}″"),
+        ("noise-radps", noise_radps, 1.0, "noise of {:g} rad/s"),
+    ):
+        if not 0.0 <= value <= most:
+            raise InputError(f"--{option} {value:g}: must be from 0 to {most:g}")
+        told += [words.format(value)] if value else []
+    return " and ".join(told) or "exact"
+
+
 def choose_algorithm(
     course: Course,
     title: str,
