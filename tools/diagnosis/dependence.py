@@ -74,6 +74,11 @@ class Dependence:
         return self.radius < NEAR
 
     @property
+    def is_of_one_move(self) -> bool:
+        """Whether one move alone misfits: whatever was otherwise in it does as well as what was told apart."""
+        return any(one.form.kind == "while" for one in self.standing)
+
+    @property
     def least(self) -> int | None:
         """The least complexity with which the model stands."""
         return self.standing[0].complexity if self.standing else None
@@ -95,7 +100,7 @@ class Dependence:
     @cached_property
     def proven(self) -> Standing | None:
         """What is proven, place and quantity; None where another place or quantity would do as well."""
-        if self.place is None or not self.standing or self.listed_otherwise:
+        if self.place is None or not self.standing or self.listed_otherwise or self.is_of_one_move:
             return None
         first, *others = self.standing
         return first if all(is_same(first.pair, other.pair) for other in others) else None

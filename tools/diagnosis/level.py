@@ -18,7 +18,7 @@ class Suffices(Result):
         what the function is multiplied by, another quantity; "tilt" where not the turn about an axis depends on it
     form : str
         how the function is written: in equal "pieces" of a line or "around" a circle, by "powers", "harmonics" up to an
-        order, one "harmonic", a "jump", a "sawtooth", "values" where the quantity has few
+        order, one "harmonic", a "jump", a "sawtooth", a "wave", "while" one move lasts, "values" where it has few
     complexity : int
         coefficients beside the model's, and one more for each number that was searched for
     radius : float

@@ -80,6 +80,18 @@ class GyroPairs:
         """Rows at which pieces begin or end, in order."""
         return np.unique(np.concatenate([rows for part in self.parts for rows in (part.first, part.last)]))
 
+    @cached_property
+    def moves(self) -> tuple[tuple[float, float], ...]:
+        """From when to when [h] each piece, with those that overlap it, goes."""
+        pieces = np.concatenate([np.stack([part.first, part.last]) for part in self.parts], axis=1)
+        first, last = pieces[:, np.argsort(pieces[0], kind="stable")]
+        until = np.maximum.accumulate(last)
+        begins = np.flatnonzero(np.append(True, first[1:] >= until[:-1]))
+        hours = self.seen.hours
+        ends = np.append(begins[1:], len(first)) - 1
+        rows = zip(first[begins].tolist(), until[ends].tolist(), strict=True)
+        return tuple((float(hours[a]), float(hours[min(b, len(hours)) - 1])) for a, b in rows if b > a)
+
     def pairs(self) -> Iterator[Pair]:
         """Each gyro by itself, then all three, each with a function of its own."""
         alone = [dict(self.of_gyro(p)) for p in range(3)]
@@ -129,8 +141,9 @@ class GyroPairs:
         if not time and nodes[0] < 0.0 < nodes[-1]:
             # At rest it is zero: what is taken there is exact.
             nodes[np.abs(nodes).argmin()] = 0.0
-        spread = OnNodes(self, p, nodes, values, times)
-        return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, waves=time, anything=True, missed=spread.missed)
+        spread, own = OnNodes(self, p, nodes, values, times), self.moves if time and not factor else ()
+        known = {"waves": time, "moves": own, "anything": True, "missed": spread.missed}
+        return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, **known)
 
 
 @dataclass(frozen=True, eq=False)

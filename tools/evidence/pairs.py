@@ -49,18 +49,19 @@ class Form:
 
     `kind` is "pieces", "powers", "around" (pieces of a circle, from `at` on), "harmonics" (all up to an order),
     "harmonic" (one), "jump", "sawtooth" (of a circle, straight but for one jump), "wave" (one, `at` times over the
-    range) or "values". `searched` numbers are
-    found beside the coefficients.
+    range), "while" (something other from `at` to `until`) or "values". `searched` numbers are found beside the
+    coefficients.
     """
 
     kind: str
     count: int = 1
     at: float = 0.0
+    until: float = 0.0
 
     @property
     def searched(self) -> int:
         """How many numbers are searched for, beside the coefficients."""
-        return int(self.kind in ("jump", "sawtooth", "harmonic", "wave"))
+        return {"jump": 1, "sawtooth": 1, "harmonic": 1, "wave": 1, "while": 2}.get(self.kind, 0)
 
     @property
     def coefficients(self) -> int:
@@ -78,6 +79,8 @@ class Form:
         """The functions (n, K) at values (n,) of the quantity."""
         if self.kind == "jump":
             return (values > self.at).astype(float)[:, None]
+        if self.kind == "while":
+            return ((values >= self.at) & (values <= self.until)).astype(float)[:, None]
         if self.kind == "sawtooth":
             return (((values - self.at) / TURN) % 1.0 - 0.5)[:, None]
         if self.kind in ("harmonic", "harmonics"):
@@ -105,10 +108,11 @@ class Pair:
     to the rows (M, K) of the evidence. `freedom` names in which way a place acts: pairs of one freedom are all within
     what the place could do if it acted as it liked every time. `circle`: the quantity is an angle; `told`: it has few
     values, of which the function is a multiple; `waves`: it has so many values that a wave is sought among its
-    functions. `anything`: a place that acted as it liked could do anything to the rows. `members` are pairs of several
-    places each of which has a function of its own; then the values and what they do are those of the first. `missed`:
-    knots (k,) -> by how much rows (M,) differ at most of a function that is not straight between them, and whose slope
-    changes by one in all; None where the values are all that act.
+    functions. `moves`: from when to when the block was moved once, each by itself. `anything`: a place that acted as it
+    liked could do anything to the rows. `members` are pairs of several places each of which has a function of its own;
+    then the values and what they do are those of the first. `missed`: knots (k,) -> by how much rows (M,) differ at
+    most of a function that is not straight between them, and whose slope changes by one in all; None where the values
+    are all that act.
     """
 
     where: str
@@ -120,6 +124,7 @@ class Pair:
     circle: bool = False
     told: bool = False
     waves: bool = False
+    moves: tuple[tuple[float, float], ...] = ()
     anything: bool = False
     members: tuple["Pair", ...] = ()
     missed: Spread | None = None
@@ -187,6 +192,7 @@ class Pair:
             gaps = 0.5 * (values[1:] + values[:-1])
             yield from (Form("jump", at=float(at)) for at in gaps[1:-1])
             yield from (Form("wave", at=at) for at in WAVES if self.waves)
+            yield from (Form("while", at=begin, until=end) for begin, end in self.moves)
 
 
 GYROS = ("gyro-1", "gyro-2", "gyro-3")
