@@ -21,6 +21,7 @@ from .restricted import (
     INTERVAL,
     PREVIOUS_RATE,
     PREVIOUS_STEPS,
+    RESPONSE,
     STEP_LENGTH,
     TEMPERATURE,
     Vector,
@@ -53,9 +54,10 @@ def describe_step(
     specific_force: Vector,
     interval: float,
     gravity: float,
+    scale_misalignment: Vector,
     context: Vector,
 ) -> None:
-    """Write the circumstances of a step into `context` (38,), for the effects; the rates before it stand there."""
+    """Write the circumstances of a step into `context` (47,), for the effects; the rates before it stand there."""
     context[HOURS] = hours
     context[TEMPERATURE] = temperature
     # Before the first step the body turns steadily: any length will do, but none that cannot divide.
@@ -67,6 +69,9 @@ def describe_step(
         context[INTERVAL] = interval
     for p in range(3):
         context[INPUT + p] = specific_force[p] / gravity
+        for q in range(3):
+            context[RESPONSE + 3 * p + q] = scale_misalignment[3 * p + q]
+        context[RESPONSE + 4 * p] = 1.0 + scale_misalignment[4 * p]
 
 
 def read_rates(
@@ -138,7 +143,7 @@ def initialise(
         for k in range(PREVIOUS_STEPS):
             context[PREVIOUS_RATE + 3 * k + p] = rate[p]
     draw_error(noise_bound, generator, error)
-    describe_step(0.0, 0.0, temperature, specific_force, interval, gravity, context)
+    describe_step(0.0, 0.0, temperature, specific_force, interval, gravity, scale_misalignment, context)
     read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)
     return 0
 
@@ -213,7 +218,7 @@ def step(
     last_step[0] = step
     draw_error(noise_bound, generator, error)
     hours = (time + step - start[0]) / 3600.0
-    describe_step(hours, step, temperature, specific_force, interval, gravity, context)
+    describe_step(hours, step, temperature, specific_force, interval, gravity, scale_misalignment, context)
     read_rates(scale_misalignment, bias, effect, error, rate_of_step, context, rate_reading, added, own)
     for p in range(3):
         # What is left of a quantum is carried to the next increment.
@@ -349,12 +354,12 @@ def step_inverse(
     first = last_step[0]
     last_step[0] = step
     hours = (time + step - start[0]) / 3600.0
-    describe_step(hours, step, temperature, specific_force, interval, gravity, context)
+    describe_step(hours, step, temperature, specific_force, interval, gravity, scale_misalignment, context)
     reading_effects(context, nominal, effect, added)
     take_out(scale_misalignment, nominal, added, right, n, corrected)
     if first == 0.0:
         keep_rate(1, corrected, corrected_context)
-    describe_step(hours, step, temperature, specific_force, interval, gravity, corrected_context)
+    describe_step(hours, step, temperature, specific_force, interval, gravity, scale_misalignment, corrected_context)
     reading_effects(corrected_context, corrected, effect, added)
     take_out(scale_misalignment, nominal, added, right, n, rate)
     for p in range(3):

@@ -56,5 +56,7 @@ PREVIOUS_STEPS = 8
 """steps before the last one whose rates are kept"""
 INTERVAL = 37
 """length of the last step [s] by the record's time stamps, which may jitter while the sampling does not"""
-GYRO_CONTEXT_SIZE = 38
+RESPONSE = 38
+"""I + Γ, how the gyros respond to the rates, row by row (nine places)"""
+GYRO_CONTEXT_SIZE = 47
 """length of the gyro block's context"""

@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..restricted import HOURS, INPUT, INTERVAL, PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
+from ..restricted import HOURS, INPUT, INTERVAL, PREVIOUS_RATE, PREVIOUS_STEPS, RESPONSE, STEP_LENGTH, Vector
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect, matrix_formula
 from .rows import MotionRows
 
@@ -266,32 +266,39 @@ G_SQUARED = gyro_effect(
 )
 
 
-def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
-    """Read the mean rate over a step that ended `delay` ago: the rates hold over the steps before.
-
-    Exact for delays of up to eight steps; beyond, and for gyros that lead, the rate is carried on in a straight line.
-    """
-    steps = delay / context[STEP_LENGTH]
+def earlier(context: Vector, rate: Vector, axis: int, steps: float) -> float:
+    """By how much the mean rate about an axis over a step that ended so many steps ago is more than over this one."""
     back = 0
     if steps > 0.0:
         back = int(math.floor(steps))
     if back > PREVIOUS_STEPS - 1:
         back = PREVIOUS_STEPS - 1
-    for p in range(3):
-        late = context[PREVIOUS_RATE + 3 * back + p]
-        if steps > 1.0 * PREVIOUS_STEPS:
-            added[p] = added[p] + (late - rate[p]) * (steps / PREVIOUS_STEPS)
-        else:
-            near = rate[p]
-            if back > 0:
-                near = context[PREVIOUS_RATE + 3 * back - 3 + p]
-            added[p] = added[p] + (near - rate[p]) + (late - near) * (steps - back)
+    late = context[PREVIOUS_RATE + 3 * back + axis]
+    if steps > 1.0 * PREVIOUS_STEPS:
+        return (late - rate[axis]) * (steps / PREVIOUS_STEPS)
+    near = rate[axis]
+    if back > 0:
+        near = context[PREVIOUS_RATE + 3 * back - 3 + axis]
+    return (near - rate[axis]) + (late - near) * (steps - back)
+
+
+def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
+    """Read the mean rate over a step that ended `delay` ago: the rates hold over the steps before.
+
+    Exact for delays of up to eight steps; beyond, and for gyros that lead, the rate is carried on in a straight line.
+    The whole reading is late, scale factors and misalignments included.
+    """
+    steps = delay / context[STEP_LENGTH]
+    for q in range(3):
+        change = earlier(context, rate, q, steps)
+        for p in range(3):
+            added[p] = added[p] + context[RESPONSE + 3 * p + q] * change
 
 
 LATENCY = gyro_effect(
     latency,
     EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),
-    lambda place, rows: ((rows.rate_before - rows.rate) / rows.step[:, None])[..., None],
+    lambda place, rows: rows.late[..., None],
     lambda place, values: (
         f"the gyros lag by {1e3 * values['delay']:.4g} ms"
         if values["delay"] >= 0.0

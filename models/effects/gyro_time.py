@@ -13,7 +13,7 @@ lag
 import math
 from collections.abc import Mapping
 
-from ..restricted import HOURS, PREVIOUS_RATE, PREVIOUS_STEPS, STEP_LENGTH, Vector
+from ..restricted import HOURS, PREVIOUS_RATE, PREVIOUS_STEPS, RESPONSE, STEP_LENGTH, Vector
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect
 from .gyro import BIAS, LATENCY, gyro_bias, gyro_columns, latency, listed, of_each_gyro, sentence_of
 from .last_stage import LAST_HOUR
@@ -135,23 +135,25 @@ LATENCY_STEP = gyro_effect(
 
 
 def lag_of(context: Vector, rate: Vector, p: int, time: float, added: Vector) -> None:
-    """Add what gyro p lacks that follows its rate through a low-pass of the first order with a time constant [s].
+    """Add what gyro p lacks that follows its input through a low-pass of the first order with a time constant [s].
 
-    Exact for rates that hold over the steps, but for what is older than eight steps: there they go on in a straight
-    line.
+    Its input are the rates as it responds to them. Exact for rates that hold over the steps, but for what is older than
+    eight steps: there they go on in a straight line.
     """
     if time > 0.0:
         steps = time / context[STEP_LENGTH]
         kept = math.exp(-1.0 / steps)
         # The state of the low-pass at the beginning of the step, from the oldest rate on.
-        newest = context[PREVIOUS_RATE + p]
-        state = context[PREVIOUS_RATE + 3 * (PREVIOUS_STEPS - 1) + p]
-        growth = (newest - state) / (PREVIOUS_STEPS - 1)
-        state = state - growth * kept / (1.0 - kept)
-        for k in range(PREVIOUS_STEPS - 1):
-            past = context[PREVIOUS_RATE + 3 * (PREVIOUS_STEPS - 2 - k) + p]
-            state = past + (state - past) * kept
-        added[p] = added[p] + (state - rate[p]) * steps * (1.0 - kept)
+        for q in range(3):
+            newest = context[PREVIOUS_RATE + q]
+            state = context[PREVIOUS_RATE + 3 * (PREVIOUS_STEPS - 1) + q]
+            growth = (newest - state) / (PREVIOUS_STEPS - 1)
+            state = state - growth * kept / (1.0 - kept)
+            for k in range(PREVIOUS_STEPS - 1):
+                past = context[PREVIOUS_RATE + 3 * (PREVIOUS_STEPS - 2 - k) + q]
+                state = past + (state - past) * kept
+            response = context[RESPONSE + 3 * p + q]
+            added[p] = added[p] + response * (state - rate[q]) * steps * (1.0 - kept)
 
 
 def lag(context: Vector, rate: Vector, time_1: float, time_2: float, time_3: float, added: Vector) -> None:
@@ -170,7 +172,7 @@ def lag_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
 LAG = gyro_effect(
     lag,
     tuple(EffectParameter(f"time_{p}", "s", f"time constant of gyro {p}", 0.2, smallest=0.0) for p in (1, 2, 3)),
-    lambda place, rows: gyro_columns((rows.rate_before - rows.rate) / rows.step[:, None]),
+    lambda place, rows: gyro_columns(rows.late),
     lag_sentence,
     contains=("latency",),
     formula="ω_read + ({time_1}, {time_2}, {time_3}) 's' dω_read/dt = ω",

@@ -112,6 +112,8 @@ class MotionRows:
         nominal time between samples [s]; 0 where there is none
     gravity : float
         model value [m/s²]
+    response : (3, 3)
+        I + Γ, how the gyros respond to the rates
     """
 
     rate: NDArray[np.float64]
@@ -122,6 +124,12 @@ class MotionRows:
     temperature: NDArray[np.float64] | None = None
     period: float = 0.0
     gravity: float = 9.80665
+    response: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def late(self) -> NDArray[np.float64]:
+        """By how much (N, 3) readings that lag are more, for each second [rad/s²]."""
+        return -self.acceleration @ self.response.T
 
     @property
     def acceleration(self) -> NDArray[np.float64]:

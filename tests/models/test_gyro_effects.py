@@ -76,6 +76,16 @@ def test_signatures_are_the_derivatives_of_what_the_block_reads(place):
         assert np.abs(columns[:, :, k]).max() > 0.0
 
 
+@pytest.mark.parametrize(("name", "values"), [("latency", [3e-3]), ("lag", [1e-4, 5e-5, 2e-4])])
+def test_what_lags_is_the_whole_reading(name, values):
+    """Scale factors and misalignments of a tenth are late, too."""
+    matrix = np.linspace(-0.1, 0.1, 9)
+    place, rows = EffectPlace(name, "gyro-block"), replace(lively_motion(), response=np.eye(3) + matrix.reshape(3, 3))
+    late, clean = (gyro_readings(own, rows, scale_misalignment=matrix.tolist()) for own in ([(place, values)], []))
+    told = STRAPDOWN_EFFECTS[name].signature(place, rows) @ np.array(values)
+    assert np.abs(late - clean - told).max() < 1e-9 * np.abs(told).max()
+
+
 def test_the_block_reads_what_the_contract_defines():
     rows = lively_motion(even=True)
     w, n, hours = rows.rate, rows.specific_force, rows.hours[:, None]

@@ -58,7 +58,7 @@ class Turns:
     `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] what the gyros integrate from one to the
     other; `moments` (S, 13), `growth` (2, S, 13) as of `models.bench_turns`; `noise` (S,) [rad] bounds what gyros add;
     `swept` (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame; `coning` (S, 3)
-    sums of γ' × γ over the gyros' increments γ of the rows, γ' being the one before.
+    sums of γ' × γ over the gyros' increments γ of the rows, γ' being the one before; `period` [s] from row to row.
     """
 
     first: NDArray[np.int_]
@@ -72,6 +72,7 @@ class Turns:
     mounting: NDArray[np.float64]
     earth: NDArray[np.float64]
     basis: str
+    period: float
 
     @property
     def _rest(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
@@ -88,7 +89,8 @@ class Turns:
     def bound(self, targets: NDArray, gyros: NDArray) -> NDArray[np.float64]:
         """Bounds (3 S,) of what is left, about a point [rad]."""
         from_inner = self.jacobian_of_axes(targets, gyros)
-        return (self.noise[:, None] + self.swept @ np.abs(from_inner).T).ravel()
+        smeared = _smear(float(gyros[LAG]), self.period) * np.abs(self.growth[1][:, [0, 1, 3]])
+        return (self.noise[:, None] + (self.swept + smeared) @ np.abs(from_inner).T).ravel()
 
     def block_axes(self, targets: NDArray) -> NDArray[np.float64]:
         """Axes (3, 3) of the inner frame in those of the block."""
@@ -192,7 +194,18 @@ def turns_of(
         np.asarray(mounting),
         np.asarray(earth),
         basis,
+        sampling.period,
     )
+
+
+def _smear(lag: float, period: float) -> float:
+    """What a lag that is made between rows adds to an integral at most, for each unit by which a rate grows [s²].
+
+    What is interpolated between two rows is late by the lag in the mean, and is one or the other: of τ in a period h
+    the integral is off by τ (h - τ)/2. What leads is carried on by the last two, and off by τ (h + τ)/2.
+    """
+    size = abs(lag)
+    return 0.5 * size * (period + size) if lag < 0.0 else min(0.5 * size * period, period**2 / 8.0)
 
 
 def _noise(gyros: StrapdownRecord, sampling: Sampling, seconds: NDArray) -> NDArray[np.float64]:

@@ -213,6 +213,7 @@ class Travel:
             step=self.step,
             temperature=None if self.temperature is None else self.temperature[1:],
             gravity=self.gravity,
+            response=self.to_gyros @ np.linalg.inv(self.to_block),
         )
 
     @staticmethod

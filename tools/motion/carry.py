@@ -89,6 +89,7 @@ class Motion:
             step=self.step[begin:end],
             temperature=None if self.temperature is None else self.temperature[begin:end],
             period=self.period,
+            response=np.linalg.inv(matrix),
         )
 
 

@@ -33,6 +33,7 @@ from ...models.restricted import (
     INTERVAL,
     PREVIOUS_RATE,
     RATE,
+    RESPONSE,
     SENSE_ALPHA,
     SENSE_BETA,
     SENSE_INPUT,
@@ -253,6 +254,7 @@ def _context(effect: Effect, rows: Any, row: int) -> tuple[list[float], list[flo
         if effect.component == "GyroBlock":
             context[STEP_LENGTH] = context[INTERVAL] = float(rows.step[row])
             context[PREVIOUS_RATE : PREVIOUS_RATE + 3] = rows.rate_before[row].tolist()
+            context[RESPONSE : RESPONSE + 9] = rows.response.ravel().tolist()
             return context, rate
         context[RATE : RATE + 3] = rate
         change = (rows.rate[row] - rows.rate_before[row]) / rows.step[row]

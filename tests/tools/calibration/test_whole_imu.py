@@ -12,6 +12,7 @@ from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Programme, T
 from scenario_runs import SCENARIOS
 from trihedron.models.bench import TARGETS
 from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings
+from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.programmes import Polytope
 from trihedron.tools.calibration import Bench, Calibration, calibrate, calibrate_whole, strapdown_by_table
 from trihedron.tools.calibration.latency import LATENCIES
@@ -29,6 +30,8 @@ from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.rests import position_record_of
 from trihedron.tools.reports.calibration import gyro_section
+from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials.whole import draw_whole
 
 SIGMA = 1.2e-5
 PLACE = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)
@@ -118,6 +121,22 @@ def test_a_lag_is_exact_of_moves_of_both_axes_and_of_moves_that_are_never_steady
     assert np.abs(left / found.bound(np.array(late.targets), np.array(late.gyros))).max() < 0.5
     assert len(found.first) > 2 * len(places)
     assert np.abs(left).max() < 6e-6
+
+
+@pytest.mark.parametrize(("seed", "lag"), [(0, -2.9e-3), (5, 2.3e-3)])
+def test_the_lag_of_a_gyro_block_is_in_its_interval(seed, lag):
+    """The component reads late with scale factors of 1e-3 and more, and between rows of 20 ms it interpolates."""
+    bench = draw_whole(np.random.default_rng([22, seed]))
+    hidden = Hidden(EffectPlace("latency", "gyro-block"), (lag,))
+    found = calibrate_whole(bench.measured(22, seed, (hidden,)), bench.place, noise_bound=1e-5)
+    truth = dict.fromkeys(GYRO_PARAMETERS, 0.0) | {"L": lag, "A": 0.0, "L-A": lag}
+    of_block = bench.truth["GyroBlock"]
+    truth |= {f"M{k // 3 + 1}{k % 3 + 1}": value for k, value in enumerate(of_block["scale_misalignment"])}
+    truth |= {f"B{k + 1}": value for k, value in enumerate(of_block["bias"])}
+    for one in gyros_of(found).parameters:
+        assert one.low is not None
+        assert one.high is not None
+        assert one.low <= truth[one.symbol] <= one.high, one.symbol
 
 
 def test_derivatives_are_those_of_the_model(record, truth):
