@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from .errors import InputError
+from .threads import one_thread
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -24,7 +25,8 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
     """A public function as one calls it from Python.
 
     Arguments of plain types (numbers, words, paths, sequences and mappings of them) are of these types; what an
-    InputError says of an option it says of the argument. Arrays of NumPy stand for sequences.
+    InputError says of an option it says of the argument. Arrays of NumPy stand for sequences. Linear algebra has one
+    thread meanwhile.
     """
     signature = inspect.signature(function)
 
@@ -36,7 +38,8 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
             if adapter is not None:
                 bound.arguments[name] = _checked(name, value, adapter)
         try:
-            return function(*bound.args, **bound.kwargs)
+            with one_thread():
+                return function(*bound.args, **bound.kwargs)
         except InputError as error:
             error.args = (_of_arguments(str(error), list(signature.parameters)), *error.args[1:])
             raise

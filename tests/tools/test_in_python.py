@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 import trihedron as th
 import user_script
 from simulated_bench import random_bench, simulated
+from trihedron.tools import threads
 from trihedron.tools.arguments import in_python
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, write_record
@@ -151,3 +152,25 @@ def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp
 def test_a_script_as_a_user_writes_it_runs(tmp_path):
     assert 0.0 < user_script.bench(tmp_path) < 1e-4
     assert user_script.wrong() == "missing.csv: no such file"
+
+
+def test_linear_algebra_has_one_thread_in_a_call_and_its_own_again_after_it():
+    """Of calls side by side the last to end gives it back, whichever that is."""
+    libraries = threads._libraries()
+    assert libraries
+    before = [get() for get, _ in libraries]
+    try:
+        for _, set_to in libraries:
+            set_to(2)
+        counts = in_python(lambda: [get() for get, _ in libraries])
+        assert counts() == [1] * len(libraries)
+        first, second = threads.one_thread(), threads.one_thread()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert [get() for get, _ in libraries] == [1] * len(libraries)
+        second.__exit__(None, None, None)
+        assert [get() for get, _ in libraries] == [2] * len(libraries)
+    finally:
+        for (_, set_to), count in zip(libraries, before, strict=True):
+            set_to(count)

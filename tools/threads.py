@@ -1,0 +1,57 @@
+"""One thread for the linear algebra of a call from Python: matrices are small here, threads only wait for each other.
+
+How sums are rounded does not depend on the number of processors then, either. The command line says it before anything
+is imported; a script may have imported NumPy long before, so the library itself is told.
+"""
+
+import ctypes
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from itertools import product
+from pathlib import Path
+from threading import Lock
+
+import numpy as np
+
+_LOCK, _BEFORE = Lock(), list[list[int]]()
+PREFIXES, SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Give OpenBLAS one thread, as NumPy and SciPy bring it with them; what else there may be stays as it is.
+
+    Of calls side by side the last one gives back the numbers that the first one found.
+    """
+    with _LOCK:
+        _BEFORE.append([get() for get, _ in _libraries()])
+        for _, set_to in _libraries():
+            set_to(1)
+    try:
+        yield
+    finally:
+        with _LOCK:
+            # What stands first was found when no call was inside, whichever ends last.
+            found = _BEFORE.pop() if len(_BEFORE) > 1 else None
+            for (_, set_to), count in zip(_libraries(), found or _BEFORE.pop(), strict=True):
+                set_to(1 if found else count)
+
+
+@cache
+def _libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
+    """What says and sets the number of threads of each OpenBLAS beside the packages."""
+    packages = Path(np.__file__).parent.parent
+    folders = (packages / f"{name}{where}" for name in ("numpy", "scipy") for where in (".libs", "/.dylibs"))
+    found = []
+    for path in sorted(path for folder in folders for path in folder.glob("*openblas*")):
+        try:
+            library = ctypes.CDLL(str(path))
+        except OSError:
+            continue
+        for prefix, suffix in product(PREFIXES, SUFFIXES):
+            get, set_to = (getattr(library, f"{prefix}_{verb}_num_threads{suffix}", None) for verb in ("get", "set"))
+            if get is not None and set_to is not None:
+                found.append((get, set_to))
+                break
+    return found
