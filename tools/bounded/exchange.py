@@ -1,9 +1,15 @@
-"""The least largest residual by exchanging rows: n + 1 rows hold a solution for n columns (Stiefel's algorithm).
+"""Linear programmes by exchanging rows: each step costs a product of the rows, and its end is proven.
 
-For such rows that bound each other the largest residual is known. While another row misses by more it takes the place
-of one of them; the least largest residual of all rows is proven from below by weights of these, and what is proven
-grows at each step. It takes a small part of the time of a linear programme, and its end is proven; where it is not, as
-with columns that depend on each other, the programme is for the solver.
+The least largest residual (Stiefel's algorithm): n + 1 rows hold a solution for n columns. For such rows that bound
+each other the largest residual is known. While another row misses by more it takes the place of one of them; the least
+largest residual of all rows is proven from below by weights of these, and what is proven grows at each step.
+
+How far rows with two ends let a direction go: n rows meet at a corner, each at the end to which the direction pulls
+it, so whatever the direction it goes no farther than there. While the corner is beyond another row that row takes the
+place of one of them, and those that it lets go on the way change their ends (dual simplex with long steps).
+
+It takes a small part of the time of a linear programme; where the end is not proven, as with columns that depend on
+each other, the programme is for the solver.
 """
 
 from dataclasses import dataclass
@@ -12,10 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from ..compiled import compile_callee, compiled_and_kept
+
 MOST_COLUMNS = 64
 """Of more columns a step costs more than one of the solver."""
 MOST_STEPS, KEPT_STEPS = 40, 40
 """Steps for each column after which it is given up; after so many the rows are solved anew."""
+NO_PIVOT = 1e-11
+"""What is smaller is no part of a row in others."""
+BENT = 1e-11
+"""A direction in which no two vertices go equally far differs by this part of its largest component."""
+ENDED, ENDLESS, NOT_ENDED = 0, 1, 2
+"""How steps end: nothing misses by more, nothing can be exchanged, or there were as many as were asked for."""
 DEPENDENT = 1e-7
 """Columns, each of size one, of which one has so little beside the others, are not exchanged."""
 EXACT, PROVEN = 1e-10, 1e-9
@@ -34,6 +48,15 @@ class Held:
     x: NDArray[np.float64]
     rows: NDArray[np.int_]
     multipliers: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Farthest:
+    """The vertex x (n,) that goes farthest, the rows (n,) that meet there, and their duals (n,)."""
+
+    x: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    duals: NDArray[np.float64]
 
 
 def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
@@ -79,36 +102,58 @@ def _steps(matrix: NDArray, target: NDArray, rows: NDArray) -> Held | None:
     columns = matrix.shape[1]
     held = np.append(-np.linalg.solve(matrix[rows[:-1]].T, matrix[rows[-1]]), 1.0)
     held *= 1.0 if held @ target[rows] >= 0.0 else -1.0
-    sign = np.where(held >= 0.0, 1.0, -1.0)
-    inverse, fresh = np.linalg.inv(np.column_stack((matrix[rows], sign))), True
-    for step in range(MOST_STEPS * columns):
-        solution = inverse @ target[rows]
-        x, radius = solution[:-1], float(solution[-1])
-        error = target - matrix @ x
-        row = int(np.abs(error).argmax())
-        largest = abs(float(error[row]))
-        if not largest > radius + EXACT * max(1.0, radius):
-            if fresh:
-                weights = inverse[-1]
-                return _proven(matrix, target, Held(radius, x, rows, weights), largest)
-            inverse, fresh = np.linalg.inv(np.column_stack((matrix[rows], sign))), True
-            continue
-        own = 1.0 if error[row] > 0.0 else -1.0
-        part = np.append(matrix[row], own) @ inverse
-        weights, less = np.maximum(inverse[-1] * sign, 0.0), own * part * sign
-        ratio = np.where(less > 1e-11, weights / less, np.inf)
-        out = int(ratio.argmin())
-        if ratio[out] == np.inf:
+    rows, sign = rows.astype(np.int64), np.where(held >= 0.0, 1.0, -1.0)
+    for _ in range(columns + 2):
+        inverse = np.linalg.inv(np.column_stack((matrix[rows], sign)))
+        how, steps = _exchange_held(matrix, target, rows, sign, inverse, MOST_STEPS)
+        if how == ENDED and steps == 0:
+            solution = inverse @ target[rows]
+            largest = float(np.abs(target - matrix @ solution[:-1]).max())
+            return _proven(matrix, target, Held(float(solution[-1]), solution[:-1], rows, inverse[-1]), largest)
+        if how == ENDLESS:
             return None
-        rows, sign = rows.copy(), sign.copy()
-        rows[out], sign[out] = row, own
-        if fresh := step % KEPT_STEPS == KEPT_STEPS - 1:
-            inverse = np.linalg.inv(np.column_stack((matrix[rows], sign)))
-        else:
-            replaced = part.copy()
-            replaced[out] -= 1.0
-            inverse = inverse - np.outer(inverse[:, out] / part[out], replaced)
     return None
+
+
+@compiled_and_kept
+def _exchange_held(matrix, target, rows, sign, inverse, most):
+    """Exchange some of the rows (n + 1,) that hold a solution, with their signs; how it ended, after so many steps."""
+    count, part = len(rows), np.empty(len(rows))
+    for step in range(most):
+        solution = inverse @ target[rows]
+        radius = solution[count - 1]
+        reached, row, largest = matrix @ solution[: count - 1], 0, -1.0
+        for k in range(len(target)):
+            missed = abs(target[k] - reached[k])
+            if missed > largest:
+                row, largest = k, missed
+        if not largest > radius + EXACT * max(1.0, radius):
+            return ENDED, step
+        own = 1.0 if target[row] > reached[row] else -1.0
+        part[: count - 1] = matrix[row]
+        part[count - 1] = own
+        part = part @ inverse
+        out, least = -1, np.inf
+        for k in range(count):
+            less = own * part[k] * sign[k]
+            if less > NO_PIVOT and max(inverse[count - 1, k] * sign[k], 0.0) / less < least:
+                out, least = k, max(inverse[count - 1, k] * sign[k], 0.0) / less
+        if out < 0:
+            return ENDLESS, step
+        _replaced(inverse, part, out)
+        rows[out], sign[out] = row, own
+    return NOT_ENDED, most
+
+
+@compile_callee
+def _replaced(inverse, part, out):
+    """Change the inverse (n, n) of rows to that with another one at a place; `part` (n,): what this is of them."""
+    count = len(part)
+    for k in range(count):
+        inverse[k, out] /= part[out]
+        for q in range(count):
+            if q != out:
+                inverse[k, q] -= inverse[k, out] * part[q]
 
 
 def _proven(matrix: NDArray, target: NDArray, held: Held, largest: float) -> Held | None:
@@ -118,3 +163,89 @@ def _proven(matrix: NDArray, target: NDArray, held: Held, largest: float) -> Hel
     least = float(weights @ target[held.rows]) / float(np.abs(weights).sum())
     sure = missed <= 1e-11 and largest - least <= PROVEN * max(1.0, largest)
     return held if sure and np.isfinite(held.x).all() else None
+
+
+class Corner:
+    """Rows (n,) of a matrix (M, n) that meet, and their inverse: where the last walk ended the next one begins."""
+
+    def __init__(self, rows: NDArray[np.int64], inverse: NDArray[np.float64]) -> None:
+        self.rows, self._inverse = rows, inverse
+
+    @staticmethod
+    def of(matrix: NDArray) -> "Corner | None":
+        """Rows that determine the columns best; None where none do."""
+        columns = matrix.shape[1]
+        if not 0 < columns <= min(len(matrix), MOST_COLUMNS) or not np.isfinite(matrix).all():
+            return None
+        found = qr(matrix.T, mode="r", pivoting=True)
+        diagonal, rows = np.abs(np.diag(np.asarray(found[0]))), np.asarray(found[-1])[:columns].astype(np.int64)
+        if not diagonal.min() > DEPENDENT * diagonal.max():
+            return None
+        return Corner(rows, np.linalg.inv(matrix[rows]))
+
+    def farthest(self, matrix: NDArray, middle: NDArray, half: NDArray, weights: NDArray) -> Farthest | None:
+        """Where weights'x is greatest of all x with |matrix x - middle (M,)| ≤ half (M,); None: not proven."""
+        rows, inverse = self.rows.copy(), self._inverse.copy()
+        # Of many vertices that go as far it is always the same, from wherever the walk begins.
+        size = np.abs(weights).max()
+        toward = weights + size * BENT * np.cos(np.arange(1.0, len(weights) + 1.0) ** 2)
+        side = np.where(toward @ inverse >= 0.0, 1.0, -1.0)
+        try:
+            for _ in range(len(rows) + 2):
+                how, steps = _exchange_met(matrix, middle, half, toward, rows, side, inverse, MOST_STEPS)
+                if how == ENDLESS or not np.isfinite(inverse).all():
+                    return None
+                if how == ENDED and steps == 0:
+                    break
+                inverse = np.linalg.inv(matrix[rows])
+            else:
+                return None
+        except np.linalg.LinAlgError:
+            return None
+        duals = weights @ inverse
+        x = inverse @ (middle[rows] + side * half[rows])
+        beyond = duals @ middle[rows] + np.abs(duals) @ half[rows] - weights @ x
+        missed = np.abs(weights - duals @ matrix[rows]).max()
+        if not (beyond <= EXACT * np.abs(duals).sum() and missed <= EXACT * size):
+            return None
+        self.rows, self._inverse = rows, inverse
+        return Farthest(x, rows, duals)
+
+
+@compiled_and_kept
+def _exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
+    """Exchange some of the rows (n,) that meet, each at one of its sides; how it ended, after so many steps."""
+    count, duals = len(rows), weights @ inverse
+    ends, ratio = np.empty(count), np.empty(count)
+    for step in range(most):
+        for k in range(count):
+            ends[k] = middle[rows[k]] + side[k] * half[rows[k]]
+        reached, row, slope = matrix @ (inverse @ ends), 0, 0.0
+        for k in range(len(middle)):
+            within = half[k] - abs(reached[k] - middle[k])
+            if within < slope:
+                row, slope = k, within
+        if slope >= -EXACT:
+            return ENDED, step
+        own = 1.0 if reached[row] > middle[row] else -1.0
+        part = matrix[row] @ inverse
+        for k in range(count):
+            less = own * part[k] * side[k]
+            ratio[k] = max(duals[k] * side[k], 0.0) / less if less > NO_PIVOT else np.inf
+        while True:
+            out, least = -1, np.inf
+            for k in range(count):
+                if ratio[k] < least:
+                    out, least = k, ratio[k]
+            if out < 0:
+                return ENDLESS, step
+            # Let go at one end, a row may go to its other one as long as that takes the corner no farther than it is.
+            slope += 2.0 * abs(part[out]) * half[rows[out]]
+            if slope >= 0.0:
+                break
+            side[out], ratio[out] = -side[out], np.inf
+        for k in range(count):
+            duals[k] -= least * own * part[k]
+        _replaced(inverse, part, out)
+        duals[out], rows[out], side[out] = least * own, row, own
+    return NOT_ENDED, most

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lstsq, qr
 
-from .exchange import exchanged
+from .exchange import Corner, exchanged
 
 TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
@@ -104,32 +104,33 @@ class Polytope:
         self._unit = float(scale.min())
         self._scale = scale
         self._matrix = jacobian * (self._unit / scale)[:, None]
-        self._taken = first_rows(self._matrix) if begin is None else begin
-        columns = jacobian.shape[1]
         self._lower, self._upper = np.zeros((2, len(scale)))
-        free, rows = np.full(columns, highspy.kHighsInf), len(self._taken)
-        start = self._matrix[self._taken]
-        self._highs = _model(np.zeros(columns), -free, free, start, np.zeros(rows), np.zeros(rows))
-        self._highs.changeObjectiveSense(highspy.ObjSense.kMaximize)
-        self._columns = np.arange(columns, dtype=np.int32)
+        self._highs: highspy.Highs | None = None
+        self._taken = first_rows(self._matrix) if begin is None else begin
+        self._rows = self._matrix[self._taken]
+        self._corner = Corner.of(self._rows)
 
     def confine(self, lower: NDArray, upper: NDArray) -> None:
         """Set the ends (M,) of every row."""
         self._lower, self._upper = lower / self._scale, upper / self._scale
-        rows = np.arange(len(self._taken), dtype=np.int32)
-        ends = self._lower[self._taken], self._upper[self._taken]
-        self._highs.changeRowsBounds(len(rows), rows, *ends)  # pyright: ignore
+        if self._highs is not None:
+            rows = np.arange(len(self._taken), dtype=np.int32)
+            self._highs.changeRowsBounds(len(rows), rows, *self._ends)  # pyright: ignore
+
+    @property
+    def _ends(self) -> tuple[NDArray, NDArray]:
+        """Lower and upper ends (K,) of the rows that are taken."""
+        return self._lower[self._taken], self._upper[self._taken]
 
     def maximise(self, weights: NDArray) -> tuple[float, NDArray, NDArray]:
         """The greatest weights'x over the set, the vertex x (n,) where it is attained, and duals (M,).
 
         The duals Φ, with Φ'J = weights, say how the value changes with each row's active end.
         """
-        self._highs.changeColsCost(len(self._columns), self._columns, np.asarray(weights, dtype=float))
+        weights = np.asarray(weights, dtype=float)
         activity, violation = np.empty((2, len(self._scale)))
         while True:
-            solution = solved(self._highs)
-            x = np.array(solution.col_value)
+            x, own = self._farthest(weights)
             if len(self._taken) == len(self._scale):
                 break
             activity = np.matmul(self._matrix, x, out=activity)
@@ -140,16 +141,35 @@ class Polytope:
                 break
             self._take(more)
         duals = np.zeros(len(self._scale))
-        duals[self._taken] = np.array(solution.row_dual) * self._unit / self._scale[self._taken]
+        duals[self._taken] = own * self._unit / self._scale[self._taken]
         return float(weights @ x) * self._unit, x * self._unit, duals
 
+    def _farthest(self, weights: NDArray) -> tuple[NDArray, NDArray]:
+        """The vertex x (n,) of the rows that are taken, and their duals (K,)."""
+        lower, upper = self._ends
+        if self._corner is not None and self._highs is None and np.isfinite(lower).all() and np.isfinite(upper).all():
+            middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+            if (found := self._corner.farthest(self._rows, middle, half, weights)) is not None:
+                duals = np.zeros(len(middle))
+                duals[found.rows] = found.duals
+                return found.x, duals
+        if self._highs is None:
+            free = np.full(len(weights), highspy.kHighsInf)
+            self._highs = _model(np.zeros(len(weights)), -free, free, self._rows, lower, upper)
+            self._highs.changeObjectiveSense(highspy.ObjSense.kMaximize)
+        self._highs.changeColsCost(len(weights), np.arange(len(weights), dtype=np.int32), weights)
+        solution = solved(self._highs)
+        return np.array(solution.col_value), np.array(solution.row_dual)
+
     def _take(self, more: NDArray) -> None:
-        count, width = len(more), self._matrix.shape[1]
-        start = np.arange(0, count * width, width, dtype=np.int32)
-        index = np.tile(self._columns, count)
-        values = self._matrix[more].ravel()
-        self._highs.addRows(count, self._lower[more], self._upper[more], len(values), start, index, values)  # pyright: ignore
-        self._taken = np.append(self._taken, more)
+        rows = self._matrix[more]
+        self._taken, self._rows = np.append(self._taken, more), np.vstack((self._rows, rows))
+        if self._highs is not None:
+            count, width = rows.shape
+            start = np.arange(0, count * width, width, dtype=np.int32)
+            index = np.tile(np.arange(width, dtype=np.int32), count)
+            ends = self._lower[more], self._upper[more]
+            self._highs.addRows(count, *ends, rows.size, start, index, rows.ravel())  # pyright: ignore
 
 
 def first_rows(matrix: NDArray) -> NDArray:

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trihedron.tools.bounded import programmes
-from trihedron.tools.bounded.exchange import exchanged
-from trihedron.tools.bounded.programmes import Growth, any_centre, chebyshev_radius
+from trihedron.tools.bounded.exchange import Corner, exchanged
+from trihedron.tools.bounded.programmes import Growth, Polytope, any_centre, chebyshev_radius
 
 
 @settings(max_examples=40)
@@ -61,3 +61,47 @@ def test_of_many_rows_few_are_given_to_the_solver(paid, monkeypatch):
     if not paid:
         assert np.abs(duals @ jacobian).max() < 1e-10
         assert duals @ residual / (np.abs(duals) @ bound) == pytest.approx(radius, rel=1e-9)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.sampled_from(["normal", "whole numbers", "apart"]))
+def test_the_vertex_that_goes_farthest_is_that_of_the_solver_and_is_proven(seed, kind):
+    rng = np.random.default_rng(seed)
+    columns, rows = int(rng.integers(1, 9)), int(rng.integers(12, 90))
+    matrix, middle, half = rng.normal(size=(rows, columns)), rng.normal(size=rows), rng.uniform(0.5, 2.0, rows)
+    if kind == "whole numbers":
+        # Many vertices go as far, and more rows meet than there are columns.
+        matrix, middle, half = np.round(2 * matrix), 0.0 * middle, np.ones(rows)
+        matrix[:columns] = np.eye(columns)
+    elif kind == "apart":
+        # Two blocks: where the other one goes is all the same.
+        matrix[::2, : columns // 2], matrix[1::2, columns // 2 :] = 0.0, 0.0
+    middle = matrix @ rng.normal(size=columns) + 0.3 * half * np.sin(middle)
+    corner, found = Corner.of(matrix), []
+    weights = matrix[:1].sum(axis=0) if kind == "apart" else rng.normal(size=columns)
+    if corner is None or not weights.any():
+        return
+    for toward in (weights, -weights, matrix[-1], weights):
+        found.append(corner.farthest(matrix, middle, half, toward))
+    solver = Polytope(matrix, np.ones(rows))
+    solver._corner = None
+    solver.confine(middle - half, middle + half)
+    for one, toward in zip(found, (weights, -weights, matrix[-1], weights), strict=True):
+        assert one is not None
+        assert toward @ one.x == pytest.approx(solver.maximise(toward)[0], abs=1e-8)
+        assert (np.abs(matrix @ one.x - middle) <= half + 1e-9).all()
+        # By weights of the rows that meet nothing goes farther.
+        assert one.duals @ matrix[one.rows] == pytest.approx(toward, abs=1e-10)
+        most = one.duals @ middle[one.rows] + np.abs(one.duals) @ half[one.rows]
+        assert most == pytest.approx(toward @ one.x, abs=1e-8)
+    # From wherever the walk begins it ends at the same vertex, of all that go as far.
+    assert found[0].x == pytest.approx(found[-1].x, abs=1e-9)
+
+
+def test_rows_that_leave_nothing_and_columns_that_are_not_determined_are_left_to_the_solver():
+    matrix = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    corner = Corner.of(matrix)
+    assert corner is not None
+    assert corner.farthest(matrix, np.array([0.0, 0.0, 5.0]), np.ones(3), np.array([1.0, 0.0])) is None
+    assert Corner.of(matrix[:, :1] * np.ones((1, 2))) is None
+    assert Corner.of(matrix[:1]) is None
