@@ -16,7 +16,7 @@ from ..motion.rest_noise import factor_for
 from ..motion.rests import sampling_of
 from ..records import BenchRecord, PositionRecord
 from ..records.rests import without_turns
-from .model import Linearisation, Parametrisation, Positions, predicted_reading
+from .model import Linearisation, Parametrisation, Positions, predicted_input, predicted_reading
 
 HALF_S, HALF_RAD, FEWEST = 0.08, 0.08, 3
 """To either side of the middle so much time [s] and turn [rad] is taken, and at least so many rows."""
@@ -29,6 +29,10 @@ APART = 0.8
 MOST = 90
 CERTAIN = 5e-3
 """By less [g] a radian of turning changes an input in a sense that is not sure."""
+SURE = 6e-3
+"""An input nearer to zero [g] may change its sign while a reading is taken, by what the bench is off or by turning."""
+UNTOLD = 1.0
+"""Bound of a reading of which nothing is said, as where the input's sign is not sure [g]."""
 SLOW = 0.02
 """An axis that turns by less [rad/s] hardly turns."""
 QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
@@ -67,6 +71,7 @@ class InMotion:
         wave = QUARTIC * (half * sampling.period * np.abs(rate).sum(axis=1)) ** 4
         noise = factor_for(3 * len(rows)) * gain[:, None] * _scatter(reading, record)
         bound = float(here.bound.min()) + noise + (slopes * off[:, None]).sum(axis=2) + wave[:, None]
+        bound[~_one_sign(here, angles, rows, half)] = UNTOLD
         found = InMotion(rows, angles[rows], value, bound, rate, acceleration, np.zeros_like(value))
         # A reading may be a mean since the row before.
         lags, point = (half + 1.0) * sampling.period * np.array([1.0, 0.0, -1.0]), (here.parametrisation, here.point)
@@ -135,6 +140,14 @@ def _steady_rows(
     if len(chosen) > MOST:
         chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, MOST).round().astype(int))]
     return rows[chosen], half, rate[chosen], acceleration[chosen]
+
+
+def _one_sign(here: Linearisation, angles: NDArray, rows: NDArray, half: int) -> NDArray[np.bool_]:
+    """Whether (W, 3) inputs have one sign, surely, over the rows that readings at rows (W,) are of."""
+    over = angles[rows + np.array([[-half - 1], [0], [half]])]
+    at = [Positions(*one.T, np.zeros(len(rows), dtype=int)) for one in over]
+    inputs = np.stack([predicted_input(here.parametrisation, here.point, one) for one in at])
+    return (inputs > SURE).all(axis=0) | (inputs < -SURE).all(axis=0)
 
 
 def _parabola(reading: NDArray, rows: NDArray, half: int) -> tuple[NDArray, NDArray]:

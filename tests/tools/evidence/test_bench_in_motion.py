@@ -16,6 +16,7 @@ from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.gyros import fit_whole
+from trihedron.tools.calibration.in_motion import UNTOLD
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Diagnosis
 from trihedron.tools.diagnosis.dependence import dependence
@@ -137,6 +138,18 @@ def test_a_sense_is_that_of_the_last_move_in_motion_too(faultless, effect):
         left, _, rate = (values[: found.of_readings] for values in found.at(places, point, used))
         assert (np.abs(left) <= before + 0.1 + rate[:, len(point) :] @ sizes).all() == stands
     assert found.moving.read.rows.sense_told.mean() > 0.7
+
+
+def test_a_reading_in_motion_says_nothing_where_its_input_may_change_its_sign(faultless):
+    """As the table turns about an accelerometer its input stays near zero: what depends on its sign is not told."""
+    places, sizes = CATALOGUE["bias-asymmetry"].places, np.full(3, 1e-3)
+    found = whole_evidence(measured(*(Hidden(place, (1e-3,)) for place in places)), bench().place, noise_bound=SIGMA)
+    left = found.at(places, faultless.point, sizes)[0][: found.of_readings].reshape(-1, 3)
+    untold = found.moving.seen.bound == UNTOLD
+    # A bound of noise, and what the encoder and a parabola are off.
+    assert np.abs(left).max() < 1.5
+    assert untold.sum() > 3
+    assert (np.abs(found.moving.read.rows.n) < 0.02)[untold].all()
 
 
 @pytest.mark.acceptance
