@@ -279,13 +279,19 @@ def _sizes_of_change(
     least, nearest = alone, None
     own = [rival.columns / bound[:, None] for rival in rivals]
     bounds, candidates = _least_square_bounds(model, target, own, own_reading)
+    # The others prove what is left without a reading that the proof does not use.
+    bounds[len(rivals) :] = np.maximum(bounds[len(rivals) :], np.where(duals == 0.0, alone, 0.0))
     for k in np.argsort(bounds, kind="stable"):
         if bounds[k] >= (1.0 - TOLERANCE) * least:
             break
         if _is_farther(np.hstack((model, candidates[k])), target, (1.0 - TOLERANCE) * least, np.abs(duals)):
             continue
         rival = rivals[k] if k < len(rivals) else ONE_READING
-        radius = rival.distance(model, target, candidates[k])
+        parts = (model, target, candidates[k])
+        if k >= len(rivals):
+            none = np.zeros((len(bound), 0))
+            parts = tuple(np.delete(part, k - len(rivals), axis=0) for part in (model, target, none))
+        radius = rival.distance(*parts)
         if radius < least:
             least, nearest = radius, int(k)
     last = None
