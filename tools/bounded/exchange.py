@@ -26,6 +26,10 @@ MOST_STEPS, KEPT_STEPS = 40, 40
 """Steps for each column after which it is given up; after so many the rows are solved anew."""
 NO_PIVOT = 1e-11
 """What is smaller is no part of a row in others."""
+FAR = 1e3
+"""So far from its other end a row has one where it has none: what is held there is not proven."""
+HELD = 1e-9
+"""A dual that is smaller, relatively to all, holds nothing."""
 BENT = 1e-11
 """A direction in which no two vertices go equally far differs by this part of its largest component."""
 ENDED, ENDLESS, NOT_ENDED = 0, 1, 2
@@ -57,6 +61,12 @@ class Farthest:
     x: NDArray[np.float64]
     rows: NDArray[np.int64]
     duals: NDArray[np.float64]
+
+    def of(self, count: int) -> NDArray[np.float64]:
+        """The duals (M,) of so many rows."""
+        every = np.zeros(count)
+        every[self.rows] = self.duals
+        return every
 
 
 def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
@@ -118,27 +128,22 @@ def _steps(matrix: NDArray, target: NDArray, rows: NDArray) -> Held | None:
 @compiled_and_kept
 def _exchange_held(matrix, target, rows, sign, inverse, most):
     """Exchange some of the rows (n + 1,) that hold a solution, with their signs; how it ended, after so many steps."""
-    count, part = len(rows), np.empty(len(rows))
+    last = len(rows) - 1
+    row_of = np.empty(len(rows))
     for step in range(most):
         solution = inverse @ target[rows]
-        radius = solution[count - 1]
-        reached, row, largest = matrix @ solution[: count - 1], 0, -1.0
-        for k in range(len(target)):
-            missed = abs(target[k] - reached[k])
-            if missed > largest:
-                row, largest = k, missed
-        if not largest > radius + EXACT * max(1.0, radius):
+        radius, error = solution[last], target - matrix @ solution[:last]
+        row = np.abs(error).argmax()
+        if not abs(error[row]) > radius + EXACT * max(1.0, radius):
             return ENDED, step
-        own = 1.0 if target[row] > reached[row] else -1.0
-        part[: count - 1] = matrix[row]
-        part[count - 1] = own
-        part = part @ inverse
-        out, least = -1, np.inf
-        for k in range(count):
-            less = own * part[k] * sign[k]
-            if less > NO_PIVOT and max(inverse[count - 1, k] * sign[k], 0.0) / less < least:
-                out, least = k, max(inverse[count - 1, k] * sign[k], 0.0) / less
-        if out < 0:
+        own = 1.0 if error[row] > 0.0 else -1.0
+        row_of[:last], row_of[last] = matrix[row], own
+        part = row_of @ inverse
+        ratio, less = inverse[last] * sign, own * part * sign
+        for k in range(last + 1):
+            ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
+        out = ratio.argmin()
+        if ratio[out] == np.inf:
             return ENDLESS, step
         _replaced(inverse, part, out)
         rows[out], sign[out] = row, own
@@ -148,12 +153,10 @@ def _exchange_held(matrix, target, rows, sign, inverse, most):
 @compile_callee
 def _replaced(inverse, part, out):
     """Change the inverse (n, n) of rows to that with another one at a place; `part` (n,): what this is of them."""
-    count = len(part)
-    for k in range(count):
-        inverse[k, out] /= part[out]
-        for q in range(count):
-            if q != out:
-                inverse[k, q] -= inverse[k, out] * part[q]
+    column = inverse[:, out] / part[out]
+    for k in range(len(part)):
+        inverse[k] -= column[k] * part
+    inverse[:, out] = column
 
 
 def _proven(matrix: NDArray, target: NDArray, held: Held, largest: float) -> Held | None:
@@ -212,40 +215,53 @@ class Corner:
         return Farthest(x, rows, duals)
 
 
+def least_of(matrix: NDArray, lower: NDArray, upper: NDArray, cost: NDArray) -> Farthest | None:
+    """Where cost'x is least of all x with lower (M,) ≤ matrix x ≤ upper, ends of which may be infinite.
+
+    The duals are those by which it cannot be less; None where that is not proven.
+    """
+    endless = np.isinf(lower), np.isinf(upper)
+    used = np.flatnonzero(~(endless[0] & endless[1]))
+    rows = np.ascontiguousarray(matrix[used])
+    low = np.where(endless[0], upper - FAR, lower)[used]
+    high = np.where(endless[1], lower + FAR, upper)[used]
+    corner = Corner.of(rows)
+    found = None if corner is None else corner.farthest(rows, 0.5 * (low + high), 0.5 * (high - low), -cost)
+    if found is None:
+        return None
+    held, duals = used[found.rows], -found.duals
+    far = np.where(duals > 0.0, endless[0][held], endless[1][held])
+    if (far & (np.abs(duals) > HELD * np.abs(duals).sum())).any():
+        return None
+    return Farthest(found.x, held, duals)
+
+
 @compiled_and_kept
 def _exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
     """Exchange some of the rows (n,) that meet, each at one of its sides; how it ended, after so many steps."""
-    count, duals = len(rows), weights @ inverse
-    ends, ratio = np.empty(count), np.empty(count)
+    duals = weights @ inverse
     for step in range(most):
-        for k in range(count):
-            ends[k] = middle[rows[k]] + side[k] * half[rows[k]]
-        reached, row, slope = matrix @ (inverse @ ends), 0, 0.0
-        for k in range(len(middle)):
-            within = half[k] - abs(reached[k] - middle[k])
-            if within < slope:
-                row, slope = k, within
-        if slope >= -EXACT:
+        missed = matrix @ (inverse @ (middle[rows] + side * half[rows])) - middle
+        beyond = np.abs(missed) - half
+        row = beyond.argmax()
+        if beyond[row] <= EXACT:
             return ENDED, step
-        own = 1.0 if reached[row] > middle[row] else -1.0
+        own, slope = 1.0 if missed[row] > 0.0 else -1.0, -beyond[row]
         part = matrix[row] @ inverse
-        for k in range(count):
-            less = own * part[k] * side[k]
-            ratio[k] = max(duals[k] * side[k], 0.0) / less if less > NO_PIVOT else np.inf
+        ratio, less = duals * side, own * part * side
+        for k in range(len(rows)):
+            ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
         while True:
-            out, least = -1, np.inf
-            for k in range(count):
-                if ratio[k] < least:
-                    out, least = k, ratio[k]
-            if out < 0:
+            out = ratio.argmin()
+            least = ratio[out]
+            if least == np.inf:
                 return ENDLESS, step
             # Let go at one end, a row may go to its other one as long as that takes the corner no farther than it is.
-            slope += 2.0 * abs(part[out]) * half[rows[out]]
+            slope += 2.0 * less[out] * half[rows[out]]
             if slope >= 0.0:
                 break
             side[out], ratio[out] = -side[out], np.inf
-        for k in range(count):
-            duals[k] -= least * own * part[k]
+        duals -= least * own * part
         _replaced(inverse, part, out)
         duals[out], rows[out], side[out] = least * own, row, own
     return NOT_ENDED, most

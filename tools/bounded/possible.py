@@ -190,9 +190,10 @@ class _Branch:
         used = np.flatnonzero(proof)
         rows, duals = self.rows[used], proof[used]
         duals = moved_duals(duals, rows, direction)
-        if np.linalg.norm(direction - duals @ rows) > EXACT * np.abs(duals).sum():
+        missed = direction - duals @ rows
+        if not missed @ missed <= (EXACT * np.abs(duals).sum()) ** 2:
             return math.inf
-        return float(np.maximum(duals, 0.0) @ self.upper[used] + np.minimum(duals, 0.0) @ self.lower[used])
+        return float(duals @ np.where(duals > 0.0, self.upper[used], self.lower[used]))
 
     def is_some(self, proofs: Proofs, number: int) -> bool:
         """Whether there is any such x; what shows that there is none is kept by a number, and tried first."""

@@ -1,4 +1,4 @@
-"""The linear programmes of the guaranteed approach, solved by HiGHS to 1e-10 of the noise bound.
+"""The linear programmes of the guaranteed approach, by exchanges of rows or HiGHS to 1e-10 of the noise bound.
 
 All are about the set {x: |r − J x| ≤ bound}. Rows are scaled to a bound of one and parameters to the smallest bound, so
 that the tolerances are relative to the noise. Of many rows few matter: programmes begin with a few and take in those
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lstsq, qr
 
-from .exchange import Corner, exchanged
+from .exchange import Corner, exchanged, least_of
 
 TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
@@ -40,7 +40,6 @@ EXACT = 1e-11
 """Duals that miss a direction by this part of their sizes prove what they say of it."""
 DEPENDENT = 1e-9
 """A direction of columns, each of size one, that is so small is none."""
-
 
 OTHER_STRATEGIES = ((DUAL_SIMPLEX, "off"), (PRIMAL_SIMPLEX, "off"), (DUAL_SIMPLEX, "on"), (PRIMAL_SIMPLEX, "on"))
 """How a programme is solved when its first strategy fails, as dual simplex does at times at these tolerances."""
@@ -150,9 +149,7 @@ class Polytope:
         if self._corner is not None and self._highs is None and np.isfinite(lower).all() and np.isfinite(upper).all():
             middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
             if (found := self._corner.farthest(self._rows, middle, half, weights)) is not None:
-                duals = np.zeros(len(middle))
-                duals[found.rows] = found.duals
-                return found.x, duals
+                return found.x, found.of(len(middle))
         if self._highs is None:
             free = np.full(len(weights), highspy.kHighsInf)
             self._highs = _model(np.zeros(len(weights)), -free, free, self._rows, lower, upper)
@@ -281,7 +278,13 @@ def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[fl
 
 def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np.float64]:
     """Duals (K,), changed least, with which rows (K, n) add up to a direction (n,), or nearly."""
-    found = lstsq(rows.T, direction - duals @ rows, lapack_driver="gelsy", check_finite=False)
+    missed = direction - duals @ rows
+    if len(rows) == len(missed):
+        try:
+            return duals + np.linalg.solve(rows.T, missed)
+        except np.linalg.LinAlgError:
+            pass
+    found = lstsq(rows.T, missed, lapack_driver="gelsy", check_finite=False)
     assert found is not None
     return duals + found[0]
 
@@ -327,20 +330,17 @@ def _chebyshev(
     matrix, grown = jacobian / bound[:, None] / size, by / bound[:, None] / size
     stretch = max(1.0, float(np.abs(target).max(initial=0.0)))
     both = np.block([[matrix + grown, np.ones((rows, 1))], [matrix - grown, -np.ones((rows, 1))]])
-    infinite = np.full(rows, highspy.kHighsInf)
-    low, high = (end * size / stretch for end in ends)
-    highs = _model(
-        np.append(np.zeros(columns), 1.0),
-        np.append(low, 0.0),
-        np.append(high, highspy.kHighsInf),
-        both,
-        np.append((target - now) / stretch, -infinite),
-        np.append(infinite, (target + now) / stretch),
-    )
-    solution = solved(highs)
-    values = np.array(solution.col_value) * stretch
-    duals = np.array(solution.row_dual)
-    return max(0.0, float(values[-1])), values[:-1] / size, (duals[:rows] + duals[rows:]) / bound
+    infinite, cost = np.full(rows, np.inf), np.append(np.zeros(columns), 1.0)
+    low, high = (np.append(end * size / stretch, last) for end, last in zip(ends, (0.0, np.inf), strict=True))
+    lower, upper = np.append((target - now) / stretch, -infinite), np.append(infinite, (target + now) / stretch)
+    everything = np.vstack((both, np.eye(columns + 1)))
+    found = least_of(everything, np.append(lower, low), np.append(upper, high), cost)
+    if found is None:
+        solution = solved(_model(cost, low, high, both, lower, upper))
+        x, duals = np.array(solution.col_value), np.array(solution.row_dual)
+    else:
+        x, duals = found.x, found.of(len(everything))
+    return max(0.0, float(x[-1]) * stretch), x[:-1] * stretch / size, (duals[:rows] + duals[rows : 2 * rows]) / bound
 
 
 def least_largest(
