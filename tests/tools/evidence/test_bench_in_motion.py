@@ -250,7 +250,7 @@ def test_what_no_catalogue_lists_has_its_place_and_quantity_proven(hidden, where
 @pytest.mark.acceptance
 def test_of_what_one_move_alone_shows_no_quantity_is_proven():
     """Of so small a sine one slow turn alone misfits, and a jump of a product of rates mends it with fewest numbers."""
-    evidence = whole_evidence(measured(of_formula("w1 += c*sin(6*w1)", 4e-5)), bench().place, noise_bound=SIGMA)
+    evidence = whole_evidence(measured(of_formula("w1 += c*sin(6*w1)", 5e-5)), bench().place, noise_bound=SIGMA)
     found = dependence(evidence)
     assert found is not None
     assert found.place == "gyro-1"
