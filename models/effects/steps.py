@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, Vector
-from .definition import EffectParameter, EffectPlace, accelerometer_column, last_stage_effect, own_input
+from .definition import (
+    EffectParameter,
+    EffectPlace,
+    accelerometer_column,
+    all_coefficients,
+    last_stage_effect,
+    own_input,
+)
 from .last_stage import LAST_HOUR, variant
 from .rows import Rows, Variant
 
@@ -134,6 +141,8 @@ MOUNTING_SLIP = last_stage_effect(
     component="TurntableMotion",
     stage="geometry_effects",
     places=(EffectPlace("mounting-slip", "mounting"),),
+    sets_in=True,
+    from_coefficients=all_coefficients,
     formula="Δθ = ({theta_1}, {theta_2}, {theta_3}) 'rad from' t = {start} 'on'",
 )
 

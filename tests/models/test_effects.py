@@ -170,7 +170,7 @@ def test_effects_of_temperature_need_the_temperature():
 def test_parameters_come_back_from_coefficients_and_have_one_name(place):
     effect = CATALOGUE[place.effect].at(place)
     names = [parameter.name for parameter in effect.parameters]
-    if effect.variants is None:
+    if effect.variants is None or effect.sets_in:
         coefficients = np.resize([3e-4, -4e-4, -5e-4, 2e-4], len(names))
         values = effect.from_coefficients(coefficients)
         back = []
@@ -185,9 +185,10 @@ def test_parameters_come_back_from_coefficients_and_have_one_name(place):
     else:
         values = tuple(p.largest for p in effect.parameters)
         with pytest.raises(TypeError, match="not linear"):
-            effect.signature(place, true_bench()[1])
-        with pytest.raises(TypeError, match="not linear"):
             effect.from_coefficients(np.zeros(1))
+    if effect.variants is not None:
+        with pytest.raises(TypeError, match="not linear"):
+            effect.signature(place, true_bench()[1])
     named = dict(zip(names, values, strict=True))
     entry: dict = {"effect": place.effect, "where": place.where}
     if place.order is not None:

@@ -43,11 +43,13 @@ QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
 class InMotion:
     """Readings (W, 3) over g at rows (W,) of a bench record at which the table turns, and their bounds (W, 3).
 
+    `span` (W, 2): a reading is of what is behind the first of these rows, up to the last.
     `angles`, `rate`, `acceleration` (W, 2) are those of both axes [rad], [rad/s], [rad/s²]; `senses` (W, 3) those in
     which the inputs change over all of the rows that a reading is of, 0 where it is not one that is sure.
     """
 
     rows: NDArray[np.int_]
+    span: NDArray[np.int_]
     angles: NDArray[np.float64]
     reading: NDArray[np.float64]
     bound: NDArray[np.float64]
@@ -72,8 +74,9 @@ class InMotion:
         noise = factor_for(3 * len(rows)) * gain[:, None] * _scatter(reading, record)
         bound = float(here.bound.min()) + noise + (slopes * off[:, None]).sum(axis=2) + wave[:, None]
         bound[~_one_sign(here, angles, rows, half)] = UNTOLD
-        found = InMotion(rows, angles[rows], value, bound, rate, acceleration, np.zeros_like(value))
         # A reading may be a mean since the row before.
+        span = rows[:, None] + np.array([-half - 1, half])
+        found = InMotion(rows, span, angles[rows], value, bound, rate, acceleration, np.zeros_like(value))
         lags, point = (half + 1.0) * sampling.period * np.array([1.0, 0.0, -1.0]), (here.parametrisation, here.point)
         grown = np.stack([-found.by_lag(*point, lag).reshape(-1, 3) for lag in lags.tolist()])
         least = CERTAIN * np.abs(rate).max(axis=1, initial=0.0)[:, None]

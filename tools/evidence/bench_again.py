@@ -12,14 +12,15 @@ import polars as pl
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.bench_turns import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY, integrated_readings
-from ...models.bench_turns import moments_of as integrated_angles
+from ...models.bench import small_turn
+from ...models.bench_turns import BIAS, LAG, MATRIX, SENSITIVITY
 from ...models.effects import EffectPlace
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns
 from ..orchestrator import simulate
 from ..records import BenchRecord
 from ..records.rests import without_turns
+from .bench_slip import SLIP, block_turns
 from .bench_travel import Travel
 from .carried import LATENCY
 from .fit import composed
@@ -47,11 +48,8 @@ def simulated_turns(
     `point` (P,) are parameters of bench, accelerometers and gyros; `set_in` times [h] of effects that have one.
     """
     own, time = whole.own, raw.time_s
-    targets, gyros = whole.parametrisation.selection[0] @ point[:own], point[own:]
+    gyros, turned = point[own:], block_turns(raw, whole, point)
     alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
-    moments, none = integrated_angles(time, alpha, beta), np.zeros(len(GYRO_PARAMETERS))
-    still = np.zeros((2, *moments.shape))
-    turned = integrated_readings(targets, none, moments, still, whole.turns.mounting, whole.turns.earth)
     on_gyros: list[tuple[EffectPlace, Sequence[float]]] = list(effects_of_model(gyros).items())
     for place, coefficients in effects.items():
         if place.definition.component == "GyroBlock":
@@ -61,6 +59,11 @@ def simulated_turns(
             added = (travel.way_of(place) @ coefficients) @ travel.to_block.T
             hours = (time - time[0]) / 3600.0
             turned = turned + np.stack([np.interp(hours, travel.hours, added[:, k]) for k in range(3)], axis=1)
+        elif place == SLIP:
+            assert set_in is not None
+            later = int(np.searchsorted((time - time[0]) / 3600.0, set_in[place]))
+            behind = (turned[later:] - turned[later - 1]) @ small_turn(coefficients).T
+            turned = np.vstack([turned[:later], turned[later - 1] + coefficients + behind])
     rows = np.unique(np.append(np.arange(0, len(time), -(-len(time) // MOST_ROWS)), len(time) - 1))
     period = float(time[-1] - time[0]) / (len(rows) - 1)
     even = time[0] + period * np.arange(len(rows))

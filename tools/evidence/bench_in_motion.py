@@ -34,6 +34,7 @@ from .bench_moving import Moving
 from .bench_onsets import NOT_EXCLUDED, SETTING_IN, SLACK, TurnsInTime, fades
 from .bench_pairs import pairs_of_whole
 from .bench_scenario import extension_of_bench
+from .bench_slip import SLIP
 from .bench_travel import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .bench_visits import is_linear
 from .carried import SHOWN_BY
@@ -62,11 +63,12 @@ class BenchInMotion(Bench, TurnsInTime):
     whole: WithTurns
     travel: Travel
     raw: BenchRecord
-    starting: tuple[EffectPlace, ...] = SETTING_IN
+    starting: tuple[EffectPlace, ...] = (*SETTING_IN, SLIP)
     set_in: Mapping[EffectPlace, float] = field(default_factory=dict)
     around: Fit | None = None
     narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]] = field(default_factory=dict)
     loose: float = 0.0
+    slipping: Fit | None = None
 
     # The rows are many, and each effect by itself would have to be fitted to all of them.
     ranks_each = False
@@ -77,17 +79,17 @@ class BenchInMotion(Bench, TurnsInTime):
     def residual(self) -> NDArray[np.float64]:
         """Readings and integrals less prediction (M,), over their bounds."""
         if self.around is not None:
-            return self.around.without_effects
-        return self.whole.residual / self.whole.bound
+            return self.around.without_effects * self.says
+        return self.whole.residual / self.whole.bound * self.says
 
     @cached_property
     def nominal(self) -> NDArray[np.float64]:
         """Derivatives (M, P) by the parameters of bench, accelerometers and gyros, over the bounds."""
         if self.around is not None:
-            return self.around.jacobian[:, : len(self.point)]
+            return self.around.jacobian[:, : len(self.point)] * self.says[:, None]
         lagging = np.zeros((len(self.whole.bound), 1))
         lagging[: self.of_readings, 0] = self.moving.lagging(0.0)[1]
-        return np.hstack([self.whole.jacobian, lagging]) / self.whole.bound[:, None]
+        return np.hstack([self.whole.jacobian, lagging]) * (self.says / self.whole.bound)[:, None]
 
     @property
     def of_readings(self) -> int:
@@ -120,7 +122,7 @@ class BenchInMotion(Bench, TurnsInTime):
         What effects do to the turns is linear.
         """
         blocks, own = blocks_of(places), self.whole.own
-        mine = [(place, block) for place, block in zip(places, blocks, strict=True) if acts_at_rest(place)]
+        mine = [(p, block) for p, block in zip(places, blocks, strict=True) if acts_at_rest(p) and p not in self.set_in]
         columns = np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.stop) for _, b in mine)])
         readings = self.moving.lagging(float(point[-1]))[0]
         read = replace(self.moving.read, readings=readings).about(
@@ -129,6 +131,7 @@ class BenchInMotion(Bench, TurnsInTime):
         residual, jacobian, bound, chosen = self._beside_turns(read, columns, self._added(places), point, coefficients)
         rate = np.zeros_like(jacobian)
         rate[: self.of_readings, chosen] = read.rate
+        bound = np.where(self.says, bound, np.inf)
         return residual / bound, jacobian / bound[:, None], rate / bound[:, None]
 
     def _beside_turns(
@@ -159,12 +162,12 @@ class BenchInMotion(Bench, TurnsInTime):
         blocks, known = blocks_of(places) if blocks is None else blocks, self._known
         added = np.zeros((len(self.whole.bound), blocks[-1].stop if blocks else 0))
         for place, block in zip(places, blocks, strict=True):
-            # What is not linear acts on accelerometers at rest alone.
-            if is_linear(place):
-                if place not in known:
-                    in_time = place in self.set_in
-                    turned = self.columns_set_in(place) if in_time else self.travel.columns(place)
-                    known[place] = np.vstack([self.moving.columns(place), turned])
+            # What is not linear acts on accelerometers at rest alone, but for a slip at its time.
+            if is_linear(place) or place in self.set_in:
+                if place not in known and place in self.set_in:
+                    known[place] = np.nan_to_num(self.columns_set_in(place))
+                elif place not in known:
+                    known[place] = np.vstack([self.moving.columns(place), self.travel.columns(place)])
                 added[:, block] = known[place]
         return added
 
@@ -177,9 +180,9 @@ class BenchInMotion(Bench, TurnsInTime):
         """Columns (M, K) of linear effects over the bounds, at the nominal fit."""
         columns = self._added(places)
         for place, block in zip(places, blocks_of(places), strict=True):
-            if acts_at_rest(place):
+            if acts_at_rest(place) and place not in self.set_in:
                 columns[: self.of_readings, block] = self.moving.read.columns_of([place])
-        return columns / self.whole.bound[:, None]
+        return columns * (self.says / self.whole.bound)[:, None]
 
     @cached_property
     def classes(self) -> Classes:
@@ -425,10 +428,11 @@ class BenchInMotion(Bench, TurnsInTime):
             solution = estimated(made.matrix(places)[kept], self.residual[kept])
             point, sizes = np.split(solution, [len(self.point)])
             effects = {p: sizes[block] for p, block in zip(places, blocks_of(places), strict=True)}
+            # A slip is told by the clock of the rests, others by that of the rows.
+            began = (self.readings.circumstances.began - float(self.raw.time_s[0])) / 3600.0
+            set_in = {place: time + began * (place == SLIP) for place, time in made.set_in.items()}
             try:
-                read = simulated_turns(
-                    self.raw, self.whole, self.travel, (self.point + point)[:-1], effects, made.set_in
-                )
+                read = simulated_turns(self.raw, self.whole, self.travel, (self.point + point)[:-1], effects, set_in)
             except InputError:
                 # Values that no component takes.
                 return None
@@ -480,12 +484,12 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     encoder_bound = place.encoder_within(alone.noise_bound)
     travel = Travel.of(raw, whole, encoder_bound, alone.gravity)
     more = InMotion.of(record, here, alone.gravity, encoder_bound)
-    moving = Moving.of(rests, raw, more, travel.to_block, travel.lean, least)
+    # A slip is sought with its turns.
+    without = replace(rests, places=tuple(place for place in rests.places if place != SLIP))
+    moving = Moving.of(without, record, more, travel.to_block, travel.lean, least)
     both = with_turns(moving.read.here, whole.turns, str(record.path))
     moving = moving.about(both.point[: both.own])
-    # Of a block that slips on the table gyros see the slip itself: that is not tried.
-    seen = (p for p in rests.places if is_linear(p) or p.definition.stage != "geometry_effects")
-    places = (*seen, *IN_MOTION, *effects_of_gyros())
+    places = (*without.places, *IN_MOTION, *effects_of_gyros())
     names, bounds = (*rests.names, *gyro_names(), ("accelerometer-lag", "s")), rests.bounds
     told = (found, here, rests.readings, rests.numbers, bounds)
     return BenchInMotion((), names, np.append(both.point, 0.0), places, *told, rests, moving, both, travel, raw)

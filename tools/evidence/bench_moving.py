@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace, MotionRows
 from ..calibration.in_motion import CERTAIN, InMotion, slopes_by_angles
 from ..calibration.model import linearise
-from ..records import BenchRecord
+from ..records import BenchRecord, PositionRecord
 from .bench import Bench
 from .bench_model import Readings
 from .bench_travel import FINE, moves_of, senses_of_moves
@@ -33,15 +33,17 @@ class Moving:
 
     @staticmethod
     def of(
-        rests: Bench, raw: BenchRecord, more: InMotion, to_block: NDArray, lean: float, encoder_bound: float
+        rests: Bench, record: PositionRecord, more: InMotion, to_block: NDArray, lean: float, encoder_bound: float
     ) -> "Moving":
         """The rests of a record, and what it says between them; more than an encoder's error [rad] is motion."""
-        here, known = rests.here, rests.readings
+        here, known, raw = rests.here, rests.readings, record.raw
+        assert isinstance(raw, BenchRecord)
         hours = (raw.time_s[more.rows] - known.circumstances.began) / 3600.0
         order = np.argsort(np.append(known.circumstances.hours, hours), kind="stable")
         still, angles = np.zeros((2, len(known), 2)), np.stack([known.at.alpha, known.at.beta], axis=1)
         moves = moves_of(raw, encoder_bound)
-        at_rest = np.full(len(known), -1), angles, known.reading, here.bound.reshape(-1, 3), *still
+        kept = [(rest.kept_first - 1, rest.kept_last) for rest in record.rests if rest.refused is None]
+        at_rest = np.full(len(known), -1), np.array(kept), angles, known.reading, here.bound.reshape(-1, 3), *still
         at_rest = *at_rest, _senses_at(rests, raw, moves)
         both: list[Any] = [np.concatenate(pair)[order] for pair in zip(at_rest, vars(more).values(), strict=True)]
         seen = InMotion(*both)

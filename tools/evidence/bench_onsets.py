@@ -1,4 +1,4 @@
-"""Effects of the gyros that set in at a time, or fade, as the turns of a bench record show them."""
+"""Effects of the gyros that set in at a time, or fade, and a slip of the block, as a bench record shows them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +12,8 @@ from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from ..bounded.sets import Work
 from ..calibration.turns import WithTurns
 from ..records import BenchRecord
+from .bench_moving import Moving
+from .bench_slip import SLIP, SlipOnsets
 from .bench_travel import Travel
 from .fit import Fit, estimated
 from .onsets import Onsets
@@ -25,6 +27,8 @@ SETTING_IN = tuple(
     for place in effect.places
 )
 """Effects of gyros that act from a time on, or settle."""
+ROUNDS = 2
+"""So many times a slip is fitted again where it is linear about half of what it was."""
 SLACK = 0.5
 """What the linear model of a search may be wrong by, in bounds."""
 NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each of its time constants asks for its own"
@@ -64,15 +68,18 @@ class TurnsInTime(SettingIn):
     """Evidence of a whole bench beside which effects of its gyros set in.
 
     `around` is the fit about which its rows are linear, in place of the nominal model's, `narrowed` what `left_open`
-    says beside it; `loose` what its model may be wrong by, in bounds.
+    says beside it; `loose` what its model may be wrong by, in bounds. `slipping` is a fit with a slip, about half of
+    which slips are linear.
     """
 
     raw: BenchRecord
+    moving: Moving
     whole: WithTurns
     travel: Travel
     around: Fit | None
     narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]]
     loose: float
+    slipping: Fit | None
 
     most_with_onset = 2
 
@@ -86,42 +93,68 @@ class TurnsInTime(SettingIn):
         """Columns of effects that set in after a row."""
         return TurnOnsets.of(self.raw, self.whole, self.travel)
 
+    @cached_property
+    def slips(self) -> SlipOnsets:
+        """Columns of a slip after a moment."""
+        return SlipOnsets.of(self.raw, self.whole, self.moving, self.slipping)
+
+    def onsets_of(self, place: EffectPlace) -> TurnOnsets | SlipOnsets:
+        """Those of the gyros, or of the slip."""
+        return self.slips if place == SLIP else self.onsets
+
     def with_onset(self, place: EffectPlace, row: float) -> Self:
         """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
-        value = self.onsets.value(self.onsets.acting(place), row)
+        value = self.onsets_of(place).value(self.acting[place], row)
         return self._replaced_by(set_in={**self.set_in, place: value})
 
     def columns_set_in(self, place: EffectPlace) -> NDArray[np.float64]:
-        """What an effect that sets in at its time adds to the integrals (3 S, K) [rad]."""
-        acting = self.onsets.acting(place)
-        (columns,), _ = self.onsets.columns(acting, self.onsets.number(acting, self.set_in[place]))
-        return columns.reshape(-1, columns.shape[2])
+        """What an effect that sets in at its time adds to readings [g] and integrals [rad] (M, K); NaN: not told."""
+        onsets, acting = self.onsets_of(place), self.acting[place]
+        columns, _ = onsets.columns(acting, onsets.number(acting, self.set_in[place]))
+        return self.over_bounds(columns) * self.whole.bound[:, None]
+
+    @cached_property
+    def says(self) -> NDArray[np.bool_]:
+        """Which rows (M,) say something beside what sets in at its time."""
+        every = [np.isfinite(self.columns_set_in(place)).all(axis=1) for place in self.set_in if place == SLIP]
+        return np.all([np.ones(len(self.whole.bound), dtype=bool), *every], axis=0)
 
     def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
-        """Columns (S, 3, K) of the turns as rows (M, K) over their bounds; the readings show nothing of them."""
-        (own,) = columns
-        turned = own.reshape(-1, own.shape[2])
-        above = np.zeros((len(self.whole.bound) - len(turned), turned.shape[1]))
-        return np.vstack([above, turned]) / self.whole.bound[:, None]
+        """Columns (S, 3, K) of the turns, or of readings and turns, as rows (M, K) over their bounds."""
+        own = np.vstack([part.reshape(-1, part.shape[2]) for part in columns])
+        above = np.zeros((len(self.whole.bound) - len(own), own.shape[1]))
+        return np.vstack([above, own]) / self.whole.bound[:, None]
 
     def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
-        """Fits of a set with one effect that sets in; rows are linear about the best that the nominal point shows."""
+        """Fits of a set with one effect that sets in; rows are linear about the best that the nominal point shows.
+
+        Of a slip that is found again twice: what it does is bent.
+        """
         if self.around is None:
             (place,) = (place for place in places if place in self.starting)
             others = [other for other in places if other != place]
-            rough = self._replaced_by(loose=SLACK)
+            bent = self.second_order_at(self.baseline_radius) if place == SLIP else 0.0
+            rough = self._replaced_by(loose=SLACK + bent)
             if not (left := list(rough.open_stretches(place, others, work))):
                 return []
             begin, end = min(left, key=lambda ends: self._left_by(place, others, 0.5 * (ends[0] + ends[1])))
-            fit = self.with_onset(place, 0.5 * (begin + end)).refit([*others, place])
-            about = self._replaced_by(around=fit, point=fit.point, narrowed={place: left})
+            made, row, narrowed = self, 0.5 * (begin + end), {place: left}
+            fit = made.with_onset(place, row).refit([*others, place])
+            if place == SLIP:
+                time, narrowed = self.slips.value(self.acting[place], row), {}
+                for _ in range(ROUNDS):
+                    made = made._replaced_by(slipping=fit)
+                    row = made.slips.number(made.acting[place], time)
+                    fit = made.with_onset(place, row).refit([*others, place])
+                made = made._replaced_by(loose=made.slips.missed)
+            about = made._replaced_by(around=fit, point=fit.point, narrowed=narrowed)
             return about.mended_in_time(places, work)
         return super().mended_in_time(places, work)
 
     def _left_by(self, place: EffectPlace, others: Sequence[EffectPlace], row: float) -> float:
         """What least squares leave of the rows with an effect that sets in after a row."""
-        columns, _ = self.onsets.columns(self.acting[place], int(row))
-        matrix = np.hstack([self.matrix(others), self.over_bounds(columns)])
+        columns, _ = self.onsets_of(place).columns(self.acting[place], int(row))
+        matrix = np.hstack([self.matrix(others), np.nan_to_num(self.over_bounds(columns))])
         return float(np.linalg.norm(self.residual - matrix @ estimated(matrix, self.residual)))
 
     def acts_linearly(self, fit: Fit) -> bool:
@@ -130,5 +163,9 @@ class TurnsInTime(SettingIn):
 
     def _replaced_by(self, **fields: Any) -> Self:
         made = replace(self, **fields)
-        made.__dict__.update({name: self.__dict__[name] for name in ("onsets", "acting") if name in self.__dict__})
+        known = {name: self.__dict__[name] for name in ("onsets", "slips", "acting") if name in self.__dict__}
+        made.__dict__.update(known)
+        if "slipping" in fields:
+            del made.__dict__["slips"]
+            made.__dict__["acting"] = {**self.acting, SLIP: made.slips.acting(SLIP)}
         return made

@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,9 @@ class Onsets:
     bias: tuple[NDArray[np.float64], ...] | None
     rests: NDArray[np.bool_]
 
+    at_once: ClassVar[int] = 0
+    """1 of what changes at once: the last row of a stretch is the one before its end."""
+
     @cached_property
     def ends_of_pieces(self) -> NDArray[np.int_]:
         """Rows at which pieces begin or end."""
@@ -163,7 +167,7 @@ class Onsets:
         What stands with the shortest or longest time constant that is sought is not told from what is beyond.
         """
         if not isinstance(acting, Fading):
-            return float(self.hours[int(begin)]), float(self.hours[int(end)])
+            return float(self.hours[int(begin)]), float(self.hours[int(end) + self.at_once])
         low = acting.time(begin) if begin > 0 else 0.0
         return low, acting.time(end) if end < len(acting.times) - 1 else LAST_HOUR
 

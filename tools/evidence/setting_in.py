@@ -50,6 +50,10 @@ class SettingIn(Evidence):
         """Columns of effects that set in after a row."""
         raise NotImplementedError
 
+    def onsets_of(self, place: EffectPlace) -> Onsets:
+        """Those of one effect."""
+        return self.onsets
+
     def with_onset(self, place: EffectPlace, row: float) -> Self:
         """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
         raise NotImplementedError
@@ -61,7 +65,7 @@ class SettingIn(Evidence):
     @cached_property
     def acting(self) -> dict[EffectPlace, Acting | Fading]:
         """What each effect that sets in does from each row on."""
-        return {place: self.onsets.acting(place) for place in self.starting}
+        return {place: self.onsets_of(place).acting(place) for place in self.starting}
 
     @cached_property
     def stretches(self) -> dict[tuple[EffectPlace, int, int], tuple[NDArray[np.float64], float]]:
@@ -73,7 +77,7 @@ class SettingIn(Evidence):
         made = self
         for place, values in zip(fit.places, fit.values(), strict=True):
             if place in self.starting:
-                made = made.with_onset(place, self.onsets.number(self.acting[place], values[-1]))
+                made = made.with_onset(place, self.onsets_of(place).number(self.acting[place], values[-1]))
         return made
 
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
@@ -98,9 +102,9 @@ class SettingIn(Evidence):
     def _others_beside(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
         """Linear effects beside which an effect may set in, in the order of their places."""
         every = self.classes.places
-        if len(self.onsets.edges) < 2:
+        if len(self.onsets_of(place).edges) < 2:
             return []
-        columns, edges = [self.columns_of([other]) for other in every], self.onsets.edges_of(self.acting[place])
+        columns, edges = [self.columns_of([other]) for other in every], self._edges_of(place)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
         left, found = [(low, high, range(len(every))) for low, high in pairwise(starts.tolist())], set[int]()
         while left:
@@ -129,9 +133,10 @@ class SettingIn(Evidence):
         ends, found, swept = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, others, work)
         if not found:
             return []
-        start, end = self.onsets.ends(acting, *ends)
+        onsets = self.onsets_of(place)
+        start, end = onsets.ends(acting, *ends)
         best = sorted(found, key=lambda one: one[0].radius)
-        first, *also = (setting_in_at(fit, place, self.onsets.value(acting, row), (start, end)) for fit, row in best)
+        first, *also = (setting_in_at(fit, place, onsets.value(acting, row), (start, end)) for fit, row in best)
         return [replace(first, also=tuple(also), swept=tuple(swept))]
 
     def _setting_in(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
@@ -211,11 +216,14 @@ class SettingIn(Evidence):
         """An effect beside others at every row between two."""
         acting = self.acting[place]
         assert isinstance(acting, Acting)
-        fixed, moving, ways = self.onsets.swept(acting, *ends)
+        fixed, moving, ways = self.onsets_of(place).swept(acting, *ends)
         rows = [self.over_bounds(columns) for columns in (fixed, moving)]
-        matrix = np.hstack([self.matrix(others), rows[0]])
+        matrix, residual = np.hstack([self.matrix(others), rows[0]]), self.residual.copy()
         own = np.arange(matrix.shape[1] - rows[0].shape[1], matrix.shape[1])
-        every = Rows(matrix, rows[1], ways, own, self.residual, self.bound)
+        # What is not told there says nothing.
+        untold = ~np.isfinite(rows[0]).all(axis=1)
+        matrix[untold], rows[1][untold], residual[untold] = 0.0, 0.0, 0.0
+        every = Rows(matrix, rows[1], ways, own, residual, self.bound)
         return Swept(every, self.limit, np.zeros(matrix.shape[1]))
 
     def _searched(
@@ -236,12 +244,12 @@ class SettingIn(Evidence):
         self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
     ) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
-        if len(self.onsets.edges) < 2:
+        if len(self.onsets_of(place).edges) < 2:
             return
         if place in self.left_open:
             yield from self.left_open[place]
             return
-        edges, matrix = self.onsets.edges_of(self.acting[place]), self.matrix(others)
+        edges, matrix = self._edges_of(place), self.matrix(others)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
         left = list(pairwise(starts.tolist()))[::-1]
         while left:
@@ -252,10 +260,14 @@ class SettingIn(Evidence):
             if refused(columns, self.residual[kept], self.limit + missed, work):
                 continue
             if high - low == 1:
-                yield int(edges[low]), int(edges[high])
+                yield int(edges[low]), int(edges[high]) - self.onsets_of(place).at_once
             else:
                 middle = (low + high) // 2
                 left += [(middle, high), (low, middle)]
+
+    def _edges_of(self, place: EffectPlace) -> NDArray[np.int_]:
+        """Ends of the least stretches of an effect's times."""
+        return self.onsets_of(place).edges_of(self.acting[place])
 
     def _of_stretch(self, place: EffectPlace, begin: int, end: int) -> tuple[NDArray[np.float64], float]:
         """Columns (M, L) that hold an effect in a stretch of its times, over the bounds; kept for the next set.
@@ -271,7 +283,8 @@ class SettingIn(Evidence):
                 columns, left_away = held(every, LEFT_AWAY / (WEIGHED * float(np.linalg.norm(largest))))
                 known = columns, float((error @ largest + left_away * WEIGHED * np.linalg.norm(largest)).max())
             else:
-                known = self.over_bounds(self.onsets.within(acting, begin, end)), 0.0
+                onsets = self.onsets_of(place)
+                known = self.over_bounds(onsets.within(acting, begin, end - onsets.at_once)), 0.0
             self.stretches[place, begin, end] = known
         return known
 

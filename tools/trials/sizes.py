@@ -381,7 +381,7 @@ def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace
 
     At any but near the ends, where it shows in hardly any piece.
     """
-    onsets, acting = evidence.onsets, evidence.acting[place]
+    onsets, acting = evidence.onsets_of(place), evidence.acting[place]
     if place.definition.fades:
         low, high = (round(onsets.number(acting, part * float(onsets.hours[-1]))) for part in SHORT_OF_RECORD)
     else:
@@ -392,8 +392,9 @@ def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace
 def most_alike(evidence: SettingIn, place: EffectPlace, change: NDArray) -> NDArray[np.float64]:
     """Columns (M, K) of an effect that sets in, at the time at which least squares bring it next to a change (M,)."""
     acting = evidence.acting[place]
-    every = evidence.onsets.edges_of(acting)
-    tried = [evidence.over_bounds(evidence.onsets.columns(acting, row)[0]) for row in every]
+    onsets = evidence.onsets_of(place)
+    every = onsets.edges_of(acting)
+    tried = [np.nan_to_num(evidence.over_bounds(onsets.columns(acting, row)[0])) for row in every]
     base = column_space(evidence.nominal)
     left = change - base @ (base.T @ change)
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..calibration.gyros import Bench as Place
 from ..evidence.bench import Bench as Evidence
 from ..evidence.bench_in_motion import whole_evidence
-from ..evidence.bench_travel import OF_GYROS
+from ..evidence.bench_travel import OF_GYROS, acts_at_rest
 from ..evidence.fit import composed
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
@@ -201,4 +201,7 @@ def hidden_in(
     if not np.isfinite(size) or size > largest_size(place, direction):
         return None
     values = here.values_of([place], np.append(np.zeros(len(here.names)), size * direction))[place]
-    return Hidden(place, values, float(size), sizes)
+    hidden = Hidden(place, values, float(size), sizes)
+    # What acts at rest counts from the first rest on.
+    began = evidence.readings.circumstances.began / 3600.0
+    return hidden.since(-began) if in_time and acts_at_rest(place) else hidden

@@ -10,6 +10,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.evidence.bench_in_motion import BenchInMotion, whole_evidence
 from trihedron.tools.evidence.bench_onsets import SLACK
+from trihedron.tools.evidence.bench_slip import SLIP
 from trihedron.tools.trials.sizes import Hidden
 from trihedron.tools.trials.whole import draw_whole
 
@@ -44,8 +45,48 @@ def test_turns_change_as_the_extended_component_says(place, values):
     clean, moved = evidence_with(), evidence_with(Hidden(place, values))
     changed = (moved.whole.turns.integral - clean.whole.turns.integral).ravel()
     number = clean.onsets.number(clean.acting[place], values[-1])
-    columns = clean.with_onset(place, number).columns_set_in(place)
+    columns = clean.with_onset(place, number).columns_set_in(place)[clean.of_readings :]
     assert np.abs(columns @ values[:-1] - changed).max() <= 5e-3 * np.abs(changed).max()
+
+
+def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says():
+    """In the middle of a move: the turn that holds the slip has it, too; a rest of both sides says nothing."""
+    values = (2e-4, -1e-4, 3e-4, 152.303 / 3600.0)
+    clean, moved = evidence_with(), evidence_with(Hidden(SLIP, values))
+    turns = clean.whole.turns
+    assert np.array_equal(turns.first, moved.whole.turns.first)
+    number = clean.slips.number(clean.acting[SLIP], values[-1] - clean.readings.circumstances.began / 3600.0)
+    beside = clean.with_onset(SLIP, number)
+    columns, of = np.nan_to_num(beside.columns_set_in(SLIP)), clean.of_readings
+    by_gyros = (moved.whole.turns.integral - turns.integral).ravel()
+    across = np.repeat((turns.first <= number) & (number < turns.last), 3)
+    assert np.abs(by_gyros[across]).max() > 1e-4
+    assert np.abs(columns[of:] @ values[:-1] - by_gyros).max() <= 3e-6
+    by_readings = (moved.moving.seen.reading - clean.moving.seen.reading).ravel()
+    # Which rows of a move are read may change with the slip.
+    same = np.repeat(moved.moving.seen.rows == clean.moving.seen.rows, 3)
+    left = (columns[:of] @ values[:-1] - by_readings)[same & beside.says[:of]]
+    assert np.abs(left).max() <= 3e-6 < 1e-4 < np.abs(by_readings[same]).max()
+    rested = clean.moving.seen.span[clean.moving.at_rest][3].mean()
+    assert (~clean.with_onset(SLIP, rested).says).sum() == 3
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("factor", [0.1, 1.0, 20.0])
+def test_a_slip_is_found_with_its_angles_and_its_time(factor):
+    """Whether it slips in a move or at rest, by 8 arcseconds or a quarter of a degree; nothing else would do."""
+    for start in (0.0411, 0.04231):
+        values = *(factor * theta for theta in (2e-4, -1e-4, 3e-4)), start
+        evidence = evidence_with(Hidden(SLIP, values))
+        found = {place: fits for place in evidence.starting if (fits := evidence.mended([place], Work()))}
+        assert list(found) == [SLIP]
+        ((fit,),) = found.values()
+        (ends,) = fit.intervals()
+        true = (*values[:-1], start - evidence.readings.circumstances.began / 3600.0)
+        assert all(low <= value <= high for value, (low, high) in zip(true, ends, strict=True))
+        assert all(high - low < 10.0 * SIGMA for low, high in ends[:-1])
+        # Within a move, or a rest with its moves.
+        assert ends[-1][1] - ends[-1][0] < 20.0 / 3600.0
 
 
 @pytest.mark.acceptance
