@@ -194,9 +194,10 @@ def plan_positions(
     dwell_s: float = 20.0,
     rate_dps: float | None = None,
     acceleration_dps2: float | None = None,
-    goal: Literal["levelling", "gyrocompass"] | None = None,
+    goal: Literal["levelling", "gyrocompass", "force"] | None = None,
     latitude_deg: float | None = None,
     accuracy: str | None = None,
+    fewest: Literal["positions", "minutes"] = "positions",
     noise_bound: float = 1e-5,
     lost: int = 0,
     measured: str | Path | None = None,
@@ -234,11 +235,14 @@ def plan_positions(
         How fast the table turns, 1 rad/s and 1 rad/s² where nothing is said (--imu: 100 deg/s).
     goal : str, optional
         What the correction is for, in place of single targets: levelling makes the largest error of a level small,
-        gyrocompass that of the azimuth, at the latitude.
+        gyrocompass that of the azimuth, at the latitude, force that of the specific force as a vector, over all
+        directions.
     latitude_deg : float, optional
         Of the gyrocompass [deg], 55.75.
     accuracy : str, optional
         The error that the goal, or each target, must keep, as 7arcsec, 20ug, 5ppm or 1e-5.
+    fewest : str
+        With an accuracy: the fewest positions, or the fewest minutes of rests and moves, that keep it.
     noise_bound : float
         σ, as a fraction of g, for goal and accuracy.
     lost : int
@@ -306,6 +310,7 @@ def plan_positions(
         lost=lost,
         measured=None if measured is None else Path(measured),
         accuracy=accuracy,
+        fewest=fewest,
         noise_bound=noise_bound,
         latitude_deg=latitude_deg,
         rate_dps=rate_dps,
@@ -314,7 +319,7 @@ def plan_positions(
     if [count, minutes, accuracy].count(None) != 2:
         raise InputError("--positions, --minutes and --accuracy: give one of the three")
     if accuracy is not None:
-        return planning.plan_to_accuracy(request, progress=progress)
+        return planning.plan_to_accuracy(request, dwell_s=dwell_s, progress=progress)
     if minutes is not None:
         return planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=progress)
     assert count is not None

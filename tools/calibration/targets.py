@@ -5,7 +5,7 @@ Targets of the convention, other combinations, errors of readings at the corners
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from itertools import product
@@ -258,22 +258,6 @@ class _Expression:
         for target, factor in IN_TARGETS.get(symbol, {symbol: 1.0}).items():
             weights[TARGETS.index(target)] += factor
         return weights @ self._p.selection[mounting]
-
-
-FACES = (
-    *(("X17+X6+X8", "X18+X7+X12"), ("X17-X6-X8", "X18-X7-X12")),
-    *(("X16", "X18+X11+X13"), ("X16", "X18-X11-X13"), ("X16", "X17")),
-)
-"""What two accelerometers read too much while the axis of the third is vertical: axes 1 and 2 up and down, axis 3."""
-GOALS: dict[str, tuple[str, ...]] = dict.fromkeys(
-    ("levelling", "gyrocompass"), tuple(dict.fromkeys(symbol for face in FACES for symbol in face))
-)
-"""Targets of which the largest error is what a correction is worth for something, by its name."""
-
-
-def levelling_error(errors: Mapping[str, float]) -> float:
-    """The largest error of a level [rad] with an axis vertical, from those of the targets of that goal [g]."""
-    return max(math.hypot(*(errors[symbol] for symbol in face)) for face in FACES)
 
 
 def corners() -> list[tuple[int, tuple[int, int, int]]]:

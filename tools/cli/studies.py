@@ -32,10 +32,10 @@ FOR = {
         "measured",
         "minutes",
         "dwell_s",
-        *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy", "out"),
+        *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy", "fewest", "out"),
     ),
     "curve": (*SEARCH, "out"),
-    "check": ("noise_bound",),
+    "check": ("noise_bound", "keep_out"),
     "imu": (
         *("minutes", "gyro_noise", "encoder_bound", "latitude_deg", "azimuth_deg", "rate_dps", "exchanges"),
         *("dwell_s", "noise_bound", "out"),
@@ -74,6 +74,8 @@ def plan(
 
     Example: trihedron plan --goal levelling --accuracy 7arcsec --noise-bound 1e-5
 
+    Example: trihedron plan --goal force --accuracy 45ug --fewest minutes --dwell 10
+
     Example: trihedron plan --imu --minutes 30 --gyro-noise 1e-5 --out imu30
 
     Parameters
@@ -93,7 +95,7 @@ def plan(
     minutes
         Time on the table: as many positions as fit into it; or of --imu, 30.
     dwell_s
-        Time at each position [s], for --minutes, --out and --imu.
+        Time at each position [s], for --minutes, --fewest minutes, --out and --imu.
     noise_bound
         σ, as a fraction of g, for --goal, --accuracy, --check and --imu; 1e-5.
     out
@@ -203,7 +205,7 @@ def _positions(
     if [count, minutes, request.accuracy].count(None) != 2:
         raise InputError("--positions, --minutes and --accuracy: give one of the three")
     if request.accuracy is not None:
-        found = planning.plan_to_accuracy(request, progress=True)
+        found = planning.plan_to_accuracy(request, dwell_s=dwell_s, progress=True)
     elif minutes is not None:
         found = planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=True)
     else:
@@ -230,7 +232,7 @@ def _curve(ends: tuple[int, int], request: "planning.Request", out: Path | None,
 
 def _check(file: Path | None, request: "planning.Request", noise_bound: float | None, json: Path | None) -> Answer:
     assert file is not None
-    planned, actual = planning.read_angles(file)
+    planned, actual = planning.read_angles(file, request.keep_out)
     noise = 1e-5 if noise_bound is None else noise_bound
     found = planning.check_settings(planning.task_of(request, progress=True), planned, actual, noise)
     return answer(found, json)

@@ -3,10 +3,7 @@ from .check import read_angles as read_angles
 from .common import DWELL_S as DWELL_S
 from .common import PositionPlan as PositionPlan
 from .common import checked_dwell as checked_dwell
-from .common import plan_curve as plan_curve
-from .common import plan_in_time as plan_in_time
 from .common import plan_positions as plan_positions
-from .common import plan_to_accuracy as plan_to_accuracy
 from .imu import ImuPlan as ImuPlan
 from .imu import plan_imu as plan_imu
 from .plan import Plans as Plans
@@ -14,3 +11,6 @@ from .plan import plan_targets as plan_targets
 from .positions import task_of as task_of
 from .proof_search import prove as prove
 from .request import Request as Request
+from .wanted import plan_curve as plan_curve
+from .wanted import plan_in_time as plan_in_time
+from .wanted import plan_to_accuracy as plan_to_accuracy

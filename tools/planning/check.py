@@ -44,6 +44,7 @@ from .positions import (
     readings,
     task_of,
 )
+from .request import parsed_keep_out
 
 TOLERABLE = 0.1
 """A bias that may add a tenth of the guaranteed error is tolerable."""
@@ -54,6 +55,8 @@ DECIMALS_DEG = 9
 """Errors of setting have no more decimals [deg]: the rest is rounding of sines and cosines."""
 ADVICE = ("tolerable", "compensate", "re-solve", "measure again")
 """From the least trouble to the most."""
+EDGE_DEG = 1e-8
+"""Angles so near the end of a keep-out are outside it."""
 LATTICE_DEG = 15.0
 PHASES = 8
 """An effect with two coefficients is judged by the least distance over so many phases."""
@@ -112,8 +115,11 @@ class SettingCheck(Result):
     targets: tuple[TargetCheck, ...]
 
 
-def read_angles(path: Path) -> tuple[Places, Places]:
-    """Planned and actual positions of an `angles.csv`; an InputError for another file, or angles that no table has."""
+def read_angles(path: Path, keep_out: Sequence[str] = ()) -> tuple[Places, Places]:
+    """Planned and actual positions of an `angles.csv`.
+
+    An InputError for another file, for angles that no table has, and for a position inside a keep-out, with its row.
+    """
     names = ("planned_alpha_deg", "planned_beta_deg", "alpha_deg", "beta_deg")
     table, _ = read_table(path, str(path), names)
     low, high, needed = LIMITS["alpha_deg"]
@@ -121,6 +127,13 @@ def read_angles(path: Path) -> tuple[Places, Places]:
         values = table.columns[name]
         for k in np.flatnonzero((values < low) | (values > high)).tolist():
             raise InputError(f"{table.row(k)}, column '{name}': {values[k]:g} is outside {low:g} to {high:g}; {needed}")
+        for text in keep_out:
+            axis, start, end = parsed_keep_out(text)
+            inside = np.mod(values - np.degrees(start), 360.0)
+            wrong = (inside > EDGE_DEG) & (inside < np.degrees(end - start) - EDGE_DEG)
+            if name.endswith(("alpha_deg", "beta_deg")[axis]) and wrong.any():
+                k = int(wrong.argmax())
+                raise InputError(f"{table.row(k)}, column '{name}': {values[k]:g} is inside --keep-out {text}")
     angle = np.radians(np.column_stack([table.columns[name] for name in names]))
     mounting = np.zeros(len(angle), dtype=int)
     return Places(angle[:, :2], mounting), Places(angle[:, 2:], mounting)

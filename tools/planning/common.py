@@ -1,29 +1,25 @@
-"""One set of positions for all targets, as many as are asked for or fit into given time, and what any number costs."""
+"""One set of so many positions for all targets, or for a goal."""
 
 import csv
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import replace
+from collections.abc import Iterator
 from importlib import resources
 from itertools import product
-from math import ceil, radians, tan
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from ..calibration.result import Number
-from ..calibration.targets import levelling_error
 from ..errors import InputError
 from ..progress import shown_status
 from ..result import Result
-from ..rounding import downwards
 from .check import EffectDistance, detecting, named_effects
+from .force import force_error, search_force
 from .plan import Degrees
 from .pool import Bound, bound_positions, pool_of
 from .positions import Costs, Places, Request, Task, allowed, costs, task_of
-from .search import drawn, merit, search
+from .search import merit, search
 from .tour import measuring_order, unwound
 from .unlisted import UnlistedSize, against_unlisted, sizes_of
 
@@ -62,7 +58,7 @@ class PositionPlan(Result):
     programme : tuple of int
         every measurement: which position, from 1
     worst_ratio, mean_ratio : float
-        of the targets' costs to their optima
+        of the targets' costs to their optima; worst of a goal, of its error to what no positions better
     lower_bound, lower_bound_on : float, str
         proven: no set of so many positions of this pool has a lower worst ratio; None where it is not asked for, where
         extra positions are or another criterion is, or after an interruption
@@ -78,11 +74,16 @@ class PositionPlan(Result):
         whether Ctrl-C ended search or bound
     mountings : dict
         Q (3, 3) by name
-    goal, lost, levelling_error, azimuth_error : str, int, float, float or None
+    goal, lost, levelling_error, azimuth_error, force_error : str, int, float, float, float or None
         what the correction is for, and its largest error by a-priori estimates, in σ [rad], of a level and of a
-        gyrocompass; so many positions may be lost, any: costs are those of the worst
+        gyrocompass, in σ [g] of the corrected specific force; so many positions may be lost, any: costs are those of
+        the worst
     accuracy, accuracy_kept, fewer_keep : float or None
         the error that was wanted, that of this set, and the best that was found of a position less [rad, g, 1]
+    fewest_possible : int or None
+        proven: no fewer positions of the pool keep the wanted error
+    minutes : float or None
+        time of rests and moves, where it was made small
     measured : int or None
         positions that are measured already and count beside these
     detection : tuple of EffectDistance
@@ -98,8 +99,8 @@ class PositionPlan(Result):
     """
 
     omitted = frozenset(
-        {"detection", "unlisted", "goal", "lost", "levelling_error", "azimuth_error", "measured", "accuracy"}
-        | {"accuracy_kept", "fewer_keep"}
+        {"detection", "unlisted", "goal", "lost", "levelling_error", "azimuth_error", "force_error", "measured"}
+        | {"accuracy", "accuracy_kept", "fewer_keep", "fewest_possible", "minutes"}
     )
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
@@ -129,9 +130,12 @@ class PositionPlan(Result):
     lost: int | None = None
     levelling_error: Number | None = None
     azimuth_error: Number | None = None
+    force_error: Number | None = None
     accuracy: Number | None = None
     accuracy_kept: Number | None = None
     fewer_keep: Number | None = None
+    fewest_possible: int | None = None
+    minutes: Number | None = None
     measured: int | None = None
     detection: tuple[EffectDistance, ...] = ()
     unlisted: tuple[UnlistedSize, ...] = ()
@@ -166,7 +170,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         raise InputError(f"--repeat {request.repeat}: must be between 0 and the number of positions")
     effects = named_effects(request.detect)
     task = task_of(request, progress=progress)
-    p, size = task.parametrisation, task.weights.shape[1]
+    size = task.weights.shape[1]
     if count < -(-size // 3) and not request.any_number:
         raise InputError(
             f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
@@ -180,7 +184,8 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         found = costs(task, places)
         found = found if found.determined.all() else None
     else:
-        found, starts, interrupted = search(task, count, given=given, progress=progress)
+        look = search_force if request.goal == "force" else search
+        found, starts, interrupted = look(task, count, given=given, progress=progress)
     if found is None:
         less = ", or leave more angles by --keep-out" if request.keep_out else ""
         raise NoSetError(
@@ -201,6 +206,21 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     if effects:
         places, detection = detecting(task, found.places, effects)
         found = costs(task, places)
+    return plan_of(
+        task,
+        found,
+        starts=starts,
+        interrupted=interrupted,
+        bound=bound,
+        detection=detection,
+        unlisted=sizes_of(task, found.places) if request.against_unlisted else (),
+        searched=count,
+    )
+
+
+def plan_of(task: Task, found: Costs, *, bound: Bound | None = None, **told: Any) -> PositionPlan:
+    """The plan of a set that was found: order of measurement, commands, costs; and what else is told of it."""
+    request, p = task.request, task.parametrisation
     places = found.places.chosen(np.arange(len(found.places) - len(task.measured)))
     commands = unwound(places.angle, task.keep_out)
     rows, duration = measuring_order(places, commands, request)
@@ -209,6 +229,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
     mounting = places.mounting if len(p.mountings) > 1 else None
     symbols = [target.symbol for target in task.targets]
     every = dict(zip(symbols, (found.ratio * task.best).tolist(), strict=True))
+    of_goal, least = goal_errors(task, found), float(task.least.max())
     return PositionPlan(
         positions=tuple(
             PlannedPosition(
@@ -219,123 +240,35 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
             for row, (alpha, beta) in zip(order, np.round(np.degrees(commands[order]), 9).tolist(), strict=True)
         ),
         programme=tuple(number[row] for row in rows.tolist()),
-        worst_ratio=found.worst,
+        worst_ratio=of_goal.get("force_error", found.worst * least) / least,
         mean_ratio=found.mean,
         lower_bound=None if bound is None else bound.ratio,
         lower_bound_on=None if bound is None else bound.on,
+        bound=bound,
         costs=every,
         optima=dict(zip(symbols, task.best.tolist(), strict=True)),
         readings=len(found.readings.position),
         **{name: getattr(request, name) for name in ASKED},
         lost=request.lost or None,
-        levelling_error=None if request.goal is None else levelling_error(every),
-        azimuth_error=None if request.goal != "gyrocompass" else _error(request, every),
+        **of_goal,
         measured=len(task.measured) or None,
-        starts=starts,
-        interrupted=interrupted,
         mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
-        detection=detection,
-        unlisted=sizes_of(task, found.places) if request.against_unlisted else (),
         task=task,
-        bound=bound,
         duration=duration,
-        searched=count,
+        **told,
     )
 
 
-def least_count(request: Request) -> int:
-    """The fewest positions with which a search begins."""
-    return 1 if request.any_number else max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
-
-
-def plan_in_time(minutes: float, request: Request, *, dwell_s: float = DWELL_S, progress: bool = False) -> PositionPlan:
-    """As `plan_positions`, of as many positions as are measured in so many minutes, moves and repetitions included.
-
-    A rough set says how long moves take; then a position less is tried until they fit. An InputError for less time than
-    the fewest positions need.
-    """
-    seconds = 60.0 * minutes
-    if not (np.isfinite(minutes) and seconds >= checked_dwell(dwell_s)):
-        raise InputError(f"--minutes {minutes:g}: must be at least one --dwell of {dwell_s:g} seconds")
-
-    def used(plan: PositionPlan) -> float:
-        return plan.duration + dwell_s * len(plan.programme)
-
-    least = least_count(request)
-    too_little = InputError(
-        f"--minutes {minutes:g}: is too little for {least + request.repeat} rests of {dwell_s:g} s, the fewest, "
-        "and the moves between them; give more, or a shorter --dwell"
-    )
-    most = min(int(seconds // dwell_s) - request.repeat, MOST_POSITIONS)
-    if most < least:
-        raise too_little
-    count = most
-    # One start may find none where more of them do.
-    with suppress(NoSetError):
-        rough = plan_positions(most, replace(request, starts=1, cuts=0), progress=progress)
-        count -= max(0, ceil((used(rough) - seconds) / (dwell_s + rough.duration / len(rough.programme))))
-    for tried in range(count, least - 1, -1):
-        if used(found := plan_positions(tried, request, progress=progress)) <= seconds:
-            return found
-    raise too_little
-
-
-def _error(request: Request, errors: Mapping[str, float]) -> float:
-    """The largest error of what is asked for [σ], by those of the targets."""
+def goal_errors(task: Task, found: Costs) -> dict[str, float]:
+    """The largest errors of the goal [σ] by their names; none without a goal."""
+    request = task.request
     if request.goal is None:
-        return max(errors.values())
-    return levelling_error(errors) * (abs(tan(radians(request.latitude))) if request.goal == "gyrocompass" else 1.0)
-
-
-def plan_to_accuracy(request: Request, *, progress: bool = False) -> PositionPlan:
-    """As `plan_positions`, of the fewest positions found to keep the error that `request.accuracy` says.
-
-    Numbers of positions are tried in growing steps, then between the last two. An InputError for an error that no
-    positions keep, proven over all angles, or that was not found to be kept, and for targets of several units.
-    """
-    wanted, sigma = request.wanted, request.noise_bound
-    alone = replace(request, goal=None, accuracy=None, latitude_deg=None, targets=request.expressions)
-    own = task_of(alone, progress=progress)
-    units = {target.unit for target in own.targets}
-    if len(units) > 1 and request.goal is None:
-        raise InputError(
-            f"--accuracy: the targets have units {', '.join(sorted(units))}; ask for those of one by --target"
-        )
-    least = _error(request, dict(zip([target.symbol for target in own.targets], own.best.tolist(), strict=True)))
-    refused = f"--accuracy {request.accuracy}: no positions"
-    if least > wanted:
-        raise InputError(
-            f"{refused}, however many, keep it at --noise-bound {sigma:g}; "
-            f"none are better than {request.told(least, downwards)}"
-        )
-    tried: dict[int, PositionPlan] = {}
-
-    def keeps(count: int) -> bool:
-        with suppress(NoSetError):
-            tried[count] = plan_positions(count, request, progress=progress)
-            if tried[count].interrupted:
-                raise KeyboardInterrupt
-            return _error(request, tried[count].costs) <= wanted
-        return False
-
-    high = least_count(request)
-    low, stride = high - 1, 1
-    while not keeps(high):
-        if high == MOST_POSITIONS:
-            best = min(_error(request, plan.costs) for plan in tried.values())
-            raise InputError(f"{refused} up to {high} were found to keep it, best {request.told(best)}")
-        low, high, stride = high, min(high + stride, MOST_POSITIONS), 2 * stride
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if keeps(middle) else (middle, high)
-    found, fewer = tried[high], tried.get(low)
-    return found.model_copy(
-        update={
-            "accuracy": wanted * sigma,
-            "accuracy_kept": _error(request, found.costs) * sigma,
-            "fewer_keep": None if fewer is None else _error(request, fewer.costs) * sigma,
-        }
-    )
+        return {}
+    if request.goal == "force":
+        return {"force_error": force_error(task, found.places)[0]}
+    of_level = found.worst * float(task.least.max())
+    told = {"levelling_error": of_level}
+    return told | ({"azimuth_error": of_level * request.magnified} if request.goal == "gyrocompass" else {})
 
 
 def rounded(task: Task, found: Costs) -> Costs:
@@ -377,67 +310,6 @@ def starting_positions(task: Task, count: int) -> list[Places]:
     if places is None or len(p.mountings) != 1 or not np.array_equal(p.matrices[0], np.eye(3)):
         return []
     return [places] if allowed(task, places.angle).all() else []
-
-
-class CurvePoint(Result):
-    """What N positions cost, ratios of the best set found; no N of the pool have a worst ratio below the bound."""
-
-    positions: int
-    readings: int
-    worst: float
-    mean: float
-    bound: float
-    pool: int
-
-
-class Curve(Result):
-    """Cost against the number of positions: how many positions are worth their time."""
-
-    schema_: Literal["trihedron.plan-curve/1"] = Field(default="trihedron.plan-curve/1", alias="schema")
-    points: tuple[CurvePoint, ...]
-
-
-def plan_curve(low: int, high: int, request: Request, *, progress: bool = False) -> Curve:
-    """The best sets of `low` to `high` positions, each begun with the one before and a position more.
-
-    Ctrl-C ends the curve where it is. An InputError for a range that is empty or too wide, and for options that cannot
-    be used.
-    """
-    if not 1 <= low <= high <= MOST_POSITIONS:
-        raise InputError(f"--curve {low} {high}: must be a range of numbers of positions up to {MOST_POSITIONS}")
-    task = task_of(request, progress=progress)
-    before: Places | None = None
-    points: list[CurvePoint] = []
-    for count in range(low, high + 1):
-        given = starting_positions(task, count)
-        if before is not None:
-            given = [*given, before.joined(drawn(task, 1, np.random.default_rng(request.seed)))]
-        try:
-            best, _, interrupted = search(task, count, given=given, progress=progress)
-            if best is None:
-                continue
-            before = best.places
-            pool = pool_of(task, before)
-            bound = bound_positions(task, pool, count, best.worst)
-        except KeyboardInterrupt:
-            if not points:
-                raise
-            break
-        points.append(
-            CurvePoint(
-                positions=count,
-                readings=len(best.readings.position),
-                worst=best.worst,
-                mean=best.mean,
-                bound=bound.ratio,
-                pool=len(pool.places),
-            )
-        )
-        if interrupted:
-            break
-    if not points:
-        raise InputError(f"--curve {low} {high}: no set was found that determines every target; give more, or --starts")
-    return Curve(points=tuple(points))
 
 
 def stored_positions(count: int) -> Places | None:

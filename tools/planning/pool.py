@@ -11,6 +11,7 @@ Where a position may be lost, two must be in each region; regions that hold what
 
 from dataclasses import dataclass
 from itertools import product
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,14 +91,19 @@ def _stays(task: Task, symmetry: Symmetry) -> bool:
 
 
 def _holds(task: Task, here: NDArray, there: NDArray) -> bool:
-    """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order."""
+    """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order.
+
+    Groups of targets must be groups then, too.
+    """
+    groups = {frozenset(group) for group in task.groups}
     for signs in product((1.0, -1.0), repeat=2):
         turned = there * np.array([1.0, *signs])[None, :, None]
         mixed = _permutation(here.reshape(-1, here.shape[2]), turned.reshape(-1, here.shape[2]))
         if mixed is not None:
             moved = (task.weights @ mixed)[:, None]
             near = np.minimum(np.abs(task.weights - moved).max(axis=2), np.abs(task.weights + moved).max(axis=2))
-            if near.min(axis=1).max() <= EQUAL:
+            image = near.argmin(axis=1)
+            if near.min(axis=1).max() <= EQUAL and {frozenset(image[list(g)].tolist()) for g in groups} == groups:
                 return True
     return False
 
@@ -122,10 +128,10 @@ class Pool:
     orbit: NDArray
     readings: Readings
 
-    def heights(self, dual: NDArray) -> NDArray:
-        """The greatest |F'y| (n,) over the readings of each position."""
+    def heights(self, duals: NDArray) -> NDArray:
+        """The greatest |F'y| (n,) over the readings of each position and the duals (D, P)."""
         first = np.searchsorted(self.readings.position, np.arange(len(self.places)))
-        return np.maximum.reduceat(np.abs(self.readings.regressor @ dual[:, None])[:, 0], first)
+        return np.maximum.reduceat(np.abs(self.readings.regressor @ duals.T).max(axis=1), first)
 
 
 def pool_of(task: Task, extra: Places | None = None) -> Pool:
@@ -179,7 +185,7 @@ class HittingSet:
         self._known = np.zeros(0)
         self._needed = 1.0 + task.request.lost
         self._size = np.bincount(pool.orbit)
-        self._whole = np.array([self._cost_of_all(k) for k in range(len(task.targets))])
+        self._whole = np.array([self._cost_of_all(k) for k in range(len(task.groups))])
 
     def __len__(self) -> int:
         """The number of cuts."""
@@ -209,16 +215,16 @@ class HittingSet:
             least, answer = self.least_count(ratio)
             if least > count:
                 return True
-            if most <= 0 or failures >= len(self._task.targets):
+            if most <= 0 or failures >= len(self._task.groups):
                 return False
             try:
-                found = self._cut(turn % len(self._task.targets), ratio, answer)
+                found = self._cut(turn % len(self._task.groups), ratio, answer)
             except SolverError:
                 found = None
             failures = failures + 1 if found is None else 0
             if found is not None:
                 self._height = np.column_stack([self._height, self._pool.heights(found)])
-                self._known = np.append(self._known, np.abs(self._measured @ found).max(initial=0.0))
+                self._known = np.append(self._known, np.abs(self._measured @ found.T).max(initial=0.0))
                 most -= 1
         return False
 
@@ -233,10 +239,10 @@ class HittingSet:
     def _cost_of_all(self, k: int) -> float:
         gathering = _Gathering(self._task, self._pool, k, -np.inf)
         gathering.gather(np.arange(len(self._pool.places)), 1, np.zeros(0), 0.0)
-        return float(gathering.dual @ self._task.weights[k]) / self._task.best[k] * (1.0 - 10 * SAFE)
+        return gathering.cost / self._task.least[k] * (1.0 - 10 * SAFE)
 
     def _cut(self, k: int, ratio: float, answer: NDArray) -> NDArray | None:
-        """A dual y (P,) whose region the answer covers by less than one; None when the greedy search finds none."""
+        """Duals y (D, P) whose region the answer covers by less than one; None when the greedy search finds none."""
         noisy = answer * np.exp(NOISE * self._rng.normal(size=len(answer)))
         order = np.argsort(-noisy, kind="stable")
         heavy = order[answer[order] > 0.0]
@@ -253,13 +259,15 @@ class HittingSet:
 
 
 class _Gathering:
-    """Positions that with what is measured cannot reach the ratio for a target, and the dual that proves it."""
+    """Positions that with what is measured cannot reach the ratio for a group of targets, and the duals that prove it.
+
+    Where |F'y| of no dual exceeds one, the targets cost a'y at least, the group the root of the sum of their squares.
+    """
 
     def __init__(self, task: Task, pool: Pool, k: int, ratio: float):
-        self._limit = ratio * task.best[k] * (1.0 + SAFE)
-        self._target, self._best = task.weights[k], float(task.best[k])
-        self._programme = Columns(len(self._target))
-        self._programme.aim(self._target)
+        self._limit, self._least = ratio * task.least[k] * (1.0 + SAFE), float(task.least[k])
+        self._targets = task.weights[list(task.groups[k])]
+        self._programme = Columns(self._targets.shape[1])
         measured = readings(task, task.measured).regressor
         self._first = len(measured)
         if self._first:
@@ -268,12 +276,24 @@ class _Gathering:
         self._inside = np.zeros(len(pool.places), dtype=bool)
         self._added = np.zeros(len(pool.readings.position), dtype=bool)
         self._rows = np.zeros(0, dtype=int)
-        self.dual = self._programme.solve()[1]
+        self._duals = np.array([self._solved(k) for k in range(len(self._targets))])
+
+    @property
+    def cost(self) -> float:
+        """What the group costs at least with these positions [σ]."""
+        return self._together(self._duals)
 
     def cut(self) -> NDArray | None:
-        """The dual y (P,) with a'y the target's optimum; None where what is measured reaches the ratio by itself."""
-        cost = float(self.dual @ self._target)
-        return self.dual * (self._best / cost) if cost > self._limit else None
+        """The duals y (D, P) with what no positions better; None where what is measured reaches the ratio by itself."""
+        return self._duals * (self._least / self.cost) if self.cost > self._limit else None
+
+    def _together(self, duals: NDArray) -> float:
+        return hypot(*(duals * self._targets).sum(axis=1))
+
+    def _solved(self, k: int) -> NDArray:
+        """The dual (P,) of a target on the columns so far."""
+        self._programme.aim(self._targets[k])
+        return self._programme.solve()[1]
 
     def gather(self, chunk: NDArray, least: int, answer: NDArray, room: float) -> float:
         """Take in as many of these positions as the set can hold; the weight of those that it cannot."""
@@ -290,19 +310,24 @@ class _Gathering:
         self._inside[chunk] = True
         self._close(chunk, closed=False)
         regressor, position = self._pool.readings.regressor, self._pool.readings.position
-        while True:
-            dual = self._programme.solve()[1]
-            if dual @ self._target <= self._limit:
-                break
-            height = np.abs(regressor @ dual)
-            new = np.flatnonzero(self._inside[position] & ~self._added & (height > 1.0 + 0.5 * SAFE))
-            if not len(new):
-                self.dual = dual
+        duals, open_again = self._duals.copy(), self._inside[position]
+        while self._together(duals) > self._limit:
+            heights = np.abs(regressor @ duals.T)
+            over = open_again & (heights.max(axis=1) > 1.0 + 0.5 * SAFE)
+            open_again = self._inside[position] & ~self._added
+            if not over.any():
+                self._duals = duals
                 return True
-            new = new[np.argsort(-height[new], kind="stable")[:BATCH]]
+            broken = heights[over].max(axis=0) > 1.0 + 0.5 * SAFE
+            new = np.flatnonzero(over & ~self._added)
+            new = new[np.argsort(-heights[new].max(axis=1), kind="stable")[:BATCH]]
             self._programme.add(regressor[new])
             self._added[new] = True
             self._rows = np.append(self._rows, new)
+            open_again = open_again & ~self._added
+            # The others' columns have not changed what they are worth.
+            for k in np.flatnonzero(broken).tolist():
+                duals[k] = self._solved(k)
         self._inside[chunk] = False
         self._close(chunk, closed=True)
         return False

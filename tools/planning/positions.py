@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from math import hypot
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,10 @@ class Task:
         K of them
     best : (K,) array
         cost of each target's own optimal plan over all angles [σ]; the largest of them where they are `alike`
+    groups : tuple of tuples of int
+        targets whose errors are taken together, as the root of the sum of their squares: each alone, or those of a goal
+    least : (G,) array
+        what no positions better: of each group its error by the targets' own optima [σ], of a goal the largest of them
     support : (n, 2) array
         positions of those plans [rad]; none where the costs were given
     keep_out : tuple
@@ -88,6 +93,8 @@ class Task:
     parametrisation: Parametrisation
     targets: tuple[Target, ...]
     best: NDArray
+    groups: tuple[tuple[int, ...], ...]
+    least: NDArray
     support: NDArray
     keep_out: tuple[tuple[tuple[float, float], ...], ...]
     measured: Places
@@ -101,6 +108,14 @@ class Task:
     def weights(self) -> NDArray:
         """a of every target (K, P)."""
         return np.array([target.weights for target in self.targets])
+
+    def worst(self, values: NDArray) -> float:
+        """The largest error over the groups, relative to what no positions better, from errors (K,) of targets [σ]."""
+        return float((self.together(values) / self.least).max())
+
+    def together(self, values: NDArray) -> NDArray:
+        """Errors (G,) of the groups from those of the targets (K,)."""
+        return _together(values, self.groups)
 
     @cached_property
     def shifts(self) -> NDArray:
@@ -138,13 +153,19 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
             matrices = tuple((name, matrix.tobytes()) for name, matrix in zip(p.mountings, p.matrices, strict=True))
             asked = tuple(map(float, request.bounds)), request.admissible, request.convention
             best, support = _optima(matrices, p.symmetric, *asked, request.expressions)
+    at = {symbol: k for k, symbol in enumerate(request.expressions)}
+    groups = tuple(tuple(at[symbol] for symbol in group) for group in request.groups)
+    groups = groups or tuple((k,) for k in range(len(best)))
+    least = _together(best, groups)
     if request.alike:
-        best = np.full(len(best), best.max())
+        best, least = np.full(len(best), best.max()), np.full(len(least), least.max())
     task = Task(
         request,
         p,
         tuple(targets),
         best,
+        groups,
+        least,
         support,
         keep_out,
         measured_places(request.measured, p),
@@ -160,6 +181,10 @@ def task_of(request: Request, *, best: NDArray | None = None, progress: bool = F
             "ask for others by --target, or leave more angles by --keep-out"
         )
     return task
+
+
+def _together(values: NDArray, groups: tuple[tuple[int, ...], ...]) -> NDArray:
+    return np.array([hypot(*values[list(group)]) for group in groups])
 
 
 def measured_places(path: Path | None, p: Parametrisation) -> Places:
@@ -267,6 +292,8 @@ class Costs:
         cost over the target's optimum over all angles
     lost : (K,) array of int
         the position that is lost, where one may be: the one that each target misses most; -1: none
+    worst : float
+        the largest ratio, or of a goal that of its error to what no positions better
     """
 
     places: Places
@@ -275,11 +302,7 @@ class Costs:
     duals: NDArray
     ratio: NDArray
     lost: NDArray
-
-    @property
-    def worst(self) -> float:
-        """The largest ratio."""
-        return float(self.ratio.max())
+    worst: float
 
     @property
     def mean(self) -> float:
@@ -318,7 +341,7 @@ def costs(task: Task, places: Places) -> Costs:
             columns = given.regressor[used].T
             # The solver's tolerance, taken out.
             weights[k, used] += np.linalg.lstsq(columns, target - columns @ weights[k, used], rcond=1e-12)[0]
-    return Costs(places, given, weights, duals, value / task.best, lost)
+    return Costs(places, given, weights, duals, value / task.best, lost, task.worst(value))
 
 
 def allowed(task: Task, angle: NDArray) -> NDArray:

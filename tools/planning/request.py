@@ -1,15 +1,17 @@
 """What is asked of a common set of positions."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...models.bench import SYMMETRIC_PAIRS
 from ..calibration.model import Parametrisation, mountings_of, parametrise
-from ..calibration.targets import GOALS
+from ..calibration.targets import BIAS_TARGETS, MISALIGNMENT_TARGETS
 from ..errors import InputError
 from ..rounding import upwards
 from .forms import DEFAULT_BOUNDS
@@ -18,6 +20,26 @@ MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
 """More searches, cuts or positions would not end within days."""
 ACCURACY_UNITS = {"": 1.0, "arcsec": math.pi / 648000.0, "urad": 1e-6, "ug": 1e-6, "ppm": 1e-6}
 """What a wanted error may be written in, in rad, g or 1."""
+Groups = tuple[tuple[str, ...], ...]
+"""Targets whose errors are taken together, as the root of the sum of their squares."""
+FACES: Groups = (
+    *(("X17+X6+X8", "X18+X7+X12"), ("X17-X6-X8", "X18-X7-X12")),
+    *(("X16", "X18+X11+X13"), ("X16", "X18-X11-X13"), ("X16", "X17")),
+)
+"""What two accelerometers read too much while the axis of the third is vertical: axes 1 and 2 up and down, axis 3."""
+FORCE = tuple((0.8 * a, 0.6 * b, 0.0) for a, b in product((1.0, -1.0), repeat=2))
+"""Inputs [g] at which a search for the corrected force begins: there the error that no positions better is largest."""
+GOALS = ("levelling", "gyrocompass", "force")
+
+
+def force_at(n: Sequence[float], *, symmetric: bool) -> tuple[str, ...]:
+    """What each accelerometer reads too much at the input n (3,) [g], Γ lower triangular, as targets are written."""
+    told = []
+    for own, (pair, others, bias) in enumerate(zip(SYMMETRIC_PAIRS, MISALIGNMENT_TARGETS, BIAS_TARGETS, strict=True)):
+        scale = pair[0] if symmetric or n[own] > 0.0 else pair[1]
+        terms = [f"{n[c]:+}*{target}" for c, target in enumerate((*map("({})".format, others), scale)) if n[c] != 0.0]
+        told.append("".join([bias, *terms]))
+    return tuple(told)
 
 
 @dataclass(frozen=True)
@@ -46,6 +68,7 @@ class Request:
     lost: int = 0
     measured: Path | None = None
     accuracy: str | None = None
+    fewest: str = "positions"
     noise_bound: float = 1e-5
     latitude_deg: float | None = None
     rate_dps: float | None = None
@@ -62,9 +85,21 @@ class Request:
         return 55.75 if self.latitude_deg is None else self.latitude_deg
 
     @property
+    def magnified(self) -> float:
+        """How many times the error of the level that of the goal is: tan of the latitude for an azimuth."""
+        return abs(math.tan(math.radians(self.latitude))) if self.goal == "gyrocompass" else 1.0
+
+    @property
+    def groups(self) -> Groups:
+        """The targets of the goal, in groups whose errors are taken together; none without a goal."""
+        if self.goal != "force":
+            return () if self.goal is None else FACES
+        return tuple(force_at(n, symmetric=self.baseline == "symmetric") for n in FORCE)
+
+    @property
     def expressions(self) -> tuple[str, ...]:
         """Targets as they are written, those of the goal where there is one; none: all of the convention."""
-        return self.targets if self.goal is None else GOALS[self.goal]
+        return self.targets or tuple(dict.fromkeys(symbol for group in self.groups for symbol in group))
 
     @property
     def alike(self) -> bool:
@@ -97,6 +132,7 @@ class Request:
         for name, value, known in (
             ("criterion", self.criterion, ("worst", "mean")),
             ("order", self.order, ("tour", "random")),
+            ("fewest", self.fewest, ("positions", "minutes")),
             ("convention", self.convention, ("A1", "A2")),
             ("baseline", self.baseline, ("asymmetric", "symmetric")),
         ):
@@ -126,6 +162,9 @@ class Request:
                 raise InputError(f"--{name} {value:g}: must be positive, and at most {most:g}")
         if self.latitude_deg is not None and self.goal != "gyrocompass":
             raise InputError("--latitude-deg: goes with --goal gyrocompass, or with --imu")
+        others = len(self.mountings) > 1 or self.detect or self.against_unlisted
+        if self.fewest == "minutes" and (self.accuracy is None or others):
+            raise InputError("--fewest minutes: goes with --accuracy, one mounting, no --detect or --against-unlisted")
         if not abs(self.latitude) <= 89.0:
             raise InputError(f"--latitude-deg {self.latitude:g}: must be from -89 to 89")
         if self.goal is not None and self.targets:

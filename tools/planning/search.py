@@ -11,6 +11,7 @@ Random numbers come from the seed, and the budget is counted in starts: the same
 
 from collections.abc import Callable, Sequence
 from itertools import product
+from math import hypot
 
 import highspy
 import numpy as np
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.sparse import block_array, block_diag, csc_array
 
 from ..bounded.programmes import Solver, linear_programme
-from ..calibration.targets import FACES, levelling_error
 from ..progress import progress_bar
 from ..rounding import upwards
 from .certificate import NO_WEIGHT
@@ -169,15 +169,11 @@ def _random_angles(count: int, rng: np.random.Generator, near_axes: bool) -> NDA
 def merit(task: Task, found: Costs) -> float:
     """What is made small: the worst ratio with a little of the mean, or the mean with a little of the worst.
 
-    For a level it is the level's error in place of the worst ratio, over that of two targets at their optimum.
+    For a goal the worst ratio is that of its error.
     """
     if task.request.criterion == "mean":
         return found.mean + LITTLE * found.worst
-    worst = found.worst
-    if task.request.goal is not None:
-        ratios = dict(zip([target.symbol for target in task.targets], found.ratio.tolist(), strict=True))
-        worst = levelling_error(ratios) / np.sqrt(2.0)
-    return worst + LITTLE * found.mean
+    return found.worst + LITTLE * found.mean
 
 
 def improve(
@@ -228,10 +224,8 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
     moved = _by_angles(task, here)
     moved = np.where(np.abs(moved) > 1e-13, moved, 0.0).transpose(0, 2, 1).reshape(many * size, -1)
     edges, least = _edges(task, here, np.flatnonzero(kept), radius)
-    counted = _counted(task)
+    counted, most = _counted(task, here)
     sums = counted @ block_diag([np.ones((1, n)) for n in sizes])
-    # For a goal the optima are alike.
-    most = task.best if task.request.goal is None else np.full(len(counted), task.best[0])
     matrix = csc_array(
         block_array([[block_diag(blocks), moved, None], [csc_array(sums), None, -most[:, None]], [None, edges, None]])
     )
@@ -262,19 +256,22 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
     return move, float(highs.getInfo().objective_function_value)
 
 
-def _counted(task: Task) -> NDArray:
-    """Sums (R, K) of the targets' costs of which the largest counts: each alone, or of a level the facets of its cone.
+def _counted(task: Task, here: Costs) -> tuple[NDArray, NDArray]:
+    """Sums (R, K) of the targets' costs of which the largest counts, and what each is relative to (R,) [σ].
 
-    √(a² + b²) is the largest of a cos φ + b sin φ; of `FACETS` φ it is so to half a percent.
+    Of a group of two the facets of its cone: √(a² + b²) is the largest of a cos φ + b sin φ; of `FACETS` φ it is so to
+    half a percent. Of a larger group the tangent plane at the present costs.
     """
-    if task.request.goal is None:
-        return np.eye(len(task.targets))
-    at = {target.symbol: k for k, target in enumerate(task.targets)}
-    rows = np.zeros((len(FACES), FACETS, len(at)))
-    for row, (one, other) in zip(rows, FACES, strict=True):
-        angle = np.linspace(0.0, 0.5 * np.pi, FACETS)
-        row[:, at[one]], row[:, at[other]] = np.cos(angle), np.sin(angle)
-    return rows.reshape(-1, len(at)) / np.sqrt(2.0)
+    angle, value = np.linspace(0.0, 0.5 * np.pi, FACETS), here.ratio * task.best
+    rows, most = [], []
+    for group, least in zip(task.groups, task.least, strict=True):
+        own = value[list(group)]
+        facets = np.column_stack([np.cos(angle), np.sin(angle)]) if len(group) == 2 else own[None] / hypot(*own)
+        row = np.zeros((len(facets), len(value)))
+        row[:, list(group)] = facets
+        rows.append(row)
+        most += [least] * len(facets)
+    return np.concatenate(rows), np.array(most)
 
 
 def _by_angles(task: Task, here: Costs) -> NDArray:

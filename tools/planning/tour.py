@@ -25,11 +25,7 @@ def measuring_order(places: Places, commands: NDArray, request: Request) -> tupl
     """
     rng = np.random.default_rng(request.seed)
     whole, duration = [], 0.0
-    rate, acceleration = request.rate_dps, request.acceleration_dps2
-    limits = (
-        TABLE_RATE if rate is None else np.radians(rate),
-        TABLE_ACCELERATION if acceleration is None else np.radians(acceleration),
-    )
+    limits = limits_of(request)
     for mounting in np.unique(places.mounting):
         rows = np.flatnonzero(places.mounting == mounting)
         times = move_times(commands[rows], limits)
@@ -39,6 +35,15 @@ def measuring_order(places: Places, commands: NDArray, request: Request) -> tupl
         duration += tour_duration(times, order)
         whole.append(rows[order])
     return np.concatenate(whole), duration
+
+
+def limits_of(request: Request) -> tuple[float, float]:
+    """How fast the table turns [rad/s], [rad/s²]."""
+    rate, acceleration = request.rate_dps, request.acceleration_dps2
+    return (
+        TABLE_RATE if rate is None else float(np.radians(rate)),
+        TABLE_ACCELERATION if acceleration is None else float(np.radians(acceleration)),
+    )
 
 
 def unwound(angle: NDArray, keep_out: Sequence[Sequence[tuple[float, float]]] = ((), ())) -> NDArray:

@@ -1,5 +1,6 @@
 """What plans say: text, pages, and the files to carry one out."""
 
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from ..document.notation import Cell, equation, minus, signed, symbol_text
 from ..document.page import html
 from ..files import whole_folder
 from ..planning.plan import Plan, Plans
+from ..planning.request import parsed_keep_out
 from ..rounding import digits, downwards, exactly, upwards
 from .bench import next_positions_csv, physical_words
 from .makers import cited, matrix_text, versions
@@ -17,7 +19,8 @@ from .pictures.records import curve_picture, plan_picture, positions_picture
 
 if TYPE_CHECKING:
     from ..planning.check import SettingCheck
-    from ..planning.common import Curve, PlannedPosition, PositionPlan
+    from ..planning.common import PlannedPosition, PositionPlan
+    from ..planning.wanted import Curve
 
 COST = 11
 """Digits of a cost, which is proven to more."""
@@ -77,22 +80,29 @@ def position_lines(plan: "PositionPlan") -> list[str]:
         again = "  again" if at in plan.programme[: number - 1] else ""
         mounting = f"  {one.mounting}" if several else ""
         lines.append(f"{number:>4} {digits(one.alpha_deg, 6):>12} {digits(one.beta_deg, 6):>12}{mounting}{again}")
-    lines += ["", f"{'target':<12} {'cost [σ]':>10} {'optimum':>10} {'ratio':>8}"]
+    wide = max(map(len, ("target", *plan.costs))) + 1
+    lines += ["", f"{'target':<{wide}} {'cost [σ]':>10} {'optimum':>10} {'ratio':>8}"]
     for target, cost in plan.costs.items():
         best = plan.optima[target]
-        lines.append(f"{target:<12} {upwards(cost, 7):>10} {upwards(best, 7):>10} {upwards(cost / best, 6):>8}")
+        lines.append(f"{target:<{wide}} {upwards(cost, 7):>10} {upwards(best, 7):>10} {upwards(cost / best, 6):>8}")
     lines += [
         "",
         f"worst ratio {upwards(plan.worst_ratio, 6)}, mean {upwards(plan.mean_ratio, 6)}; "
         f"moves take {digits(plan.duration)} s",
     ]
     lines += wanted_lines(plan)
+    unit, size = ("ug", 1e-6) if plan.goal == "force" else ("arcsec", ARCSEC)
+    size = plan.task.request.noise_bound / size
     if plan.bound is not None:
         lines.append(
             f"no {plan.bound.count} positions of the {plan.bound.on} have a worst ratio below "
             f"{downwards(plan.bound.ratio, 6)} (proven by {plan.bound.cuts} cuts and their images; "
             "of all angles nothing better than 1 is proven)"
         )
+        if plan.goal is not None:
+            least = float(plan.task.least.max()) * plan.task.request.magnified
+            proven = (f"{downwards(error * size, 4)} {unit}" for error in (plan.bound.ratio * least, least))
+            lines.append("that is, none have a {} error below {}; of all angles {}".format(plan.goal, *proven))
     if plan.detection:
         lines.append(
             f"{len(plan.positions) - plan.searched} positions more; a unit of an effect is so far from the model, and "
@@ -127,17 +137,25 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
                 f"at most, {upwards(error * request.noise_bound / ARCSEC, 4)} arcsec at "
                 f"σ = {exactly(request.noise_bound)} g"
             )
+    if plan.force_error is not None:
+        lines.append(
+            "corrected specific force, as a vector in the frame of case (A1), over all directions of 1 g, by a-priori "
+            f"estimates: wrong by {upwards(plan.force_error, 6)} σ at most, "
+            f"{upwards(plan.force_error * request.noise_bound / 1e-6, 4)} ug at σ = {exactly(request.noise_bound)} g"
+        )
     if plan.accuracy_kept is not None:
         kept, fewer = (
             None if error is None else request.told(error / request.noise_bound)
             for error in (plan.accuracy_kept, plan.fewer_keep)
         )
-        less = (
-            f"with {len(plan.positions) - 1} the best that was found is {fewer}"
-            if fewer
-            else "with fewer no set was found"
+        less = f"with a position less than the fewest the best that was found is {fewer}"
+        lines.append(f"keeps --accuracy {request.accuracy}: {kept}; {less if fewer else 'with fewer no set was found'}")
+    if plan.fewest_possible is not None:
+        lines.append(
+            f"no fewer than {plan.fewest_possible} positions of the pool keep it, proven; of moves nothing is proven"
         )
-        lines.append(f"keeps --accuracy {request.accuracy}: {kept}; {less}")
+    if plan.minutes is not None:
+        lines.append(f"rests and moves take {upwards(plan.minutes, 4)} minutes, the least that was found")
     return lines
 
 
@@ -289,13 +307,15 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
                 f"Set to {exactly(reserve)}° or better; write the encoder readings down as they are."
                 if reserve
                 else "Write the encoder readings down as they are: what counts is where the table stands.",
+                *_kept_out(plan),
             ],
             table=Table(header, rows).told(),
         ),
         Section(
             "Positions",
             svg=positions_picture(plan),
-            caption="Left: the angles, joined in the order of measurement. Right: the vertical in the inner frame.",
+            caption="Left: the angles, joined in the order of measurement; grey: not to be used. Right: the vertical "
+            "in the inner frame.",
         ),
         Section(
             "What it gives",
@@ -322,6 +342,17 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
     return Page(
         "Positions to measure", verdict, sections, provenance=provenance, sources=cited("guaranteed", "simplex")
     )
+
+
+def _kept_out(plan: "PositionPlan") -> list[str]:
+    """What an operator is told of keep-outs."""
+    if not plan.keep_out:
+        return []
+    arcs = [
+        f"{'αβ'[axis]} between {exactly(round(degrees(low), 6))}° and {exactly(round(degrees(high), 6))}°"
+        for axis, low, high in map(parsed_keep_out, plan.keep_out)
+    ]
+    return [f"Not to be used: {', '.join(arcs)}. No move crosses the widest of these of an axis."]
 
 
 def write_plan(plan: "PositionPlan", folder: Path, *, dwell_s: float) -> list[Path]:

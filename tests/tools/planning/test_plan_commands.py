@@ -176,6 +176,7 @@ def test_the_plan_that_is_written(plan_folder: Path) -> None:
         assert f">{column}</th>" in page
     assert page.count("_" * 10 + "</td>") >= 2 * 6, "room for both encoder readings at each position"
     assert "again no." in page
+    assert "Not to be used: α between 30° and 40°" in page
     rows = list(csv.DictReader((plan_folder / "table.csv").read_text(encoding="utf-8").splitlines()))
     assert [row["order"] for row in rows] == [str(k) for k in range(1, 11)]
     assert {row["dwell_s"] for row in rows} == {"12"}

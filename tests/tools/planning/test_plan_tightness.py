@@ -15,7 +15,7 @@ from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
 from trihedron.tools.planning.plan import Grid, Plan, plan_targets
 from trihedron.tools.planning.pool import HittingSet, Pool, bound_positions
-from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings
+from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings, task_of
 from trihedron.tools.planning.search import drawn
 
 
@@ -175,6 +175,16 @@ def test_a_bound_where_one_may_be_lost_or_some_are_measured_is_that_of_the_best_
     best = costs(robust, pool.places.chosen([*range(7), *range(7)])).worst
     assert best == pytest.approx(costs(task, pool.places.chosen(list(range(7)))).worst)
     assert 0.9 * best <= bound_positions(robust, pool, 14, best).ratio <= best * (1 + 1e-9)
+
+
+def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[Task, Pool]) -> None:
+    task, pool = small_pool
+    level = task_of(replace(task.request, goal="levelling", cuts=60), best=np.full(8, 2.0))
+    ratio = [costs(level, pool.places.chosen(list(rows))).worst for rows in combinations(range(10), 7)]
+    best, second = sorted(ratio)[:2]
+    assert best > 1.02
+    assert bound_positions(level, pool, 7, best).ratio == pytest.approx(best, rel=1e-7)
+    assert 0.8 * best <= bound_positions(level, pool, 7, second).ratio <= best * (1 + 1e-9)
 
 
 def test_a_position_that_just_reaches_a_ratio_counts_for_its_cut(small_pool: tuple[Task, Pool]) -> None:

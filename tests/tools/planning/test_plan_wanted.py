@@ -6,20 +6,29 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from planning_tasks import known_optima, planned, stored, tables_task
 from simulated_bench import random_bench, simulated
 from trihedron.models.bench import nominal_input
 from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.targets import FACES, GOALS, levelling_error
+from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning import common, positions
-from trihedron.tools.planning.common import plan_in_time, plan_positions, plan_to_accuracy
+from trihedron.tools.planning.check import read_angles
+from trihedron.tools.planning.common import plan_positions
+from trihedron.tools.planning.force import force_error, largest_over_directions
 from trihedron.tools.planning.positions import Places, costs
-from trihedron.tools.planning.request import Request
+from trihedron.tools.planning.request import FACES, Request, force_at
+from trihedron.tools.planning.wanted import error_of, plan_in_time, plan_to_accuracy, quicker, seconds_of
 from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
+LEVEL = tuple(dict.fromkeys(symbol for face in FACES for symbol in face))
+
+
+def levelling_error(errors) -> float:
+    return max(float(np.hypot(errors[one], errors[other])) for one, other in FACES)
 
 
 def record_at(angle: np.ndarray):
@@ -33,15 +42,11 @@ def angles(plan) -> np.ndarray:
 
 
 def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for_all_targets():
-    symbols = GOALS["levelling"]
+    symbols = LEVEL
     with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.05), np.zeros((0, 2)))):
         plan = plan_positions(9, Request(goal="levelling", admissible="tables", starts=1, cuts=0))
         task = positions.task_of(Request(goal="levelling", admissible="tables"))
-    assert (
-        plan.levelling_error
-        == levelling_error(plan.costs)
-        == max(float(np.hypot(plan.costs[one], plan.costs[other])) for one, other in FACES)
-    )
+    assert plan.levelling_error == pytest.approx(levelling_error(plan.costs), rel=1e-12)
     own, other = (
         max((costs(task, at).ratio * task.best).tolist())
         for at in (Places(angles(plan), np.zeros(9, dtype=int)), stored(9))
@@ -58,7 +63,7 @@ def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for
 
 
 def test_the_fewest_positions_that_keep_a_wanted_error_or_that_none_do():
-    symbols = GOALS["gyrocompass"]
+    symbols = LEVEL
     request = Request(goal="gyrocompass", latitude_deg=-45.0, admissible="tables", starts=1, cuts=0, noise_bound=2e-5)
     with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.0), np.zeros((0, 2)))):
         plan = plan_to_accuracy(replace(request, accuracy="100urad"))
@@ -72,8 +77,7 @@ def test_the_fewest_positions_that_keep_a_wanted_error_or_that_none_do():
     assert plan.accuracy_kept <= plan.accuracy
     assert plan.fewer_keep is not None
     assert plan.fewer_keep > 100e-6
-    at_pole_side = replace(request, latitude_deg=60.0)
-    assert common._error(at_pole_side, plan.costs) == pytest.approx(np.sqrt(3.0) * plan.levelling_error)
+    assert replace(request, latitude_deg=60.0).magnified == pytest.approx(np.sqrt(3.0))
 
 
 @pytest.mark.parametrize("text", ["7", "7 arcsec", "20ug", "5ppm", "1e-5"])
@@ -150,7 +154,7 @@ def test_a_cone_of_tilt_is_a_limit_of_alpha_and_is_kept():
 
 
 def test_a_search_for_a_level_makes_its_own_error_small_not_the_largest_single_one():
-    symbols = GOALS["levelling"]
+    symbols = LEVEL
     with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.05), np.zeros((0, 2)))):
         request = Request(goal="levelling", starts=2, cuts=0)
         own = plan_positions(8, request)
@@ -171,3 +175,76 @@ def test_a_table_with_limited_angles_says_what_it_cannot_determine():
         plan = plan_positions(4, Request(keep_out=("beta:0.01:359.99",), targets=symbols, starts=2, cuts=0))
     assert plan.worst_ratio < 1.15
     assert np.abs([one.beta_deg for one in plan.positions]).max() <= 0.01 + 1e-9
+
+
+@pytest.mark.parametrize("place", [(0.3, 0.5, 0.81), (0.0, 0.0, 1.0), (-0.6, 0.1, 0.7)])
+def test_the_largest_over_all_directions_is_bounded_from_above_and_nearly_met(place: tuple[float, ...]):
+    at = np.array(place)
+    bound, where = largest_over_directions(lambda n: np.hypot(0.5 + n @ at, 0.2 * np.abs(n[:, 0])))
+    each = np.random.default_rng(1).normal(size=(200_000, 3))
+    each /= np.linalg.norm(each, axis=1, keepdims=True)
+    largest = np.hypot(0.5 + each @ at, 0.2 * np.abs(each[:, 0])).max()
+    assert largest <= bound <= 1.003 * largest
+    assert (np.hypot(0.5 + where @ at, 0.2 * np.abs(where[:, 0])) > 0.94 * largest).all()
+
+
+FORCES = mock.patch.object(positions, "_optima", return_value=(np.full(10, 2.0), np.zeros((0, 2))))
+
+
+@pytest.mark.acceptance
+def test_a_search_makes_the_error_of_the_corrected_force_small():
+    asked = Request(goal="force", starts=1, cuts=0)
+    with FORCES:
+        plan, before = plan_positions(8, asked), force_error(positions.task_of(asked), stored(8))[0]
+    assert plan.force_error is not None
+    assert plan.force_error < 0.98 * before
+    assert plan.to_json()["force_error"] == error_of(plan)
+
+
+def test_the_error_of_the_corrected_force_holds_in_every_direction():
+    task, known = tables_task(admissible="paper"), stored(8)
+    rng = np.random.default_rng(5)
+    least = [(0.0, 0.0, 1.0), (0.8, -0.6, 0.0), *rng.normal(size=(60, 3)).tolist()]
+    given = positions.readings(task, known).regressor
+    met = 0.0
+    for n in least:
+        # The largest error that readings wrong by at most σ cannot tell from none.
+        n = np.array(n) / np.linalg.norm(n)
+        own = [expression_weights(text, task.parametrisation) for text in force_at(n.tolist(), symmetric=False)]
+        rows = np.vstack([given, -given])
+        sizes = [linprog(-w, A_ub=rows, b_ub=np.ones(len(rows)), bounds=(None, None)) for w in own]
+        met = max(met, float(np.linalg.norm([one.fun for one in sizes])))
+    with FORCES:
+        bound = force_error(positions.task_of(Request(goal="force", cuts=0)), known)[0]
+    assert met <= bound < 1.05 * met
+
+
+def test_a_programme_of_fewest_minutes_keeps_the_accuracy_and_moves_less():
+    with mock.patch.object(positions, "_optima", return_value=(np.full(8, 2.0266), np.zeros((0, 2)))):
+        request = Request(goal="levelling", accuracy="10arcsec", fewest="minutes", starts=2, cuts=0, resolution_deg=0.5)
+        plan = plan_positions(7, request)
+        soon = quicker(plan)
+    assert error_of(plan) < request.wanted
+    level = positions.task_of(replace(request, goal=None, targets=LEVEL), best=np.full(8, 2.0266))
+    at = Places(angles(soon), np.zeros(7, dtype=int))
+    told = dict(zip(LEVEL, (costs(level, at).ratio * level.best).tolist(), strict=True))
+    assert levelling_error(told) == pytest.approx(soon.levelling_error, rel=1e-6)
+    assert levelling_error(told) <= request.wanted
+    assert np.allclose(np.degrees(at.angle) / 0.5, np.round(np.degrees(at.angle) / 0.5), atol=1e-6)
+    way = np.abs(np.diff(np.vstack([[0.0, 0.0], angles(soon)]), axis=0)).max(axis=1)
+    # At 1 rad/s and 1 rad/s²: short moves never reach the rate.
+    assert np.where(way < 1.0, 2.0 * np.sqrt(way), way + 1.0).sum() == pytest.approx(soon.duration, rel=1e-6)
+    assert seconds_of(soon, 20.0) < seconds_of(plan, 20.0) - 0.3
+    with pytest.raises(InputError, match="--fewest minutes: goes with --accuracy, one mounting"):
+        replace(request, accuracy=None).check()
+
+
+def test_a_position_in_a_keep_out_is_refused_with_its_row(tmp_path: Path):
+    file = tmp_path / "angles.csv"
+    header = "planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg"
+    file.write_text(f"{header}\n100,0,100,0.01\n90,-90,90,-90\n150,10,150,20\n", encoding="utf-8")
+    assert len(read_angles(file, ("alpha:100:150", "beta:271:359"))[0]) == 3
+    with pytest.raises(InputError, match=r"row 3.*, column 'planned_beta_deg': -90 is inside --keep-out beta:260:300"):
+        read_angles(file, ("beta:260:300",))
+    with pytest.raises(InputError, match=r"row 4.*, column 'beta_deg': 20 is inside --keep-out beta:-345:-335"):
+        read_angles(file, ("beta:-345:-335",))

@@ -13,6 +13,7 @@ from ....models.bench import up
 from ...document.notation import plain
 from ...motion.rests import rates_of
 from ...planning.forms import clearance, sheets
+from ...planning.request import parsed_keep_out
 from ...records import RawRecord
 from ...records.noise import allan_deviation
 from ...records.rests import Rest, without_turns
@@ -42,8 +43,9 @@ if TYPE_CHECKING:
 
     from ...motion.attitude import AttitudeRun
     from ...motion.inspect import Inspection
-    from ...planning.common import Curve, PositionPlan
+    from ...planning.common import PositionPlan
     from ...planning.plan import Plan
+    from ...planning.wanted import Curve
 
 MOST_POINTS = 2000
 """A line of more points is drawn through the least and the largest value of each of half as many intervals."""
@@ -275,6 +277,12 @@ def positions_picture(plan: "PositionPlan") -> Drawn:
     for row, place in number.items():
         words = {"fontsize": 8, "color": INK.light}
         plane.annotate(str(place), (alpha[row], beta[row]), (4, 4), textcoords="offset points", **words)
+    limits = plane.get_xlim(), plane.get_ylim()
+    for axis, low, high in map(parsed_keep_out, plan.keep_out):
+        span = (plane.axvspan, plane.axhspan)[axis]
+        for turn in (-360.0, 0.0, 360.0):
+            span(*np.degrees([low, high]) + turn, color=QUIET.light, alpha=0.35, linewidth=0, zorder=0)
+    plane.set(xlim=limits[0], ylim=limits[1])
     plane.set(xlabel="α, outer axis [deg]", ylabel="β, inner axis [deg]", title="positions in their order")
     s = up(np.radians(alpha), np.radians(beta))
     for row, (sense, title) in enumerate(((1.0, "vertical, axis 3 up"), (-1.0, "vertical, axis 3 down"))):
