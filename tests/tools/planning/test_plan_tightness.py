@@ -187,7 +187,8 @@ def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[
     assert bound_positions(level, pool, 7, best).ratio == pytest.approx(best, rel=1e-7)
     two = np.random.default_rng(4).normal(size=(2, 18))
     alone = [pool.heights(two[:1]), pool.heights(two[1:])]
-    np.testing.assert_allclose(pool.heights(two), np.maximum(*alone), rtol=1e-12)
+    for duals in (two, two[::-1]):
+        np.testing.assert_allclose(pool.heights(duals), np.maximum(*alone), rtol=1e-12)
     hitting = HittingSet(level, pool)
     hitting.prove(7, 1.5 * best, 20)
     assert len(hitting) > 3
