@@ -74,7 +74,7 @@ def plan(
 
     Example: trihedron plan --goal levelling --accuracy 7arcsec --noise-bound 1e-5
 
-    Example: trihedron plan --goal force --accuracy 45ug --fewest minutes --dwell 10
+    Example: trihedron plan --goal levelling --accuracy 7arcsec --fewest minutes
 
     Example: trihedron plan --imu --minutes 30 --gyro-noise 1e-5 --out imu30
 
