@@ -148,9 +148,9 @@ def _steady_rows(
 def _one_sign(here: Linearisation, angles: NDArray, rows: NDArray, half: int) -> NDArray[np.bool_]:
     """Whether (W, 3) inputs have one sign, surely, over the rows that readings at rows (W,) are of."""
     over = angles[rows + np.array([[-half - 1], [0], [half]])]
-    at = [Positions(*one.T, np.zeros(len(rows), dtype=int)) for one in over]
+    at = [Positions(one[:, 0], one[:, 1], np.zeros(len(rows), dtype=int)) for one in over]
     inputs = np.stack([predicted_input(here.parametrisation, here.point, one) for one in at])
-    return (inputs > SURE).all(axis=0) | (inputs < -SURE).all(axis=0)
+    return np.all(inputs > SURE, axis=0) | np.all(inputs < -SURE, axis=0)
 
 
 def _parabola(reading: NDArray, rows: NDArray, half: int) -> tuple[NDArray, NDArray]:
