@@ -18,26 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from ..compiled import compile_callee, compiled_and_kept
-
 MOST_COLUMNS = 64
 """Of more columns a step costs more than one of the solver."""
-MOST_STEPS, KEPT_STEPS = 40, 40
-"""Steps for each column after which it is given up; after so many the rows are solved anew."""
-NO_PIVOT = 1e-11
-"""What is smaller is no part of a row in others."""
+MOST_STEPS = 40
+"""Steps after which the rows are solved anew; as often as there are columns, then it is given up."""
 FAR = 1e3
 """So far from its other end a row has one where it has none: what is held there is not proven."""
 HELD = 1e-9
 """A dual that is smaller, relatively to all, holds nothing."""
 BENT = 1e-11
 """A direction in which no two vertices go equally far differs by this part of its largest component."""
-ENDED, ENDLESS, NOT_ENDED = 0, 1, 2
-"""How steps end: nothing misses by more, nothing can be exchanged, or there were as many as were asked for."""
 DEPENDENT = 1e-7
 """Columns, each of size one, of which one has so little beside the others, are not exchanged."""
-EXACT, PROVEN = 1e-10, 1e-9
-"""What a row may miss by and what is between radius and proof, relatively to a radius of one or more."""
+PROVEN = 1e-9
+"""What may be between radius and proof, relatively to a radius of one or more."""
 MANY = 3000
 """Of more rows so many, spread evenly, say where to begin."""
 BEGUN = 5
@@ -109,13 +103,15 @@ def _begun(matrix: NDArray, target: NDArray) -> NDArray[np.int_] | None:
 
 def _steps(matrix: NDArray, target: NDArray, rows: NDArray) -> Held | None:
     """Exchange rows until none misses by more."""
+    from .exchange_steps import ENDED, ENDLESS, exchange_held
+
     columns = matrix.shape[1]
     held = np.append(-np.linalg.solve(matrix[rows[:-1]].T, matrix[rows[-1]]), 1.0)
     held *= 1.0 if held @ target[rows] >= 0.0 else -1.0
     rows, sign = rows.astype(np.int64), np.where(held >= 0.0, 1.0, -1.0)
     for _ in range(columns + 2):
         inverse = np.linalg.inv(np.column_stack((matrix[rows], sign)))
-        how, steps = _exchange_held(matrix, target, rows, sign, inverse, MOST_STEPS)
+        how, steps = exchange_held(matrix, target, rows, sign, inverse, MOST_STEPS)
         if how == ENDED and steps == 0:
             solution = inverse @ target[rows]
             largest = float(np.abs(target - matrix @ solution[:-1]).max())
@@ -123,40 +119,6 @@ def _steps(matrix: NDArray, target: NDArray, rows: NDArray) -> Held | None:
         if how == ENDLESS:
             return None
     return None
-
-
-@compiled_and_kept
-def _exchange_held(matrix, target, rows, sign, inverse, most):
-    """Exchange some of the rows (n + 1,) that hold a solution, with their signs; how it ended, after so many steps."""
-    last = len(rows) - 1
-    row_of = np.empty(len(rows))
-    for step in range(most):
-        solution = inverse @ target[rows]
-        radius, error = solution[last], target - matrix @ solution[:last]
-        row = np.abs(error).argmax()
-        if not abs(error[row]) > radius + EXACT * max(1.0, radius):
-            return ENDED, step
-        own = 1.0 if error[row] > 0.0 else -1.0
-        row_of[:last], row_of[last] = matrix[row], own
-        part = row_of @ inverse
-        ratio, less = inverse[last] * sign, own * part * sign
-        for k in range(last + 1):
-            ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
-        out = ratio.argmin()
-        if ratio[out] == np.inf:
-            return ENDLESS, step
-        _replaced(inverse, part, out)
-        rows[out], sign[out] = row, own
-    return NOT_ENDED, most
-
-
-@compile_callee
-def _replaced(inverse, part, out):
-    """Change the inverse (n, n) of rows to that with another one at a place; `part` (n,): what this is of them."""
-    column = inverse[:, out] / part[out]
-    for k in range(len(part)):
-        inverse[k] -= column[k] * part
-    inverse[:, out] = column
 
 
 def _proven(matrix: NDArray, target: NDArray, held: Held, largest: float) -> Held | None:
@@ -188,6 +150,8 @@ class Corner:
 
     def farthest(self, matrix: NDArray, middle: NDArray, half: NDArray, weights: NDArray) -> Farthest | None:
         """Where weights'x is greatest of all x with |matrix x - middle (M,)| ≤ half (M,); None: not proven."""
+        from .exchange_steps import ENDED, ENDLESS, EXACT, exchange_met
+
         rows, inverse = self.rows.copy(), self._inverse.copy()
         # Of many vertices that go as far it is always the same, from wherever the walk begins.
         size = np.abs(weights).max()
@@ -195,7 +159,7 @@ class Corner:
         side = np.where(toward @ inverse >= 0.0, 1.0, -1.0)
         try:
             for _ in range(len(rows) + 2):
-                how, steps = _exchange_met(matrix, middle, half, toward, rows, side, inverse, MOST_STEPS)
+                how, steps = exchange_met(matrix, middle, half, toward, rows, side, inverse, MOST_STEPS)
                 if how == ENDLESS or not np.isfinite(inverse).all():
                     return None
                 if how == ENDED and steps == 0:
@@ -234,34 +198,3 @@ def least_of(matrix: NDArray, lower: NDArray, upper: NDArray, cost: NDArray) -> 
     if (far & (np.abs(duals) > HELD * np.abs(duals).sum())).any():
         return None
     return Farthest(found.x, held, duals)
-
-
-@compiled_and_kept
-def _exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
-    """Exchange some of the rows (n,) that meet, each at one of its sides; how it ended, after so many steps."""
-    duals = weights @ inverse
-    for step in range(most):
-        missed = matrix @ (inverse @ (middle[rows] + side * half[rows])) - middle
-        beyond = np.abs(missed) - half
-        row = beyond.argmax()
-        if beyond[row] <= EXACT:
-            return ENDED, step
-        own, slope = 1.0 if missed[row] > 0.0 else -1.0, -beyond[row]
-        part = matrix[row] @ inverse
-        ratio, less = duals * side, own * part * side
-        for k in range(len(rows)):
-            ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
-        while True:
-            out = ratio.argmin()
-            least = ratio[out]
-            if least == np.inf:
-                return ENDLESS, step
-            # Let go at one end, a row may go to its other one as long as that takes the corner no farther than it is.
-            slope += 2.0 * less[out] * half[rows[out]]
-            if slope >= 0.0:
-                break
-            side[out], ratio[out] = -side[out], np.inf
-        duals -= least * own * part
-        _replaced(inverse, part, out)
-        duals[out], rows[out], side[out] = least * own, row, own
-    return NOT_ENDED, most

@@ -1,0 +1,77 @@
+"""The steps of an exchange of rows, as machine code: what solves no programme does not wait for it to be loaded."""
+
+import numpy as np
+
+from ..compiled import compile_callee, compiled_and_kept
+
+EXACT = 1e-10
+"""What a row may miss by, relatively to a radius of one or more."""
+NO_PIVOT = 1e-11
+"""What is smaller is no part of a row in others."""
+ENDED, ENDLESS, NOT_ENDED = 0, 1, 2
+"""How steps end: nothing misses by more, nothing can be exchanged, or there were as many as were asked for."""
+
+
+@compile_callee
+def _replaced(inverse, part, out):
+    """Change the inverse (n, n) of rows to that with another one at a place; `part` (n,): what this is of them."""
+    column = inverse[:, out] / part[out]
+    for k in range(len(part)):
+        inverse[k] -= column[k] * part
+    inverse[:, out] = column
+
+
+@compiled_and_kept
+def exchange_held(matrix, target, rows, sign, inverse, most):
+    """Exchange some of the rows (n + 1,) that hold a solution, with their signs; how it ended, after so many steps."""
+    last = len(rows) - 1
+    row_of = np.empty(len(rows))
+    for step in range(most):
+        solution = inverse @ target[rows]
+        radius, error = solution[last], target - matrix @ solution[:last]
+        row = np.abs(error).argmax()
+        if not abs(error[row]) > radius + EXACT * max(1.0, radius):
+            return ENDED, step
+        own = 1.0 if error[row] > 0.0 else -1.0
+        row_of[:last], row_of[last] = matrix[row], own
+        part = row_of @ inverse
+        ratio, less = inverse[last] * sign, own * part * sign
+        for k in range(last + 1):
+            ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
+        out = ratio.argmin()
+        if ratio[out] == np.inf:
+            return ENDLESS, step
+        _replaced(inverse, part, out)
+        rows[out], sign[out] = row, own
+    return NOT_ENDED, most
+
+
+@compiled_and_kept
+def exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
+    """Exchange some of the rows (n,) that meet, each at one of its sides; how it ended, after so many steps."""
+    duals = weights @ inverse
+    for step in range(most):
+        missed = matrix @ (inverse @ (middle[rows] + side * half[rows])) - middle
+        beyond = np.abs(missed) - half
+        row = beyond.argmax()
+        if beyond[row] <= EXACT:
+            return ENDED, step
+        own, slope = 1.0 if missed[row] > 0.0 else -1.0, -beyond[row]
+        part = matrix[row] @ inverse
+        ratio, less = duals * side, own * part * side
+        for k in range(len(rows)):
+            ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
+        while True:
+            out = ratio.argmin()
+            least = ratio[out]
+            if least == np.inf:
+                return ENDLESS, step
+            # Let go at one end, a row may go to its other one as long as that takes the corner no farther than it is.
+            slope += 2.0 * less[out] * half[rows[out]]
+            if slope >= 0.0:
+                break
+            side[out], ratio[out] = -side[out], np.inf
+        duals -= least * own * part
+        _replaced(inverse, part, out)
+        duals[out], rows[out], side[out] = least * own, row, own
+    return NOT_ENDED, most
