@@ -16,6 +16,8 @@ from scipy.linalg import lstsq, qr
 
 from .exchange import Corner, exchanged, least_of
 
+LEAST_LIMIT, MOST_ITERATIONS = 5000, 20
+"""Steps of the simplex after which it goes round in circles: so many, and so many more for each row and column."""
 TOLERANCE = 1e-10
 """Primal and dual feasibility tolerance, as a fraction of the noise bound."""
 RELATIVE_TOLERANCE = 1e-9
@@ -429,8 +431,10 @@ def solved(
 ) -> highspy.HighsSolution:
     """Solve, warm if possible; when that fails, from nothing by one strategy after the other, and the usual one again.
 
-    A SolverError where none of them solves it.
+    What goes round in circles is taken for failed. A SolverError where none of them solves it.
     """
+    size = highs.getNumRow() + highs.getNumCol()
+    highs.setOptionValue("simplex_iteration_limit", LEAST_LIMIT + MOST_ITERATIONS * size)
     highs.run()
     if highs.getModelStatus() == highspy.HighsModelStatus.kOptimal:
         return highs.getSolution()

@@ -149,3 +149,24 @@ def test_the_solver_says_nothing_of_itself():
     program = "from trihedron.tools.bounded.programmes import solver; solver().run()"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_what_goes_round_in_circles_is_a_stated_failure(monkeypatch: pytest.MonkeyPatch):
+    """Of a bench one programme was solved for ever by the usual strategy, and at once by the next one."""
+    rng = np.random.default_rng(3)
+    jacobian, residual = rng.normal(size=(60, 8)), 0.1 * rng.normal(size=60)
+    ends = residual - 1.0, np.append(residual[1:], np.inf) + 1.0
+
+    def farthest() -> float:
+        polytope = Polytope(jacobian, np.ones(60))
+        polytope.confine(*ends)
+        return polytope.maximise(np.ones(8))[0]
+
+    expected = linprog(
+        -np.ones(8), np.vstack((jacobian[:59], -jacobian)), np.append(ends[1][:59], -ends[0]), bounds=(None, None)
+    )
+    assert farthest() == pytest.approx(-expected.fun, rel=1e-9)
+    monkeypatch.setattr(programmes, "LEAST_LIMIT", 0)
+    monkeypatch.setattr(programmes, "MOST_ITERATIONS", 0)
+    with pytest.raises(SolverError, match="limit"):
+        farthest()
