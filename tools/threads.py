@@ -33,9 +33,10 @@ def one_thread() -> Iterator[None]:
     finally:
         with _LOCK:
             # What stands first was found when no call was inside, whichever ends last.
-            found = _BEFORE.pop() if len(_BEFORE) > 1 else None
-            for (_, set_to), count in zip(_libraries(), found or _BEFORE.pop(), strict=True):
-                set_to(1 if found else count)
+            found = _BEFORE.pop()
+            if not _BEFORE:
+                for (_, set_to), count in zip(_libraries(), found, strict=True):
+                    set_to(count)
 
 
 @cache

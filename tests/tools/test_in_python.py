@@ -174,3 +174,9 @@ def test_linear_algebra_has_one_thread_in_a_call_and_its_own_again_after_it():
     finally:
         for (_, set_to), count in zip(libraries, before, strict=True):
             set_to(count)
+
+
+def test_calls_in_calls_end_where_no_library_can_be_told(monkeypatch: pytest.MonkeyPatch):
+    """As where NumPy was built with another one than OpenBLAS."""
+    monkeypatch.setattr(threads, "_libraries", list)
+    assert in_python(lambda: in_python(lambda: 3)())() == 3

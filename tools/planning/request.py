@@ -20,6 +20,8 @@ MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
 """More searches, cuts or positions would not end within days."""
 ACCURACY_UNITS = {"": 1.0, "arcsec": math.pi / 648000.0, "urad": 1e-6, "ug": 1e-6, "ppm": 1e-6}
 """What a wanted error may be written in, in rad, g or 1."""
+UNITS_OF = {"rad": ("arcsec", "urad"), "g": ("ug",), "1": ("ppm",)}
+"""Which of them are of an angle, of a specific force, of a scale factor."""
 Groups = tuple[tuple[str, ...], ...]
 """Targets whose errors are taken together, as the root of the sum of their squares."""
 FACES: Groups = (
@@ -29,7 +31,8 @@ FACES: Groups = (
 """What two accelerometers read too much while the axis of the third is vertical: axes 1 and 2 up and down, axis 3."""
 FORCE = tuple((0.8 * a, 0.6 * b, 0.0) for a, b in product((1.0, -1.0), repeat=2))
 """Inputs [g] at which a search for the corrected force begins: there the error that no positions better is largest."""
-GOALS = ("levelling", "gyrocompass", "force")
+GOALS = {"levelling": "rad", "gyrocompass": "rad", "force": "g"}
+"""What errors of the corrections are."""
 
 
 def force_at(n: Sequence[float], *, symmetric: bool) -> tuple[str, ...]:
@@ -117,6 +120,13 @@ class Request:
             units = ", ".join(filter(None, ACCURACY_UNITS))
             raise InputError(f"--accuracy {self.accuracy!r}: must be a positive number, alone or of {units}: 7arcsec")
         return number / self.noise_bound
+
+    def check_unit(self, own: str) -> None:
+        """An InputError where the wanted error is written in a unit of something else than rad, g or 1."""
+        if self.unit and own in UNITS_OF and self.unit not in UNITS_OF[own]:
+            raise InputError(
+                f"--accuracy {self.accuracy}: the error is one of {own}; write it in {' or '.join(UNITS_OF[own])}"
+            )
 
     @property
     def unit(self) -> str:

@@ -28,7 +28,7 @@ from .common import (
 )
 from .pool import HittingSet, bound_positions, pool_of, symmetries
 from .positions import Costs, Places, allowed, costs, task_of
-from .request import Request
+from .request import GOALS, Request
 from .search import drawn, search
 from .tour import limits_of, measuring_order, move_times, tour_duration, unwound
 
@@ -85,12 +85,16 @@ def plan_to_accuracy(request: Request, *, dwell_s: float = DWELL_S, progress: bo
     several units.
     """
     wanted, sigma = request.wanted, request.noise_bound
+    if request.goal is not None:
+        request.check_unit(GOALS[request.goal])
     task = task_of(request, progress=progress)
     units = {target.unit for target in task.targets}
     if len(units) > 1 and request.goal is None:
         raise InputError(
             f"--accuracy: the targets have units {', '.join(sorted(units))}; ask for those of one by --target"
         )
+    if request.goal is None:
+        request.check_unit(*units)
     least = float(task.least.max()) * request.magnified
     refused = f"--accuracy {request.accuracy}: no positions"
     if least > wanted:

@@ -86,6 +86,20 @@ def test_an_accuracy_is_read_with_its_unit(text: str):
     assert Request(accuracy=text).wanted == pytest.approx(known[text])
 
 
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"goal": "force", "accuracy": "45arcsec"}, "one of g; write it in ug"),
+        ({"goal": "gyrocompass", "latitude_deg": 50.0, "accuracy": "45ug"}, "one of rad; write it in arcsec or urad"),
+        ({"targets": ("X16",), "accuracy": "45ppm"}, "one of g; write it in ug"),
+        ({"targets": ("X4",), "accuracy": "45urad"}, "one of 1; write it in ppm"),
+    ],
+)
+def test_an_accuracy_in_units_of_something_else_is_refused(asked: dict, said: str):
+    with pytest.raises(InputError, match=said):
+        plan_to_accuracy(Request(starts=1, cuts=0, **asked))
+
+
 @pytest.mark.parametrize("text", ["", "arcsec", "7 minutes", "-1", "nan", "0", "inf"])
 def test_what_is_no_accuracy_is_refused(text: str):
     with pytest.raises(InputError, match=r"--accuracy .*: must be a positive number, alone or of arcsec"):
