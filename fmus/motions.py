@@ -119,6 +119,7 @@ TURNTABLE_MOTION = Component(
         state("generator", "state of the random numbers", GENERATOR_SIZE),
         state("fluctuation", "the encoders' fluctuation as a fraction of its bound", 2),
         state("motion", "angles and rates of the moves", 4),
+        state("slipped", "turn of the block on the table that the increments hold so far", 3),
         work("times", "ends of phases", 10),
         work("work", "a quaternion", 4),
         state("context", "the circumstances that effects read", CONTEXT_SIZE),

@@ -21,6 +21,7 @@ from .turntable_geometry import (
     SHIFT,
     START,
     TRUE_GRAVITY,
+    add_slip,
     find_block_rate,
     integrate_increment,
     move_axes,
@@ -77,6 +78,7 @@ def initialise(
     generator: Vector,
     fluctuation: Vector,
     motion: Vector,
+    slipped: Vector,
     work: Vector,
     context: Vector,
     added: Vector,
@@ -106,8 +108,6 @@ def initialise(
     stand[SHIFT + 1] = beta_offset
     stand[TRUE_GRAVITY] = gravity * (1.0 - gravity_error)
     stand[FLUCTUATION_BOUND] = encoder_fluctuation_bound
-    for i in range(3):
-        increment[i] = 0.0
     seed_generator(seed, 1.0, generator)
     fluctuation[0] = symmetric(generator)
     fluctuation[1] = symmetric(generator)
@@ -116,6 +116,9 @@ def initialise(
     context[TEMPERATURE] = temperature
     move_axes(time, stand, plan, motion, angle, rate, context)
     observe(stand, mounting_attitude, effect, angle, context, turns, work, attitude, specific_force)
+    for i in range(3):
+        increment[i] = 0.0
+        slipped[i] = turns[4 + i]
     find_block_rate(stand, mounting_attitude, angle, rate, block_rate)
     turn_with_earth(time - stand[START], stand, attitude, work, attitude_inertial)
     read_encoders(stand, effect, angle, fluctuation, motion, context, added, angle_reading)
@@ -162,6 +165,7 @@ def step(
     generator: Vector,
     fluctuation: Vector,
     motion: Vector,
+    slipped: Vector,
     times: Vector,
     work: Vector,
     context: Vector,
@@ -203,6 +207,7 @@ def step(
     )
     move_axes(time + step, stand, plan, motion, angle, rate, context)
     observe(stand, mounting_attitude, effect, angle, context, turns, work, attitude, specific_force)
+    add_slip(turns, slipped, increment)
     find_block_rate(stand, mounting_attitude, angle, rate, block_rate)
     turn_with_earth(time + step - stand[START], stand, attitude, work, attitude_inertial)
     resting = 0.0

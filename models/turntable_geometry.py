@@ -133,6 +133,17 @@ def find_block_rate(stand: Vector, mounting_attitude: Vector, angle: Vector, rat
     to_body(mounting_attitude, along * math.cos(angle[1]), -along * math.sin(angle[1]), third, block_rate)
 
 
+def add_slip(turns: Vector, slipped: Vector, increment: Vector) -> None:
+    """Add to `increment` (3,) what the block turned on the table since the step before, as `observe` saw it.
+
+    `slipped` (3,) is what earlier increments hold, overwritten: the end of the step before, found again from this one,
+    may be a rounding later, and would count a jump twice.
+    """
+    for i in range(3):
+        increment[i] = increment[i] + (turns[4 + i] - slipped[i])
+        slipped[i] = turns[4 + i]
+
+
 def turn_with_earth(elapsed: float, stand: Vector, attitude: Vector, work: Vector, attitude_inertial: Vector) -> None:
     """Attitude against the inertial frame that was the base's at the start, `elapsed` [s] ago."""
     set_quaternion(1.0, 0.0, 0.0, 0.0, attitude_inertial)
@@ -269,22 +280,14 @@ def integrate_increment(
 
     Gauss rules with five points between the ends of the phases of the moves, none over more than a quarter of a
     radian: the increments are exact to rounding at any step size, but for a step within which the block slips on the
-    table: that is one turn about one axis, which the rates beside it see from the middle of a piece on.
+    table: the rates see that from the middle of a piece on, and `add_slip` adds its own turn, one about one axis.
     """
     for i in range(3):
         increment[i] = 0.0
+        shifted[i] = 0.0
     for i in range(4):
         turn_rates[i] = 0.0
-    shifted[0] = 0.0
-    shifted[1] = 0.0
-    set_table_context(begin - stand[START], shifted, context)
     turned = geometry_effects(context, shifted, effect, turns)
-    for i in range(3):
-        increment[i] = -turns[4 + i]
-    set_table_context(end - stand[START], shifted, context)
-    turned = geometry_effects(context, shifted, effect, turns)
-    for i in range(3):
-        increment[i] = increment[i] + turns[4 + i]
     count = phase_ends(plan, begin, end, times)
     for k in range(count - 1):
         duration = times[k + 1] - times[k]

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from effect_readings import WOBBLES
 from named import Named
+from trihedron.models.effects import EffectPlace
 
 SIDEREAL_DAY = 86164.0905
 
@@ -121,6 +122,42 @@ def test_increments_do_not_depend_on_the_step(effects, rounding):
         coarse.step(k * 1.0, 1.0)
         total = sum(fine.step(k * 1.0 + j * 0.02, 0.02)["increment"] for j in range(50))
         assert coarse["increment"] == pytest.approx(total, abs=rounding)
+
+
+SLIP = EffectPlace("mounting-slip", "mounting")
+
+
+def test_a_slip_at_the_end_of_a_step_is_in_one_increment_and_in_the_attitude_there():
+    """Whatever the rounding of hours, and of times that a master counts or adds up."""
+    size = np.array([2e-3, -3e-3, 1e-3])
+    rng = np.random.default_rng(3)
+    for case in range(120):
+        begin, length = rng.choice([0.0, 7.3]), rng.choice([0.005, 0.1, 0.3, 1.0 / 3.0, rng.uniform(0.01, 2.0)])
+        counted = begin + length * np.arange(21)
+        times = counted if case % 2 else np.cumsum([begin, *[length] * 20])
+        # The hours of the end of a step as one who makes a scenario, or the table, finds them.
+        at = rng.integers(3, 18)
+        ends = [(times[at] - begin) / 3600.0, at * length / 3600.0, (times[at - 1] + length - begin) / 3600.0]
+        start = ends[case % 3]
+        model = Named("TurntableMotion", {SLIP: (*size, start)}, earth_rotation=False).begin(begin)
+        seen, shown = [], []
+        for time in times[:-1]:
+            model.step(time, length)
+            seen.append(model["increment"])
+            shown.append(Rotation.from_quat(model["attitude"], scalar_first=True).as_rotvec())
+        assert np.sum(seen, axis=0) == pytest.approx(size, abs=1e-17), (length, start)
+        assert np.cumsum(seen, axis=0) == pytest.approx(np.array(shown), abs=1e-15)
+
+
+def test_a_state_remembers_how_far_the_block_has_slipped():
+    model = Named("TurntableMotion", {SLIP: (1e-3, 0.0, 0.0, 0.5 / 3600.0)}, earth_rotation=False).begin()
+    before = model.model.get_state()
+    assert model.step(0.0, 1.0)["increment"][0] == 1e-3
+    after = model.model.get_state()
+    model.model.set_state(before)
+    assert model.step(0.0, 1.0)["increment"][0] == 1e-3
+    model.model.set_state(after)
+    assert model.step(1.0, 1.0)["increment"][0] == 0.0
 
 
 def test_the_earth_turns_once_a_day_and_can_be_stopped():
