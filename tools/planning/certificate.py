@@ -31,12 +31,19 @@ DEAF = 1e-6
 """An inequality that the equations leave so little freedom is not asked for, unless it is broken by as much."""
 FIRST_BOXES = 16
 MAX_BOXES = 400_000
-FLIPS: list[tuple[tuple[int, ...], tuple[int, ...]]] = [
-    *(((), (t,)) for t in range(MOST_TERMS)),
-    *(((), pair) for pair in combinations(range(MOST_TERMS), 2)),
-    *(((i,), (j,)) for i, j in combinations(range(MOST_TERMS), 2)),
-]
-"""Of which absolute values the sign is the other one in c_1 and in c_2, relative to the box's centre."""
+FLIPS = np.array(
+    [
+        [[term in flipped for term in range(MOST_TERMS)] for flipped in both]
+        for both in (
+            *(((), (t,)) for t in range(MOST_TERMS)),
+            *(((), pair) for pair in combinations(range(MOST_TERMS), 2)),
+            *(((i,), (j,)) for i, j in combinations(range(MOST_TERMS), 2)),
+        )
+    ]
+)
+"""Of which absolute values the sign is the other one in c_1 and in c_2 (25, 2, 5), relative to the box's centre."""
+FEW_BOXES = 200
+"""So many are divided twice before they are looked at: a look takes most of its time once, however many there are."""
 SMALLEST = 1e-9
 """Half-width [rad] below which a box is not divided."""
 
@@ -215,12 +222,14 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
             bound = max(bound, float(upper[done].max()))
             keep &= ~done
         case, alpha, beta, half, share = case[keep], alpha[keep], beta[keep], half[:, keep], share[:, keep]
-        along = (share[1] > share[0]).astype(int)
-        half[along, np.arange(len(case))] *= 0.5
-        step = np.where(along == 0, half[0], 0.0), np.where(along == 1, half[1], 0.0)
-        case, half = np.concatenate([case, case]), np.concatenate([half, half], axis=1)
-        alpha = np.concatenate([alpha - step[0], alpha + step[0]])
-        beta = np.concatenate([beta - step[1], beta + step[1]])
+        for _ in range(2 if len(case) < FEW_BOXES else 1):
+            along = (share[1] > share[0]).astype(int)
+            half[along, np.arange(len(case))] *= 0.5
+            share[along, np.arange(len(case))] *= 0.5
+            step = np.where(along == 0, half[0], 0.0), np.where(along == 1, half[1], 0.0)
+            case, half, share = np.tile(case, 2), np.tile(half, 2), np.tile(share, 2)
+            alpha = np.concatenate([alpha - step[0], alpha + step[0]])
+            beta = np.concatenate([beta - step[1], beta + step[1]])
     return Ceiling(bound, np.zeros((0, 4)))
 
 
@@ -271,9 +280,11 @@ def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limi
 
     def improve(rows: NDArray, h: NDArray, weight: NDArray) -> None:
         found = _quadratic_maximum(h, radius[:, rows]) + of_f[rows] + weight * of_c[rows]
-        better = found < upper[rows]
-        upper[rows[better]] = found[better]
-        best[rows[better]] = h[better]
+        order = np.lexsort((found, rows))
+        least = order[np.flatnonzero(np.diff(rows[order], prepend=-1))]
+        least = least[found[least] < upper[rows[least]]]
+        upper[rows[least]] = found[least]
+        best[rows[least]] = h[least]
 
     outside = _quadratic_maximum(pattern, radius) + remainder[:, 1:].sum(axis=1) + ROUNDING * size[:, 1:].sum(axis=1)
     upper[outside < 0.0] = -np.inf
@@ -286,23 +297,19 @@ def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limi
     turned = 2.0 * values[left, :, 2:] * side[left, None, :]
     reach = np.abs(values[left, 1, 2:]) * radius[0, left, None] + np.abs(values[left, 2, 2:]) * radius[1, left, None]
     near = np.abs(values[left, 0, 2:]) <= 2.0 * reach + 1e-12
-    for one, other in FLIPS:
-        these = np.flatnonzero(near[:, sorted({*one, *other})].all(axis=1) & (upper[left] > limit))
-        if not len(these):
-            continue
-        rows, turn = left[these], turned[these]
-        first = pattern[rows] + turn[:, :, list(one)].sum(axis=2)
-        second = pattern[rows] + turn[:, :, list(other)].sum(axis=2)
-        determinant = first[:, 1] * second[:, 2] - first[:, 2] * second[:, 1]
-        by_first = -f[rows, 1] * second[:, 2] + f[rows, 2] * second[:, 1]
-        by_second = -first[:, 1] * f[rows, 2] + first[:, 2] * f[rows, 1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weights = np.stack([by_first, by_second]) / determinant
-        usable = (np.isfinite(weights) & (weights >= 0.0) & (weights < 1e9)).all(axis=0)
-        rows, first, second, weights = rows[usable], first[usable], second[usable], weights[:, usable]
-        if len(rows):
-            h = f[rows] + weights[0][:, None] * first + weights[1][:, None] * second
-            improve(rows, h, weights.sum(axis=0))
+    these, flip = np.nonzero((near[:, None, :] | ~FLIPS.any(axis=1)).all(axis=2) & (upper[left] > limit)[:, None])
+    rows, turn = left[these], turned[these]
+    first, second = pattern[rows] + (turn @ FLIPS[flip].transpose(0, 2, 1)).transpose(2, 0, 1)
+    determinant = first[:, 1] * second[:, 2] - first[:, 2] * second[:, 1]
+    by_first = -f[rows, 1] * second[:, 2] + f[rows, 2] * second[:, 1]
+    by_second = -first[:, 1] * f[rows, 2] + first[:, 2] * f[rows, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = np.stack([by_first, by_second]) / determinant
+    usable = np.flatnonzero((np.isfinite(weights) & (weights >= 0.0) & (weights < 1e9)).all(axis=0))
+    rows, weights = rows[usable], weights[:, usable]
+    improve(
+        rows, f[rows] + weights[0][:, None] * first[usable] + weights[1][:, None] * second[usable], weights.sum(axis=0)
+    )
     share = np.abs(best[:, 1:3]).T * radius + 0.5 * np.abs(best[:, [3, 5]]).T * radius**2
     share = share + np.stack([third[:, :, 0].sum(axis=1), third[:, :, 2].sum(axis=1)]) * radius**3 / 6.0
     return upper, share

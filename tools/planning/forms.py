@@ -201,48 +201,90 @@ class Arcs:
     ends: NDArray
 
 
+def _by_alpha(forms: NDArray) -> NDArray:
+    """Forms (K, 3, 3) as a matrix (3, 3 K) from the basis of α to their factors of cos β, of sin β and of 1."""
+    return forms.transpose(1, 2, 0).reshape(3, -1)
+
+
+def _in_beta(forms: Sequence[NDArray], sheet: NDArray, alpha: NDArray) -> NDArray:
+    """Factors (3, N, K) of cos β, of sin β and of 1 of each sheet's forms, as of `_by_alpha`, at α (N,)."""
+    a, found = basis(alpha), np.empty((len(sheet), forms[0].shape[1]))
+    for k, form in enumerate(forms):
+        here = np.flatnonzero(sheet == k)
+        found[here] = a[here] @ form
+    return found.reshape(len(sheet), 3, found.shape[1] // 3).transpose(1, 0, 2)
+
+
 class Ridges:
     """The greatest ±F'y over the admissible β, as functions of α; a β counts where c ≥ margin [g]."""
 
     def __init__(self, found: Sequence[Sheet], margin: float):
         self._margin, self._free = margin, found[0].sign == 0
-        self._base, self._terms = np.array([sheet.base for sheet in found]), padded_terms(found)
+        own = [np.array([sheet.base, *t]) for sheet, t in zip(found, padded_terms(found), strict=True)]
         signs = np.array(list(product((-1.0, 1.0), repeat=MOST_TERMS)))
         # c with the signs of its absolute values frozen, every way: an arc ends where one of these is zero.
-        frozen = [
-            np.unique(b - np.einsum("et,tij->eij", signs, t), axis=0)
-            for b, t in zip(self._base, self._terms, strict=True)
-        ]
+        frozen = [np.unique(one[0] - np.einsum("et,tij->eij", signs, one[1:]), axis=0) for one in own]
         most = max(map(len, frozen))
         self._frozen = np.array([np.resize(one, (most, 3, 3)) for one in frozen])
+        self._edges = [_by_alpha(one) for one in self._frozen]
+        self._own = [_by_alpha(one) for one in own]
 
     def arcs(self, sheet: NDArray, alpha: NDArray) -> Arcs:
         """The arcs of sheets (N,) at angles α (N,)."""
         if self._free:
             return Arcs(sheet, alpha, np.zeros((len(alpha), 0)))
         margin = self._margin
-        edge = np.squeeze(basis(alpha)[:, None, None, :] @ self._frozen[sheet], -2)
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            spread = np.arccos((2.0 * margin - edge[..., 2]) / np.hypot(edge[..., 0], edge[..., 1]))
-        middle = np.arctan2(edge[..., 1], edge[..., 0])
-        beta = np.concatenate([middle - spread, middle + spread], axis=1)
-        known = np.isfinite(beta)
-        beta[~known] = 0.0
-        known &= self._clearance(sheet, alpha, beta) >= 2.0 * margin - abs(margin)
-        order = np.argsort(~known, axis=1, kind="stable")[:, : max(int(known.sum(axis=1).max(initial=0)), 1)]
-        ends = np.where(np.take_along_axis(known, order, 1), np.take_along_axis(beta, order, 1), np.nan)
+        cos, sin = self._crossings(sheet, alpha)
+        with np.errstate(invalid="ignore"):
+            known = self._clearance(sheet, alpha, cos, sin) >= 2.0 * margin - abs(margin)
+        row, end = np.divmod(np.flatnonzero(known), known.shape[1])
+        upper, which = np.divmod(end, self._frozen.shape[1])
+        edge = (basis(alpha)[row, None, :] @ self._frozen[sheet[row], which])[:, 0]
+        with np.errstate(invalid="ignore"):
+            spread = np.arccos((2.0 * margin - edge[:, 2]) / np.hypot(edge[:, 0], edge[:, 1]))
+        count = known.sum(axis=1)
+        ends = np.full((len(alpha), max(int(count.max(initial=0)), 1)), np.nan)
+        beta = np.arctan2(edge[:, 1], edge[:, 0]) + np.where(upper, spread, -spread)
+        ends[row, np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)] = beta
         return Arcs(sheet, alpha, ends)
 
-    def _clearance(self, sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
-        """c (N, K) of sheets (N,) at α (N,) and β (N, K)."""
-        a, cos, sin = basis(alpha), np.cos(beta), np.sin(beta)
+    def _crossings(self, sheet: NDArray, alpha: NDArray) -> NDArray:
+        """Cosines and sines (2, N, 2 E) of the β at which each of the frozen c is the margin; NaN where it never is.
 
-        def along(rows: NDArray) -> NDArray:
-            return rows[:, :1] * cos + rows[:, 1:2] * sin + rows[:, 2:]
+        Most of them are no ends of arcs: they come without the angles.
+        """
+        factors = _in_beta(self._edges, sheet, alpha)
+        found = np.empty((2, len(sheet), 2, factors.shape[2]))
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            inner = 2.0 * self._margin - factors[2]
+            size = np.hypot(*factors[:2])
+            inner /= size
+            outer = 1.0 - inner
+            outer *= 1.0 + inner
+            np.sqrt(outer, out=outer)
+            for place, own, turned in zip(found, factors, (-factors[1], factors[0]), strict=False):
+                own, turned = own / size, turned / size
+                own *= inner
+                turned *= outer
+                np.subtract(own, turned, out=place[:, 0])
+                np.add(own, turned, out=place[:, 1])
+        return found.reshape(2, len(sheet), 2 * factors.shape[2])
 
-        c = along(np.squeeze(a[:, None, :] @ self._base[sheet], 1))
-        for rows in np.squeeze(a[:, None, None, :] @ self._terms[sheet], -2).transpose(1, 0, 2):
-            c -= np.abs(along(rows))
+    def _clearance(self, sheet: NDArray, alpha: NDArray, cos: NDArray, sin: NDArray) -> NDArray:
+        """c (N, K) of sheets (N,) at α (N,) and the cosines and sines of β (N, K)."""
+        rows = _in_beta(self._own, sheet, alpha)
+        both = np.empty((2, *cos.shape))
+
+        def along(k: int) -> NDArray:
+            a, b, rest = rows[:, :, k, None]
+            np.multiply(a, cos, out=both[0])
+            both[0] += np.multiply(b, sin, out=both[1])
+            both[0] += rest
+            return both[0]
+
+        c = along(0).copy()
+        for k in range(1, rows.shape[2]):
+            c -= np.abs(along(k), out=both[1])
         return c
 
     def heights(self, arcs: Arcs, forms: NDArray, sense: NDArray) -> tuple[NDArray, NDArray]:
@@ -262,7 +304,8 @@ class Ridges:
         n = np.arange(len(best))
         height, beta = values[n, best], ends[n, best]
         higher = np.flatnonzero(top > height)
-        clear = self._clearance(arcs.sheet[higher], arcs.alpha[higher], own[higher, None])[:, 0]
+        at = own[higher, None]
+        clear = self._clearance(arcs.sheet[higher], arcs.alpha[higher], np.cos(at), np.sin(at))[:, 0]
         higher = higher[clear >= self._margin]
         height[higher], beta[higher] = top[higher], own[higher]
         return height, beta
@@ -278,7 +321,7 @@ class Ridges:
         best, beta = self.heights(self.arcs(sheet, alpha), forms, sense)
         fan = np.linspace(-1.0, 1.0, FAN)
         many, twice = np.repeat(sheet, FAN), np.repeat(sense, FAN)
-        for _ in range(rounds):
+        for _ in range(rounds if len(alpha) else 0):
             trial = (alpha[:, None] + reach * fan).ravel()
             high, at = (x.reshape(-1, FAN) for x in self.heights(self.arcs(many, trial), forms, twice))
             pick = high.argmax(axis=1)
