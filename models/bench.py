@@ -130,14 +130,35 @@ def up(alpha: ArrayLike, beta: ArrayLike, kappa: ArrayLike = 0.0, epsilon: Array
     (..., 3) array
         unit vectors; (sin α sin β, sin α cos β, cos α) for a perfect table
     """
-    sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
-    first, third = -np.sin(kappa), np.cos(kappa)
-    second, third = third * sin_a, third * cos_a
-    first, third = (
-        first * np.cos(epsilon) - third * np.sin(epsilon),
-        first * np.sin(epsilon) + third * np.cos(epsilon),
-    )
+    sin_k, cos_k = np.sin(kappa), np.cos(kappa)
+    return _on_inner(-sin_k, cos_k * np.sin(alpha), cos_k * np.cos(alpha), _trigonometry(beta), _trigonometry(epsilon))
+
+
+def _trigonometry(angle: ArrayLike) -> tuple[NDArray, NDArray]:
+    return np.sin(angle), np.cos(angle)
+
+
+def _on_inner(
+    first: NDArray, second: NDArray, third: NDArray, beta: tuple[NDArray, NDArray], epsilon: tuple[NDArray, NDArray]
+) -> NDArray:
+    """A vector in the axes of the outer frame as (..., 3) in those of the inner one; angles as sine and cosine."""
+    (sin_b, cos_b), (sin_e, cos_e) = beta, epsilon
+    first, third = first * cos_e - third * sin_e, first * sin_e + third * cos_e
     return np.stack(np.broadcast_arrays(first * cos_b + second * sin_b, second * cos_b - first * sin_b, third), axis=-1)
+
+
+def _up_and_derivatives(
+    alpha: NDArray, beta: ArrayLike, kappa: NDArray, epsilon: NDArray
+) -> tuple[NDArray, tuple[NDArray, NDArray, NDArray]]:
+    """`up`, and its derivatives (..., 3) by κ, by what is taken from α, and by ε."""
+    (sin_a, cos_a), (sin_k, cos_k) = _trigonometry(alpha), _trigonometry(kappa)
+    b, e = _trigonometry(beta), _trigonometry(epsilon)
+    here = _on_inner(-sin_k, cos_k * sin_a, cos_k * cos_a, b, e)
+    by_kappa = _on_inner(-cos_k, -sin_k * sin_a, -sin_k * cos_a, b, e)
+    by_alpha = _on_inner(np.zeros_like(sin_k), -cos_k * cos_a, cos_k * sin_a, b, e)
+    third = here[..., 2]
+    by_epsilon = np.stack((-third * b[1], third * b[0], here[..., 0] * b[1] - here[..., 1] * b[0]), axis=-1)
+    return here, (by_kappa, by_alpha, by_epsilon)
 
 
 def elementary(**values: float) -> NDArray:
@@ -329,13 +350,11 @@ def _input_and_jacobian(
 ) -> tuple[NDArray, NDArray]:
     """`input_direction` and `input_jacobian`."""
     x, step = np.asarray(targets), 1e-30
-    # What moves the vertical and what turns the block, three targets at once.
-    moved = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION, None]
-    tilted, turned = moved[:3], moved[3:]
-    vertical = np.imag(up(np.asarray(alpha) - tilted[..., 1], np.asarray(beta), tilted[..., 0], tilted[..., 2])) / step
+    # What turns the block, three targets at once.
+    turned = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION[3:], None]
     turns = np.imag(_mounted(turned, mounting, further)) / step
     straight = _mounted(x, mounting, further)
-    here = up(np.asarray(alpha) - x[..., 1], np.asarray(beta), x[..., 0], x[..., 2])
+    here, vertical = _up_and_derivatives(np.asarray(alpha) - x[..., 1], beta, x[..., 0], x[..., 2])
     jacobian = np.zeros((*here.shape, len(TARGETS)))
     for k, one, other in zip(range(3), vertical, turns, strict=True):
         jacobian[..., _OF_DIRECTION[k]] = np.squeeze(straight @ one[..., None], -1)

@@ -85,14 +85,16 @@ def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
 def _begun(matrix: NDArray, target: NDArray) -> NDArray[np.int_] | None:
     """Rows (n + 1,) that determine the columns, of those that least squares misses most; None where none do."""
     columns = matrix.shape[1]
-    some = np.column_stack((matrix, target))[:: max(1, len(matrix) // MANY)]
+    every = slice(None, None, max(1, len(matrix) // MANY))
+    some = np.column_stack((matrix[every], target[every]))
     triangle = np.asarray(qr(some, mode="r")[0])[: columns + 1]
     diagonal = np.abs(np.diag(triangle)[:columns])
     if not diagonal.min() > DEPENDENT * diagonal.max():
         return None
     error = target - matrix @ np.linalg.solve(triangle[:columns, :columns], triangle[:columns, columns])
     worst = np.argsort(-np.abs(error), kind="stable")
-    for among in (worst[: BEGUN * columns], worst):
+    for most in sorted({min(len(worst), most) for most in (BEGUN * columns, MANY, len(worst))}):
+        among = worst[:most]
         found = qr(matrix[among].T, mode="r", pivoting=True)
         diagonal, order = np.abs(np.diag(np.asarray(found[0]))), np.asarray(found[-1])
         if len(diagonal) == columns and diagonal.min() > DEPENDENT * diagonal.max() and len(among) > columns:

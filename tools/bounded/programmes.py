@@ -196,8 +196,10 @@ def shortened(matrix: NDArray) -> NDArray[np.float64]:
     count = len(matrix) // BLOCK
     if count < MANY_BLOCKS:
         return matrix
-    triangles = np.asarray(np.linalg.qr(matrix[: count * BLOCK].reshape(count, BLOCK, -1), mode="r"))
-    return np.vstack((triangles.reshape(-1, matrix.shape[1]), matrix[count * BLOCK :]))
+    whole = matrix[: count * BLOCK].reshape(count, BLOCK, -1)
+    # A few at a time: each is copied before it is decomposed.
+    triangles = [np.linalg.qr(whole[k : k + MANY_BLOCKS], mode="r") for k in range(0, count, MANY_BLOCKS)]
+    return np.vstack((*np.concatenate(triangles), matrix[count * BLOCK :]))
 
 
 def _most_violated(
@@ -251,7 +253,7 @@ def chebyshev_radius(
     if held is not None and anywhere:
         every = np.zeros(len(bound))
         every[held.rows] = held.multipliers / bound[held.rows]
-        return held.radius, held.x, every
+        return max(0.0, held.radius), held.x, every
     taken = first_rows(jacobian / bound[:, None])
     if held is not None:
         # What holds the solution without ends and growth is near to what holds it with them.

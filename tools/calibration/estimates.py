@@ -42,6 +42,9 @@ COARSE = 1e-2
 MAX_ROUNDS = 30
 ENOUGH = 6000
 """So many measurements, spread over the record, are weighed: more would tell little more and take long."""
+AT_ONCE = 64
+MANY_ROWS = 65536
+"""So many are weighted and decomposed at once."""
 MANY_MEASUREMENTS = 5000
 """From here on the programmes take seconds."""
 GROUPS = (
@@ -137,8 +140,12 @@ class _Problem:
     def step(self, point: NDArray, weight: NDArray, sign: NDArray, cut: float | None = None) -> NDArray:
         """One linear step; directions with singular values below `cut` of the largest are left alone."""
         jacobian = reading_jacobian(self.parametrisation, point, self.positions, sign).reshape(-1, len(point))
-        rows, target = (jacobian @ self.span) * weight[:, None], self.residual(point, sign) * weight
-        both = shortened(np.column_stack((rows, target)))
+        target, both = self.residual(point, sign) * weight, []
+        for rows in np.array_split(np.arange(len(target)), len(target) // MANY_ROWS + 1):
+            part = slice(rows[0], rows[-1] + 1)
+            scaled = (jacobian[part] @ self.span) * weight[part, None]
+            both.append(shortened(np.column_stack((scaled, target[part]))))
+        both = np.vstack(both)
         return self.span @ np.linalg.lstsq(both[:, :-1], both[:, -1], rcond=cut)[0]
 
     def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
@@ -186,7 +193,7 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
     matrices = p.matrices[here.positions.mounting]
     margin = sign_margin(here.positions.alpha, here.positions.beta, matrices, bounds=bounds)
     some = np.flatnonzero(~certain.all(axis=1))
-    gradient = dict(zip(some, direction_jacobian(p, here.point, here.positions.selected(some)), strict=True))
+    gradient = direction_jacobian(p, here.point, here.positions.selected(some))
     size = np.abs(here.input)
     uncertainty = np.where(certain, 0.0, np.maximum(margin, size))
     difference = p.selection[0, 3:9:2] - p.selection[0, 4:9:2]
@@ -198,14 +205,14 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
         if np.abs(extra - last).max() <= 1e-3 * noise_bound:
             break
         spread = _spread(here, noise_bound + extra.ravel())
-        for i, k in zip(*np.nonzero(still_open), strict=True):
-            uncertainty[i, k] = min(uncertainty[i, k], spread(gradient[i][k]))
-        asymmetry = np.minimum(asymmetry, estimate + [spread(row) for row in difference])
+        i, k = np.nonzero(still_open)
+        uncertainty[i, k] = np.minimum(uncertainty[i, k], spread(gradient[np.searchsorted(some, i), k]))
+        asymmetry = np.minimum(asymmetry, estimate + spread(difference))
     return extra.ravel()
 
 
-def _spread(here: Linearisation, bound: NDArray) -> Callable[[NDArray], float]:
-    """How far a linear function of the parameters may be from its estimate when readings are within `bound`."""
+def _spread(here: Linearisation, bound: NDArray) -> Callable[[NDArray], NDArray]:
+    """How far linear functions (K, P) of the parameters may be from estimates when readings are within `bound`."""
     every = len(bound) // ENOUGH + 1
     # three readings for each position: a stride of a multiple of three would leave accelerometers out
     every += every % 3 == 0
@@ -217,10 +224,12 @@ def _spread(here: Linearisation, bound: NDArray) -> Callable[[NDArray], float]:
     weights = span @ np.linalg.pinv(jacobian @ span)
     excess = 1.0 + min(3.0, float(np.abs(here.residual / bound).max()))
 
-    def spread(direction: NDArray) -> float:
-        if np.linalg.norm(direction - span @ (span.T @ direction)) > NOT_OUTSIDE:
-            return np.inf
-        return excess * float(np.abs(direction @ weights).sum())
+    def spread(directions: NDArray) -> NDArray:
+        found = np.full(len(directions), np.inf)
+        told = np.linalg.norm(directions - (directions @ span) @ span.T, axis=1) <= NOT_OUTSIDE
+        for some in np.array_split(np.flatnonzero(told), told.sum() // AT_ONCE + 1):
+            found[some] = excess * np.abs(directions[some] @ weights).sum(axis=1)
+        return found
 
     return spread
 
@@ -275,7 +284,8 @@ def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
         if worst >= attained:
             break
         best, attained = centre, worst
-        if attained - radius <= 1e-9 * radius:
+        # By the same duals the programme about this centre has no smaller radius.
+        if attained - min(radius, float(duals @ residual)) <= 1e-9 * radius:
             break
         radius, step, duals = chebyshev_radius(here.jacobian, residual, here.bound)
     return radius, best, duals

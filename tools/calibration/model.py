@@ -378,8 +378,7 @@ def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     along it by so little that the second-order remainder of the move stays below the noise. Less than 1e-4 is what
     encoder errors alone give.
     """
-    missing = max(0, jacobian.shape[1] - len(jacobian))
-    rows = shortened(np.pad(jacobian, ((0, missing), (0, 0))))
-    _, values, directions = np.linalg.svd(rows, full_matrices=False)
+    rows, missing = shortened(jacobian), max(0, jacobian.shape[1] - len(jacobian))
+    _, values, directions = np.linalg.svd(np.pad(rows, ((0, missing), (0, 0))), full_matrices=False)
     kept = values > least_singular(noise_bound)
     return np.eye(len(directions)) if kept.all() else directions[kept].T

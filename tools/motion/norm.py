@@ -8,9 +8,9 @@ error |ρ| ≤ σ of each reading the residual |n| − 1 is within the sum of σ
 from itertools import combinations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.optimize import linprog
 
 from ..bounded.programmes import chebyshev_radius
 from ..result import Array, Result
@@ -186,7 +186,7 @@ def _corners(slopes: NDArray, target: NDArray, bound: NDArray) -> NDArray | None
     ends = np.concatenate([target + bound, bound - target]) / np.tile(bound, 2)
     found = []
     for objective in np.vstack([np.eye(9), -np.eye(9)]):
-        result = linprog(objective, A_ub=matrix, b_ub=ends, bounds=(None, None), method="highs")
+        result = scipy.optimize.linprog(objective, A_ub=matrix, b_ub=ends, bounds=(None, None), method="highs")
         if result.status != 0:
             return None
         found.append(result.x)

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri, fdtri, gammaincinv, ndtri
 
 from ...models.turntable import EARTH_RATE
 from ..records import StrapdownRecord
@@ -80,9 +80,9 @@ class RestNoise:
         """
         white = self.white * float(np.mean(1.0 / seconds))
         made = white + self.least * float(np.mean(self._octaves(seconds))) + EARTH_RATE**2
-        refused = scatter > made * fdtri(free, self.count, 1.0 - UNSTEADY)
+        refused = scatter > made * scipy.special.fdtri(free, self.count, 1.0 - UNSTEADY)
         # So few rests may show too little of it by chance.
-        surely = free / float(2.0 * gammaincinv(0.5 * free, BY_CHANCE))
+        surely = free / float(2.0 * scipy.special.gammaincinv(0.5 * free, BY_CHANCE))
         # Where one gyro wanders, what the others do is not taken for noise either.
         wander = np.full(3, np.nan) if refused.any() else np.maximum(surely * scatter - white, 0.0)
         apart = zip(np.sqrt(scatter).tolist(), np.sqrt(made).tolist(), strict=True)
@@ -111,7 +111,7 @@ class RestNoise:
 
 def factor_for(rows: int) -> float:
     """A bound over its standard deviation such that hardly one of so many errors exceeds it; at least three."""
-    return max(SCATTER_FACTOR, -float(ndtri(0.5 * ANY_BEYOND / max(rows, 1))))
+    return max(SCATTER_FACTOR, -float(scipy.special.ndtri(0.5 * ANY_BEYOND / max(rows, 1))))
 
 
 def gyro_noise(
@@ -175,8 +175,8 @@ def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[NDArray[np.float
     count = np.array([len(piece) - 2 * size + 1 for piece in long], dtype=float)
     # Of overlapping averages of white noise (D. A. Howe, D. W. Allan, J. A. Barnes, 1981), nearly.
     free = np.maximum(1.5 * np.array([len(piece) for piece in long]) / size - 2.0, 1.0)
-    usual = np.median(square / (2.0 * gammaincinv(0.5 * free, 0.5) / free)[:, None], axis=0)
-    kept = square <= usual * (chdtri(free, UNSTEADY) / free)[:, None]
+    usual = np.median(square / (2.0 * scipy.special.gammaincinv(0.5 * free, 0.5) / free)[:, None], axis=0)
+    kept = square <= usual * (scipy.special.chdtri(free, UNSTEADY) / free)[:, None]
     weight = kept * count[:, None]
     return (square * weight).sum(axis=0) / weight.sum(axis=0), (kept * free[:, None]).sum(axis=0)
 

@@ -4,14 +4,19 @@ All 48 signed permutations are tried, in rad/s and in degrees per second; what f
 that reads the record so.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from ..records.channels import PERMUTATIONS, RADIANS, USUAL, Channels, advice, far_better, reading_of
 from ..result import Array, Result
 from ..rounding import digits
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 WINDOW = 0.2
 """Length of the windows in which gyros and accelerometers are compared [s]."""
@@ -183,7 +188,7 @@ def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None)
 
 
 def beside_truth(
-    increments: NDArray, true: Rotation, windows: NDArray, before: Channels | None, time_s: NDArray
+    increments: NDArray, true: "Rotation", windows: NDArray, before: Channels | None, time_s: NDArray
 ) -> tuple[tuple[str, ...], float]:
     """What true turns (S) over windows say of the gyros; and the part of them, squared, that the best way misses.
 
@@ -217,13 +222,15 @@ def beside_truth(
     return (f"{_words(ways[0][0], 'the true attitude', before)}: read it with {advice(ways, before)}",), best
 
 
-def carried(increments: NDArray, windows: NDArray) -> Rotation:
+def carried(increments: NDArray, windows: NDArray) -> "Rotation":
     """Turns (S) that increments (N, 3) [rad] up to each row make over windows (S, 2) of rows."""
-    found = Rotation.identity(len(windows))
+    found = scipy.spatial.transform.Rotation.identity(len(windows))
     first, last = windows.T
     for ahead in range(1, int((last - first).max(initial=0)) + 1):
         rows = np.minimum(first + ahead, last)
-        found = found * Rotation.from_rotvec(np.where((first + ahead <= last)[:, None], increments[rows], 0.0))
+        found = found * scipy.spatial.transform.Rotation.from_rotvec(
+            np.where((first + ahead <= last)[:, None], increments[rows], 0.0)
+        )
     return found
 
 

@@ -14,8 +14,8 @@ from itertools import product
 from math import hypot
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from ..bounded.programmes import SolverError
 from .certificate import Columns
@@ -201,7 +201,7 @@ class HittingSet:
         inside, orbit = self._height[:, counts] >= 1.0 / ratio - SAFE, self._pool.orbit
         share = np.stack([np.bincount(orbit, column, len(self._size)) for column in inside.T]) / self._size
         least = np.full(len(share), self._needed)
-        solved = linprog(np.ones(len(self._size)), A_ub=-share, b_ub=-least, method="highs")
+        solved = scipy.optimize.linprog(np.ones(len(self._size)), A_ub=-share, b_ub=-least, method="highs")
         if solved.x is None:
             return 0.0, np.zeros(len(self._pool.places))
         prices = np.maximum(-solved.ineqlin.marginals, 0.0)
