@@ -65,7 +65,7 @@ class BenchInMotion(Bench, TurnsInTime):
     raw: BenchRecord
     starting: tuple[EffectPlace, ...] = (*SETTING_IN, SLIP)
     set_in: Mapping[EffectPlace, float] = field(default_factory=dict)
-    around: Fit | None = None
+    around: About | None = None
     narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]] = field(default_factory=dict)
     loose: float = 0.0
     slipping: Fit | None = None
@@ -79,14 +79,14 @@ class BenchInMotion(Bench, TurnsInTime):
     def residual(self) -> NDArray[np.float64]:
         """Readings and integrals less prediction (M,), over their bounds."""
         if self.around is not None:
-            return self.around.without_effects * self.says
+            return self.around.residual * self.says
         return self.whole.residual / self.whole.bound * self.says
 
     @cached_property
     def nominal(self) -> NDArray[np.float64]:
         """Derivatives (M, P) by the parameters of bench, accelerometers and gyros, over the bounds."""
         if self.around is not None:
-            return self.around.jacobian[:, : len(self.point)] * self.says[:, None]
+            return self.around.jacobian * self.says[:, None]
         lagging = np.zeros((len(self.whole.bound), 1))
         lagging[: self.of_readings, 0] = self.moving.lagging(0.0)[1]
         return np.hstack([self.whole.jacobian, lagging]) * (self.says / self.whole.bound)[:, None]

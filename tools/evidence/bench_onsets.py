@@ -17,7 +17,7 @@ from .bench_slip import SLIP, SlipOnsets
 from .bench_travel import Travel
 from .fit import Fit, estimated
 from .onsets import Onsets
-from .rows import Pieces
+from .rows import About, Pieces
 from .setting_in import SettingIn
 
 SETTING_IN = tuple(
@@ -67,7 +67,7 @@ class TurnOnsets(Onsets):
 class TurnsInTime(SettingIn):
     """Evidence of a whole bench beside which effects of its gyros set in.
 
-    `around` is the fit about which its rows are linear, in place of the nominal model's, `narrowed` what `left_open`
+    `around` are rows without effects, linear about a fit in place of the nominal model, `narrowed` what `left_open`
     says beside it; `loose` what its model may be wrong by, in bounds. `slipping` is a fit with a slip, about half of
     which slips are linear.
     """
@@ -76,7 +76,7 @@ class TurnsInTime(SettingIn):
     moving: Moving
     whole: WithTurns
     travel: Travel
-    around: Fit | None
+    around: About | None
     narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]]
     loose: float
     slipping: Fit | None
@@ -147,7 +147,12 @@ class TurnsInTime(SettingIn):
                     row = made.slips.number(made.acting[place], time)
                     fit = made.with_onset(place, row).refit([*others, place])
                 made = made._replaced_by(loose=made.slips.missed)
-            about = made._replaced_by(around=fit, point=fit.point, narrowed=narrowed)
+            # Without what sets in: at another time other rows say something.
+            coefficients, count = fit.coefficients[: fit.blocks[-1].start], len(fit.point)
+            rows = made.about(others, fit.point, coefficients)
+            residual = rows.residual + rows.jacobian[:, count:] @ coefficients
+            around = replace(rows, residual=residual, jacobian=rows.jacobian[:, :count])
+            about = made._replaced_by(around=around, point=fit.point, narrowed=narrowed)
             return about.mended_in_time(places, work)
         return super().mended_in_time(places, work)
 

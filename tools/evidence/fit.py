@@ -93,12 +93,6 @@ class Fit:
         return self.residual - self.jacobian @ self.step
 
     @property
-    def without_effects(self) -> NDArray[np.float64]:
-        """Errors (M,) at `at` without the effects, as far as these are linear."""
-        count = len(self.point)
-        return self.residual + self.jacobian[:, count:] @ self.at[count:]
-
-    @property
     def allowed(self) -> NDArray[np.float64]:
         """How large the errors (M,) may be where the radius is attained, with what the sizes there leave open."""
         return self.bound + self.growths[0].at(self.step) if self.growths else self.bound
