@@ -13,8 +13,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calibration.model import Parametrisation
 from ..calibration.targets import Target, expression_weights
-from .positions import Costs, Places, Task, costs
+from .positions import Costs, Places, Task, costs, estimators, readings
 from .request import FORCE, force_at
 from .search import search
 
@@ -22,9 +23,13 @@ NEAR = 1e-3
 """The largest error over all directions is bounded to this, relative."""
 ENOUGH = 5e-3
 """A search ends where its directions tell the error over all to this, relative."""
+GAIN = 1e-4
+"""A search's improvements end where steps gain less: it knows a few directions alone."""
 ROUNDS = 6
 DECIMALS = 6
 """Of directions that a search takes in."""
+BEYOND = 3.0**0.5
+"""So far from 0 the touching plane of an octant cuts its axes."""
 
 
 def search_force(
@@ -33,9 +38,13 @@ def search_force(
     """As `search`, for the largest error over all directions; costs are those at the inputs that it begins with."""
     directions, made, interrupted = np.array(FORCE), 0, False
     known = [(force_error(task, one)[0], one) for one in given]
-    here, starts = task, task.request.starts
+    later = task.request.starts // ROUNDS
+    here, starts = task, task.request.starts - (ROUNDS - 1) * later
     for _ in range(ROUNDS):
-        found, more, interrupted = search(here, count, given=[one for _, one in known], progress=progress)
+        here = replace(here, request=replace(task.request, starts=starts))
+        found, more, interrupted = search(
+            here, count, given=[one for _, one in known], least_gain=GAIN, progress=progress
+        )
         made += more
         if found is None:
             break
@@ -44,8 +53,7 @@ def search_force(
         if interrupted or bound <= (1.0 + ENOUGH) * found.worst * here.least.max():
             break
         directions = np.unique(np.concatenate([directions, np.round(worst, DECIMALS)]), axis=0)
-        here = at_directions(task, directions)
-        here = replace(here, request=replace(here.request, starts=max(1, starts // ROUNDS)))
+        here, starts = at_directions(task, directions), later
     best = costs(task, known[0][1]) if known else None
     return best if best is not None and best.determined.all() else None, made, interrupted
 
@@ -65,41 +73,70 @@ def at_directions(task: Task, directions: NDArray) -> Task:
     )
 
 
-def force_error(task: Task, places: Places) -> tuple[float, NDArray]:
-    """A bound of the largest error [σ] over all directions, and the worst directions (n, 3) of octants that matter."""
+def force_error(task: Task, places: Places, limit: float = 0.0) -> tuple[float, NDArray]:
+    """A bound of the largest error [σ] over all directions, and the worst directions (n, 3) of octants that matter.
+
+    It is no better than it takes to say on which side of the limit it is.
+    """
+    given, p = readings(task, places), task.parametrisation
+    losable = len(places) - len(task.measured) if task.request.lost else 0
 
     def errors(n: NDArray) -> NDArray:
-        here = at_directions(task, n)
-        return here.together(costs(here, places).ratio * here.best)
+        each, at = np.unique(_force_weights(n, p).reshape(-1, len(p.symbols)), axis=0, return_inverse=True)
+        values = [dual @ a for a, (_, dual, *_) in zip(each, estimators(given, each, losable), strict=True)]
+        return np.linalg.norm(np.array(values)[at.ravel()].reshape(-1, 3), axis=1)
 
-    return largest_over_directions(errors)
+    return largest_over_directions(errors, limit)
 
 
-def largest_over_directions(errors: Callable[[NDArray], NDArray]) -> tuple[float, NDArray]:
+def _force_weights(n: NDArray, p: Parametrisation) -> NDArray:
+    """Weights (V, 3, P) of what each accelerometer reads too much at inputs (V, 3) [g]."""
+
+    def weights(at: Sequence[float]) -> NDArray:
+        return np.array([expression_weights(text, p) for text in force_at(at, symmetric=p.symmetric)])
+
+    bias = weights((0.0, 0.0, 0.0))
+    by = np.array([[weights((sign * axis).tolist()) - bias for sign in (1.0, -1.0)] for axis in np.eye(3)])
+    return bias + np.einsum("vcs,cspk->vpk", np.maximum(np.stack([n, -n], axis=2), 0.0), by)
+
+
+def largest_over_directions(errors: Callable[[NDArray], NDArray], limit: float = 0.0) -> tuple[float, NDArray]:
     """A bound of an error over all directions, from its values (V,) at some vectors (V, 3), convex in each octant.
 
     A triangle of directions lies between the plane of its corners and the parallel plane that touches the sphere: the
-    largest of the corners on both bounds it. Triangles are divided in four until that is near what was found.
+    largest of the corners on both bounds it. On the touching plane a corner's error lies below the chord to the one
+    `BEYOND`. Triangles are divided in four until that is near what was found, or on which side of a limit is known.
     Also where the error is largest (n, 3) in each octant, where that is near the largest of all.
     """
+
+    def along(n: NDArray) -> NDArray:
+        each, at = np.unique(n.reshape(-1, 3), axis=0, return_inverse=True)
+        values = errors(np.concatenate([each, BEYOND * each])).reshape(2, -1)
+        return values[:, at.ravel()].T.reshape(*n.shape[:-1], 2)
+
     signs = np.array(list(product((1.0, -1.0), repeat=3)))
     triangles, octant = np.array([np.diag(one) for one in signs]), np.arange(len(signs))
-    found, where, bound = np.zeros(len(signs)), signs.copy(), 0.0
+    found, where, bound, values = np.zeros(len(signs)), signs.copy(), 0.0, along(triangles)
     while len(triangles):
-        # The foot of the perpendicular from 0 is the nearest point of the plane.
-        beyond = np.linalg.norm(np.linalg.solve(triangles, np.ones((len(triangles), 3, 1)))[..., 0], axis=1)
-        corners = np.concatenate([triangles, beyond[:, None, None] * triangles], axis=1).reshape(-1, 3)
-        each, at = np.unique(corners, axis=0, return_inverse=True)
-        values = errors(each)[at.ravel()].reshape(len(triangles), 6)
-        for own, value, triangle in zip(octant, values[:, :3], triangles, strict=True):
+        for own, value, triangle in zip(octant, values[..., 0], triangles, strict=True):
             if value.max() > found[own]:
                 found[own], where[own] = value.max(), triangle[int(value.argmax())]
-        most = values.max(axis=1)
-        done = most <= found.max() * (1.0 + NEAR)
+        # The foot of the perpendicular from 0 is the nearest point of the plane.
+        beyond = np.linalg.norm(np.linalg.solve(triangles, np.ones((len(triangles), 3, 1)))[..., 0], axis=1)
+        share = (beyond - 1.0)[:, None] / (BEYOND - 1.0)
+        most = np.maximum(values[..., 0], values[..., 0] + share * (values[..., 1] - values[..., 0])).max(axis=1)
+        if found.max() > limit > 0.0:
+            bound = max(bound, float(most.max()))
+            break
+        done = most <= max(found.max() * (1.0 + NEAR), limit)
         bound = max(bound, float(most[done].max(initial=0.0)))
-        a, b, c = triangles[~done].transpose(1, 0, 2)
-        ab, bc, ca = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (a + b, b + c, c + a))
-        parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        triangles = np.concatenate([np.stack(part, axis=1) for part in parts])
-        octant = np.tile(octant[~done], len(parts))
+        triangles, octant, values = triangles[~done], octant[~done], values[~done]
+        a, b, c = triangles.transpose(1, 0, 2)
+        middle = np.stack([a + b, b + c, c + a], axis=1)
+        middle /= np.linalg.norm(middle, axis=2, keepdims=True)
+        points = np.concatenate([triangles, middle], axis=1)
+        values = np.concatenate([values, along(middle)], axis=1) if len(middle) else values
+        parts = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
+        triangles, octant = points[:, parts].reshape(-1, 3, 3), np.repeat(octant, len(parts))
+        values = values[:, parts].reshape(-1, 3, 2) if len(middle) else values
     return bound, where[found > found.max() * (1.0 - 10.0 * ENOUGH)]

@@ -34,10 +34,14 @@ BATCH = 24
 """Columns that are added to a programme at once."""
 COARSE, FINE = 16, 1
 """Least size of the groups of positions without and with weight in the present answer that are tried together."""
+MISSES = 10
+"""A cut is done where so many groups in a row cannot be taken in."""
 NOISE = 0.3
 RATIO_STEPS = 24
 NEAREST = 0.1
-"""Least part of what is open between bound and set that is aimed at."""
+"""Least part of what is open between bound and set that is aimed at, and the first."""
+PATIENCE = 10
+"""No more cuts are sought where all that are left, worth what so many last ones were, would not prove it."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ def symmetries(task: Task) -> list[Symmetry]:
         for shifts in product((0.0, np.pi), repeat=2):
             symmetry = Symmetry(np.array(senses), np.array(shifts))
             there, moved = _regressors_and_clearances(task, symmetry.of(angle))
-            if np.abs(clear - moved).max() <= EQUAL and _stays(task, symmetry) and _holds(task, here, there):
+            if np.abs(clear - moved).max() <= EQUAL and _stays(task, symmetry) and _maps(task, here, there):
                 found.append(symmetry)
     return found
 
@@ -90,7 +94,7 @@ def _stays(task: Task, symmetry: Symmetry) -> bool:
     return bool(same.any(axis=1).all())
 
 
-def _holds(task: Task, here: NDArray, there: NDArray) -> bool:
+def _maps(task: Task, here: NDArray, there: NDArray) -> bool:
     """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order.
 
     Groups of targets must be groups then, too.
@@ -210,12 +214,15 @@ class HittingSet:
 
     def prove(self, count: int, ratio: float, most: int) -> bool:
         """Look for cuts that prove that `count` positions cannot reach the ratio; at most `most` new ones."""
-        failures = 0
+        failures, reached = 0, []
         for turn in range(4 * most):
             least, answer = self.least_count(ratio)
             if least > count:
                 return True
+            reached.append(least)
             if most <= 0 or failures >= len(self._task.groups):
+                return False
+            if len(reached) > PATIENCE and least + (least - reached[-1 - PATIENCE]) * most / PATIENCE < count:
                 return False
             try:
                 found = self._cut(turn % len(self._task.groups), ratio, answer)
@@ -253,8 +260,11 @@ class HittingSet:
             left -= gathering.gather(chunk, FINE, answer, left)
             if left <= 0.0:
                 return None
-        for chunk in np.array_split(light, max(1, len(light) // (8 * COARSE))):
-            gathering.gather(chunk, COARSE, answer, np.inf)
+        missed = 0
+        for chunk in np.array_split(light, max(1, len(light) // COARSE)):
+            missed = 0 if gathering.takes(chunk) else missed + 1
+            if missed >= MISSES:
+                break
         return gathering.cut()
 
 
@@ -267,16 +277,19 @@ class _Gathering:
     def __init__(self, task: Task, pool: Pool, k: int, ratio: float):
         self._limit, self._least = ratio * task.least[k] * (1.0 + SAFE), float(task.least[k])
         self._targets = task.weights[list(task.groups[k])]
-        self._programme = Columns(self._targets.shape[1])
+        # One for each target: another aim, and what is known of the last solution is of no use.
+        self._programmes = [Columns(self._targets.shape[1]) for _ in self._targets]
         measured = readings(task, task.measured).regressor
         self._first = len(measured)
-        if self._first:
-            self._programme.add(measured)
+        for programme, target in zip(self._programmes, self._targets, strict=True):
+            programme.aim(target)
+            if self._first:
+                programme.add(measured)
         self._pool = pool
         self._inside = np.zeros(len(pool.places), dtype=bool)
         self._added = np.zeros(len(pool.readings.position), dtype=bool)
         self._rows = np.zeros(0, dtype=int)
-        self._duals = np.array([self._solved(k) for k in range(len(self._targets))])
+        self._duals = np.array([programme.solve()[1] for programme in self._programmes])
 
     @property
     def cost(self) -> float:
@@ -290,14 +303,9 @@ class _Gathering:
     def _together(self, duals: NDArray) -> float:
         return hypot(*(duals * self._targets).sum(axis=1))
 
-    def _solved(self, k: int) -> NDArray:
-        """The dual (P,) of a target on the columns so far."""
-        self._programme.aim(self._targets[k])
-        return self._programme.solve()[1]
-
     def gather(self, chunk: NDArray, least: int, answer: NDArray, room: float) -> float:
         """Take in as many of these positions as the set can hold; the weight of those that it cannot."""
-        if self._holds(chunk):
+        if self.takes(chunk):
             return 0.0
         if len(chunk) <= least:
             return float(answer[chunk].sum())
@@ -305,7 +313,7 @@ class _Gathering:
         lost = self.gather(chunk[:half], least, answer, room)
         return lost + (self.gather(chunk[half:], least, answer, room - lost) if lost < room else np.inf)
 
-    def _holds(self, chunk: NDArray) -> bool:
+    def takes(self, chunk: NDArray) -> bool:
         """Try the set with these positions: kept when it still cannot reach the ratio."""
         self._inside[chunk] = True
         self._close(chunk, closed=False)
@@ -321,13 +329,14 @@ class _Gathering:
             broken = heights[over].max(axis=0) > 1.0 + 0.5 * SAFE
             new = np.flatnonzero(over & ~self._added)
             new = new[np.argsort(-heights[new].max(axis=1), kind="stable")[:BATCH]]
-            self._programme.add(regressor[new])
+            for programme in self._programmes:
+                programme.add(regressor[new])
             self._added[new] = True
             self._rows = np.append(self._rows, new)
             open_again = open_again & ~self._added
             # The others' columns have not changed what they are worth.
             for k in np.flatnonzero(broken).tolist():
-                duals[k] = self._solved(k)
+                duals[k] = self._programmes[k].solve()[1]
         self._inside[chunk] = False
         self._close(chunk, closed=True)
         return False
@@ -335,7 +344,8 @@ class _Gathering:
     def _close(self, chunk: NDArray, *, closed: bool) -> None:
         known = np.flatnonzero(np.isin(self._pool.readings.position[self._rows], chunk))
         if len(known):
-            self._programme.close(self._first + known, closed=closed)
+            for programme in self._programmes:
+                programme.close(self._first + known, closed=closed)
 
 
 def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound:
@@ -343,12 +353,12 @@ def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound
 
     That is the worst ratio of the best set known.
     """
-    hitting, share = HittingSet(task, pool), 0.5
+    hitting, share = HittingSet(task, pool), NEAREST
     known = hitting.bound(count, reached).ratio
-    while (left := task.request.cuts - len(hitting)) > 0 and share > NEAREST:
+    while (left := task.request.cuts - len(hitting)) > 0:
         aim = known + share * (reached - known)
         if hitting.prove(count, aim, left):
-            known = max(aim, known)
-        else:
-            share *= 0.5
+            known, share = max(aim, known), max(share, 0.5)
+        elif (share := 0.5 * share) <= NEAREST:
+            break
     return hitting.bound(count, reached)

@@ -5,7 +5,7 @@ the admissible set, at every angle that an error of setting may lead to. The cos
 error with the readings that count.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -320,28 +320,40 @@ def costs(task: Task, places: Places) -> Costs:
     given = readings(task, places)
     weights = np.zeros((len(task.targets), len(given.position)))
     duals, value = np.zeros_like(task.weights), np.zeros(len(task.targets))
-    programme = Columns(task.weights.shape[1])
-    if len(given.position):
-        programme.add(given.regressor)
-    many, lost = len(places) - len(task.measured), np.full(len(value), -1)
-    for k, target in enumerate(task.weights):
-        programme.aim(target)
-        weights[k], duals[k], possible = programme.solve()
+    lost = np.full(len(value), -1)
+    kept = len(places) - len(task.measured) if task.request.lost else 0
+    for k, (target, estimator) in enumerate(zip(task.weights, estimators(given, task.weights, kept), strict=True)):
+        weights[k], duals[k], possible, lost[k] = estimator
         value[k] = duals[k] @ target
-        # Only a position that has a weight is missed.
-        for one in np.unique(given.position[weights[k] != 0.0]) if task.request.lost and possible else ():
-            if one < many:
-                programme.close(rows := np.flatnonzero(given.position == one))
-                without, dual, left = programme.solve()
-                programme.close(rows, closed=False)
-                if dual @ target > value[k]:
-                    weights[k], duals[k], value[k], lost[k], possible = without, dual, dual @ target, one, left
         if possible:
             used = np.flatnonzero(weights[k])
             columns = given.regressor[used].T
             # The solver's tolerance, taken out.
             weights[k, used] += np.linalg.lstsq(columns, target - columns @ weights[k, used], rcond=1e-12)[0]
     return Costs(places, given, weights, duals, value / task.best, lost, task.worst(value))
+
+
+def estimators(given: Readings, targets: NDArray, losable: int) -> Iterator[tuple[NDArray, NDArray, bool, int]]:
+    """Of each target (P,): Φ (M,), y (P,), whether it is determined, and which position is lost, of the first so many.
+
+    That is the one that it misses most; -1: none.
+    """
+    programme = Columns(targets.shape[1])
+    if len(given.position):
+        programme.add(given.regressor)
+    for target in targets:
+        programme.aim(target)
+        weights, dual, possible = programme.solve()
+        lost = -1
+        # Only a position that has a weight is missed.
+        for one in np.unique(given.position[weights != 0.0]) if losable and possible else ():
+            if one < losable:
+                programme.close(rows := np.flatnonzero(given.position == one))
+                without, other, left = programme.solve()
+                programme.close(rows, closed=False)
+                if other @ target > dual @ target:
+                    weights, dual, lost, possible = without, other, int(one), left
+        yield weights, dual, possible, lost
 
 
 def allowed(task: Task, angle: NDArray) -> NDArray:

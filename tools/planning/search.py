@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_array, block_diag, csc_array
 
-from ..bounded.programmes import Solver, linear_programme
+from ..bounded.programmes import UNSCALED, Solver, linear_programme
 from ..progress import progress_bar
 from ..rounding import upwards
 from .certificate import NO_WEIGHT
@@ -60,11 +60,21 @@ INSIDE = 2e-10
 GAIN = 1e-10
 SMALL_GAIN, SMALL_STEPS = 1e-6, 4
 """An improvement ends after so many steps in a row that gain so little."""
+HOW: tuple[tuple[str, str | int | bool], ...] = (
+    *(("output_flag", False), ("threads", 1), ("parallel", "off"), ("solver", "simplex"), ("presolve", "off")),
+    *(("simplex_scale_strategy", UNSCALED), ("simplex_dual_edge_weight_strategy", 1)),
+)
+"""A step's programme is scaled as it is, and small: without presolve and scaling it takes half the time."""
 MENDINGS = 6
 
 
 def search(
-    task: Task, count: int, *, given: Sequence[Places] = (), progress: bool = False
+    task: Task,
+    count: int,
+    *,
+    given: Sequence[Places] = (),
+    least_gain: float = SMALL_GAIN,
+    progress: bool = False,
 ) -> tuple[Costs | None, int, bool]:
     """Look for the best set of so many positions; Ctrl-C ends the search and keeps the best so far, if there is any.
 
@@ -74,6 +84,8 @@ def search(
         its request says which criterion, how many starts, and the seed of the random numbers
     given : sequence of Places
         sets to begin with, beside the random ones
+    least_gain : float
+        as of `improve`
 
     Returns
     -------
@@ -91,7 +103,7 @@ def search(
         try:
             for places in [*given, *([None] * starts)]:
                 start = _start(task, count, rng, elite) if places is None else costs(task, places)
-                found = improve(task, start, hopeless=_hopeless(elite))
+                found = improve(task, start, least_gain=least_gain, hopeless=_hopeless(elite))
                 done += 1
                 value = merit(task, found)
                 if all(abs(value - other) > ALIKE for other, _ in elite):
@@ -182,11 +194,13 @@ def improve(
     *,
     radius: float = WIDE,
     steps: int = 40,
+    least_gain: float = SMALL_GAIN,
     hopeless: Callable[[int, float], bool] = lambda step, value: False,
 ) -> Costs:
     """Improve a set of positions until no small move helps; what comes is never worse than the start.
 
-    An angle may move by the radius [rad] in the first step; `hopeless` says of step and merit whether to give up.
+    An angle may move by the radius [rad] in the first step; some steps in a row that gain less than the least gain end
+    it, and `hopeless` says of step and merit whether to give up.
     """
     best, value, slow = start, merit(task, start), 0
     for number in range(steps):
@@ -199,7 +213,7 @@ def improve(
             trial = costs(task, best.places.at(angle))
             gained, hoped = value - merit(task, trial), value - promised
             if gained > GAIN and allowed(task, angle).all():
-                slow = slow + 1 if gained < SMALL_GAIN else 0
+                slow = slow + 1 if gained < least_gain else 0
                 best, value = trial, value - gained
                 radius = min(WIDE, radius * (2.0 if gained > 0.5 * hoped else 0.5 if gained < 0.1 * hoped else 1.0))
             else:
@@ -245,7 +259,7 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
         ),
     )
     highs = Solver()
-    for name, option in (("output_flag", False), ("threads", 1), ("parallel", "off"), ("solver", "simplex")):
+    for name, option in HOW:
         highs.setOptionValue(name, option)
     if highs.passModel(model) == highspy.HighsStatus.kError:
         return None
