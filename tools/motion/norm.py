@@ -8,11 +8,10 @@ error |ρ| ≤ σ of each reading the residual |n| − 1 is within the sum of σ
 from itertools import combinations
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..bounded.programmes import chebyshev_radius
+from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
 from ..result import Array, Result
 
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
@@ -182,15 +181,12 @@ def _guaranteed(
 
 def _corners(slopes: NDArray, target: NDArray, bound: NDArray) -> NDArray | None:
     """Points (18, 9) of {x: |target − slopes x| ≤ bound} where each parameter is least, largest; None if unbounded."""
-    matrix = np.vstack([slopes, -slopes]) / np.tile(bound, 2)[:, None]
-    ends = np.concatenate([target + bound, bound - target]) / np.tile(bound, 2)
-    found = []
-    for objective in np.vstack([np.eye(9), -np.eye(9)]):
-        result = scipy.optimize.linprog(objective, A_ub=matrix, b_ub=ends, bounds=(None, None), method="highs")
-        if result.status != 0:
-            return None
-        found.append(result.x)
-    return np.array(found)
+    polytope = Polytope(slopes, bound)
+    polytope.confine(target - bound, target + bound)
+    try:
+        return np.array([polytope.maximise(objective)[1] for objective in np.vstack([-np.eye(9), np.eye(9)])])
+    except SolverError:
+        return None
 
 
 def candidate_poses() -> dict[str, NDArray]:

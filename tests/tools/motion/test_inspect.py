@@ -13,6 +13,7 @@ from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.motion.norm import block_of, calibrate_by_norm
 from trihedron.tools.motion.rests import reading_steps, sampling_of
 from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.reports.pictures.records import allan_curve, allan_picture
@@ -342,3 +343,18 @@ def test_a_record_of_one_rest_is_insufficient():
     assert found.accelerometers.verdict == "insufficient"
     assert found.gyros.verdict == "insufficient"
     assert found.turning.said == ()
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_twelve_rests_that_determine_all_have_ends_with_the_truth_between_them(seed):
+    rng = np.random.default_rng(seed)
+    truth, direction, bound = rng.normal(size=9) * 1e-3, rng.normal(size=(12, 3)), np.full((12, 3), 1e-4)
+    matrix, bias = block_of(truth)
+    inputs = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    found = calibrate_by_norm(inputs @ matrix.T + bias + rng.uniform(-bound, bound), bound)
+    assert found.verdict == "consistent", seed
+    low, high = found.column("low"), found.column("high")
+    assert low is not None
+    assert high is not None
+    assert (low <= truth).all()
+    assert (truth <= high).all()
