@@ -6,15 +6,17 @@ rate is smooth and the functional iteration through eight takes the window. Ever
 a tenth of the sample rate, quanta, noise, the motion of a hand - a polynomial through many increments is a bad guess
 of what is between them, and each increment is a step of its own with products of the eight before it,
 
-    φ_n = γ_n + (Σ c_d γ_{n-d}) × γ_n + β_{n+1} - β_n,   β_{n+1} = (b_1 γ_{n-1} + b_2 γ_{n-2}) × γ_n.
+    φ_n = γ_n + (Σ c_d γ_{n-d}) × γ_n + β_{n+1} - β_n,   β_{n+1} = (Σ b_p γ_{n-p}) × γ_n.
 
 The c_d make the mean of the products that of any motion without trend: in a cone of phase x a sample
 
     Σ c_d · 4 sin²(x/2) sin(d x) = (x - sin x)/2,
 
 exactly to x⁷, and to 4e-5 of it up to x = 1.8 rad, three and a half samples a turn, in the least squares. The β add up
-to nothing but at the ends; with b_1, b_2 the products are exact where ω is of third degree in time, for all ∫ α × ω
-to the fourth power of time: of order 4 in general.
+to nothing but at the ends. With two of the b_p the products are exact where ω is of third degree in time, for all
+∫ α × ω to the fourth power of time: of order 4 in general. The other five make what vibrations leave at the ends small,
+of any two frequencies to 2.7 rad a sample and of a constant rate beside one: in the least squares, over the cube of the
+higher frequency.
 """
 
 import math
@@ -50,8 +52,13 @@ OWN = 16
 OTHER = 32
 """Place of the same of velocity."""
 
-B_1 = 0.05344280882398158
-B_2 = -0.01827723257095711
+B_1 = 0.10336729164156522
+B_2 = -0.10492291009350661
+B_3 = 0.08811748261514113
+B_4 = -0.06770420897103384
+B_5 = 0.042778159769310826
+B_6 = -0.017638500517067085
+B_7 = 0.0031102092174393886
 C_1 = 0.1750123853818598
 C_2 = -0.08097033532902534
 C_3 = 0.03780382555778354
@@ -127,17 +134,25 @@ def add_products(i: int, j: int, space: Vector, result: Vector) -> None:
         space[k] = (
             (C_1 + B_1) * space[at - 3]
             + (C_2 + B_2) * space[at - 6]
-            + C_3 * space[at - 9]
-            + C_4 * space[at - 12]
-            + C_5 * space[at - 15]
-            + C_6 * space[at - 18]
-            + C_7 * space[at - 21]
+            + (C_3 + B_3) * space[at - 9]
+            + (C_4 + B_4) * space[at - 12]
+            + (C_5 + B_5) * space[at - 15]
+            + (C_6 + B_6) * space[at - 18]
+            + (C_7 + B_7) * space[at - 21]
             + C_8 * space[at - 24]
         )
     add_cross(1.0, space, 0, space, j, result)
     for k in range(3):
         at = 3 * i + k
-        space[k] = B_1 * space[at - 6] + B_2 * space[at - 9]
+        space[k] = (
+            B_1 * space[at - 6]
+            + B_2 * space[at - 9]
+            + B_3 * space[at - 12]
+            + B_4 * space[at - 15]
+            + B_5 * space[at - 18]
+            + B_6 * space[at - 21]
+            + B_7 * space[at - 24]
+        )
     add_cross(-1.0, space, 0, space, j - 1, result)
 
 
