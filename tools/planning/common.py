@@ -82,8 +82,9 @@ class PositionPlan(Result):
         the error that was wanted, that of this set, and the best that was found of a position less [rad, g, 1]
     fewest_possible : int or None
         proven: no fewer positions of the pool keep the wanted error
-    minutes : float or None
-        time of rests and moves, where it was made small
+    minutes, minutes_possible : float or None
+        time of rests and moves, where it was made small; proven: none of the pool keep the wanted error in less, the
+        time of so few rests and of the longest way from (0, 0) that a cut asks for
     measured : int or None
         positions that are measured already and count beside these
     detection : tuple of EffectDistance
@@ -100,7 +101,7 @@ class PositionPlan(Result):
 
     omitted = frozenset(
         {"detection", "unlisted", "goal", "lost", "levelling_error", "azimuth_error", "force_error", "measured"}
-        | {"accuracy", "accuracy_kept", "fewer_keep", "fewest_possible", "minutes"}
+        | {"accuracy", "accuracy_kept", "fewer_keep", "fewest_possible", "minutes", "minutes_possible"}
     )
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
@@ -136,6 +137,7 @@ class PositionPlan(Result):
     fewer_keep: Number | None = None
     fewest_possible: int | None = None
     minutes: Number | None = None
+    minutes_possible: Number | None = None
     measured: int | None = None
     detection: tuple[EffectDistance, ...] = ()
     unlisted: tuple[UnlistedSize, ...] = ()
@@ -156,12 +158,14 @@ class NoSetError(InputError):
     """No set of so many positions was found that determines every target."""
 
 
-def plan_positions(count: int, request: Request, *, stored: bool = True, progress: bool = False) -> PositionPlan:
+def plan_positions(
+    count: int, request: Request, *, stored: bool = True, enough: float = 0.0, progress: bool = False
+) -> PositionPlan:
     """One set of positions for all targets, with what is proven of every other set.
 
     It begins with the plan that the package holds for so many positions, where `stored` says so and it fits. The same
-    for the same arguments; the best found where Ctrl-C ended the search. An InputError for options that cannot be used,
-    and for so few positions that no set was found.
+    for the same arguments; the best found where Ctrl-C ended the search, or where one has a worst ratio that is enough.
+    An InputError for options that cannot be used, and for so few positions that no set was found.
     """
     fewest = 1 if request.any_number else FEWEST
     if not fewest <= count <= MOST_POSITIONS:
@@ -185,7 +189,7 @@ def plan_positions(count: int, request: Request, *, stored: bool = True, progres
         found = found if found.determined.all() else None
     else:
         look = search_force if request.goal == "force" else search
-        found, starts, interrupted = look(task, count, given=given, progress=progress)
+        found, starts, interrupted = look(task, count, given=given, enough=enough, progress=progress)
     if found is None:
         less = ", or leave more angles by --keep-out" if request.keep_out else ""
         raise NoSetError(

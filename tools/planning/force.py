@@ -33,24 +33,28 @@ BEYOND = 3.0**0.5
 
 
 def search_force(
-    task: Task, count: int, *, given: Sequence[Places] = (), progress: bool = False
+    task: Task, count: int, *, given: Sequence[Places] = (), enough: float = 0.0, progress: bool = False
 ) -> tuple[Costs | None, int, bool]:
     """As `search`, for the largest error over all directions; costs are those at the inputs that it begins with."""
     directions, made, interrupted = np.array(FORCE), 0, False
-    known = [(force_error(task, one)[0], one) for one in given]
+    known, least = [(force_error(task, one)[0], one) for one in given], float(task.least.max())
     later = task.request.starts // ROUNDS
     here, starts = task, task.request.starts - (ROUNDS - 1) * later
     for _ in range(ROUNDS):
         here = replace(here, request=replace(task.request, starts=starts))
         found, more, interrupted = search(
-            here, count, given=[one for _, one in known], least_gain=GAIN, progress=progress
+            here, count, given=[one for _, one in known], least_gain=GAIN, enough=enough, progress=progress
         )
         made += more
         if found is None:
             break
         bound, worst = force_error(task, found.places)
         known = sorted([*known, (bound, found.places)], key=lambda pair: pair[0])[:2]
-        if interrupted or bound <= (1.0 + ENOUGH) * found.worst * here.least.max():
+        if (
+            interrupted
+            or bound <= enough * least
+            or (found.worst > enough and bound <= (1.0 + ENOUGH) * found.worst * least)
+        ):
             break
         directions = np.unique(np.concatenate([directions, np.round(worst, DECIMALS)]), axis=0)
         here, starts = at_directions(task, directions), later

@@ -212,6 +212,13 @@ class HittingSet:
         proven = float(prices @ least / max(1.0, (share.T @ prices).max()))
         return proven * (1.0 - SAFE), (solved.x / self._size)[self._pool.orbit]
 
+    def reach(self, ratio: float) -> float:
+        """How far [rad] from (0, 0), along an axis, every set that reaches the ratio has a position, by the cuts."""
+        counts = self._known < 1.0 / ratio - SAFE
+        inside = self._height[:, counts] >= 1.0 / ratio - SAFE
+        far = np.abs(np.mod(self._pool.places.angle + np.pi, TURN) - np.pi).max(axis=1)
+        return float(np.where(inside, far[:, None], np.inf).min(axis=0).max(initial=0.0))
+
     def prove(self, count: int, ratio: float, most: int) -> bool:
         """Look for cuts that prove that `count` positions cannot reach the ratio; at most `most` new ones."""
         failures, reached = 0, []

@@ -74,6 +74,7 @@ def search(
     *,
     given: Sequence[Places] = (),
     least_gain: float = SMALL_GAIN,
+    enough: float = 0.0,
     progress: bool = False,
 ) -> tuple[Costs | None, int, bool]:
     """Look for the best set of so many positions; Ctrl-C ends the search and keeps the best so far, if there is any.
@@ -86,6 +87,8 @@ def search(
         sets to begin with, beside the random ones
     least_gain : float
         as of `improve`
+    enough : float
+        the worst ratio with which the search ends
 
     Returns
     -------
@@ -116,6 +119,8 @@ def search(
                     else None
                 )
                 advance(1, state)
+                if elite[0][1].worst <= enough and elite[0][1].determined.all():
+                    break
         except KeyboardInterrupt:
             if not elite:
                 raise

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...models.table_commands import move_duration
 from ..errors import InputError
-from ..progress import shown_status
+from ..progress import shown_status, tracked
 from ..result import Result
 from ..rounding import downwards
 from .common import (
@@ -21,11 +22,11 @@ from .common import (
     NoSetError,
     PositionPlan,
     checked_dwell,
-    goal_errors,
     plan_of,
     plan_positions,
     starting_positions,
 )
+from .force import force_error
 from .pool import HittingSet, bound_positions, pool_of, symmetries
 from .positions import Costs, Places, allowed, costs, task_of
 from .request import GOALS, Request
@@ -34,6 +35,8 @@ from .tour import limits_of, measuring_order, move_times, tour_duration, unwound
 
 STEPS_DEG = (30.0, 10.0, 5.0, 2.0, 1.0, 0.3, 0.1)
 """By which a position is moved where moves are to take less time."""
+FIRST = 6
+"""One of so many of the searches is made while it is sought how many positions do."""
 
 
 def least_count(request: Request) -> int:
@@ -79,10 +82,11 @@ def plan_in_time(minutes: float, request: Request, *, dwell_s: float = DWELL_S, 
 def plan_to_accuracy(request: Request, *, dwell_s: float = DWELL_S, progress: bool = False) -> PositionPlan:
     """As `plan_positions`, of the fewest positions, or minutes, found to keep the error that `request.accuracy` says.
 
-    Numbers of positions are tried in growing steps, then between the last two. For the fewest minutes positions are
-    moved together, while they keep it, and more of them are tried while their rests alone take less time. An InputError
-    for an error that no positions keep, proven over all angles, or that was not found to be kept, and for targets of
-    several units.
+    Numbers of positions are tried in growing steps, then between the last two, with a few of the searches each; then
+    all of them are made for the number that was found, and for one less until that keeps it no more. For the fewest
+    minutes positions are moved together, while they keep it, and more of them are tried while their rests alone take
+    less time. An InputError for an error that no positions keep, proven over all angles, or that was not found to be
+    kept, and for targets of several units.
     """
     wanted, sigma = request.wanted, request.noise_bound
     if request.goal is not None:
@@ -103,15 +107,17 @@ def plan_to_accuracy(request: Request, *, dwell_s: float = DWELL_S, progress: bo
             f"none are better than {request.told(least, downwards)}"
         )
     tried: dict[int, PositionPlan] = {}
-    search_alone = replace(request, cuts=0)
 
-    def keeps(count: int) -> bool:
+    def keeps(
+        count: int, starts: int = max(1, request.starts // FIRST), enough: float = (1.0 - 1e-12) * wanted / least
+    ) -> bool:
+        asked = replace(request, cuts=0, starts=starts)
         with suppress(NoSetError):
-            tried[count] = plan_positions(count, search_alone, progress=progress)
-            if tried[count].interrupted:
+            found = plan_positions(count, asked, enough=enough, progress=progress)
+            if found.interrupted:
                 raise KeyboardInterrupt
-            return error_of(tried[count]) <= wanted
-        return False
+            tried[count] = min(found, tried.get(count, found), key=error_of)
+        return count in tried and error_of(tried[count]) <= wanted
 
     high = least_count(request)
     low, stride = high - 1, 1
@@ -123,22 +129,30 @@ def plan_to_accuracy(request: Request, *, dwell_s: float = DWELL_S, progress: bo
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if keeps(middle) else (middle, high)
+    while request.fewest == "positions" and low >= least_count(request) and keeps(low, request.starts):
+        low, high = low - 1, low
+    keeps(high, request.starts, 0.0)
     found, fewer = tried[high], tried.get(low)
     told: dict[str, object] = {}
     if request.fewest == "minutes":
-        found = quicker(found)
+        found = quicker(found, progress=progress)
         while high < MOST_POSITIONS and dwell_s * (high + 1 + request.repeat) < seconds_of(found, dwell_s):
             high += 1
             if keeps(high):
-                found = min(found, quicker(tried[high]), key=lambda plan: seconds_of(plan, dwell_s))
+                found = min(found, quicker(tried[high], progress=progress), key=lambda plan: seconds_of(plan, dwell_s))
         told["minutes"] = seconds_of(found, dwell_s) / 60.0
     if request.cuts:
         with shown_status("lower bound", show=progress):
             hitting = HittingSet(task, pool_of(task, places_of(found)))
-            hitting.prove(len(found.positions) - 1, wanted / least, request.cuts)
+            for count in range(1, len(found.positions)):
+                if not hitting.prove(count, wanted / least, request.cuts - len(hitting)):
+                    break
             bound = hitting.bound(len(found.positions), found.worst_ratio)
             possible = ceil(hitting.least_count(wanted / least)[0] - 1e-9)
         told |= {"bound": bound, "lower_bound": bound.ratio, "lower_bound_on": bound.on, "fewest_possible": possible}
+        if request.fewest == "minutes":
+            way = move_duration(hitting.reach(wanted / least), *limits_of(request))
+            told["minutes_possible"] = (dwell_s * (possible + request.repeat) + way) / 60.0
     return found.model_copy(
         update={
             "accuracy": wanted * sigma,
@@ -149,7 +163,7 @@ def plan_to_accuracy(request: Request, *, dwell_s: float = DWELL_S, progress: bo
     )
 
 
-def quicker(plan: PositionPlan) -> PositionPlan:
+def quicker(plan: PositionPlan, *, progress: bool = False) -> PositionPlan:
     """The plan with its positions moved together, or itself: moves take less time, the wanted error is kept.
 
     It begins with the image under the task's symmetries whose tour is shortest; then one position after the other is
@@ -165,8 +179,9 @@ def quicker(plan: PositionPlan) -> PositionPlan:
         # At the inputs that a search begins with a force's error is no larger than over all.
         if error * request.magnified > request.wanted or not found.determined.all():
             return None
-        error = goal_errors(task, found).get("force_error", error) * request.magnified
-        return found if error <= request.wanted else None
+        if request.goal == "force" and force_error(task, found.places, request.wanted)[0] > request.wanted:
+            return None
+        return found
 
     def ordered(angle: NDArray) -> tuple[NDArray, float]:
         return measuring_order(own.at(angle), unwound(angle, task.keep_out), request)
@@ -176,7 +191,8 @@ def quicker(plan: PositionPlan) -> PositionPlan:
     angle = min([own.angle, *images], key=lambda angle: round(ordered(angle)[1], 9))
     best, (order, time) = kept(angle), ordered(angle)
     resolution = request.resolution_deg or 0.0
-    for step in (max(step, resolution) for step in STEPS_DEG):
+    for step in tracked(STEPS_DEG, "shorter moves", show=progress):
+        step = max(step, resolution)
         step = round(step / resolution) * resolution if resolution else step
         gained = True
         while gained:

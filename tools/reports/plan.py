@@ -151,11 +151,11 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
         less = f"with a position less than the fewest the best that was found is {fewer}"
         lines.append(f"keeps --accuracy {request.accuracy}: {kept}; {less if fewer else 'with fewer no set was found'}")
     if plan.fewest_possible is not None:
-        lines.append(
-            f"no fewer than {plan.fewest_possible} positions of the pool keep it, proven; of moves nothing is proven"
-        )
+        lines.append(f"no fewer than {plan.fewest_possible} positions of the pool keep it, proven")
     if plan.minutes is not None:
-        lines.append(f"rests and moves take {upwards(plan.minutes, 4)} minutes, the least that was found")
+        least = plan.minutes_possible
+        bound = "" if least is None else f"; a bound: less than {downwards(least, 4)} is not enough on the pool, proven"
+        lines.append(f"rests and moves take {upwards(plan.minutes, 4)} minutes, the least that was found{bound}")
     return lines
 
 

@@ -192,7 +192,11 @@ def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[
     hitting = HittingSet(level, pool)
     hitting.prove(7, 1.5 * best, 20)
     assert len(hitting) > 3
+    far = np.abs(np.angle(np.exp(1j * pool.places.angle))).max(axis=1)
+    assert hitting.reach(1.2 * best) > 0.1
     for rows, reached in zip(sets, ratio, strict=True):
+        # So far a programme of them moves.
+        assert far[rows].max() >= hitting.reach((1.0 + 1e-6) * reached) - 1e-12
         # What reaches a ratio has a position in the region of every cut.
         assert (hitting._height[rows].max(axis=0) >= (1.0 - 1e-6) / reached).all()
 

@@ -75,6 +75,7 @@ def test_the_fewest_positions_that_keep_a_wanted_error_or_that_none_do():
     assert plan.azimuth_error == pytest.approx(plan.accuracy_kept / 2e-5)
     assert plan.accuracy == pytest.approx(100e-6)
     assert plan.accuracy_kept <= plan.accuracy
+    assert plan.minutes_possible is None
     assert plan.fewer_keep is not None
     assert plan.fewer_keep > 100e-6
     assert replace(request, latitude_deg=60.0).magnified == pytest.approx(np.sqrt(3.0))
