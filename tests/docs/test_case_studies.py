@@ -109,6 +109,6 @@ def test_the_pages_are_what_the_records_say(tmp_path):
         pytest.skip("the real records are not there; set TRIHEDRON_DATA to their folder")
     assert main([str(DATA), str(tmp_path)]) == 0
     made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
-    assert len(made) == 13
+    assert len(made) == 14
     for path in made:
         assert (tmp_path / path).read_bytes() == (ROOT / "docs" / path).read_bytes(), f"{path}: run `make case-studies`"
