@@ -1,6 +1,7 @@
 """One set of so many positions for all targets, or for a goal."""
 
 import csv
+import json
 from collections.abc import Iterator
 from importlib import resources
 from itertools import product
@@ -36,6 +37,9 @@ DWELL_S = 20.0
 ASKED = ("criterion", "reserve_deg", "resolution_deg", "keep_out", "order", "seed")
 ASKED += ("admissible", "bounds", "convention", "baseline", "goal")
 """What a plan of positions repeats of its request."""
+OF_RATIO = ("reserve_deg", "keep_out", "admissible", "bounds", "convention", "baseline", "mountings", "targets")
+OF_RATIO += ("goal", "lost", "measured", "accuracy")
+"""Upon what the ratios of a set depend."""
 
 
 class PlannedPosition(Result):
@@ -204,7 +208,8 @@ def plan_positions(
     if request.cuts and not (interrupted or request.against_unlisted or (effects and request.extra)):
         try:
             with shown_status("lower bound", show=progress):
-                bound = bound_positions(task, pool_of(task, found.places), count, found.worst)
+                pool, known = pool_of(task, found.places), proven_everywhere(count, request)
+                bound = bound_positions(task, pool, count, found.worst, known)
         except KeyboardInterrupt:
             interrupted = True
     if effects:
@@ -320,6 +325,15 @@ def stored_positions(count: int) -> Places | None:
     """The plan of so many positions that the package holds: mounting `identity`, the tables' admissible set."""
     angle = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in _stored_rows() if int(r["positions"]) == count]
     return Places(np.radians(angle), np.zeros(count, dtype=int)) if angle else None
+
+
+def proven_everywhere(count: int, request: Request) -> float:
+    """Below which worst ratio no so many positions are, of all angles, by the package's certificate; 1: none fits."""
+    own = Request(admissible="tables")
+    if any(getattr(request, name) != getattr(own, name) for name in OF_RATIO):
+        return 1.0
+    stored = resources.files("trihedron.tools.planning").joinpath("proofs", f"positions-{count:02}.json")
+    return float(json.loads(stored.read_text(encoding="utf-8"))["ratio"]) if stored.is_file() else 1.0
 
 
 def stored_counts() -> list[int]:

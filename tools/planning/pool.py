@@ -9,7 +9,7 @@ programme has one variable for each group of images. The bound is proven for pos
 Where a position may be lost, two must be in each region; regions that hold what is measured already prove nothing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import hypot
 
@@ -40,6 +40,7 @@ NOISE = 0.3
 RATIO_STEPS = 24
 NEAREST = 0.1
 """Least part of what is open between bound and set that is aimed at, and the first."""
+EVERYWHERE = "all angles"
 PATIENCE = 10
 """No more cuts are sought where all that are left, worth what so many last ones were, would not prove it."""
 
@@ -169,13 +170,21 @@ def pool_of(task: Task, extra: Places | None = None) -> Pool:
 class Bound:
     """What is proven: no set of `count` positions of a pool (in words) has a worst ratio below `ratio`.
 
-    `cuts` is how many prove it, images not counted.
+    `cuts` is how many prove it, images not counted. Of all angles none has one below `everywhere`; where that is no
+    less, it is the ratio, and `on` says so.
     """
 
     ratio: float
     count: int
     on: str
     cuts: int
+    everywhere: float = 1.0
+
+    def with_everywhere(self, ratio: float) -> "Bound":
+        """With what is proven of all angles."""
+        if ratio < self.ratio or ratio == 1.0:
+            return replace(self, everywhere=ratio)
+        return Bound(ratio, self.count, EVERYWHERE, 0, ratio)
 
 
 class HittingSet:
@@ -355,17 +364,17 @@ class _Gathering:
                 programme.close(self._first + known, closed=closed)
 
 
-def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound:
+def bound_positions(task: Task, pool: Pool, count: int, reached: float, everywhere: float = 1.0) -> Bound:
     """The best bound for so many positions that the request's cuts give, aimed ever nearer to what was reached.
 
-    That is the worst ratio of the best set known.
+    That is the worst ratio of the best set known. `everywhere` is proven of all angles already.
     """
     hitting, share = HittingSet(task, pool), NEAREST
-    known = hitting.bound(count, reached).ratio
+    known = max(hitting.bound(count, reached).ratio, everywhere)
     while (left := task.request.cuts - len(hitting)) > 0:
         aim = known + share * (reached - known)
         if hitting.prove(count, aim, left):
             known, share = max(aim, known), max(share, 0.5)
         elif (share := 0.5 * share) <= NEAREST:
             break
-    return hitting.bound(count, reached)
+    return hitting.bound(count, reached).with_everywhere(everywhere)

@@ -24,6 +24,7 @@ from .common import (
     checked_dwell,
     plan_of,
     plan_positions,
+    proven_everywhere,
     starting_positions,
 )
 from .force import force_error
@@ -262,7 +263,7 @@ def plan_curve(low: int, high: int, request: Request, *, progress: bool = False)
                 continue
             before = best.places
             pool = pool_of(task, before)
-            bound = bound_positions(task, pool, count, best.worst)
+            bound = bound_positions(task, pool, count, best.worst, proven_everywhere(count, request))
         except KeyboardInterrupt:
             if not points:
                 raise

@@ -94,11 +94,16 @@ def position_lines(plan: "PositionPlan") -> list[str]:
     unit, size = ("ug", 1e-6) if plan.goal == "force" else ("arcsec", ARCSEC)
     size = plan.task.request.noise_bound / size
     if plan.bound is not None:
-        lines.append(
-            f"no {plan.bound.count} positions of the {plan.bound.on} have a worst ratio below "
-            f"{downwards(plan.bound.ratio, 6)} (proven by {plan.bound.cuts} cuts and their images; "
-            "of all angles nothing better than 1 is proven)"
-        )
+        everywhere = plan.bound.everywhere
+        whose, how = "whatever their angles,", "proven by a certificate"
+        if plan.bound.ratio > everywhere or everywhere == 1.0:
+            of_all = (
+                "nothing better than 1 is proven" if everywhere == 1.0 else f"none below {downwards(everywhere, 6)}"
+            )
+            whose = f"of the {plan.bound.on},"
+            how = f"proven by {plan.bound.cuts} cuts and their images; of all angles {of_all}"
+        ratio = downwards(plan.bound.ratio, 6)
+        lines.append(f"no {plan.bound.count} positions, {whose} have a worst ratio below {ratio} ({how})")
         if plan.goal is not None:
             least = float(plan.task.least.max()) * plan.task.request.magnified
             proven = (f"{downwards(error * size, 4)} {unit}" for error in (plan.bound.ratio * least, least))
