@@ -175,7 +175,11 @@ def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None
         raise InputError(f"--{uses[0]} and --{uses[1]}: give one of the two")
     if not uses:
         if given:
-            raise InputError(f"--{_typed(next(iter(given)))}: goes with --positions, --curve, --check or --imu")
+            name = next(iter(given))
+            takes_it = [f"--{use}" for use in FOR if name in FOR[use]]
+            if "--positions" in takes_it:
+                takes_it += ["--minutes", "--accuracy"]
+            raise InputError(f"--{_typed(name)}: goes with {' or '.join(takes_it)}")
         return None
     use = uses[0]
     for name in given:

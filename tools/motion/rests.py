@@ -57,6 +57,8 @@ SAME_STEP = 1e-3
 """Multiples of a step are written with digits of their own: they may be off by so much of it."""
 TOO_FINE = 1e-6
 """A step of so small a part of the range of the readings is a last digit: a record without noise has no other."""
+LAST_DIGITS = 1e-12
+"""By so small a part of its largest value a channel without noise changes by rounding alone."""
 MOST_DIVISIONS = 60
 
 
@@ -248,8 +250,8 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
 
     A window is quiet when each channel scatters in it less than three times as much as its noise, which is taken from
     differences over 0.05 s in the windows where they are least: a slow move has small differences and a large
-    scatter. Rests are quiet stretches of a second and more without a gap, whose readings do not walk; there are none at
-    all where nothing is quiet.
+    scatter. In a record without noise a window is quiet when nothing changes in it. Rests are quiet stretches of a
+    second and more without a gap, whose readings do not walk; there are none at all where nothing is quiet.
     """
     rate = rates_of(record)
     # A knock would be all that sums of squares hold.
@@ -264,6 +266,10 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     for k, values in enumerate(channels):
         noise[k] = _noise(values, size, lag)
         quiet &= _scatter(values, size) <= QUIET * noise[k]
+    if not np.isfinite(noise).any():
+        least = [LAST_DIGITS * np.abs(values).max() for values in channels]
+        changes = np.any([np.abs(np.diff(v, prepend=v[0])) > e for v, e in zip(channels, least, strict=True)], axis=0)
+        quiet = _window_sums(changes[1:], size - 1) == 0
     begun = np.concatenate([[0], np.cumsum(quiet)])
     at = np.arange(len(record))
     resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]

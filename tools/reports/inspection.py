@@ -72,8 +72,7 @@ def rest_lines(found: Inspection) -> list[str]:
     if not len(rests):
         return ["no rests: neither gyros nor accelerometers can be judged at rest"]
     lengths = rests.length_s
-    shortest, longest = outwards(lengths.min(), lengths.max())
-    lines = [f"{len(rests)} rests of {shortest} to {longest} s, median {digits(np.median(lengths))} s"]
+    lines = [f"{len(rests)} rests {span_of(lengths)} s, median {digits(np.median(lengths))} s"]
     if rests.turning:
         lines[0] += f"; {rests.turning} slow turns left out"
     lines += rest_warnings(rests, found.gravity)
@@ -113,7 +112,8 @@ def accelerometer_lines(found: NormCalibration) -> list[str]:
         lines.append("            least squares            guaranteed")
         for p in found.parameters:
             value, low, high = interval(p.least_squares, p.low, p.high)
-            lines.append(f"  {p.name:9} {value:>10} ± {upwards(p.standard_error):<8} {low:>10} to {high:>10}")
+            error = "" if p.standard_error is None else f"± {upwards(p.standard_error)}"
+            lines.append(f"  {p.name:9} {value:>10} {error:<10} {low:>10} to {high:>10}")
     return lines
 
 

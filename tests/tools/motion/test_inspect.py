@@ -180,6 +180,27 @@ def test_a_record_without_noise_and_one_of_few_rows():
         inspected(chosen(strapdown_record(), np.arange(8)))
 
 
+def test_rests_without_noise_are_where_nothing_changes():
+    exact = strapdown_record(gyro_bias=GYRO_BIAS, force_noise=0.0, rate_noise=0.0)
+    # As what computes attitudes leaves it: now and then a last digit is another.
+    force = exact.specific_force * np.where(np.arange(len(exact)) % 37 == 0, 1.0 + 2e-16, 1.0)[:, None]
+    found = inspected(replace(exact, specific_force=force))
+    assert found.rests.force == pytest.approx(G * POSES, abs=1e-12)
+    assert len(found.moves) == len(POSES) - 1
+    assert found.accelerometers is not None
+    assert found.accelerometers.verdict == "consistent"
+
+
+def test_a_single_rest_has_one_length_and_nine_rests_no_standard_errors(tmp_path, capsys):
+    for count in (1, 9):
+        write_record(strapdown_record(true_motion(POSES[:count])), tmp_path / f"{count}.csv")
+        assert main(["inspect", str(tmp_path / f"{count}.csv")]) == 0
+    printed = capsys.readouterr().out
+    assert "1 rests of 2.6 s" in printed
+    assert "gamma_11" in printed
+    assert "±" not in printed
+
+
 def test_the_allan_curve_of_white_noise_falls_as_its_root():
     rng = np.random.default_rng(5)
     times, deviation = allan_curve(rng.standard_normal((40000, 3)), [slice(0, 40000)], PERIOD)
