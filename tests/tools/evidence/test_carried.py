@@ -212,8 +212,8 @@ def test_a_fit_of_parameters_that_no_instrument_has_is_an_objection(index):
 
 @pytest.mark.acceptance
 def test_a_hidden_effect_is_named_and_its_gain_is_measured_by_exported_fmus():
-    case = draw_case(Options(strapdown=True), 1, 17)
-    assert case.places == (LATENCY,)
+    drawn = (draw_case(Options(strapdown=True), 1, index) for index in range(200))
+    case = next(case for case in drawn if case.places == (LATENCY,))
     found = diagnose(case.measured())
     assert found.verdict == "explained"
     assert [cause.place for cause in found.causes] == [LATENCY]
