@@ -113,7 +113,8 @@ def course_of_record(record: StrapdownRecord, divisor: int) -> Course:
     own = taken_from(record, "instantaneous").increments
     slower = coarser(own, divisor)
     if len(slower.angle) < FEWEST_SAMPLES:
-        raise InputError(f"{record.path.name}: must have {FEWEST_SAMPLES * divisor} rows, {FEWEST_SAMPLES} samples")
+        needed = f"{FEWEST_SAMPLES * divisor} rows, {FEWEST_SAMPLES} samples of --rate-divisor {divisor}"
+        raise InputError(f"{record.path.name}: must have {needed}")
     finest = algorithm_named(REFERENCE)
     true = run_algorithm(finest, own.angle, renormalise=True)
     rows = finest.samples * np.arange(1, len(true) + 1)
