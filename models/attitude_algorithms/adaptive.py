@@ -43,8 +43,9 @@ SMOOTH = 0.01
 """Where the mean square of the eighth differences is at most so much of that of the fourth, the rate is smooth. Of
 noise it is 184 times as much, C(16, 8)/C(8, 4); of a cone with ten samples a turn a fiftieth."""
 
-ROUNDING = 1e-27
-"""Eighth differences whose mean square is so much of the increments' are of their last bits: nothing but smooth."""
+ROUNDING = 1e-25
+"""Eighth differences whose mean square is so much of the increments' are of the last bits of the angles that they are
+differences of: nothing but smooth."""
 
 OWN = 16
 """Place, in increments, of the window before and of this one in the working space; the increments come first."""
