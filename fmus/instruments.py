@@ -74,6 +74,7 @@ ACCELEROMETER_BLOCK = Component(
         state("context", "the circumstances that effects read", CONTEXT_SIZE),
         state("before", "hours and temperature [degC] of the step before", 2),
         state("last_reading", "readings at the end of the step before [m/s²]", 3),
+        state("waiting", "length of a step whose increments wait for its readings; negative: none wait", 1),
         state("kept", "what effects keep for each accelerometer", 3),
         work("n", "inputs in g", 3),
         work("added", "what effects add", 3),

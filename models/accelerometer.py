@@ -80,8 +80,14 @@ def respond(
     n: Vector,
     added: Vector,
     own: Vector,
+    waiting: Vector,
+    last_reading: Vector,
+    increment_reading: Vector,
 ) -> None:
-    """Readings (3,) [m/s²] that follow the inputs at once, n + Γn + b and the error [g] that the last step drew."""
+    """Readings (3,) [m/s²] that follow the inputs at once, n + Γn + b and the error [g] that the last step drew.
+
+    `waiting` (1,) is the length [s] of a step whose increments (3,) [m/s] wait for its readings; negative: none wait.
+    """
     for p in range(3):
         n[p] = specific_force[p] / gravity
     context[TEMPERATURE] = temperature
@@ -104,6 +110,12 @@ def respond(
     final_effects(context, own, effect, reading)
     for p in range(3):
         reading[p] = gravity * reading[p]
+    if waiting[0] >= 0.0:
+        for p in range(3):
+            if waiting[0] > 0.0:
+                increment_reading[p] = 0.5 * waiting[0] * (last_reading[p] + reading[p])
+            last_reading[p] = reading[p]
+        waiting[0] = -1.0
 
 
 def draw_error(noise_bound: float, held_fraction: float, held: Vector, generator: Vector, error: Vector) -> None:
@@ -152,21 +164,7 @@ def initialise(
     previous_input: Vector,
     before: Vector,
     kept: Vector,
-    angle: Vector,
-    scale_error_plus: Vector,
-    scale_error_minus: Vector,
-    gamma_21: float,
-    gamma_31: float,
-    gamma_12: float,
-    gamma_32: float,
-    gamma_13: float,
-    gamma_23: float,
-    bias: Vector,
-    reading: Vector,
-    n: Vector,
-    added: Vector,
-    own: Vector,
-    last_reading: Vector,
+    waiting: Vector,
     increment_reading: Vector,
 ) -> int:
     """Draw the first errors; returns 0 or the number of a message."""
@@ -187,30 +185,8 @@ def initialise(
     keep(temperature, effect, before, kept, context)
     held_dwell[0] = dwell
     draw_error(noise_bound, held_fraction, held, generator, error)
-    respond(
-        specific_force,
-        temperature,
-        angle,
-        gravity,
-        scale_error_plus,
-        scale_error_minus,
-        gamma_21,
-        gamma_31,
-        gamma_12,
-        gamma_32,
-        gamma_13,
-        gamma_23,
-        bias,
-        effect,
-        reading,
-        error,
-        context,
-        n,
-        added,
-        own,
-    )
+    waiting[0] = 0.0
     for p in range(3):
-        last_reading[p] = reading[p]
         increment_reading[p] = 0.0
     return 0
 
@@ -236,21 +212,7 @@ def step(
     previous_input: Vector,
     before: Vector,
     kept: Vector,
-    scale_error_plus: Vector,
-    scale_error_minus: Vector,
-    gamma_21: float,
-    gamma_31: float,
-    gamma_12: float,
-    gamma_32: float,
-    gamma_13: float,
-    gamma_23: float,
-    bias: Vector,
-    reading: Vector,
-    n: Vector,
-    added: Vector,
-    own: Vector,
-    last_reading: Vector,
-    increment_reading: Vector,
+    waiting: Vector,
 ) -> int:
     """Draw the errors of a new sample, the held ones at each new dwell; returns 0 or the number of a message."""
     for p in range(3):
@@ -273,31 +235,7 @@ def step(
         for p in range(3):
             held[p] = symmetric(generator)
     draw_error(noise_bound, held_fraction, held, generator, error)
-    respond(
-        specific_force,
-        temperature,
-        angle,
-        gravity,
-        scale_error_plus,
-        scale_error_minus,
-        gamma_21,
-        gamma_31,
-        gamma_12,
-        gamma_32,
-        gamma_13,
-        gamma_23,
-        bias,
-        effect,
-        reading,
-        error,
-        context,
-        n,
-        added,
-        own,
-    )
-    for p in range(3):
-        increment_reading[p] = 0.5 * step * (last_reading[p] + reading[p])
-        last_reading[p] = reading[p]
+    waiting[0] = step
     return 0
 
 
