@@ -1,4 +1,4 @@
-"""A guest: an FMU of somebody else, in a process of its own, so that what it does to its process it does not to ours.
+"""A guest: an FMU of somebody else in a process of its own, so that what it does to its process it does not to ours.
 
 It has what an FMU's library has (`trihedron.tools.orchestrator.fmu.Library`): functions by their addresses, as the loop
 over the steps calls them. Behind an address is a function of ours, which asks the process (`guest_process.py`).
@@ -25,7 +25,7 @@ from typing import Any
 import fmpy
 
 from .archive import UnpackedFmu
-from .guest_process import BINARY, HEAD, TEXT
+from .guest_process import HEAD
 from .interface import VALUE_TYPES, block_of, bytes_at
 
 NO_INSTANCE = "no instance"
@@ -34,13 +34,10 @@ FAILED = 4
 PRINTED = 2048
 LONGEST_PRINTED = 200
 _LOOKS = 20
-"""So often within its limit of time it is looked whether a call takes longer."""
+"""How often within its limit of time it is looked whether a call takes longer."""
 _WORD = ctypes.c_size_t
-_SHAPES: dict[str, tuple[Any, ...]] = {
-    "fmi2DoStep": (_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_int),
-    "fmi3DoStep": (_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[_WORD] * 4),
-}
-_STEP_RETURNS = 16
+_STEP_OUTPUTS = (1, 1, 1, 8)
+"""Bytes that fmi3DoStep writes: three flags and the last successful time."""
 
 
 class LostError(Exception):
@@ -58,16 +55,33 @@ class Guest:
         self.raised: BaseException | None = None
         self._hear, self._limit = hear, fmu.call_limit_s
         self._entries: dict[str, Any] = {}
-        self._numbers: dict[tuple[str, bytes, int], int] = {}
         self._pending: list[tuple[Any, ...]] = []
-        self._follows: list[int] = []
-        self._fetched: dict[int, tuple[int, Any]] = {}
-        self._texts: dict[int, list[Any]] = {}
+        self._follows: list[tuple[str, tuple[Any, ...]]] = []
+        self._fetched: dict[tuple[str, tuple[Any, ...]], tuple[int, Any]] = {}
+        self._texts: dict[tuple[str, tuple[Any, ...]], list[Any]] = {}
         self._stepping = self._late = False
         self._began: float | None = None
         self._printed = b""
         self._folder = Path(tempfile.mkdtemp(prefix="guest-", dir=fmu.folder.parent))
-        # Its working folder is another one, which is its own.
+        self._start_process()
+        # How long Python takes to start is not the FMU's affair.
+        self._ask("follow", [])
+        if self._limit is not None:
+            threading.Thread(target=self._watch, args=(self._limit,), daemon=True).start()
+        try:
+            _, instance = self._ask("load", self._settings(fmu, name))
+            if not instance:
+                raise RuntimeError(NO_INSTANCE)
+        except LostError as error:
+            self.close()
+            raise RuntimeError(f"it {self.lost}") from error
+        except BaseException:
+            self.close()
+            raise
+        self.component: int = instance
+
+    def _start_process(self) -> None:
+        """Start the process, in a working folder of its own."""
         work, progress = self._folder / "work", self._folder / "progress"
         work.mkdir()
         progress.write_bytes(b"\0")
@@ -84,25 +98,24 @@ class Guest:
         self._to, self._from = self._process.stdin, self._process.stdout
         self._reader = threading.Thread(target=self._drain, daemon=True)
         self._reader.start()
-        # How long Python takes to start is not the FMU's affair.
-        self._ask(("follow", []))
-        if self._limit is not None:
-            threading.Thread(target=self._watch, args=(self._limit,), daemon=True).start()
+
+    def _settings(self, fmu: UnpackedFmu, name: str) -> dict[str, Any]:
+        """What the process needs to make the instance."""
         resources = fmu.folder / "resources"
-        where = resources.as_uri() if fmu.version == 2 else f"{resources}/" if resources.is_dir() else ""
-        logger = "" if fmu.python_module else _logger()
-        try:
-            loading = ("load", str(fmu.library), fmu.version, name, fmu.token, where, logger, str(progress))
-            found = self._ask((*loading, fmu.handled))
-            if not found:
-                raise RuntimeError(NO_INSTANCE)
-        except LostError as error:
-            self.close()
-            raise RuntimeError(f"it {self.lost}") from error
-        except BaseException:
-            self.close()
-            raise
-        self.component: int = found
+        if fmu.version == 2:
+            location = resources.as_uri()
+        else:
+            location = f"{resources}/" if resources.is_dir() else ""
+        return {
+            "library": str(fmu.library),
+            "version": fmu.version,
+            "name": name,
+            "token": fmu.token,
+            "resources": location,
+            "logger": "" if fmu.python_module else _logger(),
+            "progress": str(self._folder / "progress"),
+            "handled": fmu.handled,
+        }
 
     def _drain(self) -> None:
         """Take what the FMU prints, and keep the end of it."""
@@ -121,17 +134,14 @@ class Guest:
             time.sleep(min(limit / _LOOKS, 0.5))
 
     def _hear_printed(self) -> None:
-        """Take the last line that the FMU has printed for what it says."""
-        lines = self._printed.decode("utf-8", "replace").split("\n")
-        last = next((" ".join(line.split()) for line in reversed(lines) if line.strip()), "")
-        self._hear(0, last[:LONGEST_PRINTED])
+        """Take the last line that the FMU has printed for its message."""
+        lines = [" ".join(line.split()) for line in self._printed.decode("utf-8", "replace").split("\n")]
+        printed = [line for line in lines if line]
+        self._hear(0, printed[-1][:LONGEST_PRINTED] if printed else "")
 
-    def _questions(self, *operations: tuple[Any, ...]) -> list[Any]:
-        """What each of the operations gives, and those that wait before them; fewer where one has failed."""
-        if self.lost:
-            raise LostError
-        asked, self._pending = [*self._pending, *operations], []
-        request = marshal.dumps(asked)
+    def _request(self, operations: Sequence[tuple[Any, ...]]) -> list[tuple[int, Any]]:
+        """Status and values of each of the operations, and of what follows a step; fewer where one has failed."""
+        request = marshal.dumps(operations)
         try:
             self._began = time.monotonic()
             self._to.write(HEAD.pack(len(request)) + request)
@@ -139,20 +149,19 @@ class Guest:
             head = self._from.read(HEAD.size)
             if len(head) < HEAD.size:
                 raise EOFError
-            found, log, wrong = marshal.loads(self._from.read(*HEAD.unpack(head)))
+            answers, log, failure = marshal.loads(self._from.read(*HEAD.unpack(head)))
         except (OSError, EOFError, ValueError, TypeError) as error:
             at = self._progress[0]
-            names = [self._name_of(operation) for operation in asked]
-            followed = [("get", number) for number in self._follows]
             self._bury()
-            if at >= len(names) and operations and operations[-1][0] == "step":
+            if at >= len(operations) and _is_step(operations[-1]):
                 # The step was made; the getter that follows is what fails.
-                self.blamed = self._name_of(followed[at - len(names)])
-                return [0] * (len(asked) - 1) + [(0, bytes(_STEP_RETURNS))]
-            self.blamed = self.blamed or names[min(at, len(names) - 1)]
+                self.blamed = self._follows[at - len(operations)][0]
+                return [(0, ())] * len(operations)
+            failed = operations[min(at, len(operations) - 1)]
+            self.blamed = self.blamed or str(failed[1])
             raise LostError from error
         except BaseException:
-            # Ctrl-C, a second time: what comes back now would be taken for the answer to something else.
+            # Ctrl-C, a second time: what comes back now would be taken for the answer to another request.
             self._process.kill()
             self._bury()
             raise
@@ -160,27 +169,23 @@ class Guest:
             self._began = None
         for status, text in log:
             self._hear(status, text)
-        if wrong:
-            raise RuntimeError(wrong)
-        return found
+        if failure:
+            raise RuntimeError(failure)
+        return answers
 
-    def _ask(self, *operations: tuple[Any, ...]) -> Any:
-        """What the last of the operations gives; the status of one before it that has failed."""
-        waiting = [*self._pending, *operations]
-        found = self._questions(*operations)
-        if len(found) < len(waiting):
-            self.blamed = self._name_of(waiting[len(found) - 1])
-            return found[-1]
-        last = len(waiting) - 1
-        if operations[-1][0] == "step":
-            self._fetched = dict(zip(self._follows, found[last + 1 :], strict=False))
-        return found[last]
-
-    def _name_of(self, operation: tuple[Any, ...]) -> str:
-        """The function of FMI that an operation calls."""
-        verb, first = operation[:2]
-        names = {number: name for (name, *_), number in self._numbers.items()}
-        return names.get(first, "") if verb in ("set", "get", "define") else str(first)
+    def _ask(self, *operation: Any) -> tuple[int, Any]:
+        """Status and values of an operation; of one that waited before it, where that has failed."""
+        if self.lost:
+            raise LostError
+        operations, self._pending = [*self._pending, operation], []
+        answers = self._request(operations)
+        count = len(operations)
+        if len(answers) < count:
+            self.blamed = operations[len(answers) - 1][1]
+            return answers[-1]
+        if _is_step(operation):
+            self._fetched = dict(zip(self._follows, answers[count:], strict=False))
+        return answers[count - 1]
 
     def _bury(self) -> None:
         """Say how the process has ended."""
@@ -203,7 +208,7 @@ class Guest:
     def call(self, name: str, *arguments: Any) -> int:
         """Call a function of plain arguments; its status."""
         try:
-            status = self._ask(("call", name, arguments))
+            status, _ = self._ask("call", name, arguments)
         except LostError:
             return FAILED
         self._stepping = self._stepping or name.endswith("ExitInitializationMode")
@@ -212,13 +217,14 @@ class Guest:
     def address(self, name: str) -> int:
         """Where a function of ours is that calls a C function over there; an AttributeError where there is none."""
         if name not in self._entries:
-            if not self._ask(("has", name)):
+            _, there = self._ask("has", name)
+            if not there:
                 raise AttributeError(name)
-            made, words = self._entry(name)
-            self._entries[name] = ctypes.CFUNCTYPE(ctypes.c_int, *words)(self._guarded(made))
-        found = ctypes.cast(self._entries[name], ctypes.c_void_p).value
-        assert found is not None
-        return found
+            function, types = self._entry(name)
+            self._entries[name] = ctypes.CFUNCTYPE(ctypes.c_int, *types)(self._guarded(function))
+        address = ctypes.cast(self._entries[name], ctypes.c_void_p).value
+        assert address is not None
+        return address
 
     def _guarded(self, function: Callable[..., int]) -> Callable[..., int]:
         """A function that C can call: what it raises is kept, and it gives a status."""
@@ -235,96 +241,107 @@ class Guest:
         return guarded
 
     def _entry(self, name: str) -> tuple[Callable[..., int], Sequence[Any]]:
-        """The function behind an address, and the types of what it takes."""
-        if name in _SHAPES:
-
-            def step(_: int, begin: float, length: float, flag: int, *places: int) -> int:
-                self._fetched = {}
-                found = self._ask(("step", name, begin, length, int(flag)))
-                status, returned = found if isinstance(found, tuple) else (found, b"")
-                if places:
-                    ctypes.memmove(places[0], returned, len(returned))
-                return status
-
-            return step, _SHAPES[name]
+        """The function behind an address, and the types of its arguments."""
+        if name == "fmi2DoStep":
+            return self._step(name), (_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+        if name == "fmi3DoStep":
+            return self._step(name), (_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[_WORD] * 4)
         if name.lower().endswith("fmustate"):
-
-            def state(_: int, word: int) -> int:
-                self._fetched = {}
-                kept = ctypes.c_size_t(word) if "Set" in name else ctypes.c_size_t.from_address(word)
-                found = self._ask(("state", name, kept.value))
-                if not isinstance(found, tuple):
-                    return found
-                if "Set" not in name:
-                    kept.value = found[1]
-                return found[0]
-
-            return state, (_WORD, _WORD)
+            return self._state(name), (_WORD, _WORD)
         if name.endswith("Status"):
-
-            def status(_: int, kind: int, place: int) -> int:
-                found, value = self._ask(("status", name, kind))
-                ctypes.memmove(place, value, 8 if "Real" in name else 4)
-                return found
-
-            return status, (_WORD, ctypes.c_int, _WORD)
+            return self._status(name), (_WORD, ctypes.c_int, _WORD)
         if name.endswith("InputDerivatives"):
+            return self._derivatives(name), [_WORD] * 5
+        words = [_WORD] * (4 if name.startswith("fmi2") else 5)
+        return (self._setter if name[4:7] == "Set" else self._getter)(name), words
 
-            def derivatives(_: int, references: int, several: int, orders: int, values: int) -> int:
-                sizes = (references, 4 * several), (orders, 4 * several), (values, 8 * several)
-                self._pending.append(("derivatives", name, *(ctypes.string_at(*size) for size in sizes)))
-                return 0
+    def _call_into(self, name: str, arguments: tuple[Any, ...], places: Sequence[int]) -> int:
+        """Call a function and copy what it wrote to these addresses; its status."""
+        status, contents = self._ask("call", name, arguments)
+        for place, content in zip(places, contents, strict=False):
+            ctypes.memmove(place, content, len(content))
+        return status
 
-            return derivatives, [_WORD] * 5
-        return self._accessor(name), [_WORD] * (4 if name.startswith("fmi2") else 5)
+    def _step(self, name: str) -> Callable[..., int]:
+        def step(_: int, begin: float, length: float, final: int, *places: int) -> int:
+            self._fetched = {}
+            outputs = [(bytes(size),) for size in _STEP_OUTPUTS[: len(places)]]
+            return self._call_into(name, (begin, length, final, *outputs), places)
 
-    def _accessor(self, name: str) -> Callable[..., int]:
-        """The function behind the address of a getter or a setter."""
-        kind = name[len("fmi2Get") :]
-        kind = "Boolean2" if name.startswith("fmi2") and kind == "Boolean" else kind
-        size = {"String": TEXT, "Binary": BINARY}.get(kind) or VALUE_TYPES[kind].dtype().itemsize
+        return step
 
-        def number_of(references: int, several: int, count: int) -> int:
-            key = (name, ctypes.string_at(references, 4 * several), count)
-            number = self._numbers.get(key)
-            if number is None:
-                number = self._numbers[key] = len(self._numbers)
-                self._pending.append(("define", number, name, key[1], count, size))
-            return number
+    def _state(self, name: str) -> Callable[..., int]:
+        def state(_: int, word: int) -> int:
+            self._fetched = {}
+            if "Set" in name:
+                return self._call_into(name, (word,), ())
+            return self._call_into(name, ((ctypes.string_at(word, 8),),), [word])
 
-        def setter(_: int, references: int, several: int, values: int, count: int | None = None) -> int:
-            count = several if count is None else count
-            number = number_of(references, several, count)
-            if size == TEXT:
-                given: Any = [text or b"" for text in (ctypes.c_char_p * count).from_address(values)]
-            elif size == BINARY:
-                given = [bytes_at(block) for block in (ctypes.c_size_t * count).from_address(values)]
-            else:
-                given = ctypes.string_at(values, size * count)
-            if not self._stepping:
-                return self._ask(("set", number, given))
-            self._pending.append(("set", number, given))
+        return state
+
+    def _status(self, name: str) -> Callable[..., int]:
+        size = 8 if "Real" in name else 4
+        return lambda _, kind, place: self._call_into(name, (kind, (bytes(size),)), [place])
+
+    def _derivatives(self, name: str) -> Callable[..., int]:
+        def derivatives(_: int, references: int, count: int, orders: int, values: int) -> int:
+            memory = [ctypes.string_at(place, 4 * count) for place in (references, orders)]
+            arguments = (memory[0], count, memory[1], ctypes.string_at(values, 8 * count))
+            self._pending.append(("call", name, arguments))
             return 0
 
-        def getter(_: int, references: int, several: int, values: int, count: int | None = None) -> int:
-            number = number_of(references, several, several if count is None else count)
-            found = self._fetched.pop(number, None)
-            if found is None:
-                found = self._ask(("get", number))
-                if self._stepping and number not in self._follows:
-                    self._follows.append(number)
+        return derivatives
+
+    def _setter(self, name: str) -> Callable[..., int]:
+        kind = _kind(name)
+
+        def setter(_: int, references: int, several: int, values: int, *counts: int) -> int:
+            count = counts[0] if counts else several
+            if kind == "String":
+                texts = (ctypes.c_char_p * count).from_address(values)
+                memory: tuple[Any, ...] = ([text or b"" for text in texts],)
+            elif kind == "Binary":
+                blocks = [bytes_at(block) for block in (_WORD * count).from_address(values)]
+                sizes = (_WORD * count)(*map(len, blocks))
+                memory = (bytes(sizes), blocks)
+            else:
+                memory = (ctypes.string_at(values, VALUE_TYPES[kind].dtype().itemsize * count),)
+            operation = ("call", name, (ctypes.string_at(references, 4 * several), several, *memory, *counts))
+            if not self._stepping:
+                return self._ask(*operation)[0]
+            self._pending.append(operation)
+            return 0
+
+        return setter
+
+    def _getter(self, name: str) -> Callable[..., int]:
+        kind = _kind(name)
+
+        def getter(_: int, references: int, several: int, values: int, *counts: int) -> int:
+            count = counts[0] if counts else several
+            if VALUE_TYPES[kind].by_address:
+                output: tuple[Any, ...] = ("texts" if kind == "String" else "binaries", count)
+            else:
+                output = (bytes(VALUE_TYPES[kind].dtype().itemsize * count),)
+            call = name, (ctypes.string_at(references, 4 * several), several, output, *counts)
+            answer = self._fetched.pop(call, None)
+            if answer is None:
+                answer = self._ask("call", *call)
+                if self._stepping and call not in self._follows:
+                    self._follows.append(call)
                     self._pending.append(("follow", list(self._follows)))
-            if not isinstance(found, tuple):
-                return found
-            status, read = found
-            if size in (TEXT, BINARY):
-                made = ctypes.create_string_buffer if size == TEXT else block_of
-                kept = self._texts[number] = [made(text) for text in read]
-                read = b"".join(ctypes.addressof(text).to_bytes(8, sys.byteorder) for text in kept)
-            ctypes.memmove(values, read, len(read))
+            status, contents = answer
+            if not contents:
+                return status
+            content = contents[0]
+            if VALUE_TYPES[kind].by_address:
+                made = ctypes.create_string_buffer if kind == "String" else block_of
+                blocks = self._texts[call] = [made(text) for text in content]
+                content = bytes((_WORD * len(blocks))(*map(ctypes.addressof, blocks)))
+            ctypes.memmove(values, content, len(content))
             return status
 
-        return setter if name[4:7] == "Set" else getter
+        return getter
 
     def free(self, name: str) -> int:
         """Free the instance and end the process; the status of the call."""
@@ -351,9 +368,19 @@ class Guest:
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
+def _is_step(operation: Sequence[Any]) -> bool:
+    return operation[0] == "call" and operation[1].endswith("DoStep")
+
+
+def _kind(name: str) -> str:
+    """The type of values that a getter or a setter takes, a key of `VALUE_TYPES`."""
+    kind = name[len("fmi2Get") :]
+    return "Boolean2" if name == f"fmi2{name[4:7]}Boolean" else kind
+
+
 def _logger() -> str:
     """FMPy's library that writes out what an FMU of FMI 2.0 logs in the way of printf; empty where there is none."""
-    found = util.find_spec("fmpy.logging")
-    assert found is not None
-    path = Path(str(found.origin)).parent / fmpy.platform / f"logging{fmpy.sharedLibraryExtension}"
+    package = util.find_spec("fmpy.logging")
+    assert package is not None
+    path = Path(str(package.origin)).parent / fmpy.platform / f"logging{fmpy.sharedLibraryExtension}"
     return str(path) if path.is_file() else ""

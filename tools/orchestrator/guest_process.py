@@ -1,29 +1,24 @@
-"""The process of a guest: it has one FMU of somebody else, and makes the calls that the orchestrator asks for.
+"""The process of a guest: it has one FMU of somebody else and calls its functions as the orchestrator asks.
 
-It is run as a file and imports nothing but Python's own, so that it starts quickly. A request is a list of operations,
-its reply what each gave until one failed, and what the FMU logged: values of Python, with their length before them.
+It runs as a file and imports only Python's own modules, so it starts quickly. A request is a list of operations; its
+reply has the status and the values of each operation until one failed, and what the FMU logged. Messages are Python
+values in marshal's form, with their length before them.
 
-| operation | gives |
+| operation | values |
 |---|---|
-| load, library, version, name, token, resources, library of FMPy's logger or "", progress, handled | instance |
+| load, settings of the instance: see `Host.load` | address of the instance, 0 where there is none |
 | has, function | whether the library has it |
-| call, function, arguments | status |
-| define, number, function, references, values, bytes of a value: an access, for set and get | |
-| set, number, values | status |
-| get, number | status, values |
-| derivatives, function, references, orders, values | status |
-| step, function, time, step, flag | status, what fmi3DoStep returns; then what each of `follow` gets |
-| state, function, state | status, state |
-| status, function, kind | status, value |
-| follow, numbers | |
+| call, function, arguments | what the function wrote, for each argument that takes it |
+| follow, calls: made after each step from now on | |
 
-`handled` is None where an FMU handles its events itself; of model exchange it has the numbers of states and of event
-indicators, and a tolerance; else it is empty.
+An argument is a whole number, a real number, bytes (of which the function gets the address), or a list of bytes (an
+array of strings). What the function writes is asked for by a tuple: `(content,)`, memory with this content;
+`("texts", n)`, n strings; `("binaries", n)`, two arrays, of n sizes and of n addresses.
 """
 
 import ctypes
-import importlib
 import marshal
+import math
 import mmap
 import os
 import signal
@@ -31,22 +26,22 @@ import struct
 import sys
 import threading
 import time
-import types
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 HEAD = struct.Struct("<Q")
 """Length of a message."""
-TEXT, BINARY = -1, -2
-"""In place of the bytes of a value: it is a string of C, or bytes of any number."""
-_TYPES = {"i": ctypes.c_int, "b": ctypes.c_bool, "d": ctypes.c_double}
-_ARGUMENTS = {"fmi2SetupExperiment": "iddid", "fmi3EnterInitializationMode": "bddbd"}
-_MODEL_EXCHANGE, _COSIMULATION = range(2)
-_STEP_RETURNS = 16
-"""Bytes that fmi3DoStep writes: three flags and, from the eighth on, the last successful time."""
-_LOG_2 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
-_LOG_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+OK, WARNING, DISCARD, ERROR = range(4)
+MOST_EVENTS = 10_000
+"""In one step, and rounds of one event."""
+CLOSE = 1e-13
+"""Times that differ by less, relative to the step and the time, are one."""
+MOST_SOLVER_STEPS = 100_000
+"""From event to event."""
+_BOOLEAN, _INTEGER, _REAL = ctypes.c_bool, ctypes.c_int, ctypes.c_double
+_LOG_2 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_char_p, _INTEGER, ctypes.c_char_p, ctypes.c_char_p)
+_LOG_3 = ctypes.CFUNCTYPE(None, ctypes.c_void_p, _INTEGER, ctypes.c_char_p, ctypes.c_char_p)
 
 
 class _Callbacks(ctypes.Structure):
@@ -61,197 +56,396 @@ class _Callbacks(ctypes.Structure):
     )
 
 
+class _EventInfo(ctypes.Structure):
+    """What fmi2NewDiscreteStates writes."""
+
+    _fields_ = (*((f"flag{k}", _INTEGER) for k in range(5)), ("next", _REAL))
+
+
+def _flags(count: int) -> tuple[Any, list[Any]]:
+    """Booleans of FMI 3.0 that a function writes, and the address of each."""
+    flags = (_BOOLEAN * count)()
+    return flags, [ctypes.byref(flags, k) for k in range(count)]
+
+
+class FailedError(Exception):
+    """A call of the FMU, or the solver, has failed: the status and the message."""
+
+
+class Events:
+    """The steps of an FMU whose events we handle, from event to event; `ended` is when it asked for the end of the run.
+
+    Between steps it is in event mode, where its inputs change and its events end. `call` takes a function's name and
+    values of C, `log` is what the FMU logs.
+    """
+
+    mode = "EnterStepMode"
+
+    def __init__(self, version: int, call: Callable[..., int], log: list[tuple[int, str]]) -> None:
+        self.version, self.plain_call, self._log = version, call, log
+        self.next_event = math.inf
+        self.ended: float | None = None
+        self.time = 0.0
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a function of the FMU; FailedError where it gives more than a warning."""
+        logged = len(self._log)
+        status = self.plain_call(f"fmi{self.version}{name}", *arguments)
+        if status > WARNING:
+            words = [text for _, text in self._log[logged:] if text]
+            reason = f": {words[-1]}" if words else ""
+            raise FailedError(status, f"fmi{self.version}{name} ended with status {status}{reason}")
+
+    def _logged(self, error: FailedError) -> int:
+        """The status of a failure, whose message goes to the log."""
+        self._log.append(error.args)
+        return error.args[0]
+
+    def enter(self, start: float) -> int:
+        """Make the event with which the initialisation ends; its status."""
+        self.time = start
+        try:
+            self._update()
+        except FailedError as error:
+            return self._logged(error)
+        return OK
+
+    def _update(self) -> None:
+        """Update discrete states until they no longer change."""
+        for _ in range(MOST_EVENTS):
+            if self.version == 2:
+                info = _EventInfo()
+                self.call("NewDiscreteStates", ctypes.byref(info))
+                again, terminate, defined, following = info.flag0, info.flag1, info.flag4, info.next
+            else:
+                flags, places = _flags(5)
+                event = _REAL()
+                self.call("UpdateDiscreteStates", *places, ctypes.byref(event))
+                again, terminate, defined, following = flags[0], flags[1], flags[4], event.value
+            self.next_event = following if defined else math.inf
+            if terminate:
+                self.ended = self.time
+            if terminate or not again:
+                return
+        raise FailedError(ERROR, f"an event at {self.time:.9g} s does not come to its end")
+
+    def step(self, begin: float, length: float) -> tuple[int, float]:
+        """Make a step; its status, and up to when it was made."""
+        end, self.time = begin + length, begin
+        close = CLOSE * (length + abs(end))
+        try:
+            self._update()
+            for _ in range(MOST_EVENTS):
+                if self.ended is not None:
+                    return DISCARD if self.version == 2 else OK, self.ended
+                if self.time >= end - close:
+                    return OK, end
+                self.call(self.mode)
+                self.advance(end, close)
+                self.call("EnterEventMode")
+                self._update()
+            raise FailedError(ERROR, f"more than {MOST_EVENTS} events between {begin:.9g} s and {end:.9g} s")
+        except FailedError as error:
+            return self._logged(error), self.time
+
+    def advance(self, end: float, close: float) -> None:
+        """Step to the next event, or to the end: the FMU returns before where it has one."""
+        flags, places = _flags(3)
+        reached = _REAL(self.time)
+        times = _REAL(self.time), _REAL(end - self.time)
+        self.call("DoStep", *times, _BOOLEAN(False), *places, ctypes.byref(reached))
+        self.time = reached.value if flags[2] else end
+        if flags[1]:
+            self.ended = self.time
+
+    def answer(self, name: str, arguments: Sequence[Any]) -> tuple[int, list[bytes]]:
+        """Stand in for a function of co-simulation: a step, or FMI 2.0's question about it."""
+        if name.endswith("DoStep"):
+            begin, length = arguments[:2]
+            status, reached = self.step(begin, length)
+            flags = (False, self.ended is not None, reached < begin + length)
+            return status, [] if self.version == 2 else [*(bytes([flag]) for flag in flags), struct.pack("d", reached)]
+        if "Real" in name:
+            return OK, [struct.pack("d", self.ended or 0.0)]
+        return OK, [struct.pack("i", self.ended is not None)]
+
+
+class Solver(Events):
+    """The steps of an FMU of model exchange: SUNDIALS' CVODE integrates it, with a relative tolerance."""
+
+    mode = "EnterContinuousTimeMode"
+
+    def __init__(
+        self, version: int, call: Callable[..., int], log: list[tuple[int, str]], sizes: Sequence[int], tolerance: float
+    ) -> None:
+        super().__init__(version, call, log)
+        self._sizes, self._tolerance = sizes, tolerance
+        self._cvode: Any = None
+
+    def _vector(self, name: str, values: Any, count: int) -> None:
+        """Get or set numbers."""
+        if count:
+            self.call(name, ctypes.cast(values, ctypes.c_void_p), ctypes.c_size_t(count))
+
+    def _set_time(self, instant: float) -> None:
+        self.call("SetTime", _REAL(instant))
+
+    def step(self, begin: float, length: float) -> tuple[int, float]:
+        """Make a step; its status, and up to when it was made."""
+        status = self.plain_call(f"fmi{self.version}SetTime", _REAL(begin))
+        return (status, begin) if status > WARNING else super().step(begin, length)
+
+    def _begin(self) -> None:
+        """Begin an integration at this time."""
+        if self._cvode is not None:
+            self._cvode.reset(self.time)
+            return
+        rates = "GetDerivatives" if self.version == 2 else "GetContinuousStateDerivatives"
+        self._cvode = cvode_class()(
+            nx=self._sizes[0],
+            nz=self._sizes[1],
+            get_x=lambda x, n: self._vector("GetContinuousStates", x, n),
+            set_x=lambda x, n: self._vector("SetContinuousStates", x, n),
+            get_dx=lambda x, n: self._vector(rates, x, n),
+            get_z=lambda z, n: self._vector("GetEventIndicators", z, n),
+            get_nominals=lambda x, n: self._vector("GetNominalsOfContinuousStates", x, n),
+            set_time=self._set_time,
+            input=_Inputs(),
+            startTime=self.time,
+            relativeTolerance=self._tolerance,
+            maxNumSteps=MOST_SOLVER_STEPS,
+        )
+
+    def _integrate(self, goal: float) -> bool:
+        """Integrate towards a time; whether CVODE says where it has stopped, at a state event or there."""
+        try:
+            met, _, self.time = self._cvode.step_until(self.time, goal)
+        except RuntimeError as error:
+            raise self._cvode.failed or FailedError(ERROR, f"CVODE: {error.args[0].rpartition(': ')[2]}") from error
+        return bool(met)
+
+    def advance(self, end: float, close: float) -> None:
+        """Integrate to the next event, or to the end of the step."""
+        self._begin()
+        goal = min(end, max(self.next_event, self.time))
+        met = self._integrate(goal) if goal - self.time > close else False
+        if not met:
+            self.time = goal
+        self._set_time(self.time)
+        if self.version == 2:
+            flags: Any = (_INTEGER * 2)()
+            self.call("CompletedIntegratorStep", 1, ctypes.byref(flags, 0), ctypes.byref(flags, 4))
+        else:
+            flags, places = _flags(2)
+            self.call("CompletedIntegratorStep", _BOOLEAN(True), *places)
+        if flags[1]:
+            self.ended = self.time
+
+
+class _Inputs:
+    """Inputs as FMPy's solver asks for them: they hold over a step."""
+
+    def apply(self, time: float) -> None:
+        """Change nothing."""
+
+
+def cvode_class() -> type:
+    """FMPy's CVODE, made to stop where the FMU cannot give what it asks for; only FMUs of model exchange need FMPy."""
+    from fmpy.sundials import CVodeSolver
+    from fmpy.sundials.libraries import sundials_cvode
+
+    set_stop = sundials_cvode.CVodeSetStopTime
+    set_stop.argtypes, set_stop.restype = [ctypes.c_void_p, _REAL], _INTEGER
+
+    class Cvode(CVodeSolver):
+        """The solver; `failed` is the first call of the FMU that has failed."""
+
+        failed: FailedError | None = None
+
+        def f(self, *arguments: Any) -> int:
+            return self._guarded(super().f, arguments)
+
+        def g(self, *arguments: Any) -> int:
+            return self._guarded(super().g, arguments)
+
+        def _guarded(self, function: Callable[..., int], arguments: Iterable[Any]) -> int:
+            try:
+                return function(*arguments)
+            except FailedError as error:
+                self.failed = self.failed or error
+                return -1
+
+        def step_until(self, begin: float, goal: float) -> Any:
+            # Beyond the event, or the end of the step, other equations may hold.
+            set_stop(self.cvode_mem, goal)
+            return self.step(begin, goal)
+
+        def __del__(self) -> None:
+            """Leave its memory: it goes with the process."""
+
+    return Cvode
+
+
 class Host:
     """The FMU in this process, and the operations on it."""
 
     def __init__(self) -> None:
         self.log: list[tuple[int, str]] = []
-        self.events: Any = None
-        """Of an FMU whose events are handled here: what makes its steps."""
-        self._start = 0.0
-        self.follows: list[int] = []
+        self.follows: list[tuple[str, Sequence[Any]]] = []
         self.progress: Any = bytearray(1)
         """Which operation of a request is being made."""
-        self._accesses: dict[int, tuple[Any, Any, int, int, int]] = {}
+        self._events: Events | None = None
+        """Makes the steps of an FMU whose events are handled here."""
+        self._start = 0.0
         self._functions: dict[str, Any] = {}
-        self._kept: list[Any] = []
+        self._alive: list[Any] = []
+        """What the library has the addresses of."""
 
-    def _hear(self, status: int, text: bytes | None) -> None:
+    def _note(self, status: int, text: bytes | None) -> None:
         self.log.append((status, " ".join((text or b"").decode("utf-8", "replace").split())))
 
-    def load(
-        self, library: str, version: int, name: str, token: str, resources: str, logger: str, file: str,
-        handled: tuple[Any, ...] | None,
-    ) -> int:  # fmt: skip
-        """Load the library and make the instance; 0 where it gives none."""
-        exchanged = bool(handled)
-        if exchanged:
-            self.events = _beside("guest_solver").Solver(version, self._plainly, self.log, *handled)
+    def load(self, settings: Mapping[str, Any]) -> tuple[int, int]:
+        """Load the library and make the instance.
+
+        `settings` has the library's file, version (of FMI), name, token, resources, logger (FMPy's library, or ""),
+        progress (a file), and `handled`: None where an FMU handles its events itself; of model exchange the numbers
+        of states and event indicators, and a tolerance; else empty.
+        """
+        version, handled = settings["version"], settings["handled"]
+        if handled:
+            *sizes, tolerance = handled
+            self._events = Solver(version, self._plain_call, self.log, sizes, tolerance)
         elif handled is not None:
-            self.events = _beside("guest_events").Events(version, self._plainly, self.log)
-        with Path(file).open("r+b") as opened:
-            self.progress = mmap.mmap(opened.fileno(), 1)
-        here = Path.cwd()
+            self._events = Events(version, self._plain_call, self.log)
+        with Path(settings["progress"]).open("r+b") as file:
+            self.progress = mmap.mmap(file.fileno(), 1)
+        library, folder = settings["library"], Path.cwd()
         # Libraries that lie beside it are found there.
         os.chdir(Path(library).parent)
         try:
-            self.library = ctypes.CDLL(library)
+            self._library = ctypes.CDLL(library)
         finally:
-            os.chdir(here)
-        who, what, where = name.encode(), token.encode(), resources.encode() or None
+            os.chdir(folder)
+        name, token = settings["name"].encode(), settings["token"].encode()
+        resources = settings["resources"].encode() or None
         if version == 2:
-            self._log: Any = _LOG_2(lambda _, __, status, ___, text: self._hear(status, text))
-            memory = ctypes.CDLL("msvcrt" if os.name == "nt" else None)
-            pointers = [ctypes.cast(function, ctypes.c_void_p).value for function in (memory.calloc, memory.free)]
-            callbacks = _Callbacks(self._log, *pointers, None, None)
-            self._kept += [memory, callbacks]
-            if logger:
-                # It writes out what printf would.
-                proxy = ctypes.CDLL(logger).addLoggerProxy
-                proxy.argtypes, proxy.restype = [ctypes.c_void_p], None
-                proxy(ctypes.byref(callbacks))
-            make = self._function("fmi2Instantiate", ctypes.c_void_p)
-            kind = _MODEL_EXCHANGE if exchanged else _COSIMULATION
-            given = who, kind, what, where, ctypes.byref(callbacks), 0, 1
+            callbacks = ctypes.byref(self._callbacks(settings["logger"]))
+            make = self._function("fmi2Instantiate")
+            arguments = (name, 0 if handled else 1, token, resources, callbacks, 0, 1)
         else:
-            self._log = _LOG_3(lambda _, status, __, text: self._hear(status, text))
-            own = handled is not None
-            visible, logging, events, early = (ctypes.c_bool(on) for on in (False, True, own, own))
-            if not exchanged:
-                make = self._function("fmi3InstantiateCoSimulation", ctypes.c_void_p)
-                more = events, early, None, ctypes.c_size_t(0), None, self._log, None
+            log = _LOG_3(lambda _, status, __, text: self._note(status, text))
+            self._alive.append(log)
+            arguments = (name, token, resources, _BOOLEAN(False), _BOOLEAN(True))
+            if handled:
+                make = self._function("fmi3InstantiateModelExchange")
+                arguments += (None, log)
             else:
-                make, more = self._function("fmi3InstantiateModelExchange", ctypes.c_void_p), (None, self._log)
-            given = who, what, where, visible, logging, *more
-        self.instance = ctypes.c_void_p(make(*given))
-        return self.instance.value or 0
+                make = self._function("fmi3InstantiateCoSimulation")
+                events = _BOOLEAN(handled is not None)
+                arguments += (events, events, None, ctypes.c_size_t(0), None, log, None)
+        make.restype = ctypes.c_void_p
+        self._instance = ctypes.c_void_p(make(*arguments))
+        return OK, self._instance.value or 0
 
-    def _function(self, name: str, returns: Any = ctypes.c_int) -> Any:
+    def _callbacks(self, logger: str) -> _Callbacks:
+        """What an FMU of FMI 2.0 is given: memory, and a logger that writes out what printf would."""
+        memory = ctypes.CDLL("msvcrt" if os.name == "nt" else None)
+        log = _LOG_2(lambda _, __, status, ___, text: self._note(status, text))
+        pointers = [ctypes.cast(function, ctypes.c_void_p).value for function in (memory.calloc, memory.free)]
+        callbacks = _Callbacks(log, *pointers, None, None)
+        self._alive += [memory, log, callbacks]
+        if logger:
+            proxy = ctypes.CDLL(logger).addLoggerProxy
+            proxy.argtypes, proxy.restype = [ctypes.c_void_p], None
+            proxy(ctypes.byref(callbacks))
+        return callbacks
+
+    def _function(self, name: str) -> Any:
         if name not in self._functions:
-            self._functions[name] = self.library[name]
-            self._functions[name].restype = returns
+            self._functions[name] = self._library[name]
         return self._functions[name]
 
-    def has(self, name: str) -> bool:
-        """Whether the library has a function, or something here stands in for it."""
-        return hasattr(self.library, name) or (self.events is not None and name.endswith(("DoStep", "Status")))
-
-    def _plainly(self, name: str, *arguments: Any) -> int:
+    def _plain_call(self, name: str, *arguments: Any) -> int:
         """Call a function with values of C."""
-        return self._function(name)(self.instance, *arguments)
+        return self._function(name)(self._instance, *arguments)
 
-    def call(self, name: str, arguments: Sequence[Any]) -> int:
-        """Call a function of plain arguments."""
-        kinds = _ARGUMENTS.get(name, "")
-        function = self._function(name, None if name.endswith("FreeInstance") else ctypes.c_int)
-        given = [_TYPES[kind](value) for kind, value in zip(kinds, arguments, strict=True)]
-        if name in _ARGUMENTS:
+    def has(self, name: str) -> tuple[int, bool]:
+        """Whether the library has a function, or something here stands in for it."""
+        stands_in = self._events is not None and name.endswith(("DoStep", "Status"))
+        return OK, stands_in or hasattr(self._library, name)
+
+    def call(self, name: str, arguments: Sequence[Any]) -> tuple[int, list[Any]]:
+        """Call a function."""
+        if self._events is not None and name.endswith(("DoStep", "Status")):
+            return self._events.answer(name, arguments)
+        memory: list[Any] = []
+        for argument in arguments:
+            memory += _of_c(argument)
+        if name.endswith("FreeInstance"):
+            self._plain_call(name, *memory)
+            return OK, []
+        status = self._plain_call(name, *memory)
+        if name.endswith(("SetupExperiment", "EnterInitializationMode")) and arguments:
             self._start = arguments[2]
-        status = function(self.instance, *given) or 0
-        if self.events is not None and status <= 1 and name.endswith("ExitInitializationMode"):
-            return self.events.enter(self._start)
-        return status
+        if self._events is not None and status <= WARNING and name.endswith("ExitInitializationMode"):
+            return self._events.enter(self._start), []
+        return status, _written(arguments, memory, status)
 
-    def define(self, number: int, name: str, references: bytes, count: int, size: int) -> int:
-        """Lay ready what an access needs, whose values are `count` of so many bytes."""
-        function = self.library[name]
-        sizes = (ctypes.c_size_t,) if name.startswith("fmi3") else ()
-        places = (ctypes.c_void_p,) * (2 if size == BINARY else 1)
-        function.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, *places, *sizes]
-        self._accesses[number] = function, references, len(references) // 4, count, size
-        return 0
+    def follow(self, calls: list[tuple[str, Sequence[Any]]]) -> tuple[int, None]:
+        """Make these calls after each step from now on."""
+        self.follows = calls
+        return OK, None
 
-    def _access(self, number: int, *memory: Any) -> int:
-        function, references, several, count, _ = self._accesses[number]
-        more = () if len(function.argtypes) == 4 else (count,)
-        return function(self.instance, references, several, *memory, *more)
-
-    def set(self, number: int, values: Any) -> int:
-        """Set values: bytes, or strings."""
-        size = self._accesses[number][-1]
-        if size in (TEXT, BINARY):
-            several = len(values)
-            sizes = (ctypes.c_size_t * several)(*map(len, values))
-            values = (ctypes.c_char_p * several)(*values)
-            if size == BINARY:
-                return self._access(number, sizes, values)
-        return self._access(number, values)
-
-    def get(self, number: int) -> tuple[int, Any]:
-        """Get values: bytes, or strings."""
-        count, size = self._accesses[number][-2:]
-        if size == BINARY:
-            sizes, places = (ctypes.c_size_t * count)(), (ctypes.c_void_p * count)()
-            status = self._access(number, sizes, places)
-            pairs = zip(places, sizes, strict=True) if status <= 1 else ()
-            return status, [ctypes.string_at(at, length) if at else b"" for at, length in pairs]
-        memory: Any = (ctypes.c_char_p * count)() if size == TEXT else ctypes.create_string_buffer(count * size)
-        status = self._access(number, memory)
-        return status, [text or b"" for text in memory] if size == TEXT else memory.raw
-
-    def derivatives(self, name: str, references: bytes, orders: bytes, values: bytes) -> int:
-        """Tell the derivatives of inputs."""
-        return self._function(name)(self.instance, references, ctypes.c_size_t(len(orders) // 4), orders, values)
-
-    def step(self, name: str, begin: float, length: float, flag: int) -> tuple[int, bytes]:
-        """Make a step."""
-        if self.events is not None:
-            status, reached = self.events.step(begin, length)
-            # Of FMI 3.0: whether it ends the run, whether before the end of the step, and when.
-            returned = struct.pack(
-                "=???xxxxxd", False, self.events.ended is not None, reached < begin + length, reached
-            )
-            return status, returned if name.startswith("fmi3") else b""
-        function, given = self._function(name), (ctypes.c_double(begin), ctypes.c_double(length))
-        if name.startswith("fmi2"):
-            return function(self.instance, *given, flag), b""
-        memory = ctypes.create_string_buffer(_STEP_RETURNS)
-        places = [ctypes.byref(memory, at) for at in (0, 1, 2, 8)]
-        return function(self.instance, *given, ctypes.c_bool(bool(flag)), *places), memory.raw
-
-    def state(self, name: str, state: int) -> tuple[int, int]:
-        """Get (again into a state that there is), set or free a state."""
-        kept = ctypes.c_void_p(state or None)
-        given = kept if "Set" in name else ctypes.byref(kept)
-        return self._function(name)(self.instance, given), kept.value or 0
-
-    def status(self, name: str, kind: int) -> tuple[int, bytes]:
-        """What FMI 2.0 says of a step that was not made."""
-        if self.events is not None:
-            ended = self.events.ended
-            number = struct.pack("d", ended or 0.0) if "Real" in name else struct.pack("ii", ended is not None, 0)
-            return 0, number
-        value = ctypes.create_string_buffer(8)
-        return self._function(name)(self.instance, kind, value), value.raw
-
-    def follow(self, numbers: list[int]) -> int:
-        """What is got after each step from now on."""
-        self.follows = numbers
-        return 0
-
-    def answer(self, request: Sequence[tuple[Any, ...]]) -> list[Any]:
+    def answer(self, request: Sequence[tuple[Any, ...]]) -> list[tuple[int, Any]]:
         """Make the operations of a request, until one fails; what each gave, and what follows a step."""
-        found: list[Any] = []
-        for at, (verb, *given) in enumerate(request):
+        answers: list[tuple[int, Any]] = []
+        for at, (verb, *arguments) in enumerate(request):
             self.progress[0] = at
-            made = getattr(self, verb)(*given)
-            found.append(made)
-            status = made[0] if isinstance(made, tuple) else made
-            if status > 1 and verb not in ("load", "has"):
-                return found
-            if verb == "step":
-                for number in self.follows:
-                    at += 1
-                    self.progress[0] = at
-                    found.append(self.get(number))
-        return found
+            answers.append(getattr(self, verb)(*arguments))
+            if answers[-1][0] > WARNING:
+                return answers
+            if verb == "call" and arguments[0].endswith("DoStep"):
+                for following, call in enumerate(self.follows, at + 1):
+                    self.progress[0] = following
+                    answers.append(self.call(*call))
+        return answers
 
 
-def _beside(name: str) -> Any:
-    """A module that stands beside this file, which is here in no package."""
-    package = sys.modules.setdefault("guests", types.ModuleType("guests"))
-    package.__path__ = [str(Path(__file__).parent)]
-    return importlib.import_module(f"guests.{name}")
+def _of_c(argument: Any) -> list[Any]:
+    """An argument as C takes it."""
+    if isinstance(argument, bool):
+        return [_BOOLEAN(argument)]
+    if isinstance(argument, int):
+        return [ctypes.c_size_t(argument)]
+    if isinstance(argument, float):
+        return [_REAL(argument)]
+    if isinstance(argument, bytes):
+        return [argument]
+    if isinstance(argument, list):
+        return [(ctypes.c_char_p * len(argument))(*argument)]
+    if argument[0] == "texts":
+        return [(ctypes.c_char_p * argument[1])()]
+    if argument[0] == "binaries":
+        return [(ctypes.c_size_t * argument[1])(), (ctypes.c_void_p * argument[1])()]
+    return [ctypes.create_string_buffer(argument[0], len(argument[0]))]
+
+
+def _written(arguments: Sequence[Any], memory: Sequence[Any], status: int) -> list[Any]:
+    """What a function wrote: bytes of memory, strings, or binaries."""
+    contents: list[Any] = []
+    for at, argument in enumerate(arguments):
+        if not isinstance(argument, tuple):
+            continue
+        content = memory[at]
+        if argument[0] == "texts":
+            contents.append([text or b"" for text in content])
+        elif argument[0] == "binaries":
+            places = memory[at + 1] if status <= WARNING else ()
+            pairs = zip(places, content, strict=False)
+            contents.append([ctypes.string_at(place, size) if place else b"" for place, size in pairs])
+        else:
+            contents.append(content.raw)
+    return contents
 
 
 def _end_with(parent: int) -> None:
@@ -265,11 +459,12 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
     """Answer requests until there are none any more."""
     host = Host()
     while head := read(HEAD.size):
+        answers, failure = [], ""
         try:
-            found, wrong = host.answer(marshal.loads(read(*HEAD.unpack(head)))), ""
+            answers = host.answer(marshal.loads(read(*HEAD.unpack(head))))
         except (OSError, AttributeError, ImportError) as error:
-            found, wrong = [], " ".join(str(error).split()) or type(error).__name__
-        reply = marshal.dumps((found, host.log, wrong))
+            failure = " ".join(str(error).split()) or type(error).__name__
+        reply = marshal.dumps((answers, host.log, failure))
         host.log.clear()
         write(HEAD.pack(len(reply)) + reply)
         flush()
