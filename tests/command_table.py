@@ -7,9 +7,9 @@ import numpy as np
 import polars as pl
 
 from bench_cases import write_hidden_record
-from benches_in_motion import PROGRAMME, Errors, Programme, Truth, bench_record
+from generator.carried import POSES, strapdown_record, true_motion
+from generator.tables import PROGRAMME, Errors, Programme, Truth, bench_record
 from simulated_table import SimulatedTable
-from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools import cli
 from trihedron.tools.records import write_record
 from trihedron.tools.templates import new

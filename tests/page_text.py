@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from generator.carried import POSES, strapdown_record, true_motion
 from shown_bounds import Watched
-from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.document.blocks import Document, Page

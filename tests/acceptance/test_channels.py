@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exchanged_gyros import EFFECTS, seen_record
-from exchanged_records import WRONG, right_record, wrong_record
+from generator.channels import GYRO_EFFECTS, WRONG, filmed_record, right_record, wrong_record
 from trihedron.tools.calibration.exchanged import channels_advice
 from trihedron.tools.calibration.model import Positions, parametrise
 from trihedron.tools.evidence.carried_checks import wrong_channels
@@ -58,7 +57,7 @@ def is_mended(record: StrapdownRecord, matrix: np.ndarray) -> bool:
 
 
 def test_all_47_ways_of_gyros_are_spotted_twice_beside_a_true_attitude() -> None:
-    records = [seen_record(seed) for seed in (0, 1)]
+    records = [filmed_record(seed) for seed in (0, 1)]
     ways = range(1, len(PERMUTATIONS))
     assert [
         (way, k) for k, record in enumerate(records) for way in ways if not is_mended(record, PERMUTATIONS[way])
@@ -67,7 +66,7 @@ def test_all_47_ways_of_gyros_are_spotted_twice_beside_a_true_attitude() -> None
 
 def test_nearly_all_ways_of_gyros_are_spotted_beside_an_effect() -> None:
     """Each of the 47 with two effects, which change from way to way."""
-    records = [seen_record(2 + k, effect) for k, effect in enumerate(EFFECTS)]
+    records = [filmed_record(2 + k, effect) for k, effect in enumerate(GYRO_EFFECTS)]
     cases = [(way, (way + 3 * turn) % len(records)) for way in range(1, len(PERMUTATIONS)) for turn in (0, 1)]
     missed = [case for case in cases if not is_mended(records[case[1]], PERMUTATIONS[case[0]])]
     print(f"gyros missed beside an effect: {len(missed)} of {len(cases)}")
@@ -75,8 +74,8 @@ def test_nearly_all_ways_of_gyros_are_spotted_beside_an_effect() -> None:
 
 
 def test_no_right_gyros_are_advised_anything() -> None:
-    effects = ("", "", *EFFECTS)
+    effects = ("", "", *GYRO_EFFECTS)
     seen = [
-        (seed, wrong_channels(inspect_record(seen_record(100 + seed, effects[seed % 10])))) for seed in range(RIGHT)
+        (seed, wrong_channels(inspect_record(filmed_record(100 + seed, effects[seed % 10])))) for seed in range(RIGHT)
     ]
     assert [(seed, said) for seed, said in seen if said] == []

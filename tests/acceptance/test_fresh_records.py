@@ -15,7 +15,8 @@ from typing import Any
 
 import pytest
 
-from independent_bench import POSITION_KINDS, SIGMA, STRAPDOWN_KINDS, Fresh, position_record, strapdown_record
+from generator import SIGMA
+from generator.fresh import POSITION_KINDS, STRAPDOWN_KINDS, Fresh, position_record, strapdown_record
 from shown_bounds import wrong_on_page
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from strapdown_records import G, strapdown_record
+from generator import G
+from generator.carried import strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 

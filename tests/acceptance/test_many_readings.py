@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from simulated_bench import GRAVITY, misses, random_bench, simulated, tilt_left
+from calibration_checks import misses, tilt_left
+from generator import G as GRAVITY
+from generator.stands import random_bench, simulated
 from trihedron.models.bench import target_reading, target_values
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.correction import correction_of

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from outside_gyros import outside_gyro
+from generator.carried import outside_gyro
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.records import StrapdownRecord, read_record
 

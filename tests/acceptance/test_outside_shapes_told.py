@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from independent_bench import SIGMA
-from outside_shapes import COUNTS, SHAPES, Outside, outside_case
+from generator import SIGMA
+from generator.unlisted import COUNTS, SHAPES, Outside, outside_case
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.records import PositionRecord, read_record
 

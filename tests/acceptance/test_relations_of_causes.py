@@ -14,9 +14,9 @@ import pytest
 import trihedron as th
 from bench_cases import write_hidden_record
 from command_table import SCENARIO
+from generator.carried import POSES, strapdown_record, true_motion
 from instrument_records import of_one_instrument
 from relations import CYCLE, EXACT, QUARTER, SAME, axes_renamed, differences, named
-from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.models.effects import EffectPlace
 from trihedron.tools import library, measured
 from trihedron.tools.records import write_record

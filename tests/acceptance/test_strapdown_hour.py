@@ -25,7 +25,7 @@ print(json.dumps({"status": status, "seconds": seconds, "bytes": 1024 * used[0].
 def test_an_hour_at_a_kilohertz_is_diagnosed_in_two_minutes_and_two_gigabytes(tmp_path):
     """Whole, from the CSV file, with an effect that is named and simulated again."""
     sys.path.insert(0, str(TESTS))
-    from strapdown_records import POSES, strapdown_record, true_motion
+    from generator.carried import POSES, strapdown_record, true_motion
 
     rng = np.random.default_rng(0)
     poses = [POSES[0]]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, bench_record
+from generator.tables import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, bench_record
 from trihedron.tools.calibration import Bench, calibrate, calibrate_whole
 from trihedron.tools.records.rests import position_record_of
 

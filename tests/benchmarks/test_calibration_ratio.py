@@ -5,7 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from simulated_bench import misses, random_bench, simulated
+from calibration_checks import misses
+from generator.stands import random_bench, simulated
 from trihedron.models.bench import target_values
 from trihedron.tools.calibration import calibrate
 

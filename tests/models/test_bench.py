@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from simulated_bench import ALPHA, BETA, random_bench
+from generator.stands import ALPHA, BETA, random_bench
 from trihedron.models.bench import (
     ELEMENTARY,
     TARGETS,

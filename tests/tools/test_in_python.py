@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import trihedron as th
 import user_script
-from simulated_bench import random_bench, simulated
+from generator.stands import random_bench, simulated
 from trihedron.tools import threads
 from trihedron.tools.arguments import in_python
 from trihedron.tools.errors import InputError

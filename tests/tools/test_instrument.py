@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import trihedron as th
+from generator.stands import random_bench, simulated
 from instrument_records import of_one_instrument
-from simulated_bench import random_bench, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis.several import JointCause

@@ -13,6 +13,7 @@ import polars as pl
 import pytest
 
 from bench_cases import write_hidden_record
+from generator.carried import POSES, strapdown_record, true_motion
 from relations import (
     EXACT,
     READINGS,
@@ -24,7 +25,6 @@ from relations import (
     two_mountings,
     whole_turns,
 )
-from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools import library, measured
 from trihedron.tools.calibration import apply_calibration
 from trihedron.tools.planning import read_angles

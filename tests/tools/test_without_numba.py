@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulated_bench import random_bench, simulated
+from generator.stands import random_bench, simulated
 from trihedron.models.rotation import multiply
 from trihedron.tools import compiled, installation
 from trihedron.tools.cli import main

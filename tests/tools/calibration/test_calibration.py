@@ -8,18 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from simulated_bench import (
-    ALPHA,
-    BETA,
-    GRAVITY,
-    guaranteed,
-    half_width,
-    interval,
-    misses,
-    random_bench,
-    record,
-    simulated,
-)
+from calibration_checks import guaranteed, half_width, interval, misses
+from generator import G as GRAVITY
+from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, elementary_reading, target_values
 from trihedron.tools.bounded import programmes
 from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius

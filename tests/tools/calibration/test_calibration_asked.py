@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
+from generator import G as GRAVITY
+from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.model import PRESETS, mountings_for, parametrise
 from trihedron.tools.calibration.targets import IN_TARGETS, asked_targets, convention_targets, expression_weights

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from fmpy.ssp.ssd import read_ssv
 
+from generator.runs import ARCSEC, PROGRAMME, Bench
+from generator.stands import random_bench, simulated
 from page_text import html_of
 from parameter_intervals import intervals_in
-from simulated_bench import random_bench, simulated
-from table_runs import ARCSEC, PROGRAMME, Bench
 from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.orchestrator.run import simulate

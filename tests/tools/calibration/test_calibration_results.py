@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from simulated_bench import ALPHA, BETA, interval, misses, random_bench, record, simulated
+from calibration_checks import interval, misses
+from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
 from trihedron.tools.calibration import Calibration, calibrate

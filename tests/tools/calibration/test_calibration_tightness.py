@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record
+from generator import G as GRAVITY
+from generator.stands import ALPHA, BETA, random_bench, record
 from trihedron.models.bench import TARGETS, target_reading, target_values
 from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
 from trihedron.tools.calibration import calibrate, fit_record

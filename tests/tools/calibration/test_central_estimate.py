@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated, tilt_left
+from calibration_checks import tilt_left
+from generator import G as GRAVITY
+from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron import check
 from trihedron.fmus.parameters import bench_parameters, calibrated_block
 from trihedron.models.bench import target_reading, target_values

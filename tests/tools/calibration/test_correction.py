@@ -7,9 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from generator import G as GRAVITY
+from generator.runs import PROGRAMME, Bench
+from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from named import Named
-from simulated_bench import ALPHA, BETA, GRAVITY, random_bench, record, simulated
-from table_runs import PROGRAMME, Bench
 from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import TARGETS, target_values
 from trihedron.tools.calibration import calibrate

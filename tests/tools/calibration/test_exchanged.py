@@ -7,9 +7,10 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from exchanged_records import WRONG, right_record, wrong_record
-from simulated_bench import GRAVITY, random_bench, simulated
-from table_runs import PROGRAMME, Bench
+from generator import G as GRAVITY
+from generator.channels import WRONG, right_record, wrong_record
+from generator.runs import PROGRAMME, Bench
+from generator.stands import random_bench, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.exchanged import channels_advice
 from trihedron.tools.calibration.model import PRESETS, Positions, mountings_for, parametrise

@@ -2,7 +2,8 @@
 
 import pytest
 
-from independent_bench import SIGMA, position_record
+from generator import SIGMA
+from generator.fresh import position_record
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.records import PositionRecord, read_record
 

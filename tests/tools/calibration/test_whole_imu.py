@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import trihedron as th
-from benches_in_motion import AZIMUTH, LATITUDE, PROGRAMME, Errors, Programme, Truth, attitudes_of, bench_record
+from generator.tables import AZIMUTH, LATITUDE, PROGRAMME, Errors, Programme, Truth, attitudes_of, bench_record
 from scenario_runs import SCENARIOS
 from trihedron.models.bench import TARGETS
 from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulated_bench import simulated
+from generator.stands import simulated
 from trihedron.tools import cli
 from trihedron.tools.records import write_record
 

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from independent_bench import SIGMA
-from outside_shapes import outside_case
+from generator import SIGMA
+from generator import G as GRAVITY
+from generator.stands import random_bench, simulated
+from generator.stands import record as position_record
+from generator.unlisted import outside_case
 from scenario_runs import run_of_file
-from simulated_bench import GRAVITY, random_bench, simulated
-from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.models.effects.lookup import Table

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from outside_gyros import OutsideGyro, outside_gyro
+from generator import G
+from generator.carried import OutsideGyro, outside_gyro
 from scenario_runs import run_of_file
-from strapdown_records import G
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded.programmes import chebyshev_radius

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from generator.stands import random_bench, simulated
 from instrument_records import of_one_instrument
-from simulated_bench import random_bench, simulated
 from trihedron import calibrate_together
 from trihedron.tools.calibration.correction import Application
 from trihedron.tools.check import check

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from independent_bench import SIGMA, Session, errors
-from outside_shapes import SHAPES, Known, encoder_bump, fifth_power, of_temperature, one_jump, outside_case
+from generator import SIGMA
+from generator.positions import Session, errors
+from generator.unlisted import SHAPES, Known, encoder_bump, fifth_power, of_temperature, one_jump, outside_case
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strapdown_records import drawn_motion, seen_attitude, strapdown_record
+from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.lookup import Table
 from trihedron.tools.diagnosis import Diagnosis, diagnose
@@ -32,7 +32,7 @@ def filmed(add=None, *, seed: int = 4) -> StrapdownRecord:
     time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
     read = rate if add is None else rate + add(time, rate)
     return replace(
-        strapdown_record((time, read, n), seed=seed, rate_noise=7e-4), attitude=seen_attitude(rng, attitude, 1e-4)
+        strapdown_record((time, read, n), seed=seed, rate_noise=7e-4), attitude=camera_attitude(rng, attitude, 1e-4)
     )
 
 
@@ -256,7 +256,7 @@ def test_what_is_proven_is_no_rival_of_itself():
     time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
     rate[:, 0] += 6e-3 * n[:, 0] ** 3
     read = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
-    result = diagnose(replace(read, attitude=seen_attitude(rng, attitude, 1e-4)), rerun=False)
+    result = diagnose(replace(read, attitude=camera_attitude(rng, attitude, 1e-4)), rerun=False)
     assert isinstance(result, Diagnosis)
     assert (result.verdict, len(result.causes)) == ("ambiguous", 2)
     assert result.proven is not None

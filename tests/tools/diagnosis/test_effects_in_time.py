@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simulated_bench import GRAVITY, random_bench, simulated
-from simulated_bench import record as position_record
+from generator import G as GRAVITY
+from generator.stands import random_bench, simulated
+from generator.stands import record as position_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.result import Diagnosis

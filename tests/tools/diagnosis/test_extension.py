@@ -10,11 +10,11 @@ import pytest
 from fmpy.ssp.ssd import read_ssv
 
 from bench_cases import bench_case
+from generator.carried import strapdown_record
+from generator.stands import ALPHA, BETA, random_bench
+from generator.stands import record as position_record
 from parameter_intervals import intervals_in
 from scenario_runs import run_of_file
-from simulated_bench import ALPHA, BETA, random_bench
-from simulated_bench import record as position_record
-from strapdown_records import strapdown_record
 from trihedron.models.bench import ELEMENTARY, elementary_reading
 from trihedron.models.effects import EffectPlace, parameter_name
 from trihedron.tools.bounded.sets import Work

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from independent_bench import SIGMA, Session
-from outside_shapes import SHAPES, Known, distance, outside_case
+from generator import SIGMA
+from generator.positions import Session
+from generator.unlisted import SHAPES, Known, distance, outside_case
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.records import PositionRecord, read_record
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from bench_cases import bench_case
-from simulated_bench import GRAVITY, random_bench, simulated
-from simulated_bench import record as position_record
+from generator import G as GRAVITY
+from generator.stands import random_bench, simulated
+from generator.stands import record as position_record
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration import calibrate

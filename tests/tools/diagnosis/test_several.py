@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from generator.stands import random_bench, simulated
 from instrument_records import at_a_table_and_by_hand, of_one_instrument
-from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.check import check
 from trihedron.tools.cli import main

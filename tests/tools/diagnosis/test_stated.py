@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench_cases import bench_case
-from strapdown_records import strapdown_record
+from generator.carried import strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import causes_of, centred

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simulated_bench import random_bench, simulated
+from generator.stands import random_bench, simulated
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.result import Diagnosis

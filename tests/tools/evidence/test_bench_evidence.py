@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from bench_cases import bench_case
-from independent_bench import SIGMA
-from independent_bench import position_record as fresh_record
+from generator import SIGMA
+from generator import G as GRAVITY
+from generator.fresh import position_record as fresh_record
+from generator.stands import random_bench, simulated
+from generator.stands import record as position_record
 from other_solver import farthest
-from simulated_bench import GRAVITY, random_bench, simulated
-from simulated_bench import record as position_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.calibration.model import PRESETS, parametrise

@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from independent_bench import SIGMA, Session, errors
-from outside_shapes import Known, carried
+from generator import SIGMA
+from generator.positions import Session, errors
+from generator.unlisted import Known, carried
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench_power import LARGEST_INPUT, PIECES, SECTORS

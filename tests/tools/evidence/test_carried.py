@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from generator.carried import strapdown_record, true_motion
+from generator.turns import turned_by
 from page_text import MATRIX, shown
-from strapdown_records import strapdown_record, true_motion, turned_by
 from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.diagnosis import diagnose

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from strapdown_records import strapdown_record
+from generator.carried import strapdown_record
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.errors import InputError

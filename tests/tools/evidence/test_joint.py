@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from generator.stands import random_bench, simulated
 from instrument_records import at_a_table_and_by_hand, of_one_instrument
-from simulated_bench import random_bench, simulated
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import members_of
 from trihedron.tools.errors import InputError

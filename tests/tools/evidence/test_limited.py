@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from strapdown_records import POSES, G, strapdown_record, true_motion
+from generator import G
+from generator.carried import POSES, strapdown_record, true_motion
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.evidence.carried_record import carried_evidence

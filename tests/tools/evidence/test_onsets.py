@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strapdown_records import drawn_motion, seen_attitude, strapdown_record
+from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.sets import Work
@@ -38,7 +38,7 @@ def made(
     rate[:, 2] += settling[0] * np.exp(-time / (settling[1] * time[-1]))
     record = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
     if filmed:
-        record = replace(record, attitude=seen_attitude(rng, attitude, 1e-4))
+        record = replace(record, attitude=camera_attitude(rng, attitude, 1e-4))
     evidence = carried_evidence(record)
     assert isinstance(evidence, Carried)
     return evidence

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from strapdown_records import drawn_motion, seen_attitude, slow_noise, strapdown_record
+from generator.carried import camera_attitude, drawn_motion, slow_noise, strapdown_record
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.motion.inspect import inspect_record
@@ -28,7 +28,7 @@ def drawn_record(seed: int, change, *, filmed: bool) -> tuple[StrapdownRecord, n
     motion = (time, change(time, rate, rng) + slow_noise(rng, len(time), 2e-5), n)
     record = strapdown_record(motion, seed=seed, gyro_bias=rng.uniform(-0.01, 0.01, 3), rate_noise=WHITE)
     if filmed:
-        record = replace(record, attitude=seen_attitude(rng, attitude, rng.uniform(0.3, 0.8) * ARCMIN))
+        record = replace(record, attitude=camera_attitude(rng, attitude, rng.uniform(0.3, 0.8) * ARCMIN))
     return record, rng
 
 
@@ -189,7 +189,7 @@ def test_without_a_rest_nothing_tells_the_noise_and_nothing_is_judged():
     rng = np.random.default_rng(3)
     time, rate, n, attitude = drawn_motion(rng, rest=0.3)
     record = strapdown_record((time, rate_cubed(time, rate, rng), n), seed=3, rate_noise=WHITE)
-    found = diagnose(replace(record, attitude=seen_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
+    found = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
     assert found.verdict == "insufficient"
     assert "a rest" in str(found.missing)
 
@@ -200,7 +200,7 @@ def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
     time, rate, n, attitude = drawn_motion(rng)
     fast = 6.0
     record: Any = strapdown_record((time / fast, fast * rate, n), seed=2, rate_noise=WHITE)
-    found = diagnose(replace(record, attitude=seen_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
+    found = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
     assert np.abs(record.rate).max() > 15.0
     assert found.verdict in ("consistent", "insufficient")
 

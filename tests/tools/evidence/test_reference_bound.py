@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown_records import drawn_motion, seen_attitude, slow_noise, strapdown_record
+from generator.carried import camera_attitude, drawn_motion, slow_noise, strapdown_record
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.carried import Carried
@@ -36,7 +36,7 @@ def filmed(*, in_motion: float = ERROR, cameras: float = 0.1, moves: int = 24, s
     direction = rng.standard_normal((len(time), 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     filmed_attitude = attitude * Rotation.from_rotvec(in_motion * ARCMIN * moving * direction)
-    return replace(record, attitude=seen_attitude(rng, filmed_attitude, cameras * ARCMIN))
+    return replace(record, attitude=camera_attitude(rng, filmed_attitude, cameras * ARCMIN))
 
 
 @pytest.fixture(scope="module")

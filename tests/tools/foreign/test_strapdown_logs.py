@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from generator.carried import POSES, strapdown_record, true_motion
 from laboratory_files import Block, LabFile, strapdown_files, table
-from strapdown_records import POSES, strapdown_record, true_motion
 from trihedron.tools.records import StrapdownRecord
 
 

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from generator.turns import turned_by
 from record_files import measured
-from strapdown_records import turned_by
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.cli import main
 from trihedron.tools.demo import find_record

@@ -8,8 +8,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from generator import G
+from generator.carried import PERIOD, POSES, strapdown_record, true_motion
 from record_files import measured
-from strapdown_records import PERIOD, POSES, G, strapdown_record, true_motion
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.inspect import inspect_record

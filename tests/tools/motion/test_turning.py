@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from generator.carried import strapdown_record
+from generator.stands import random_bench, simulated
+from generator.turns import turned_by
 from record_files import measured
-from simulated_bench import random_bench, simulated
-from strapdown_records import strapdown_record, turned_by
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.model import PRESETS
 from trihedron.tools.check import check

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from independent_bench import SIGMA, Session
+from generator import SIGMA
+from generator.positions import Session
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.planning import Request, plan_positions, task_of
 from trihedron.tools.planning.positions import Places, Task

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from generator.stands import random_bench, simulated
 from planning_tasks import known_optima, planned, stored, tables_task
-from simulated_bench import random_bench, simulated
 from trihedron.models.bench import nominal_input
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.targets import expression_weights

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from generator.carried import strapdown_record
+from generator.runs import PROGRAMME, Bench
 from record_files import RAW_HEADER, STRAPDOWN_HEADER, measured, reader, refused
-from strapdown_records import strapdown_record
-from table_runs import PROGRAMME, Bench
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.motion import inspect_record
 from trihedron.tools.records import StrapdownRecord, read_record, write_record

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from generator import G
+from generator.carried import POSES, true_motion
 from record_files import measured
-from strapdown_records import POSES, G, true_motion
 from trihedron.tools.records import RawRecord, StrapdownRecord
 from trihedron.tools.records.limits import limits_of
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from table_runs import GRAVITY, PROGRAMME, Bench, averaged
+from generator import G as GRAVITY
+from generator.runs import PROGRAMME, Bench
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.records.noise import (
     NoiseBound,
@@ -12,6 +13,7 @@ from trihedron.tools.records.noise import (
     noise_bound_from,
     uniform_range_quantile,
 )
+from trihedron.tools.records.rests import position_record_of as averaged
 
 SIGMA = 1e-5
 

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from table_runs import ARCSEC, GRAVITY, PROGRAMME, Bench, averaged, mean_errors, up
+from generator import G as GRAVITY
+from generator.runs import ARCSEC, PROGRAMME, Bench, mean_errors, up
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import RawRecord
 from trihedron.tools.records.noise import scatter_of_mean, student_quantile
 from trihedron.tools.records.rests import average_rests, find_rests, without_turns
+from trihedron.tools.records.rests import position_record_of as averaged
 
 
 def test_a_run_without_errors_gives_its_positions_exactly():

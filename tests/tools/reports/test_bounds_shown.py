@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from campaign_runs import CALIBRATION, written
+from generator.carried import drawn_motion, strapdown_record
 from page_text import clean, shown, text_of
 from planning_tasks import planned, stored, tables_task
 from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well, wrong_on_page
-from strapdown_records import drawn_motion, strapdown_record
 from trihedron.tools import library, measured
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.campaign.store import open_result

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from simulated_bench import random_bench, record
+from generator.stands import random_bench, record
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.last_stage import place_of, variant

@@ -1,7 +1,4 @@
-"""Position records whose channels are exchanged or reversed, and right ones of every kind that might look so.
-
-The readings are those of `independent_bench`, which shares nothing with the product.
-"""
+"""Records whose channels are exchanged or reversed, and right ones of every kind that might look so."""
 
 from dataclasses import replace
 from itertools import permutations, product
@@ -9,16 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from independent_bench import SIGMA, G, Stand
-from trihedron.tools.records import PositionRecord
+from generator import SIGMA, G
+from generator.carried import camera_attitude, drawn_motion
+from generator.stands import Stand
+from trihedron.tools.records import PositionRecord, StrapdownRecord
 
 WRONG = [(order, signs) for order in permutations(range(3)) for signs in product((1, -1), repeat=3)][1:]
 """The 47 ways of exchanging and reversing three channels that change something."""
 PLANS = ("uniform", "uniform", "steps", "level", "one-plane", "two-planes", "six-faces", "cone")
-EFFECTS = (
-    *("none", "quadratic", "asymmetry", "cross", "drift", "step", "harmonic", "outlier", "outliers", "saturation"),
-    *("quantisation", "hysteresis", "temperature"),
-)
+BASIC = ("none", "quadratic", "asymmetry", "cross", "drift", "step", "harmonic", "outlier", "outliers", "saturation")
+EFFECTS = (*BASIC, "quantisation", "hysteresis", "temperature")
+GYRO_EFFECTS = ("scale", "bias-drift", "sensitivity", "lag", "quadratic", "step", "quantisation", "gap")
 
 
 def plan(rng: np.random.Generator, kind: str, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -66,7 +64,7 @@ def with_effect(rng: np.random.Generator, kind: str, size: float, n: np.ndarray,
     return z
 
 
-def record_of(reading: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> PositionRecord:
+def _record(reading: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> PositionRecord:
     """The record of readings (N, 3) [g] at angles [rad]."""
     number = np.arange(1, len(reading) + 1)
     return PositionRecord(number, 60.0 * number, alpha, beta, G * reading, path=Path("measured.csv"))
@@ -78,13 +76,19 @@ def right_record(seed: int) -> PositionRecord:
     count = int(rng.choice([8, 8, 10, 12, 14, 16, 24, 40, 100]))
     alpha, beta = plan(rng, str(rng.choice(PLANS)), count)
     stand, worse = Stand.drawn(rng), float(rng.choice([1.0, 1.0, 3.0, 8.0]))
-    names = ("gamma", "plus", "minus", "bias", "theta")
-    stand = replace(stand, **{name: worse * getattr(stand, name) for name in names})
+    stand = replace(
+        stand,
+        gamma=worse * stand.gamma,
+        plus=worse * stand.plus,
+        minus=worse * stand.minus,
+        bias=worse * stand.bias,
+        theta=worse * stand.theta,
+    )
     n = stand.inputs(alpha, beta)
     effect, size = str(rng.choice(EFFECTS)), 10.0 ** rng.uniform(-4.5, -1.3)
     noise = 10.0 ** rng.uniform(-5.0, -2.3)
     z = with_effect(rng, effect, size, n, stand.readings(n)) + rng.uniform(-noise, noise, (count, 3))
-    return record_of(z, alpha, beta)
+    return _record(z, alpha, beta)
 
 
 def wrong_record(way: int, seed: int, *, hidden: bool) -> tuple[PositionRecord, np.ndarray]:
@@ -102,4 +106,33 @@ def wrong_record(way: int, seed: int, *, hidden: bool) -> tuple[PositionRecord, 
     z += rng.uniform(-SIGMA, SIGMA, z.shape)
     order, signs = WRONG[way]
     matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
-    return record_of(z @ matrix.T, alpha, beta), matrix.T
+    return _record(z @ matrix.T, alpha, beta), matrix.T
+
+
+def filmed_record(seed: int, effect: str = "", *, moves: int = 16) -> StrapdownRecord:
+    """A block moved from rest to rest, as cameras see it in some rows or all; an effect of ten times the noise."""
+    rng = np.random.default_rng([3, seed])
+    time, rate, n, attitude = drawn_motion(rng, moves)
+    p, size = int(rng.integers(3)), float(rng.choice([-1.0, 1.0]))
+    gyros = rate @ (np.eye(3) + rng.normal(0.0, 3e-3, (3, 3))).T + rng.normal(0.0, 0.01, 3)
+    added = {
+        "scale": 0.02 * rate[:, p],
+        "bias-drift": 0.01 * time / time[-1],
+        "sensitivity": 0.01 * n[:, (p + 1) % 3],
+        "quadratic": 0.01 * rate[:, p] ** 2,
+        "step": 0.01 * (time > rng.uniform() * time[-1]),
+    }
+    gyros[:, p] += size * added.get(effect, np.zeros(len(time)))
+    if effect == "lag":
+        gyros = np.roll(gyros, 3, axis=0)
+    if effect == "quantisation":
+        gyros = 0.01 * np.round(gyros / 0.01)
+    gyros += 1e-3 * rng.standard_normal(gyros.shape)
+    block = np.eye(3) + np.tril(rng.normal(0.0, 5e-3, (3, 3)))
+    force = G * (n @ block.T + rng.normal(0.0, 5e-3, 3)) + 0.01 * rng.standard_normal(n.shape)
+    attitudes = camera_attitude(rng, attitude, 10.0 ** rng.uniform(-4.0, -2.5))
+    attitudes[np.arange(len(time)) % int(rng.choice([1, 1, 4, 10])) != 0] = np.nan
+    recorded = np.ones(len(time), dtype=bool)
+    if effect == "gap":
+        recorded[len(time) // 3 : len(time) // 3 + 40] = False
+    return StrapdownRecord(time[recorded], gyros[recorded], None, force[recorded], attitudes[recorded])

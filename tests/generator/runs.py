@@ -1,20 +1,20 @@
-"""Simulated table runs for the tests of rests: what is in them is known."""
+"""Raw records of a table's moves and rests, of which is known what each rest should give."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from generator import G
 from trihedron.tools.records import PositionRecord, RawRecord
-from trihedron.tools.records.rests import position_record_of
 
-GRAVITY = 9.80665
 ARCSEC = np.deg2rad(1 / 3600)
 PROGRAMME = [(np.deg2rad(20 + 45 * k), np.deg2rad(beta)) for beta in (25, 145, 265) for k in range(8)]
 
 
-def up(alpha, beta) -> np.ndarray:
+def up(alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
+    """What an ideal block reads (..., 3) [g]."""
     return np.stack([np.sin(alpha) * np.sin(beta), np.sin(alpha) * np.cos(beta), np.cos(alpha)], axis=-1)
 
 
@@ -40,35 +40,32 @@ class Bench:
         """The raw record and the specific force in g, drift left out, that each rest should give."""
         rng = np.random.default_rng(self.seed)
         angles, forces, truth = [], [], []
-        here = np.zeros(2)
-        for place in positions:
-            there = np.array(place)
-            moving = int(np.ceil(np.abs(there - here).max() / self.mean_rate / self.step))
+        start = np.zeros(2)
+        for position in positions:
+            end = np.array(position)
+            moving = int(np.ceil(np.abs(end - start).max() / self.mean_rate / self.step))
             resting = round(self.dwell / self.step)
             part = np.concatenate([np.arange(moving) / max(moving, 1), np.ones(resting)])
             smooth = 0.5 - 0.5 * np.cos(np.pi * part)
             since = np.concatenate([np.zeros(moving), self.step * np.arange(resting)])
-            path = here + smooth[:, None] * (there - here) + self.creep * since[:, None]
-            held = rng.uniform(-self.held, self.held, 3)
-            force = up(path[:, 0], path[:, 1]) + held + rng.uniform(-self.white, self.white, (len(part), 3))
+            path = start + smooth[:, None] * (end - start) + self.creep * since[:, None]
+            offset = rng.uniform(-self.held, self.held, 3)
+            force = up(path[:, 0], path[:, 1]) + offset + rng.uniform(-self.white, self.white, (len(part), 3))
             force[moving:] += self.transient * np.exp(-since[moving:, None] / self.time_constant)
             reading = path + rng.uniform(-self.encoder_held, self.encoder_held, 2)
             reading += rng.normal(0, 1, path.shape) * self.encoder_noise
             angles.append(reading)
             forces.append(force)
-            truth.append(up(*there) + held)
-            here = there
+            truth.append(up(*end) + offset)
+            start = end
         angle, force = np.concatenate(angles), np.concatenate(forces)
         time = self.step * np.arange(len(angle))
         force = force + self.drift_per_hour * time[:, None] / 3600
         if self.encoder_digit:
             angle = np.round(angle / self.encoder_digit) * self.encoder_digit
-        return RawRecord(time, angle[:, 0], angle[:, 1], GRAVITY * force), np.array(truth)
-
-
-def averaged(raw: RawRecord) -> Any:
-    return position_record_of(raw)
+        return RawRecord(time, angle[:, 0], angle[:, 1], G * force), np.array(truth)
 
 
 def mean_errors(record: PositionRecord, truth: np.ndarray, drift_per_hour: float = 0.0) -> np.ndarray:
-    return record.specific_force / GRAVITY - truth - drift_per_hour * record.time_s[:, None] / 3600
+    """Errors (N, 3) [g] of averaged readings."""
+    return record.specific_force / G - truth - drift_per_hour * record.time_s[:, None] / 3600

@@ -1,7 +1,6 @@
-"""Bench records whose truth is known: table, accelerometers, gyros by rotation matrices, by no formula of the product.
+"""Bench records whose truth is known: a block with gyros on a table, at rest and turning.
 
-The attitude is a product of rotations of the base, the axes and the block; the gyros' turn is the logarithm of what the
-attitude does from one fine step to the next, against inertial space. `tests` compare what is found with `Truth`.
+The gyros' turn is the logarithm of what the attitude does from one fine step to the next, against inertial space.
 """
 
 import math
@@ -10,46 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from generator import G
+from generator.turns import FINE, about, rotation_vectors, turned
 from trihedron.tools.records import BenchRecord
 
-GRAVITY = 9.80665
 EARTH = 7.292115e-5
 LATITUDE, AZIMUTH = math.radians(55.75), math.radians(20.0)
-FINE = 8
-"""Steps of the truth from one row to the next."""
-
-
-def about(axis: int, angle: ArrayLike) -> np.ndarray:
-    """Direction cosines (..., 3, 3) of a frame turned about one of its axes, 0 to 2."""
-    angle = np.asarray(angle, dtype=float)
-    i, j = ((1, 2), (2, 0), (0, 1))[axis]
-    matrix = np.zeros((*angle.shape, 3, 3))
-    matrix[..., axis, axis] = 1.0
-    matrix[..., i, i] = matrix[..., j, j] = np.cos(angle)
-    matrix[..., i, j], matrix[..., j, i] = np.sin(angle), -np.sin(angle)
-    return matrix
-
-
-def turned(vector: np.ndarray) -> np.ndarray:
-    """Direction cosines (..., 3, 3) of a frame turned by rotation vectors (..., 3)."""
-    vector = np.asarray(vector, dtype=float)
-    size = np.linalg.norm(vector, axis=-1)[..., None, None]
-    cross = np.zeros((*vector.shape, 3))
-    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = vector[..., 2], -vector[..., 1], vector[..., 0]
-    cross -= np.swapaxes(cross, -1, -2)
-    safe = np.where(size > 0.0, size, 1.0)
-    return np.eye(3) + np.sin(size) / safe * cross + (1.0 - np.cos(size)) / safe**2 * (cross @ cross)
-
-
-def small_turns(relative: np.ndarray) -> np.ndarray:
-    """Rotation vectors (N, 3) of small turns (N, 3, 3)."""
-    twice = np.stack([relative[:, i, j] - relative[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
-    size = 0.5 * np.linalg.norm(twice, axis=-1)
-    return (
-        0.5
-        * twice
-        * np.where(size > 1e-8, np.arcsin(np.minimum(size, 1.0)) / np.where(size > 0, size, 1.0), 1.0)[:, None]
-    )
 
 
 @dataclass(frozen=True)
@@ -101,16 +66,15 @@ class Truth:
     @property
     def targets(self) -> list[float]:
         """In the order of the paper's 18."""
-        scales = [value for pair in zip(self.plus, self.minus, strict=True) for value in pair]
+        scales = np.stack([self.plus, self.minus], axis=1).ravel()
         shears = [self.gamma[1, 0], self.gamma[2, 0], self.gamma[2, 1]]
         stand = [self.kappa, self.alpha_offset, self.epsilon]
-        return [float(v) for v in (*stand, *scales, *shears, *self.turn[::-1], *self.bias)]
+        return np.concatenate([stand, scales, shears, self.turn[::-1], self.bias]).tolist()
 
     @property
     def gyros(self) -> list[float]:
         """Bias, matrix and sensitivity row by row, lag."""
-        rows = np.concatenate([self.gyro_bias, self.gyro_matrix.ravel(), self.sensitivity.ravel()])
-        return [*rows.tolist(), self.lag]
+        return [*self.gyro_bias, *self.gyro_matrix.ravel(), *self.sensitivity.ravel(), self.lag]
 
     @property
     def lags(self) -> list[float]:
@@ -132,29 +96,26 @@ class Programme:
         """Both true angles before any offset, on the fine grid (N, 2) [rad]."""
         fine = self.step / FINE
         rest = round(self.dwell / self.step) * FINE
-        here, parts = np.deg2rad(self.positions[0]), []
-        for place in self.positions:
-            there = np.deg2rad(place)
-            length = float(np.abs(there - here).max())
+        start, parts = np.deg2rad(self.positions[0]), []
+        for position in self.positions:
+            end = np.deg2rad(position)
+            length = float(np.abs(end - start).max())
             if length > 0.0:
                 # The rate rises and falls linearly over the ramps.
                 seconds = length / self.rate + self.ramp
                 t = fine * np.arange(1, FINE * math.ceil(seconds / self.step) + 1)
                 speed = np.clip(np.minimum(t, seconds - t) / self.ramp, 0.0, 1.0)
                 part = np.cumsum(speed)
-                parts.append(here + (part / part[-1])[:, None] * (there - here))
-            parts.append(np.tile(there, (rest, 1)))
-            here = there
+                parts.append(start + (part / part[-1])[:, None] * (end - start))
+            parts.append(np.tile(end, (rest, 1)))
+            start = end
         return np.concatenate(parts)
 
 
-PROGRAMME = Programme(
-    (
-        *((20.0 + 45.0 * k, beta) for beta in (25.0, 145.0, 265.0) for k in range(8)),
-        *((0.0, 0.0), (720.0, 0.0), (0.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 90.0), (0.0, 180.0), (720.0, 180.0)),
-        *((720.0, 270.0), (0.0, 270.0), (90.0, 270.0), (90.0, 990.0), (90.0, 270.0), (30.0, -450.0), (30.0, 270.0)),
-    )
-)
+STILL_POSITIONS = tuple((20.0 + 45.0 * k, beta) for beta in (25.0, 145.0, 265.0) for k in range(8))
+OUTER_TURNS = ((0.0, 0.0), (720.0, 0.0), (0.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 90.0), (0.0, 180.0))
+INNER_TURNS = ((720.0, 180.0), (720.0, 270.0), (0.0, 270.0), (90.0, 270.0), (90.0, 990.0), (90.0, 270.0))
+PROGRAMME = Programme(STILL_POSITIONS + OUTER_TURNS + INNER_TURNS + ((30.0, -450.0), (30.0, 270.0)))
 """Positions for the accelerometers; whole turns about the outer axis at four inner angles, and about the inner one."""
 
 
@@ -182,48 +143,55 @@ def attitudes_of(truth: Truth, record: BenchRecord) -> np.ndarray:
     return _turned_block(truth, record.time_s, np.stack([record.alpha, record.beta], axis=1), np.eye(3))[1]
 
 
+def _at(moments: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (N, K) at moments (M,), linear between the times."""
+    columns = np.empty((len(moments), values.shape[1]))
+    for k in range(values.shape[1]):
+        columns[:, k] = np.interp(moments, time, values[:, k])
+    return columns
+
+
 def _felt(truth: Truth, time: np.ndarray, force: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """Specific force (N, 3, 3) [g] where each accelerometer is, as late as it reads it."""
-    middle = 0.5 * (time[1:] + time[:-1])
-    turning = np.stack([np.interp(time, middle, rate[:, k]) for k in range(3)], axis=1)
+    turning = _at(time, 0.5 * (time[1:] + time[:-1]), rate)
     faster = np.diff(turning, axis=0, prepend=turning[:1], append=turning[-1:])
     faster = 0.5 * (faster[1:] + faster[:-1]) * (len(time) - 1) / (time[-1] - time[0])
-    felt = [force + (np.cross(turning, np.cross(turning, r)) + np.cross(faster, r)) / GRAVITY for r in truth.arms]
-    late = np.stack(felt, axis=1).reshape(len(time), 9)
-    moments = time - truth.force_lag
-    return np.stack([np.interp(moments, time, late[:, k]) for k in range(9)], axis=1).reshape(-1, 3, 3)
+    felt = np.empty((len(time), 3, 3))
+    for p, arm in enumerate(truth.arms):
+        felt[:, p] = force + (np.cross(turning, np.cross(turning, arm)) + np.cross(faster, arm)) / G
+    return _at(time - truth.force_lag, time, felt.reshape(len(time), 9)).reshape(-1, 3, 3)
+
+
+def _increments(truth: Truth, middle: np.ndarray, rate: np.ndarray, force: np.ndarray, fine: float) -> np.ndarray:
+    """Increments (N, 3) [rad] that the gyros read from row to row; the first is like the second."""
+    lagging = _at(middle - truth.lag, middle, rate)
+    felt = 0.5 * (force[1:] + force[:-1])
+    reading = lagging @ (np.eye(3) + truth.gyro_matrix).T + truth.gyro_bias + felt @ truth.sensitivity.T
+    steps = len(reading) // FINE
+    summed = fine * reading[: steps * FINE].reshape(steps, FINE, 3).sum(axis=1)
+    return np.vstack([summed[:1], summed])
 
 
 def bench_record(
-    truth: Truth, programme: Programme = PROGRAMME, errors: Errors = Errors(), mounting=None
+    truth: Truth, programme: Programme = PROGRAMME, errors: Errors = Errors(), mounting: ArrayLike | None = None
 ) -> BenchRecord:
     """What encoders, accelerometers and gyros (increments) say of it."""
     rng = np.random.default_rng(errors.seed)
     q = np.eye(3) if mounting is None else np.asarray(mounting)
-    angle = programme.angles()
-    time = programme.step / FINE * np.arange(len(angle))
+    angle, fine = programme.angles(), programme.step / FINE
+    time = fine * np.arange(len(angle))
     in_base, attitude = _turned_block(truth, time, angle, q)
-    rate = small_turns(attitude[1:] @ np.swapaxes(attitude[:-1], 1, 2)) / (programme.step / FINE)
-    middle = 0.5 * (time[1:] + time[:-1])
-    lagging = np.stack([np.interp(middle - truth.lag, middle, rate[:, k]) for k in range(3)], axis=1)
+    rate = rotation_vectors(attitude[1:] @ np.swapaxes(attitude[:-1], 1, 2)) / fine
     force = in_base[:, :, 2]
-    n = force[::FINE]
-    midforce = 0.5 * (force[1:] + force[:-1])
-    reading = lagging @ (np.eye(3) + truth.gyro_matrix).T + truth.gyro_bias + midforce @ truth.sensitivity.T
-    fine = programme.step / FINE
-    rows = len(n)
-    increments = np.zeros((rows, 3))
-    whole = (rows - 1) * FINE
-    increments[1:] = reading[:whole].reshape(rows - 1, FINE, 3).sum(axis=1) * fine
-    increments[0] = increments[1]
+    increments = _increments(truth, 0.5 * (time[1:] + time[:-1]), rate, force, fine)
     increments += programme.step * rng.uniform(-errors.rate, errors.rate, increments.shape)
     still = np.all(np.abs(np.diff(angle[::FINE], axis=0, prepend=angle[:1])) < 1e-12, axis=1)
     rest = np.cumsum(np.diff(still.astype(int), prepend=0) == 1)
-    held = rng.uniform(-errors.force, errors.force, (rest.max() + 1, 3))
+    offset = rng.uniform(-errors.force, errors.force, (rest.max() + 1, 3))[rest]
     felt = _felt(truth, time, force, rate)[::FINE]
-    scale = np.where(np.einsum("npp->np", felt) >= 0.0, truth.plus, truth.minus)
-    own = np.einsum("npp->np", felt) * (1.0 + scale) + np.einsum("pq,npq->np", truth.gamma, felt)
-    f = own + truth.bias + held[rest]
+    along = np.einsum("npp->np", felt)
+    scale = np.where(along >= 0.0, truth.plus, truth.minus)
+    f = along * (1.0 + scale) + np.einsum("pq,npq->np", truth.gamma, felt) + truth.bias + offset
     off = rng.uniform(-errors.encoder, errors.encoder, (rest.max() + 1, 2))[rest]
-    told = angle[::FINE] + off
-    return BenchRecord(time[::FINE], told[:, 0], told[:, 1], GRAVITY * f, increment=increments)
+    alpha, beta = (angle[::FINE] + off).T
+    return BenchRecord(time[::FINE], alpha, beta, G * f, increment=increments)

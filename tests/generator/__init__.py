@@ -1,0 +1,10 @@
+"""Records from an exact model of its own, which shares no formula with the product.
+
+The model is that of contracts: a table whose axes may be wrong in every way, a block of accelerometers and gyros on it
+or in the hand, errors within a bound, and effects that are added by definitions of their own.
+"""
+
+G = 9.80665
+"""Gravity [m/s²]."""
+SIGMA = 1e-5
+"""Bound of the error of an averaged reading [g]."""

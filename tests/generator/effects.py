@@ -1,0 +1,96 @@
+"""What an effect of the catalogue does to the readings of a table's positions, by definitions of its own."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Numbers = Sequence[float]
+Sized = tuple[Any, Numbers]
+"""A place, with `effect`, `where`, `order` and `axes` as the product names them, and the sizes of the parameters."""
+
+
+@dataclass(frozen=True)
+class Visits:
+    """N positions as an effect sees them: true angles (N, 2) [rad], inputs (N, 3) [g], hours, temperature, senses."""
+
+    angles: np.ndarray
+    n: np.ndarray
+    hours: np.ndarray
+    temperature: np.ndarray
+    senses: np.ndarray
+
+
+def _changed_sign(n: np.ndarray) -> np.ndarray:
+    """Sense (N,) of the last change of an input, from zero at first."""
+    return np.sign(np.diff(n, prepend=0.0))
+
+
+Law = Callable[[Visits, np.ndarray, Numbers, Sequence[int]], np.ndarray]
+"""Visits, the accelerometer's own input (N,), sizes, axes from 1 -> addition (N,) [g]."""
+LAWS: dict[str, Law] = {
+    "scale-asymmetry": lambda v, x, s, _: s[0] * np.abs(x),
+    "bias-asymmetry": lambda v, x, s, _: s[0] * np.sign(x),
+    "quadratic": lambda v, x, s, _: s[0] * x**2,
+    "odd-quadratic": lambda v, x, s, _: s[0] * x * np.abs(x),
+    "cubic": lambda v, x, s, _: s[0] * x**3,
+    "cross-product": lambda v, x, s, axes: s[0] * v.n[:, axes[0] - 1] * v.n[:, axes[1] - 1],
+    "cross-square": lambda v, x, s, axes: s[0] * v.n[:, axes[0] - 1] ** 2,
+    "dead-zone": lambda v, x, s, _: np.where(np.abs(x) < s[0], -x, 0.0),
+    "saturation": lambda v, x, s, _: np.clip(x, -s[0], s[0]) - x,
+    "quantisation": lambda v, x, s, _: s[0] * np.round(x / s[0]) - x,
+    "hysteresis": lambda v, x, s, _: -0.5 * s[0] * _changed_sign(x),
+    "bias-drift": lambda v, x, s, _: s[0] * v.hours,
+    "scale-drift": lambda v, x, s, _: s[0] * v.hours * x,
+    "bias-step": lambda v, x, s, _: s[0] * (v.hours > s[1]),
+    "temperature-bias": lambda v, x, s, _: s[0] * (v.temperature - 20.0),
+    "temperature-scale": lambda v, x, s, _: s[0] * (v.temperature - 20.0) * x,
+}
+AXES = ("outer-axis", "inner-axis")
+
+
+def readings_added(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
+    """What effects add to the readings (N, 3) [g]."""
+    added = np.zeros_like(visits.n)
+    for place, sizes in hidden:
+        if place.effect == "outlier":
+            added[int(place.where.removeprefix("position-")) - 1, place.axes[0] - 1] += sizes[0]
+        elif place.where.startswith("accelerometer-"):
+            p = int(place.where.removeprefix("accelerometer-")) - 1
+            added[:, p] += LAWS[place.effect](visits, visits.n[:, p], sizes, place.axes)
+    return added
+
+
+def encoders_off(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
+    """What effects make the encoders read too much (N, 2) [rad]."""
+    off = np.zeros((len(visits.hours), 2))
+    for place, sizes in hidden:
+        if place.effect == "encoder-harmonic":
+            axis = AXES.index(place.where)
+            off[:, axis] += sizes[0] * np.sin(place.order * visits.angles[:, axis] + sizes[1])
+        elif place.effect == "backlash":
+            axis = AXES.index(place.where)
+            off[:, axis] -= 0.5 * sizes[0] * visits.senses[:, axis]
+    return off
+
+
+def axes_off(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
+    """What effects turn the table's frames further (N, 4) [rad]: κ, the outer angle, ε, the inner angle."""
+    off = np.zeros((len(visits.hours), 4))
+    alpha, beta = visits.angles.T
+    for place, sizes in hidden:
+        if place.effect == "base-drift":
+            off[:, 0] += sizes[0] * visits.hours
+            off[:, 1] -= sizes[1] * visits.hours
+        elif place.effect == "sag" and place.where == "outer-axis":
+            off[:, 1] += sizes[0] * np.sin(alpha + sizes[1])
+        elif place.effect == "sag":
+            off[:, 3] += sizes[0] * np.sin(alpha) * np.cos(beta + sizes[1])
+        elif place.effect == "axis-wobble" and place.where == "outer-axis":
+            off[:, 0] += sizes[0] * np.cos(place.order * alpha + sizes[1])
+        elif place.effect == "axis-wobble":
+            off[:, 2] += sizes[0] * np.cos(place.order * beta + sizes[1])
+            if place.order > 1:
+                off[:, 1] += sizes[2] * np.cos(place.order * beta + sizes[3])
+    return off

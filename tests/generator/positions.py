@@ -1,0 +1,160 @@
+"""Records of a table's positions: sessions at a stand, with effects of the catalogue and without, and their files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from generator import SIGMA, G
+from generator.effects import Sized, Visits, axes_off, encoders_off, readings_added
+from generator.stands import Stand, record
+from trihedron.tools.records import PositionRecord
+
+COLUMNS = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2,temperature_degC,approach_alpha,approach_beta"
+FORMATS = ("%d", "%.1f", "%.9f", "%.9f", "%.9f", "%.9f", "%.9f", "%.4f", "%d", "%d")
+
+
+@dataclass(frozen=True)
+class Session:
+    """A stand and when it stood where: true readings of the encoders [rad], times [s], temperatures, (N,) each."""
+
+    stand: Stand
+    alpha: np.ndarray
+    beta: np.ndarray
+    time_s: np.ndarray
+    temperature: np.ndarray
+
+    @staticmethod
+    def drawn(rng: np.random.Generator, count: int) -> "Session":
+        """Positions anywhere; a temperature that swings and drifts."""
+        stand = Stand.drawn(rng)
+        alpha, beta = np.radians(np.round(rng.uniform(0.0, 360.0, (2, count)), 3))
+        time_s = np.round(np.cumsum(rng.uniform(40.0, 80.0, count)) * rng.choice([1.0, 3.0]), 1)
+        part = (time_s - time_s[0]) / (time_s[-1] - time_s[0])
+        wave = np.sin(2.0 * np.pi * (rng.uniform(0.3, 1.5) * part + rng.uniform()))
+        temperature = np.round(20.0 + rng.uniform(1.0, 6.0) * wave + rng.uniform(-3.0, 3.0) * part, 4)
+        return Session(stand, alpha, beta, time_s, temperature)
+
+    @staticmethod
+    def planned(stand: Stand, alpha: np.ndarray, beta: np.ndarray) -> "Session":
+        """A position every 10 s; a temperature that swings once in ten minutes."""
+        time_s = 10.0 * np.arange(1, len(alpha) + 1)
+        temperature = np.round(20.0 + 4.0 * np.sin(2.0 * np.pi * time_s / 600.0), 4)
+        return Session(stand, alpha, beta, time_s, temperature)
+
+    @property
+    def hours(self) -> np.ndarray:
+        """Since the first row."""
+        return (self.time_s - self.time_s[0]) / 3600.0
+
+    @property
+    def senses(self) -> np.ndarray:
+        """Sense (N, 2) of the last move of each axis."""
+        moves = np.diff(np.stack([self.alpha, self.beta], axis=1), axis=0, prepend=-1.0)
+        senses = np.sign(moves)
+        for row in range(1, len(senses)):
+            senses[row] = np.where(senses[row] == 0.0, senses[row - 1], senses[row])
+        return senses
+
+    def visits(self, n: np.ndarray) -> Visits:
+        """What effects see at inputs (N, 3)."""
+        offset = self.stand.alpha_error + self.stand.alpha_star, self.stand.beta_error
+        angles = np.stack([self.alpha, self.beta], axis=1) - offset
+        return Visits(angles, n, self.hours, self.temperature, self.senses)
+
+    def read(self, hidden: Sequence[Sized] = ()) -> tuple[np.ndarray, np.ndarray]:
+        """Angles (N, 2) [rad] that the encoders read, and readings (N, 3) [g], with effects and without errors."""
+        blind = self.visits(np.zeros((len(self.alpha), 3)))
+        off = axes_off(blind, hidden)
+        tilted = replace(self.stand, kappa=self.stand.kappa + off[:, 0], epsilon=self.stand.epsilon + off[:, 2])
+        n = tilted.inputs(self.alpha + off[:, 1], self.beta + off[:, 3])
+        angles = np.stack([self.alpha, self.beta], axis=1) + encoders_off(blind, hidden)
+        return angles, self.stand.readings(n) + readings_added(self.visits(n), hidden)
+
+    def record(self, hidden: Sequence[Sized] = (), error: Any = 0.0) -> PositionRecord:
+        """The record with effects and errors (N, 3) [g], with nine decimals."""
+        angles, reading = self.read(hidden)
+        plain = record(np.zeros_like(reading), *np.round(angles, 11).T, resolution=5e-10)
+        return replace(
+            plain,
+            time_s=self.time_s,
+            specific_force=np.round(G * (reading + error), 9),
+            temperature=self.temperature,
+            approach_alpha=self.senses[:, 0],
+            approach_beta=self.senses[:, 1],
+        )
+
+    def write(
+        self, path: Path, angles: tuple[np.ndarray, np.ndarray], reading: np.ndarray, rng: np.random.Generator
+    ) -> None:
+        """A record of readings (N, 3) [g] at angles that the encoders read; senses of approach are drawn."""
+        senses = rng.choice([-1, 1], (2, len(reading)))
+        degrees = np.degrees(np.stack(angles, axis=1))
+        number = np.arange(1, len(reading) + 1)
+        columns = [number, self.time_s, degrees, G * reading, self.temperature, senses.T]
+        np.savetxt(path, np.column_stack(columns), FORMATS, ",", header=COLUMNS, comments="", encoding="utf-8")
+
+
+def standard_positions() -> tuple[np.ndarray, np.ndarray]:
+    """Angles (40,) each [rad]: 24 with all signs certain, 16 between them that share no angle."""
+    pairs = []
+    for k in range(8):
+        for beta in (25, 145, 265):
+            pairs.append((20 + 45 * k, beta))
+    for k in range(16):
+        pairs.append(((13 + 67 * k) % 360, (33 + 101 * k) % 360))
+    alpha, beta = np.radians(np.array(pairs, dtype=float)).T
+    return alpha, beta
+
+
+def hidden_record(
+    seed: int, place: Any = None, sizes: Sequence[float] = (), *, symmetric: bool = False
+) -> PositionRecord:
+    """The standard positions in random order, with one effect or none; errors are uniform within σ."""
+    rng = np.random.default_rng(seed)
+    hidden = [] if place is None else [(place, sizes)]
+    return standard_session(rng, symmetric=symmetric).record(hidden, rng.uniform(-SIGMA, SIGMA, (40, 3)))
+
+
+def standard_session(rng: np.random.Generator, *, symmetric: bool = False) -> Session:
+    """A stand at the standard positions in random order."""
+    stand = Stand.drawn(rng)
+    if symmetric:
+        stand = replace(stand, minus=stand.plus)
+    alpha, beta = standard_positions()
+    order = rng.permutation(len(alpha))
+    return Session.planned(stand, alpha[order], beta[order])
+
+
+def of_one_instrument(
+    seed: int,
+    count: int = 3,
+    *,
+    positions: int = 24,
+    shared: Sequence[Sized] = (),
+    own: Mapping[int, Sequence[Sized]] | None = None,
+) -> list[PositionRecord]:
+    """Records of one block, of which bias, mounting and table are the day's; effects in all, and in some by number."""
+    rng = np.random.default_rng(seed)
+    block = Stand.drawn(rng)
+    records = []
+    for day in range(count):
+        stand = replace(Stand.drawn(rng), gamma=block.gamma, plus=block.plus, minus=block.minus, gravity_error=0.0)
+        alpha, beta = np.radians(np.round(rng.uniform(0.0, 360.0, (2, positions)), 1))
+        session = Session.planned(stand, alpha, beta)
+        hidden = [*shared, *(own or {}).get(day, ())]
+        records.append(session.record(hidden, rng.uniform(-SIGMA, SIGMA, (positions, 3))))
+    return records
+
+
+def errors(rng: np.random.Generator, count: int) -> tuple[np.ndarray, str]:
+    """Errors (N, 3) [g] within σ, and how they are distributed: uniform, Gaussian within it, or at it."""
+    error = rng.uniform(-SIGMA, SIGMA, (count, 3))
+    shape = str(rng.choice(["uniform", "gaussian", "bound"], p=[0.5, 0.3, 0.2]))
+    if shape == "gaussian":
+        error = np.clip(rng.normal(0.0, SIGMA / 2.5, (count, 3)), -SIGMA, SIGMA)
+    if shape == "bound":
+        error = SIGMA * rng.choice([-1.0, 1.0], (count, 3))
+    return error, shape
