@@ -20,7 +20,6 @@ _TYPES = {
 _FUNCTIONS = {
     "at_table": ("measure",),
     "library": (
-        "choose",
         "compare",
         "doctor",
         "export",

@@ -4,7 +4,6 @@ from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
 from .tools.foreign import Imported as Imported
 from .tools.installation import Installation as Installation
-from .tools.library import choose as choose
 from .tools.library import compare as compare
 from .tools.library import doctor as doctor
 from .tools.library import export as export

@@ -76,7 +76,6 @@ COMMANDS = (
     command("apply calibration.json clean.csv --out out.csv --json out.json", "calibration.json", "clean.csv"),
     command("inspect strapdown.csv --json out.json --allan out.svg --plot out.html", "strapdown.csv"),
     command("attitude strapdown.csv --out out --json out.json --plot out.html", "strapdown.csv"),
-    command("choose strapdown.csv --rate-divisor 4 --picture out.svg --json out.json", "strapdown.csv"),
     command("fmpy-input strapdown.csv --out out.csv --json out.json", "strapdown.csv"),
     command("hidden out.csv --seed 3 --answer out-answer.json --json out.json"),
     command("hidden --cases 1 --mode clean --positions 12 14 --out out --json out.json"),

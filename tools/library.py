@@ -6,15 +6,13 @@ schema go to JSON by `to_json`. What a function needs is imported when it is cal
 notebook's first line need none of it.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import calibration as calibrations
 from . import campaign as campaigns
-from . import motion as motions
-from . import orchestrator, own_effects, papers, planning, reports, ssp, trials
+from . import orchestrator, own_effects, planning, reports, ssp, trials
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -382,56 +380,6 @@ def plan_imu(
         exchanges=exchanges,
         progress=progress,
     )
-
-
-def choose(
-    motion: "str | Path",
-    *,
-    rate_hz: float | None = None,
-    duration_s: float | None = None,
-    rate_divisor: int = 8,
-    quantum_arcsec: float = 0.0,
-    noise_radps: float = 0.0,
-    channels: Sequence[str] = (),
-    progress: bool = False,
-) -> "motions.Choice":
-    """Say which attitude algorithm to take: error against cost of all on one motion, as one's own gyros read it.
-
-    Parameters
-    ----------
-    motion : str or path
-        slow, coning, vibration or strong-vibration; a scenario (.toml) with a HarmonicMotion; or a strapdown record.
-    rate_hz : float, optional
-        Gyro samples a second, 1000.
-    duration_s : float, optional
-        Length of the motion [s], 20.
-    rate_divisor : int
-        Of a record, in place of rate and duration: so many rows are one gyro sample; those between tell the truth.
-    quantum_arcsec : float
-        Quantum of the gyros' increments [arcsec].
-    noise_radps : float
-        Bound of the white noise of a sample's rate [rad/s].
-    channels : sequence of str
-        How the record's channels are read: as of `attitude`.
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
-
-    Raises
-    ------
-    InputError
-        for a motion that there is not, and for options that cannot be used
-
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> th.choose("coning", rate_hz=1000.0).enough.algorithm  # doctest: +SKIP
-    'functional-iteration-8'
-    """
-    reading = motions.reading_told(quantum_arcsec, noise_radps)
-    course = papers.course_asked(motion, rate_hz, duration_s, rate_divisor, channels)
-    title = f"{Path(motion).name}, {reading}"
-    quantum = math.radians(quantum_arcsec / 3600.0)
-    return motions.choose_algorithm(course, title, quantum=quantum, noise_bound=noise_radps, progress=progress)
 
 
 def hide(

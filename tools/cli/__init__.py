@@ -7,13 +7,12 @@ from contextlib import suppress
 
 from cyclopts import App, Parameter
 
-from .answer import exit_status, say
+from .answer import exit_status, refuse, say
 from .commands import (
     apply,
     attitude,
     calibrate,
     check,
-    choose,
     demo,
     diagnose,
     doctor,
@@ -38,6 +37,8 @@ for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 __all__ = ["app", "main", "program"]
+GONE = {"choose": "attitude RECORD --compare measures them all; docs/choose-an-attitude-algorithm.md has the table"}
+"""Commands of earlier versions, and what takes their place."""
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""
 
@@ -62,7 +63,7 @@ app = App(
 )
 
 for command in (
-    *(apply, attitude, calibrate, campaign, campaign_report, check, choose, compare, demo, diagnose, doctor, export),
+    *(apply, attitude, calibrate, campaign, campaign_report, check, compare, demo, diagnose, doctor, export),
     *(
         export_notebook,
         export_ssp,
@@ -110,4 +111,6 @@ def _run(words: list[str]) -> int:
     ours = words.index("--") if "--" in words else len(words)
     quiet = any(word in QUIET for word in words[:ours])
     kept = [word for place, word in enumerate(words) if place >= ours or word not in QUIET]
+    if kept and kept[0] in GONE:
+        return refuse(f'Unknown command "{kept[0]}". {GONE[kept[0]]}')
     return exit_status(lambda: say(lambda: app(kept, exit_on_error=False, print_error=False), quiet=quiet))

@@ -344,24 +344,6 @@ def attitude(
     return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 
-@takes(library.choose)
-def choose(motion: str, /, *, picture: File = None, json: JsonFile = None, **options: Any) -> Answer:
-    """Example: trihedron choose vibration --rate-hz 2000 --quantum-arcsec 0.5 --picture choice.svg
-
-    Example: trihedron choose my-motion.toml --rate-hz 400 --noise-radps 1e-4
-
-    Parameters
-    ----------
-    picture
-        Write the chart, error against operations, to this SVG file.
-    """
-    distinct_files({"the motion": Path(motion), "--picture": picture, "--json": json})
-    found = library.choose(motion, **options, progress=True)
-    if picture is not None:
-        write_text(picture, reports.chart([found]))
-    return answer(found, json)
-
-
 def fmpy_input(
     record: Path,
     /,

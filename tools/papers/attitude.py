@@ -7,10 +7,9 @@ errors of the methods do.
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 from pydantic import Field
@@ -19,9 +18,6 @@ from ...models.attitude_algorithms import Algorithm
 from ...models.harmonic_motion import HARMONICS, store_harmonics
 from ..errors import InputError, nearest
 from ..motion.attitude import algorithm_named
-from ..motion.choice import Course, cone, course_of_harmonics, course_of_record, harmonics_of
-from ..orchestrator import read_scenario
-from ..records import StrapdownRecord, read_record
 from ..result import Result
 
 ALGORITHM_OF_PRINT = {
@@ -59,11 +55,6 @@ FAST_FREQUENCIES = ((380.0, 400.0, 420.0), (60.0, 80.0, 100.0))
 
 THIRD_FREQUENCIES = {"first": (1.0, 1.0, 1.0), "second": (1.0, 2.0, 3.0)}
 """Third harmonics of the compositions [Hz]."""
-
-NAMED_MOTIONS = {"slow": "1", "vibration": "first", "strong-vibration": "second"}
-"""The paper's motion behind each name that `choose` takes."""
-CONE = math.radians(1.0), 51.0
-"""Half angle [rad] and frequency [Hz] of the motion "coning"."""
 
 THIRD_AMPLITUDES_DEG = (6.0, 8.0, 10.0)
 TYPED_DEG = {2.0 / 60.0: 0.0333, 2.5 / 3600.0: 0.000694, 20.0 / 60.0: 0.333, 25.0 / 3600.0: 0.00694}
@@ -236,46 +227,6 @@ def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
         amplitudes, phases = [*np.radians(amplitudes_deg).tolist(), *rest], [0.0] * HARMONICS
         store_harmonics(axis, conditions.pi, amplitudes, [*frequencies, *rest], phases, harmonics)
     return np.array(harmonics)
-
-
-def course_asked(
-    motion: str | Path, rate_hz: float | None, duration_s: float | None, rate_divisor: int, channels: Sequence[str]
-) -> Course:
-    """The motion for which an algorithm is chosen: one of `NAMED_MOTIONS`, a cone, a scenario's, or a measured one.
-
-    Parameters are those of `trihedron.choose`; without rate and duration 1000 Hz, 20 s. An InputError for a motion that
-    there is not, and for an option of the other kind of motion.
-    """
-    name = str(motion)
-    measured = name.endswith((".csv", ".parquet"))
-    for option, value, of_record in (
-        ("rate-hz", rate_hz, False),
-        ("duration", duration_s, False),
-        ("rate-divisor", rate_divisor if rate_divisor != 8 else None, True),
-    ):
-        if value is not None and of_record != measured:
-            raise InputError(f"--{option}: is of {'a record' if of_record else 'a motion that is no record'}")
-        if value is not None and not value > 0.0:
-            raise InputError(f"--{option} {value:g}: must be positive")
-    if measured:
-        return course_of_record(read_record(motion, StrapdownRecord, channels=channels), rate_divisor)
-    rate, duration = (1000.0 if rate_hz is None else rate_hz), (20.0 if duration_s is None else duration_s)
-    return course_of_harmonics(_harmonics_asked(name), rate, duration)
-
-
-def _harmonics_asked(name: str) -> np.ndarray:
-    """The harmonics (36,) of a motion that is named, or of a scenario's."""
-    if name == "coning":
-        return cone(*CONE)
-    if not name.endswith(".toml"):
-        if name not in NAMED_MOTIONS:
-            known = ", ".join(NAMED_MOTIONS)
-            raise InputError(f"motion {name}: must be coning, {known}, a scenario (.toml) or a record (.csv, .parquet)")
-        return paper_motion(NAMED_MOTIONS[name], EXACT)
-    settings = [s for s in read_scenario(name).fmus.values() if s.component == "HarmonicMotion"]
-    if len(settings) != 1 or settings[0].parameters_from is not None:
-        raise InputError(f"{name}: must have one HarmonicMotion, its parameters in the scenario")
-    return harmonics_of(settings[0].parameters)
 
 
 def _slow_frequency(name: str, axis: int, conditions: Conditions) -> float:

@@ -2,7 +2,6 @@ from .calibration import application_lines as application_lines
 from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite
-from .choice import chart as chart
 from .imu_plan import write_imu_plan as write_imu_plan
 from .inspection import distrust as distrust
 from .lines import write_plot as write_plot

@@ -31,7 +31,6 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "AttitudeRun": ("inspection", "attitude_lines", None),
     "Calibration": ("calibration", "lines", "page"),
     "CampaignResult": ("campaign", "campaign_lines", None),
-    "Choice": ("choice", "lines", None),
     "Check": ("makers", "check_lines", None),
     "Compared": ("lines", "compared_lines", "compared_page"),
     "Comparison": ("campaign", "change_lines", None),

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from choosing import Situation, situation_errors
+from attitude_motions import paper_error
 from foreign_fmus import build_foreign
 from named import Named
 from trihedron.models.bench import TARGETS
@@ -80,7 +80,7 @@ def test_positions_of_ones_own(tmp_path):
 @pytest.mark.acceptance
 def test_faultless_gyros_leave_the_algorithms_own_error():
     (result,) = results(parsed("[attitude]\nrate_hz = 100.0\n"))
-    (own,) = situation_errors(Situation("1", 100.0, ""), [algorithm_named("two-sample-rodrigues")])
+    own = paper_error(algorithm_named("two-sample-rodrigues"), "1", 100.0)
     assert result.scalars["largest_error_rad"] == pytest.approx(own, rel=1e-6)
 
 

@@ -9,9 +9,9 @@ import math
 import numpy as np
 import pytest
 
+from attitude_motions import course_of_harmonics, operations_per_sample
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 from trihedron.tools.motion.attitude import algorithm_named, angle_between
-from trihedron.tools.motion.choice import course_of_harmonics, operations_on
 from trihedron.tools.motion.compare import run_algorithm
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 
@@ -70,8 +70,8 @@ def never_near_both(increments: np.ndarray, first: np.ndarray, second: np.ndarra
     The least errors are those of all algorithms that cost no more than the adaptive one. One with b times of them at
     most on both is within b times of their sum of both truths together, at each eighth sample.
     """
-    most = operations_on(ADAPTIVE, increments)
-    able = [one for one in ALGORITHMS if operations_on(one, increments) <= most]
+    most = operations_per_sample(ADAPTIVE, increments)
+    able = [one for one in ALGORITHMS if operations_per_sample(one, increments) <= most]
     least = [min(error(one, increments, true) for one in able) for true in (first, second)]
     return float(angle_between(first, second)[7::8].max()) / sum(least)
 
@@ -115,6 +115,6 @@ def test_what_noise_hides_may_be_a_motion(seed: int) -> None:
     cheap = [algorithm_named(f"{number}-sample-coning") for number in ("three", "four", "five")]
     at_rest, moving = (error(ADAPTIVE, noise, true) for true in (rest, motion))
     for one in cheap:
-        assert operations_on(one, noise) < 40.0
+        assert operations_per_sample(one, noise) < 40.0
         assert error(one, noise, rest) < 1.1 * at_rest
         assert error(one, noise, motion) > 2.5 * moving
