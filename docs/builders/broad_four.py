@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis.order import order_of_effects
+from trihedron.tools.diagnosis.helps import order_of_effects
 from trihedron.tools.diagnosis.result import OrderOfEffects
 from trihedron.tools.evidence.carried import LATENCY, SCALE, Carried
 from trihedron.tools.evidence.carried_record import carried_evidence

@@ -15,7 +15,7 @@ import broad_four
 from trihedron.tools.cli.answer import exit_status
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.diagnosis.cause import Cause
-from trihedron.tools.diagnosis.order import is_stable
+from trihedron.tools.diagnosis.helps import is_stable
 from trihedron.tools.diagnosis.result import OrderOfEffects
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import write_text

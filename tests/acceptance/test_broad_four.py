@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from record_files import measured
-from trihedron.tools.diagnosis.order import order_of_effects
+from trihedron.tools.diagnosis.helps import order_of_effects
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.evidence import rms_size
 from trihedron.tools.evidence.fit import ARCMIN, blocks_of

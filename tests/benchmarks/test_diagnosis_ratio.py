@@ -15,7 +15,7 @@ from trihedron.tools.bounded.programmes import Polytope, any_centre, linear_prog
 from trihedron.tools.bounded.programmes import solved as highs_solved
 from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.options import evidence_of
+from trihedron.tools.diagnosis.kinds import evidence_of
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.case import Case
 from trihedron.tools.trials.outcome import diagnosed

@@ -1,12 +1,12 @@
 from .applied import Applied as Applied
 from .applied import applied_to as applied_to
+from .applied import export_extended as export_extended
 from .applied import read_diagnosis as read_diagnosis
 from .calibrated import JointCalibration as JointCalibration
 from .calibrated import calibrated_together as calibrated_together
 from .cause import Cause as Cause
-from .extension import export_extended as export_extended
-from .options import evidence_of as evidence_of
-from .options import evidence_options as evidence_options
+from .kinds import evidence_of as evidence_of
+from .kinds import evidence_options as evidence_options
 from .procedure import diagnose as diagnose
 from .result import Diagnosis as Diagnosis
 from .several import Diagnosed as Diagnosed

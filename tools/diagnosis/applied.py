@@ -1,4 +1,4 @@
-"""What was found in one record, or in several, applied to another: taken out of its readings, or simulated."""
+"""What was found of records, put to use: applied to another record, or exported as FMUs that start with it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +10,11 @@ from pydantic import Field
 
 from ..errors import InputError
 from ..evidence.evidence import Evidence
-from ..files import LARGEST_RESULT, bytes_of
+from ..files import LARGEST_RESULT, bytes_of, whole_folder
 from ..records import PositionRecord, StrapdownRecord
 from ..result import Result, Told, object_of, result_of
-from .cause import Cause, Number
-from .cross_gain import figures_of
+from .cause import Cause, Finding, Number
+from .helps import figures_of
 from .result import Diagnosis
 from .several import DIAGNOSES, Diagnosed
 
@@ -106,3 +106,36 @@ def applied_to(found: Diagnosed, record: PositionRecord | StrapdownRecord, evide
         for name, error in (("without", before), ("with", after)):
             told |= {f"{key}_{name}": value for key, value in figures_of(error, scale).items()}
     return Applied(effects=effects, record=replace(record, **readings) if corrected else None, **told)
+
+
+def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
+    """Write what explains a record, or extends its model, into a folder; the files, none where nothing does.
+
+    FMUs of a flavour, "python" or "native", that start with the parameters and sizes that are stated; beside each a
+    parameter set (.ssv) with these and their intervals; and scenarios that run them as the record was measured. An
+    outlier is of no FMU. Of hypotheses it is the first that stands.
+
+    An InputError where a value is beyond what a component takes, or the folder cannot be written.
+    """
+    finding = _standing(diagnosis)
+    if finding is None:
+        return []
+    effects = {cause.place: (cause.values, cause.intervals) for cause in finding.causes}
+    titles = " and ".join(place.title for place in effects)
+    try:
+        evidence = diagnosis.evidence.including(finding.fit.places)
+        with whole_folder(folder) as beside:
+            written = evidence.extension(finding.fit, effects).write(beside, f"found of a record: {titles}", flavour)
+        return [folder / path.name for path in written]
+    except ValueError as error:
+        raise InputError(f"--export {folder}: {error}") from error
+
+
+def _standing(diagnosis: Diagnosis) -> Finding | None:
+    """The model to export: a hypothesis that stands, what extends the model, or what explains the record."""
+    for hypothesis in diagnosis.hypotheses or ():
+        if hypothesis.answer == "stands":
+            return hypothesis.finding
+    if diagnosis.extension is not None:
+        return Finding(diagnosis.extension.causes, diagnosis.extension.fit)
+    return diagnosis.findings[0] if diagnosis.verdict == "explained" else None

@@ -11,8 +11,7 @@ from ..calibration.result import ReadingError
 from ..calibration.targets import corners, error_weights
 from ..evidence.joint import join
 from ..result import Result, Told
-from .cause import Number, SizedParameter
-from .procedure import centred, parameters_of
+from .cause import Number, SizedParameter, centred, parameters_of
 from .several import members_of
 
 

@@ -1,13 +1,17 @@
-"""Causes: effects that explain a record, with what is stated of them and what it leaves possible."""
+"""Causes: effects that explain a record, with what is stated of them and what the record leaves possible."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from ...models.effects import EffectPlace
+from ..bounded.possible import Proofs, Steps, largest_length
+from ..bounded.programmes import Interval
+from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, contains
 from ..result import Result, Told, finite_or_none
 from ..rounding import Stated
@@ -42,7 +46,9 @@ class NamedEffect(Told):
     @property
     def place(self) -> EffectPlace:
         """The effect and its place."""
-        axes = self.axes or () if self.accelerometer is None else (self.accelerometer,)
+        axes = self.axes or ()
+        if self.accelerometer is not None:
+            axes = (self.accelerometer,)
         return EffectPlace(self.effect, self.where, self.order, axes, self.law or "")
 
 
@@ -58,8 +64,8 @@ class SizedParameter(Result):
     @staticmethod
     def of(name: str, unit: str, value: float, ends: Sequence[float]) -> "SizedParameter":
         """The parameter with ends that are infinite where nothing bounds it."""
-        low, high = map(finite_or_none, ends)
-        return SizedParameter(name=name, unit=unit, estimate=value, low=low, high=high)
+        low, high = ends
+        return SizedParameter(name=name, unit=unit, estimate=value, low=finite_or_none(low), high=finite_or_none(high))
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -90,12 +96,16 @@ class Cause(NamedEffect):
         ends: Sequence[tuple[float, float]],
     ) -> "Cause":
         """The effect at a place with what is stated of its parameters, and ends of what is possible or infinity."""
-        named = zip(place.definition.parameters, values, ends, strict=True)
-        parameters = tuple(SizedParameter.of(p.name, p.unit, value, possible) for p, value, possible in named)
-        same = tuple(NamedEffect.of(other) for other in equivalents)
+        parameters = []
+        for parameter, value, possible in zip(place.definition.parameters, values, ends, strict=True):
+            parameters.append(SizedParameter.of(parameter.name, parameter.unit, value, possible))
         every = (place, *equivalents)
-        among = () if all(type(one) is EffectPlace for one in every) else every
-        return Cause(**NamedEffect.keys(place), equivalents=same, parameters=parameters, among_records=among)
+        return Cause(
+            **NamedEffect.keys(place),
+            equivalents=tuple(NamedEffect.of(other) for other in equivalents),
+            parameters=tuple(parameters),
+            among_records=() if all(type(other) is EffectPlace for other in every) else every,
+        )
 
     @property
     def place(self) -> EffectPlace:
@@ -115,21 +125,19 @@ class Cause(NamedEffect):
     @property
     def intervals(self) -> tuple[tuple[float, float], ...]:
         """What the record leaves possible of the parameters."""
-        return tuple(p.ends for p in self.parameters)
+        return tuple(parameter.ends for parameter in self.parameters)
 
     @property
     def acts(self) -> bool:
         """Whether the effect cannot be nothing: one size at least cannot be zero; a phase or a time is no size."""
-        pairs = list(zip(self.parameters, self.intervals, strict=True))
-        sizes = [pair for pair in pairs if not pair[0].name.endswith(NO_SIZES)]
-        return any(low > 0.0 or high < 0.0 for _, (low, high) in sizes or pairs)
+        sizes = [parameter.ends for parameter in self.parameters if not parameter.name.endswith(NO_SIZES)]
+        return any(low > 0.0 or high < 0.0 for low, high in sizes or self.intervals)
 
     @property
     def sentence(self) -> str:
-        """What an engineer is told."""
-        effect = self.place.definition
-        stated = zip(self.parameters, self.intervals, strict=True)
-        return effect.sentence(self.place, {p.name: Stated(p.estimate, *ends) for p, ends in stated})
+        """The effect and its sizes in words."""
+        sizes = {parameter.name: Stated(parameter.estimate, *parameter.ends) for parameter in self.parameters}
+        return self.place.definition.sentence(self.place, sizes)
 
 
 @dataclass(frozen=True)
@@ -142,8 +150,7 @@ class Finding:
     @property
     def sets_in(self) -> bool:
         """Whether it is shown that no effect of the set that acts from a time on did so from the beginning."""
-        starts = [cause.intervals[-1][0] for cause in self.causes if cause.place.definition.sets_in]
-        return all(start > 0.0 for start in starts)
+        return all(cause.intervals[-1][0] > 0.0 for cause in self.causes if cause.place.definition.sets_in)
 
     def contains(self, other: "Finding") -> bool:
         """Whether this set can always do what another one does: by what its effects are, or by when they set in."""
@@ -152,7 +159,7 @@ class Finding:
     @property
     def title(self) -> str:
         """The effects in words."""
-        return " and ".join(cause.place.title for cause in self.causes)
+        return " and ".join(place.title for place in self.places)
 
     @property
     def acts(self) -> bool:
@@ -161,7 +168,7 @@ class Finding:
 
     @property
     def not_shown(self) -> str:
-        """What is said of a set that stands though an effect of it may be nothing."""
+        """Why a set that stands though an effect of it may be nothing is not named."""
         idle = " and ".join(cause.place.title for cause in self.causes if not cause.acts)
         return f"{self.title} would do, but no size of {idle} is shown: each by itself may be zero"
 
@@ -172,5 +179,73 @@ class Finding:
 
     def in_order(self, places: Sequence[EffectPlace]) -> "Finding":
         """The same with its causes in another order, those of no place in it last."""
-        order = [*places, *(place for place in self.places if place not in places)]
+        order = list(dict.fromkeys((*places, *self.places)))
         return Finding(tuple(sorted(self.causes, key=lambda cause: order.index(cause.place))), self.fit)
+
+
+def centred(evidence: Evidence, fit: Fit) -> Fit:
+    """The fit whose parameters and coefficients are one possible point in the middle of what the record leaves."""
+    return fit.centred(evidence.room(fit), evidence.most_rows)
+
+
+def parameters_of(evidence: Evidence, fit: Fit) -> tuple[SizedParameter, ...]:
+    """The model's parameters as a fit states them, with what the record leaves possible beside the fit's effects."""
+    ends = fit.ends(evidence.room(fit), evidence.most_rows)
+    parameters = []
+    for (name, unit), value, possible in zip(evidence.names, fit.estimate, ends, strict=False):
+        parameters.append(SizedParameter.of(name, unit, value, possible))
+    return tuple(parameters)
+
+
+def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
+    """A set of effects as causes: what is stated of each, inside what the record leaves possible.
+
+    What the readings show by themselves stands before them.
+    """
+    causes = [Cause.found(effect.place, (), effect.values, effect.ends) for effect in evidence.read_off]
+    intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
+    for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
+        ends, stated = evidence.told(place, possible), []
+        for parameter, value, own in zip(place.definition.parameters, values, ends, strict=True):
+            stated.append(_stated(parameter.name, value, own))
+        causes.append(Cause.found(evidence.named(place), evidence.classes.equivalents(place), stated, ends))
+    return tuple(causes)
+
+
+def _stated(name: str, value: float, ends: Interval) -> float:
+    """A value within its interval: a phase up to whole turns, a size that is just at its end up to rounding."""
+    low, high = ends
+    if name.endswith("phase") and math.isfinite(low) and math.isfinite(high):
+        return value - 2.0 * np.pi * round((value - 0.5 * (low + high)) / (2.0 * np.pi))
+    return min(max(value, low), high)
+
+
+def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
+    """Upper bounds of the effects that were not found, each added to the model that explains the record.
+
+    Of each parameter with effect, where, order and axes: sizes above ``above`` are excluded; effects that the record
+    does not bound below their largest possible size are left out.
+    """
+    excluded, room, count = [], evidence.room(fit), len(fit.at)
+    for place, columns in evidence.beside(fit):
+        # What bounds an effect beside one way of the others bounds it beside the next one nearly as well.
+        proofs: Proofs = {}
+        possible = fit.possible_in_any(room, columns, evidence.most_rows, proofs)
+        sizes: list[Interval] = []
+        for k, parameter in enumerate(place.definition.parameters):
+            sizes.append((0.0, largest_coefficient(possible, count + k, parameter.name)))
+        for parameter, (_, above) in zip(place.definition.parameters, evidence.told(place, sizes), strict=True):
+            if above < parameter.largest and not parameter.name.endswith("phase"):
+                named = {"parameter": parameter.name, "unit": parameter.unit, "above": float(above)}
+                excluded.append({**place.entry, **named})
+    return tuple(excluded)
+
+
+def largest_coefficient(possible: Steps, column: int, name: str) -> float:
+    """Largest absolute value of a coefficient, or largest length of the pair of an amplitude and its phase."""
+    if name.endswith("phase"):
+        return np.inf
+    if name.endswith("amplitude"):
+        return largest_length(possible.among(np.array([column, column + 1])))
+    reach = possible.among(np.array([column]))
+    return reach(np.ones(1), reach(-np.ones(1)))

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,10 @@ from ..bounded.programmes import chebyshev_radius, column_space, spaces_beyond
 from ..bounded.set_bounds import ACCEPTED, REFUSED, settle
 from ..bounded.sets import Problem, Work, sharp_weights
 from ..evidence.evidence import Evidence
-from ..evidence.pairs import WAVES, Form, Pair
+from ..evidence.pairs import WAVES, Form, Pair, function_in_words, named
+from ..evidence.rows import Channel
+from ..result import Result
+from .cause import Number
 
 RIVAL = 1.5
 """What stands at so many times the least complexity, or with one coefficient more, is a rival of what stands there."""
@@ -38,6 +42,12 @@ WAVES_APART, FINEST_WAVES, MOST_REFINED = WAVES[1] - WAVES[0], 1.0 / 256.0, 4
 """Waves are tried so far apart, over the range of a quantity, and about so many that are refused least so near."""
 SMOOTH_ORDER = 4
 """Highest power, or harmonic, of the functions by which two quantities are compared."""
+KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
+"""Lengths over which the functions that are tried vary: of the spread of a quantity, radians of an angle."""
+NOISE_PARTS = (0.03, 0.3)
+"""Parts of the residual's variance that are put down to noise in the fit of such a function."""
+MOST_ROWS = 400
+"""Of a longer record rows spread over it are taken."""
 NONE = np.full(5, -1)
 
 
@@ -104,6 +114,101 @@ class Dependence:
             return None
         first, *others = self.standing
         return first if all(is_same(first.pair, other.pair) for other in others) else None
+
+
+class Suffices(Result):
+    """A function of one quantity at one place, times a known factor, with which the model stands by itself.
+
+    Attributes
+    ----------
+    where : str
+    quantity : str
+        "n1" to "n3", inputs; two of them, their product; "alpha", "beta", "hours", "temperature", "sense" of approach
+    factor : str or None
+        what the function is multiplied by, another quantity; "tilt" where not the turn about an axis depends on it
+    form : str
+        how the function is written: in equal "pieces" of a line or "around" a circle, by "powers", "harmonics" up to an
+        order, one "harmonic", a "jump", a "sawtooth", a "wave", "while" one move lasts, "values" where it has few
+    complexity : int
+        coefficients beside the model's, and one more for each number that was searched for
+    radius : float
+        least largest error over its bound that such a function leaves
+    """
+
+    where: str
+    quantity: str
+    factor: str | None
+    form: str
+    complexity: int
+    radius: Number
+
+    @staticmethod
+    def of(standing: Standing) -> "Suffices":
+        """What stands, as it is published."""
+        pair = standing.pair
+        return Suffices(
+            where=pair.where,
+            quantity=pair.quantity,
+            factor=pair.factor or None,
+            form=standing.form.kind,
+            complexity=standing.complexity,
+            radius=standing.radius,
+        )
+
+    @property
+    def in_words(self) -> str:
+        """Place and quantity in words."""
+        return function_in_words(self.where, self.quantity, self.factor)
+
+    @property
+    def on(self) -> str:
+        """The quantity with its factor, as a law begins with it."""
+        return named(self.quantity, self.factor)
+
+
+class Proven(Result):
+    """What alone suffices, whatever the law: a place, and a quantity where nothing else would do.
+
+    Attributes
+    ----------
+    place : str
+    quantity, factor : str or None
+        None where several quantities would do, or no function of one was found
+    complexity : int or None
+        of the least complex function of it that suffices
+    same : tuple of str
+        quantities that the record cannot tell from it
+    not_excluded : tuple of str
+        where no quantity is proven: those that would do
+    """
+
+    place: str
+    quantity: str | None = None
+    factor: str | None = None
+    complexity: int | None = None
+    same: tuple[str, ...] = ()
+    not_excluded: tuple[str, ...] = ()
+
+    @property
+    def on(self) -> str | None:
+        """The quantity with its factor, as a law begins with it."""
+        return named(self.quantity, self.factor) if self.quantity else None
+
+    @staticmethod
+    def of(dependence: Dependence) -> "Proven | None":
+        """What is proven; None where nothing is."""
+        if dependence.place is None:
+            return None
+        first, names = dependence.proven, dependence.quantities
+        if first is None:
+            return Proven(place=dependence.place, not_excluded=names)
+        return Proven(
+            place=dependence.place,
+            quantity=first.pair.quantity,
+            factor=first.pair.factor or None,
+            complexity=first.complexity,
+            same=tuple(name for name in names if name != first.pair.name),
+        )
 
 
 def most_of_rivals(least: float) -> float:
@@ -323,3 +428,70 @@ class Search:
             inverse = np.linalg.pinv(own @ own.swapaxes(1, 2), rcond=DEPENDENT, hermitian=True)
             explained[alike] = np.einsum("np,npq,nq->n", product, inverse, product)
         return np.sqrt(np.maximum(0.0, residual @ residual - explained))
+
+
+def residual_structure(channels: Sequence[Channel]) -> tuple[dict[str, Any], ...]:
+    """How much of the residual a smooth function of one quantity predicts at readings that it was not fitted to.
+
+    Of each component, by its label, and quantity ``on``: ``explained``, the part of the residual's sum of squares that
+    is predicted when each reading is left out in turn; ``explainable``, the part that is more than noise within the
+    bound, uniform, would be on average. The most telling quantity first, then those of several variables.
+    """
+    single: list[dict[str, Any]] = []
+    joint: list[dict[str, Any]] = []
+    for channel in channels:
+        rows = np.unique(np.linspace(0, len(channel.error) - 1, MOST_ROWS).round().astype(int))
+        error, bound = channel.error[rows], channel.bound[rows]
+        total, explainable = float((error**2).sum()), 0.0
+        if total > 0.0:
+            explainable = max(0.0, 1.0 - float((bound**2).sum()) / 3.0 / total)
+
+        circles = {name: on_circle(angle[rows]) for name, angle in channel.angles.items()}
+        of_one = dict(circles)
+        for name, values in channel.quantities.items():
+            of_one[name] = in_deviations(values[rows])
+        of_several: dict[str, NDArray] = {}
+        if circles:
+            of_several[" and ".join(circles)] = np.hstack(list(circles.values()))
+        for name, values in channel.joint.items():
+            of_several[name] = in_deviations(values[rows])
+        for points_of, entries in ((of_one, single), (of_several, joint)):
+            for on, points in points_of.items():
+                share = predicted_share(points, error)
+                entries.append({**channel.label, "on": on, "explained": share, "explainable": explainable})
+    for entries in (single, joint):
+        entries.sort(key=lambda one: -round(float(one["explained"]), 9))
+    return (*single, *joint)
+
+
+def on_circle(angle: NDArray) -> NDArray:
+    """An angle (N,) as a point (N, 2) of the unit circle."""
+    return np.stack((np.cos(angle), np.sin(angle)), axis=1)
+
+
+def in_deviations(values: NDArray) -> NDArray:
+    """Quantities (N, k) in units of their standard deviation; zeros where they do not vary."""
+    deviation = values.std(axis=0)
+    varies = deviation > 1e-12 * np.abs(values).max(initial=0.0)
+    return (values - values.mean(axis=0)) / np.where(varies, deviation, np.inf)
+
+
+def predicted_share(coordinates: NDArray, residual: NDArray) -> float:
+    """Part of the sum of squares that a smooth function of coordinates (N, k) predicts of readings left out in turn.
+
+    Kernel regression with Gaussian functions of several lengths; the length and the noise that predict best are taken.
+    The errors of readings left out follow from one decomposition: e_i = [K⁻¹ r]_i / [K⁻¹]_ii.
+    """
+    total = float((residual**2).sum())
+    if total == 0.0 or not np.ptp(coordinates, axis=0).any():
+        return 0.0
+    square = ((coordinates[:, None, :] - coordinates[None, :, :]) ** 2).sum(axis=2)
+    least = total
+    for length in KERNEL_LENGTHS:
+        values, vectors = np.linalg.eigh(np.exp(-0.5 * square / length**2))
+        weights = vectors.T @ residual
+        for noise in NOISE_PARTS:
+            inverse = 1.0 / (np.maximum(values, 0.0) + noise)
+            errors = (vectors @ (inverse * weights)) / ((vectors**2) @ inverse)
+            least = min(least, float((errors**2).sum()))
+    return max(0.0, 1.0 - least / total)

@@ -1,7 +1,6 @@
 """What a record says of a formula that a person states: is it this?"""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from pydantic import Field
@@ -85,15 +84,6 @@ def places_of(formulas: Sequence[str], *, at_table: bool, with_gyros: bool) -> t
             raise InputError(f"{where}: {missing[0]} is of a record of a table; a block that is carried has n1, n2, n3")
         found.append(place)
     return tuple(dict.fromkeys(found))
-
-
-@contextmanager
-def known_to(record: Any) -> Iterator[None]:
-    """Refuse formulas that depend on what a record has not, or that are no finite number at one of its rows."""
-    try:
-        yield
-    except ValueError as error:
-        raise InputError(f"{record.path}: --hypothesis {error}") from error
 
 
 def answer_of(place: EffectPlace, before: float, answer: Answer, **more: Any) -> Hypothesis:

@@ -1,47 +1,39 @@
-"""From a record to a verdict on the simulation: the procedure of `trihedron diagnose`, whatever the record."""
+"""From a record to a verdict on the simulation: the procedure of `trihedron diagnose`, whatever the record.
+
+Falsify the model; search for the smallest sets of effects that mend it; judge them by what was left out; bound what is
+possible; say what would separate the sets that remain.
+"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...models.effects import EffectPlace
-from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import SolverError
 from ..bounded.sets import Work
 from ..errors import InputError
-from ..evidence.carried_record import carried_evidence
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
-from ..evidence.rows import Channel
 from ..records import PositionRecord, StrapdownRecord
 from .beyond import Beyond, keys_of
-from .cause import Cause, Finding, NamedEffect, SizedParameter
-from .dependence import Standing, dependence
+from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes
+from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
+from .helps import of_lengths, only_at_one_length, what_helps
 from .hypothesis import (
     Hypothesis,
     adds_nothing,
     answer_of,
-    known_to,
     others_that_stand,
     places_of,
     radius_with,
     same_in_catalogue,
 )
-from .level import Proven, Suffices
-from .options import evidence_of
-from .order import of_lengths, only_at_one_length, what_helps
-from .result import Diagnosis, EffectWitness, Witness
+from .kinds import evidence_of, evidence_with_formulas, kind_of
+from .result import Diagnosis
 from .rivals import Listed, Unlisted
 from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
-
-KERNEL_LENGTHS = (0.15, 0.35, 0.8, 2.0)
-"""Lengths over which the functions that are tried vary: of the spread of a quantity, radians of an angle."""
-NOISE_PARTS = (0.03, 0.3)
-"""Parts of the residual's variance that are put down to noise in the fit of such a function."""
-MOST_ROWS = 400
-"""Of a longer record rows spread over it are taken."""
+from .witness import Witness, by_need, judgement_of, objections_of
 
 
 def diagnose(
@@ -56,28 +48,36 @@ def diagnose(
 ) -> Diagnosis:
     """Say whether the simulation can be true of a record, and if not, which smallest set of effects mends it.
 
-    Options are as for `evidence_of`; or the `evidence` of the record is given. `rerun`:
-    simulate what was held out again, without and with the effects that were named, and say the power; `extend`: extend
-    the model by what is in no catalogue though something in it stands; `progress`: show a bar on standard error, where
-    that is a terminal; `hypotheses` are formulas that are judged. An InputError for a record that cannot be used, or
-    for a formula that is none.
+    Parameters
+    ----------
+    record : PositionRecord, StrapdownRecord
+    evidence : Evidence, optional
+        of the record; by default it is made with the options, as for `evidence_of`
+    hypotheses : sequence of str
+        formulas that are judged
+    rerun : bool
+        simulate again what was held out, without and with the effects that are named, and say the power
+    extend : bool
+        extend the model by what is in no catalogue, though something in the catalogue stands
+    progress : bool
+        show a bar on standard error, where that is a terminal
+
+    Raises
+    ------
+    InputError
+        for a record that cannot be used, or a formula that is none
     """
-    carried = isinstance(record, StrapdownRecord)
-    formulas = places_of(hypotheses, at_table=not carried, with_gyros=carried or options.get("bench") is not None)
-    evidence = evidence_of(record, **options) if evidence is None else evidence
-    # What carries a block is linear in what it was run with, so its formulas are run beside the catalogue.
-    beside = evidence
-    if formulas and not evidence.missing():
-        with known_to(record):
-            beside = carried_evidence(record, further=formulas, **options) if carried else evidence
-            for place in formulas:
-                beside.columns_of([place])
+    at_table = kind_of(record).at_table
+    formulas = places_of(hypotheses, at_table=at_table, with_gyros=not at_table or options.get("bench") is not None)
+    if evidence is None:
+        evidence = evidence_of(record, **options)
+    beside = evidence_with_formulas(record, evidence, formulas, **options)
     try:
-        result = diagnosed(evidence, rerun=rerun, extend=extend, progress=progress)
+        diagnosis = diagnosed(evidence, rerun=rerun, extend=extend, progress=progress)
         if not formulas:
-            return result
-        answers = tuple(answered(beside, place, result.findings, rerun=rerun) for place in formulas)
-        return result.model_copy(update={"hypotheses": answers})
+            return diagnosis
+        answers = tuple(answered(beside, place, diagnosis.findings, rerun=rerun) for place in formulas)
+        return diagnosis.model_copy(update={"hypotheses": answers})
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; {evidence.too_large}") from error
 
@@ -94,99 +94,360 @@ def diagnosed(
 
     `most_work` is that of the search, others as for `diagnose`.
     """
-    told: dict[str, Any] = {"evidence": evidence, "causes": (), "extended": None, "gain": None, **evidence.head()}
-    if missing := evidence.missing():
-        return _result("insufficient", told, missing)
-    told |= {**of_lengths(evidence), **({"power": power} if rerun and (power := evidence.power()) else {})}
-    if not evidence.falsified:
-        excluded, fit = excluded_sizes(evidence, evidence.baseline), centred(evidence, evidence.baseline)
+    return Procedure(evidence, rerun, extend, progress, most_work).diagnosis()
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Sets of effects with which a falsified record stands.
+
+    Attributes
+    ----------
+    groups : list of list of Fit
+        all sets, those together that cannot be told apart
+    findings : list of Finding
+        one of each group whose effects cannot be nothing; sets that contain another one stand last
+    idle : list of Finding
+        one of each other group: each size of some effect in it may be zero
+    containing : list of Finding
+        sets that contain one of the findings, and so can always do what that does: no rivals of it
+    """
+
+    groups: Sequence[Sequence[Fit]]
+    findings: Sequence[Finding]
+    idle: Sequence[Finding]
+    containing: Sequence[Finding]
+
+    @staticmethod
+    def of(evidence: Evidence, fits: Sequence[Fit]) -> "Candidates":
+        """Sort the sets that a search returned."""
+        groups = equivalence_groups(evidence, fits)
+        every = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
+        acting = [finding for finding in every if finding.acts]
+        idle = [finding for finding in every if not finding.acts]
+        containing = [finding for finding in every if any(finding.contains(other) for other in acting)]
+        acting.sort(key=lambda finding: finding in containing)
+        return Candidates(groups, acting, idle, containing)
+
+    @property
+    def not_shown(self) -> tuple[str, ...]:
+        """Why sets whose effects may be nothing are not named."""
+        return tuple(dict.fromkeys(finding.not_shown for finding in self.idle))
+
+    @property
+    def are_several(self) -> bool:
+        """Whether more than one set remains."""
+        return len(self.groups) > 1 + len(self.containing)
+
+    def beside(self, finding: Finding) -> tuple[tuple[NamedEffect, ...], ...]:
+        """Other sets that no measurement can tell from that of a finding."""
+        own = set(finding.fit.places)
+        for group in self.groups:
+            if any(set(fit.places) == own for fit in group):
+                return tuple(_named(fit.places) for fit in group[1:])
+        return ()
+
+
+@dataclass(frozen=True, eq=False)
+class Procedure:
+    """The stages of a diagnosis, each worked out once, when it is needed; options as of `diagnosed`."""
+
+    evidence: Evidence
+    rerun: bool
+    extend: bool
+    progress: bool
+    most_work: float
+
+    def diagnosis(self) -> Diagnosis:
+        """The result."""
+        if self.missing:
+            return self._result("insufficient", self.missing)
+        if not self.evidence.falsified:
+            return self._of_model_that_stands()
+        if not self.found.fits:
+            return self._without_a_set()
+        return self._of_sets()
+
+    # Falsify
+
+    @cached_property
+    def head(self) -> Mapping[str, Any]:
+        """Keys of what was assumed, and of the model without effects."""
+        return self.evidence.head()
+
+    @cached_property
+    def missing(self) -> Mapping[str, Any]:
+        """Keys of what is missing, where nothing can be fitted."""
+        return self.evidence.missing()
+
+    @cached_property
+    def lengths(self) -> Mapping[str, Any]:
+        """Keys of what the moves or windows of each length say; none of a record without such."""
+        return of_lengths(self.evidence)
+
+    @cached_property
+    def _read_off(self) -> tuple[str, ...]:
+        """Why effects that readings show by themselves are not named."""
+        return tuple(effect.objection for effect in self.evidence.read_off if effect.objection)
+
+    @cached_property
+    def dependence(self) -> Dependence | None:
+        """On what, and where, the misfit depends."""
+        return dependence(self.evidence)
+
+    # Search
+
+    @cached_property
+    def objections(self) -> tuple[str, ...]:
+        """Why nothing is searched for."""
+        return (*self.evidence.objections(), *self._read_off)
+
+    @cached_property
+    def found(self) -> Found:
+        """The smallest sets of effects with which the record stands."""
+        if self.objections:
+            return Found(())
+        return search(self.evidence, progress=self.progress, most_work=self.most_work)
+
+    @cached_property
+    def candidates(self) -> Candidates:
+        """The same, sorted."""
+        return Candidates.of(self.evidence, self.found.fits)
+
+    # Judge
+
+    @cached_property
+    def listed(self) -> Listed:
+        """The catalogue beside functions of one quantity."""
+        return Listed(self.evidence)
+
+    @cached_property
+    def beside_catalogue(self) -> Dependence | None:
+        """The dependence, of which nothing is proven that sets of the catalogue do otherwise."""
+        return self.dependence and self.listed.beside(self.dependence, self.found.fits)
+
+    @cached_property
+    def proven(self) -> Proven | None:
+        """What is proven of place and quantity."""
+        return self.beside_catalogue and Proven.of(self.beside_catalogue)
+
+    @cached_property
+    def proves_quantity(self) -> bool:
+        """Whether a quantity is proven."""
+        return self.proven is not None and self.proven.quantity is not None
+
+    @cached_property
+    def unlisted(self) -> Unlisted:
+        """What is in no catalogue beside the first set that stands."""
+        candidates = self.candidates
+        first = candidates.findings[0].fit if candidates.findings else candidates.groups[0][0]
+        return Unlisted.of(self.beside_catalogue, self.listed, first)
+
+    @cached_property
+    def functions(self) -> Mapping[str, Any]:
+        """Keys of what is possible of a function whose place and quantity are proven, beside sets that stand."""
+        fits = self.found.fits
+        return self._functions_beside(fits, extend=self.extend or not fits)
+
+    def _functions_beside(self, fits: Sequence[Fit], *, extend: bool) -> Mapping[str, Any]:
+        shown = self.beside_catalogue
+        if shown is None or shown.proven is None:
+            return {}
+        beyond = Beyond(self.evidence, shown.proven.pair, shown.proven.form, tuple(fits))
+        return keys_of(beyond, extend=extend, rerun=self.rerun)
+
+    @cached_property
+    def caution(self) -> tuple[str, ...]:
+        """What the record cannot tell from the sets that stand."""
+        caution = (*self.functions.get("caution", ()), *self.unlisted.caution)
+        held, fits = self.unlisted.held, self.found.fits
+        several = len(fits[0].places) > self.evidence.most_known_alone
+        if held is not None and not self.proves_quantity and several:
+            # Other laws do as well as sets that one function holds, though no quantity is proven.
+            beyond = Beyond(self.evidence, held.pair, held.form, tuple(fits))
+            caution += beyond.caution if beyond.bands else ()
+        return caution
+
+    # The results
+
+    def _of_model_that_stands(self) -> Diagnosis:
+        """Consistent, unless the record is too short, or readings show an effect by themselves."""
+        evidence = self.evidence
+        excluded = excluded_sizes(evidence, evidence.baseline)
+        fit = centred(evidence, evidence.baseline)
         model = evidence.of_model(fit, excluded)
-        if said := _not_named(evidence):
-            return _unexplained(evidence, told | {"baseline": model["baseline"]}, said)
-        verdict = "insufficient" if "missing" in model else "consistent"
-        if evidence.read_off and verdict == "consistent":
+        if self._read_off:
+            return self._unexplained(self._read_off, baseline=model["baseline"])
+        if "missing" in model:
+            return self._result("insufficient", model, excluded=excluded)
+        if evidence.read_off:
             finding = Finding(causes_of(evidence, fit), fit)
-            return _result("explained", told | {"findings": [finding]} | _named(finding), model, excluded=excluded)
-        return _result(verdict, told, model, excluded=excluded)
-    told |= of_dependence(evidence)
-    objections = (*evidence.objections(), *_not_named(evidence))
-    found = Found(()) if objections else search(evidence, progress=progress, most_work=most_work)
-    told |= {"tried": single_radii(evidence) if evidence.ranks_each else (), **evidence.of_misfit(), **found.told}
-    listed = Listed(evidence)
-    told |= of_what_is_proven(told, listed, found.fits)
-    told |= of_functions(evidence, told, found.fits, extend=extend or not found.fits, rerun=rerun)
-    if not found.fits:
-        helps, said = what_helps(evidence, told.get("lengths", ()))
-        gain = evidence.gain(evidence.refit(helps)) if rerun and helps else None
-        return _unexplained(evidence, told | {"gain": gain}, (*objections, *said))
-    groups = equivalence_groups(evidence, found.fits)
-    tried = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
-    findings = [finding for finding in tried if finding.acts]
-    idle = tuple(dict.fromkeys(finding.not_shown for finding in tried if not finding.acts))
-    # What contains a set that stands can always stand, too: it is no rival, and comes behind.
-    containing = [one for one in tried if any(one.contains(other) for other in findings)]
-    findings = sorted(findings, key=lambda one: one in containing)
-    unlisted = Unlisted.of(told.get("dependence"), listed, findings[0].fit if findings else groups[0][0])
-    told |= {"caution": (*told.get("caution", ()), *unlisted.caution)}
-    proven = told.get("proven")
-    if unlisted.held is not None and not (proven is not None and proven.quantity):
-        told["caution"] += laws_beside(evidence, unlisted.held, found.fits)
-    if not findings:
-        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
-        return _unexplained(evidence, told | {"unshown": tried}, idle)
-    if found.is_sample and unlisted.rivals:
-        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
-        return _unexplained(evidence, told, (*(_as_simple(finding, unlisted) for finding in findings), *idle))
-    if untried := evidence.untried(found.size):
-        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
-        return _unexplained(evidence, told, (*(f"{one.title} would do; {untried}" for one in findings), *idle))
-    best, judgement = findings[0], judgement_of(evidence, findings[0].fit)
-    told |= {"findings": findings, "judgement": judgement}
-    objections = tuple(text for witness in _heard(judgement) for text in witness.objections)
-    if len(groups) > 1 + len(containing) or not found.complete:
-        return _result(
-            "ambiguous",
-            told | _named(best) | of_extension(told, rerun=rerun),
-            evidence.probe([finding.fit for finding in findings]),
-            alternatives=tuple(finding.causes for finding in findings[1:]),
-            complete=found.complete,
-            not_named=idle,
-            objections=objections,
+            return self._result("explained", model, best=finding, findings=[finding], excluded=excluded)
+        return self._result("consistent", model, excluded=excluded)
+
+    def _without_a_set(self) -> Diagnosis:
+        """Unexplained: nothing of the catalogue mends the model."""
+        helpful, said = what_helps(self.evidence, self.lengths.get("lengths", ()))
+        gain = self.evidence.gain(self.evidence.refit(helpful)) if self.rerun and helpful else None
+        return self._unexplained((*self.objections, *said), functions=self.functions, gain=gain)
+
+    def _of_sets(self) -> Diagnosis:
+        """What follows from the sets of effects with which the record stands."""
+        candidates, unlisted = self.candidates, self.unlisted
+        findings, idle = candidates.findings, candidates.not_shown
+        if not findings:
+            return self._not_named(idle, unshown=candidates.idle)
+        if self.found.is_sample and unlisted.rivals:
+            return self._not_named((*(_as_simple(finding, unlisted) for finding in findings), *idle))
+        if untried := self.evidence.untried(self.found.size):
+            return self._not_named((*(f"{finding.title} would do; {untried}" for finding in findings), *idle))
+        best, judgement = findings[0], judgement_of(self.evidence, findings[0].fit)
+        if candidates.are_several or not self.found.complete:
+            return self._ambiguous(
+                [finding.fit for finding in findings],
+                best=best,
+                findings=findings,
+                judgement=judgement,
+                alternatives=tuple(finding.causes for finding in findings[1:]),
+                complete=self.found.complete,
+                not_named=idle,
+                objections=objections_of(judgement),
+            )
+        at_one_length: tuple[str, ...] = ()
+        if not isinstance(judgement, Witness):
+            judgement = by_need(judgement)
+            order = [effect.place for effect in self.evidence.read_off]
+            order += [witness.place for witness in judgement if witness.place is not None]
+            best = best.in_order(order)
+            at_one_length = only_at_one_length(self.evidence, best.fit, self.lengths.get("lengths", ()))
+        if objections := (*objections_of(judgement), *at_one_length):
+            return self._not_named(objections, findings=[best], judgement=judgement)
+        if unlisted.rivals:
+            fits = [best.fit, *unlisted.fits(self.evidence)]
+            return self._ambiguous(fits, best=best, findings=[best], judgement=judgement)
+        return self._explained(best, judgement)
+
+    def _explained(self, best: Finding, judgement: Any) -> Diagnosis:
+        """One set of effects explains the record, and no other does."""
+        excluded = excluded_sizes(self.evidence, best.fit)
+        return self._result(
+            "explained",
+            self.evidence.of_model(best.fit, excluded),
+            best=best,
+            functions=self.functions,
+            caution=self.caution,
+            level=self._level(best),
+            findings=[best],
+            judgement=judgement,
+            containing=tuple(_named(finding.fit.places) for finding in self.candidates.containing),
+            equivalent_sets=self.candidates.beside(best),
+            gain=self.evidence.gain(best.fit) if self.rerun else None,
+            excluded=excluded,
         )
-    if not isinstance(judgement, Witness):
-        # What is needed most comes first.
-        heard = sorted(judgement, key=lambda witness: -witness.rms_without)
-        places = [witness.place for witness in heard if witness.place is not None]
-        best = best.in_order([*(read.place for read in evidence.read_off), *places])
-        objections = tuple(text for witness in heard for text in witness.objections)
-        objections += only_at_one_length(evidence, best.fit, told.get("lengths", ()))
-        told |= {"judgement": heard}
-    told |= {"findings": [best]}
-    # What has a witness against it is not named.
-    if objections:
-        told |= of_functions(evidence, told, (), extend=True, rerun=rerun)
-        return _unexplained(evidence, told, objections)
-    if unlisted.rivals:
-        probed = evidence.probe([best.fit, *unlisted.fits(evidence)])
-        return _result("ambiguous", told | _named(best) | of_extension(told, rerun=rerun), probed)
-    several_laws = unlisted.same is not None or ("beyond" in told and told["beyond"].caution)
-    if unlisted.compared and "dependence" in told:
-        if proven is not None and proven.quantity:
+
+    def _level(self, best: Finding) -> str | None:
+        """How far the record carries the only set: to its law, or to the quantity; None where that was not compared."""
+        if not self.unlisted.compared or self.dependence is None:
+            return None
+        beyond = self.functions.get("beyond")
+        other_laws = self.unlisted.same is not None or (beyond is not None and bool(beyond.caution))
+        if self.proves_quantity:
             # Where other laws of the quantity were not compared, no law is the only one.
-            told |= {"level": "quantity" if several_laws or "beyond" not in told else "law"}
-        elif len(best.fit.places) <= evidence.most_known_alone:
-            told |= {"level": "quantity" if several_laws else "law"}
-    excluded = excluded_sizes(evidence, best.fit)
-    same = next(group for group in groups if set(best.fit.places) in [set(fit.places) for fit in group])
-    return _result(
-        "explained",
-        told | _named(best),
-        evidence.of_model(best.fit, excluded),
-        containing=tuple(tuple(NamedEffect.of(place) for place in one.fit.places) for one in containing),
-        equivalent_sets=tuple(tuple(NamedEffect.of(place) for place in fit.places) for fit in same[1:]),
-        gain=evidence.gain(best.fit) if rerun else None,
-        excluded=excluded,
-    )
+            return "quantity" if other_laws or beyond is None else "law"
+        if len(best.fit.places) > self.evidence.most_known_alone:
+            return None
+        return "quantity" if other_laws else "law"
+
+    def _ambiguous(self, fits: Sequence[Fit], **keys: Any) -> Diagnosis:
+        """Several models remain: what would separate them."""
+        functions = dict(self.functions)
+        if "beyond" in functions and "extension" not in functions:
+            extension = functions["beyond"].extension(self.rerun)
+            functions |= {} if extension is None else {"extension": extension}
+        return self._result("ambiguous", self.evidence.probe(fits), functions=functions, caution=self.caution, **keys)
+
+    def _not_named(self, objections: Sequence[str], **keys: Any) -> Diagnosis:
+        """Unexplained, though sets of effects stand: something speaks against each of them."""
+        extended = self._functions_beside((), extend=True)
+        caution = extended.get("caution", self.caution)
+        return self._unexplained(objections, functions={**self.functions, **extended}, caution=caution, **keys)
+
+    def _unexplained(self, objections: Sequence[str], **keys: Any) -> Diagnosis:
+        proven = self.proven if self.evidence.falsified else None
+        if proven is not None:
+            keys["level"] = "quantity" if proven.quantity else "place"
+            keys["depends_on"] = (proven.on, *proven.same) if proven.quantity else proven.not_excluded
+        structure = residual_structure(self.evidence.channels())
+        return self._result("unexplained", {}, not_named=tuple(objections), residual_structure=structure, **keys)
+
+    def _result(
+        self,
+        verdict: str,
+        more: Mapping[str, Any],
+        *,
+        best: Finding | None = None,
+        functions: Mapping[str, Any] | None = None,
+        **keys: Any,
+    ) -> Diagnosis:
+        """The result: what is known of every record, `more` keys of its evidence, and those `keys` that hold something.
+
+        `best` is what is named, `functions` the keys of functions of one quantity.
+        """
+        content: dict[str, Any] = {"evidence": self.evidence, "causes": (), "extended": None, "gain": None}
+        content |= self.head
+        if not self.missing:
+            content |= {**self.lengths, **self._power}
+            if self.evidence.falsified:
+                content |= self._of_misfit
+        content |= functions or {}
+        content |= more
+        for key, value in keys.items():
+            if value not in (None, ()):
+                content[key] = value
+        if best is not None:
+            content |= {"causes": best.causes, "extended": {"radius": best.fit.radius}}
+        content["warnings"] = (*self.head.get("warnings", ()), *more.get("warnings", ()))
+        return Diagnosis.model_validate({**content, "verdict": verdict})
+
+    @cached_property
+    def _power(self) -> Mapping[str, Any]:
+        power = self.evidence.power() if self.rerun else ()
+        return {"power": power} if power else {}
+
+    @cached_property
+    def _of_misfit(self) -> Mapping[str, Any]:
+        """Keys of a falsified model: on what the misfit depends, the bound that would do, what single effects leave."""
+        evidence = self.evidence
+        keys: dict[str, Any] = {"tried": single_radii(evidence) if evidence.ranks_each else ()}
+        if evidence.stated_bound is not None:
+            keys["noise_bound_needed"] = evidence.baseline_radius * evidence.stated_bound
+        if self.dependence is not None:
+            keys["suffices"] = tuple(Suffices.of(standing) for standing in self.dependence.standing)
+            keys |= {"dependence": self.beside_catalogue, "proven": self.proven}
+        return {**keys, **evidence.of_misfit(), **self.found.told}
+
+
+def _named(places: Sequence[EffectPlace]) -> tuple[NamedEffect, ...]:
+    return tuple(NamedEffect.of(place) for place in places)
+
+
+def _as_simple(finding: Finding, unlisted: Unlisted) -> str:
+    """Why a set that was found before the search was cut off is not named."""
+    rival = unlisted.rivals[0].pair.in_words
+    return f"{finding.title} would do; others may that were not tried, and, as simple, {rival} would"
+
+
+def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:
+    """The first of a group of sets whose effects cannot be nothing; where each can, the first."""
+    first: Finding | None = None
+    for fit in group:
+        middle = centred(evidence, fit)
+        finding = Finding(causes_of(evidence, middle), middle)
+        if finding.acts:
+            return finding
+        first = first or finding
+    assert first is not None
+    return first
 
 
 def answered(
@@ -197,240 +458,26 @@ def answered(
     if evidence.missing() or adds_nothing(evidence, place):
         return answer_of(place, before, "cannot be told")
     same = same_in_catalogue(evidence, place)
-    told: dict[str, Any] = {"equivalents": tuple(NamedEffect.of(other) for other in same)}
+    equivalents = _named(same)
     fits = evidence.mended([place], Work())
     if not fits:
-        return answer_of(place, before, "refuted", radius=radius_with(evidence, place), **told)
+        return answer_of(place, before, "refuted", radius=radius_with(evidence, place), equivalents=equivalents)
     finding = finding_of(evidence, fits)
-    told |= {"radius": finding.fit.radius, "parameters": finding.causes[-1].parameters}
+    found: dict[str, Any] = {"radius": finding.fit.radius, "parameters": finding.causes[-1].parameters}
+    found["equivalents"] = equivalents
     if not evidence.falsified:
-        return answer_of(place, before, "not needed", **told)
-    idle = () if finding.acts else ("it may be zero",)
-    heard = _heard(judgement_of(evidence, finding.fit))
-    told["objections"] = (*idle, *evidence.objections(), *(text for witness in heard for text in witness.objections))
-    told |= {"as_well": others_that_stand(findings, same), "finding": finding}
-    return answer_of(place, before, "stands", gain=evidence.gain(finding.fit) if rerun else None, **told)
-
-
-def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:
-    """The first of a group of sets whose effects cannot be nothing; where each can, the first."""
-    findings = (Finding(causes_of(evidence, fit), fit) for fit in (centred(evidence, fit) for fit in group))
-    first = next(findings)
-    return first if first.acts else next((finding for finding in findings if finding.acts), first)
-
-
-def judgement_of(evidence: Evidence, fit: Fit) -> Witness | list[EffectWitness]:
-    """What was left out says of the effects of a fit: of all together, or of each."""
-    # Each trial is heard before the next begins: its shuffles are made as they are asked for.
-    heard = [Witness.of(trial) if trial.jointly else EffectWitness.of(trial) for trial in evidence.trials(fit)]
-    each = [witness for witness in heard if isinstance(witness, EffectWitness)]
-    return next((w.model_copy(update={"each": tuple(each)}) for w in heard if isinstance(w, Witness)), each)
-
-
-def _heard(judgement: Witness | list[EffectWitness]) -> Sequence[Witness | EffectWitness]:
-    return [judgement] if isinstance(judgement, Witness) else judgement
-
-
-def _not_named(evidence: Evidence) -> tuple[str, ...]:
-    """Why effects that readings show by themselves are not named."""
-    return tuple(effect.objection for effect in evidence.read_off if effect.objection)
-
-
-def _as_simple(finding: Finding, unlisted: Unlisted) -> str:
-    """Why a set that was found before the search was cut off is not named."""
-    rival = unlisted.rivals[0].pair.in_words
-    return f"{finding.title} would do; others may that were not tried, and, as simple, {rival} would"
-
-
-def _named(finding: Finding) -> dict[str, Any]:
-    return {"causes": finding.causes, "extended": {"radius": finding.fit.radius}}
-
-
-def of_dependence(evidence: Evidence) -> Mapping[str, Any]:
-    """Keys of a falsified model: on what, and where, the misfit depends, and the noise bound that would do without."""
-    bound = evidence.stated_bound
-    needed = {} if bound is None else {"noise_bound_needed": evidence.baseline_radius * bound}
-    found = dependence(evidence)
-    if found is None:
-        return needed
-    return needed | {"dependence": found, "suffices": tuple(Suffices.of(one) for one in found.standing)}
-
-
-def of_what_is_proven(told: Mapping[str, Any], listed: Listed, fits: Sequence[Fit]) -> Mapping[str, Any]:
-    """Keys of what is proven of place and quantity, beside the sets of the catalogue that stand."""
-    if (found := told.get("dependence")) is None:
-        return {}
-    found = listed.beside(found, fits)
-    return {"dependence": found, "proven": Proven.of(found)}
-
-
-def of_functions(
-    evidence: Evidence, told: Mapping[str, Any], fits: Sequence[Fit], *, extend: bool, rerun: bool
-) -> Mapping[str, Any]:
-    """Keys of what is possible of a function whose place and quantity are proven: band, laws, what extends the model.
-
-    `fits` are sets of effects of the catalogue that stand; `extend`, `rerun` are as for `diagnose`.
-    """
-    found = told.get("dependence")
-    if found is None or found.proven is None:
-        return {}
-    beyond = Beyond(evidence, found.proven.pair, found.proven.form, tuple(fits))
-    return keys_of(beyond, extend=extend, rerun=rerun)
-
-
-def laws_beside(evidence: Evidence, held: Standing, fits: Sequence[Fit]) -> tuple[str, ...]:
-    """What else does as well as sets of the catalogue (fits) that one function holds, though no quantity is proven."""
-    if len(fits[0].places) <= evidence.most_known_alone:
-        return ()
-    beyond = Beyond(evidence, held.pair, held.form, tuple(fits))
-    return beyond.caution if beyond.bands else ()
-
-
-def of_extension(told: Mapping[str, Any], *, rerun: bool) -> dict[str, Any]:
-    """Keys of what extends the model whatever the law, where the catalogue does not decide it; as `of_functions`."""
-    if "beyond" not in told or "extension" in told:
-        return {}
-    extension = told["beyond"].extension(rerun)
-    return {} if extension is None else {"extension": extension}
-
-
-def _unexplained(evidence: Evidence, told: Mapping[str, Any], objections: tuple[str, ...]) -> Diagnosis:
-    structure, proven = residual_structure(evidence.channels()), told.get("proven")
-    levels: dict[str, Any] = {}
-    if proven is not None:
-        names = (proven.on, *proven.same) if proven.quantity else proven.not_excluded
-        levels = {"level": "quantity" if proven.quantity else "place", "depends_on": names}
-    return _result("unexplained", told, {}, not_named=objections, residual_structure=structure, **levels)
-
-
-def _result(verdict: str, told: Mapping[str, Any], more: Mapping[str, Any], **keys: Any) -> Diagnosis:
-    """The result; of these keys those that hold something."""
-    kept = {key: value for key, value in keys.items() if value not in (None, ()) or key in ("gain", "complete")}
-    warnings = (*told.get("warnings", ()), *more.get("warnings", ()))
-    return Diagnosis.model_validate({**told, **more, **kept, "verdict": verdict, "warnings": warnings})
-
-
-def centred(evidence: Evidence, fit: Fit) -> Fit:
-    """The fit whose parameters and coefficients are one possible point in the middle of what the record leaves."""
-    return fit.centred(evidence.room(fit), evidence.most_rows)
-
-
-def parameters_of(evidence: Evidence, fit: Fit) -> tuple[SizedParameter, ...]:
-    """The model's parameters as a fit states them, with what the record leaves possible beside the fit's effects."""
-    ends = fit.ends(evidence.room(fit), evidence.most_rows)
-    named = zip(evidence.names, fit.estimate, ends, strict=False)
-    return tuple(SizedParameter.of(name, unit, value, possible) for (name, unit), value, possible in named)
-
-
-def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
-    """A set of effects as causes: what is stated of each, inside what the record leaves possible.
-
-    What the readings show by themselves stands before them.
-    """
-    causes = [Cause.found(read.place, (), read.values, read.ends) for read in evidence.read_off]
-    intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
-    for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
-        parameters, ends = place.definition.parameters, evidence.told(place, possible)
-        # A phase is told up to whole turns, a size that is just at its end up to rounding.
-        stated = [
-            value - 2.0 * np.pi * round((value - 0.5 * (low + high)) / (2.0 * np.pi))
-            if parameter.name.endswith("phase") and np.isfinite((low, high)).all()
-            else min(max(value, low), high)
-            for parameter, value, (low, high) in zip(parameters, values, ends, strict=True)
-        ]
-        causes.append(Cause.found(evidence.named(place), evidence.classes.equivalents(place), stated, ends))
-    return tuple(causes)
-
-
-def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
-    """Upper bounds of the effects that were not found, each added to the model that explains the record.
-
-    Of each parameter with effect, where, order and axes: sizes above ``above`` are excluded; effects that the record
-    does not bound below their largest possible size are left out.
-    """
-    found, room, count = [], evidence.room(fit), len(fit.at)
-    for place, columns in evidence.beside(fit):
-        # What bounds an effect beside one way of the others bounds it beside the next one nearly as well.
-        proofs: Proofs = {}
-        possible = fit.possible_in_any(room, columns, evidence.most_rows, proofs)
-        parameters = place.definition.parameters
-        sizes = [largest_coefficient(possible, count + k, parameter.name) for k, parameter in enumerate(parameters)]
-        ends = evidence.told(place, [(0.0, size) for size in sizes])
-        for parameter, (_, above) in zip(parameters, ends, strict=True):
-            if above < parameter.largest and not parameter.name.endswith("phase"):
-                found.append(
-                    {**place.entry, "parameter": parameter.name, "unit": parameter.unit, "above": float(above)}
-                )
-    return tuple(found)
-
-
-def largest_coefficient(possible: Steps, column: int, name: str) -> float:
-    """Largest absolute value of a coefficient, or largest length of the pair of an amplitude and its phase."""
-    if name.endswith("phase"):
-        return np.inf
-    if name.endswith("amplitude"):
-        return largest_length(possible.among(np.array([column, column + 1])))
-    reach = possible.among(np.array([column]))
-    return reach(np.ones(1), reach(-np.ones(1)))
-
-
-def residual_structure(channels: Sequence[Channel]) -> tuple[dict[str, Any], ...]:
-    """How much of the residual a smooth function of one quantity predicts at readings that it was not fitted to.
-
-    Of each component, by its label, and quantity ``on``: ``explained``, the part of the residual's sum of squares that
-    is predicted when each reading is left out in turn; ``explainable``, the part that is more than noise within the
-    bound, uniform, would be on average. The most telling quantity first, then those of several variables.
-    """
-    found, joint = [], []
-    for channel in channels:
-        rows = np.unique(np.linspace(0, len(channel.error) - 1, MOST_ROWS).round().astype(int))
-        error, bound = channel.error[rows], channel.bound[rows]
-        circles = {name: circle(angle[rows]) for name, angle in channel.angles.items()}
-        single = circles | {name: spread(values[rows]) for name, values in channel.quantities.items()}
-        several = {" and ".join(circles): np.hstack(list(circles.values()))} if circles else {}
-        several |= {name: spread(values[rows]) for name, values in channel.joint.items()}
-        total = float((error**2).sum())
-        explainable = max(0.0, 1.0 - float((bound**2).sum()) / 3.0 / total) if total > 0.0 else 0.0
-        for names, entries in ((single, found), (several, joint)):
-            for on, coordinates in names.items():
-                share = predicted_share(coordinates, error)
-                entries.append({**channel.label, "on": on, "explained": share, "explainable": explainable})
-
-    def telling(entry: dict[str, Any]) -> float:
-        return -round(float(entry["explained"]), 9)
-
-    return (*sorted(found, key=telling), *sorted(joint, key=telling))
-
-
-def circle(angle: NDArray) -> NDArray:
-    """An angle (N,) as a point (N, 2) of the unit circle."""
-    return np.stack((np.cos(angle), np.sin(angle)), axis=1)
-
-
-def spread(values: NDArray) -> NDArray:
-    """Quantities (N, k) in units of their standard deviation; zeros where they do not vary."""
-    deviation = values.std(axis=0)
-    return (values - values.mean(axis=0)) / np.where(
-        deviation > 1e-12 * np.abs(values).max(initial=0.0), deviation, np.inf
+        return answer_of(place, before, "not needed", **found)
+    objections = list(evidence.objections())
+    if not finding.acts:
+        objections.insert(0, "it may be zero")
+    objections += objections_of(judgement_of(evidence, finding.fit))
+    return answer_of(
+        place,
+        before,
+        "stands",
+        objections=tuple(objections),
+        as_well=others_that_stand(findings, same),
+        finding=finding,
+        gain=evidence.gain(finding.fit) if rerun else None,
+        **found,
     )
-
-
-def predicted_share(coordinates: NDArray, residual: NDArray) -> float:
-    """Part of the sum of squares that a smooth function of coordinates (N, k) predicts of readings left out in turn.
-
-    Kernel regression with Gaussian functions of several lengths; the length and the noise that predict best are taken.
-    The errors of readings left out follow from one decomposition: e_i = [K⁻¹ r]_i / [K⁻¹]_ii.
-    """
-    total = float((residual**2).sum())
-    if total == 0.0 or not np.ptp(coordinates, axis=0).any():
-        return 0.0
-    square = ((coordinates[:, None, :] - coordinates[None, :, :]) ** 2).sum(axis=2)
-    least = total
-    for length in KERNEL_LENGTHS:
-        values, vectors = np.linalg.eigh(np.exp(-0.5 * square / length**2))
-        weights = vectors.T @ residual
-        for noise in NOISE_PARTS:
-            inverse = 1.0 / (np.maximum(values, 0.0) + noise)
-            errors = (vectors @ (inverse * weights)) / ((vectors**2) @ inverse)
-            least = min(least, float((errors**2).sum()))
-    return max(0.0, 1.0 - least / total)

@@ -8,8 +8,7 @@ from ..evidence.fit import Fit
 from ..evidence.joint import Joint
 from ..evidence.of_record import is_of_instrument
 from ..result import Result, finite_or_none
-from .cause import Number, SizedParameter
-from .procedure import causes_of, centred, parameters_of
+from .cause import Number, SizedParameter, causes_of, centred, parameters_of
 from .result import Diagnosis
 
 

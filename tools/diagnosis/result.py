@@ -2,179 +2,24 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
 from ..calibration.result import OpenTarget, Reading
-from ..evidence.evidence import Trial
 from ..evidence.fit import Gain
 from ..result import Result, Told
-from ..rounding import downwards, upwards
 from .band import BandOfFunctions
 from .beyond import BeyondCatalogue, StatedLaw
 from .cause import Cause, NamedEffect, Number
+from .dependence import Proven, Suffices
 from .hypothesis import Hypothesis
-from .level import Proven, Suffices
+from .witness import EffectWitness, Witness
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
 DIAGNOSIS, FIRST_DIAGNOSIS = "trihedron.diagnosis/2", "trihedron.diagnosis/1"
-CHANCE = 0.05
-"""More than this part of the shuffles being as good as an effect speaks against it."""
-
-
-class Score(Result):
-    """Errors of what was left out, without and with effects, in the unit of the evidence."""
-
-    scored: int
-    rms_before: Number
-    rms_after: Number
-    max_before: Number
-    max_after: Number
-
-    @staticmethod
-    def of(before: NDArray, after: NDArray) -> "Score":
-        """Root mean squares and maxima of errors (R,)."""
-        figures = {"rms_before": _rms(before), "rms_after": _rms(after)}
-        largest = {"max_before": float(np.abs(before).max()), "max_after": float(np.abs(after).max())}
-        return Score(scored=len(before), **figures, **largest)
-
-    @property
-    def improves(self) -> bool:
-        """Whether what was left out is predicted better with the effects, on the whole."""
-        return self.rms_after < self.rms_before
-
-
-class Shuffles(Result):
-    """Shuffles of effects, and how many of them predicted what was left out as well."""
-
-    tried: int
-    as_good: int
-
-    @staticmethod
-    def of(trial: Trial, reached: float) -> "Shuffles":
-        """Those of a trial that came to an error with the effects where they belong."""
-        tried = [_rms(errors) <= reached for errors in trial.shuffled]
-        return Shuffles(tried=len(tried), as_good=sum(tried))
-
-    @property
-    def objects(self) -> bool:
-        """Whether that speaks against the effects."""
-        return self.as_good > CHANCE * self.tried
-
-
-class LargestError(Result):
-    """The error of a reading that was left out that noise explains least, over its bound, and what noise can make."""
-
-    position: int
-    accelerometer: int
-    error: Number
-    allowed: Number
-
-    @property
-    def objects(self) -> bool:
-        """Whether that speaks against the effects."""
-        return self.error > self.allowed
-
-
-class EffectWitness(Result):
-    """What was left out says of one effect of a set: errors over their bounds with the others, and with it."""
-
-    effect: str
-    where: str
-    rms_without: Number
-    rms_with: Number
-    shuffles: Shuffles
-    place: EffectPlace | None = Field(default=None, exclude=True)
-
-    @staticmethod
-    def of(trial: Trial) -> "EffectWitness":
-        """The witness of a trial of one effect."""
-        (place,), errors = trial.places, trial.folds
-        assert errors is not None
-        without, reached = _rms(errors[0]), _rms(errors[1])
-        figures: dict[str, Any] = {"rms_without": without, "rms_with": reached, "shuffles": Shuffles.of(trial, reached)}
-        return EffectWitness(effect=place.effect, where=place.where, place=place, **figures)
-
-    @property
-    def title(self) -> str:
-        """The effect in words."""
-        return f"{self.effect} {self.where}" if self.place is None else self.place.title
-
-    @property
-    def objections(self) -> tuple[str, ...]:
-        """Why the effect may not be named; none where it may."""
-        title = self.title
-        if not self.rms_with < self.rms_without:
-            return (f"{title} does not improve the parts of the record that were left out",)
-        if not self.shuffles.objects:
-            return ()
-        shuffles = f"{self.shuffles.as_good} of {self.shuffles.tried} shuffles of {title} over the record"
-        return (f"{shuffles} predict what was left out as well",)
-
-
-class Witness(Result):
-    """What was left out says of the effects of a set, together.
-
-    None of it is evidence for them: almost any effect improves some readings that were left out. But effects that
-    improve none, or no more than their own signatures do where they do not belong, are not named; nor are those with
-    which a reading that was left out misses by more than noise within the bounds can make of it.
-    """
-
-    folds: Score | None
-    blocks: Score | None
-    shuffles: Shuffles | None
-    largest: LargestError | None
-    each: tuple[EffectWitness, ...] = ()
-    place_titles: tuple[str, ...] = Field(default=(), exclude=True)
-
-    @staticmethod
-    def of(trial: Trial) -> "Witness":
-        """The witness of a trial of a whole set."""
-        folds, blocks = (None if errors is None else Score.of(*errors) for errors in (trial.folds, trial.blocks))
-        tried = None if folds is None else Shuffles.of(trial, folds.rms_after)
-        shuffles = tried if tried is not None and tried.tried else None
-        largest = None if trial.worst is None else LargestError(**vars(trial.worst))
-        titles = tuple(place.title for place in trial.places)
-        scores: dict[str, Any] = {"folds": folds, "blocks": blocks, "shuffles": shuffles, "largest": largest}
-        return Witness(**scores, place_titles=titles)
-
-    @property
-    def objections(self) -> tuple[str, ...]:
-        """Why the effects may not be named; none where they may."""
-        title, said = " and ".join(self.place_titles), []
-        if self.folds is not None and not self.folds.improves:
-            said.append(f"{title} would do, but does not improve positions that were left out")
-        if self.blocks is not None and not self.blocks.improves:
-            said.append(f"{title} would do, but does not improve parts of the record, in time, that were left out")
-        if self.shuffles is not None and self.shuffles.objects:
-            said.append(
-                f"{title} would do, but {self.shuffles.as_good} of {self.shuffles.tried} shuffles over the record "
-                "predict what was left out as well"
-            )
-        if self.largest is not None and self.largest.objects:
-            where = f"{self.largest.position}/{self.largest.accelerometer}"
-            said.append(
-                f"{title} would do, but the reading at position/accelerometer {where}, left out, misses by "
-                f"{downwards(self.largest.error, 3)} times its bound; noise makes {upwards(self.largest.allowed, 3)} "
-                "at most"
-            )
-        return (*said, *(text for witness in self.each for text in witness.objections))
-
-    @property
-    def not_judged(self) -> str | None:
-        """What could not be asked, which is no objection."""
-        if self.folds is not None:
-            return None
-        return "whether the effects improve positions that were left out could not be judged: too few positions"
-
-
-def _rms(values: NDArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 class BaselineParameter(Result):

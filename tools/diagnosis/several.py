@@ -25,12 +25,13 @@ from ..evidence.of_record import (
     plain,
 )
 from ..result import Result, Told
-from .cause import Cause, Finding, NamedEffect, Number, SizedParameter
-from .cross_gain import CrossGain, Helps, cross_gains
-from .procedure import causes_of, centred, diagnosed, parameters_of
+from .cause import Cause, Finding, NamedEffect, Number, SizedParameter, causes_of, centred, parameters_of
+from .helps import CrossGain, Helps, cross_gains
+from .procedure import diagnosed
 from .repeated import Repeated, repeated
-from .result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis, EffectWitness
+from .result import DIAGNOSIS, FIRST_DIAGNOSIS, Diagnosis
 from .search import MOST_WORK
+from .witness import EffectWitness
 
 SEVERAL = "trihedron.several/1"
 MOST_TRIED = 4

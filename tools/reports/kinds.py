@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..diagnosis.cause import Cause
-from ..diagnosis.order import is_stable
-from ..diagnosis.result import Diagnosis, OrderOfEffects, Witness
+from ..diagnosis.helps import is_stable
+from ..diagnosis.result import Diagnosis, OrderOfEffects
+from ..diagnosis.witness import Witness
 from ..document.blocks import Section
 from ..document.notation import half_width, sentence, unit_of
 from ..evidence.bench import Bench

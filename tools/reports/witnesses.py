@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..diagnosis.result import Diagnosis, EffectWitness, Witness
+from ..diagnosis.result import Diagnosis
+from ..diagnosis.witness import EffectWitness, Witness
 from ..document.blocks import Section, Table
 from ..document.notation import Cell, sentence
 from ..evidence.bench import TurnErrors

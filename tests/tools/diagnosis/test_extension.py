@@ -19,8 +19,7 @@ from trihedron.models.bench import ELEMENTARY, elementary_reading
 from trihedron.models.effects import EffectPlace, parameter_name
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import export_extended
-from trihedron.tools.diagnosis.cause import Finding
-from trihedron.tools.diagnosis.procedure import causes_of, centred
+from trihedron.tools.diagnosis.cause import Finding, causes_of, centred
 from trihedron.tools.diagnosis.result import Diagnosis
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence

@@ -15,9 +15,9 @@ from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.procedure import diagnosed as diagnosed_evidence
-from trihedron.tools.diagnosis.result import Witness
 from trihedron.tools.diagnosis.rivals import NOT_COMPARED
 from trihedron.tools.diagnosis.search import search
+from trihedron.tools.diagnosis.witness import Witness
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
 from trihedron.tools.evidence.bench_model import with_possible_sizes

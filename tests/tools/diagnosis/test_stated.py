@@ -10,7 +10,7 @@ from bench_cases import bench_case
 from generator.carried import strapdown_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.procedure import causes_of, centred
+from trihedron.tools.diagnosis.cause import causes_of, centred
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import Cast
 from trihedron.tools.trials.bench import NOISE_BOUND

@@ -19,8 +19,8 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.procedure import excluded_sizes, judgement_of
-from trihedron.tools.diagnosis.result import Witness
+from trihedron.tools.diagnosis.cause import excluded_sizes
+from trihedron.tools.diagnosis.witness import Witness, judgement_of
 from trihedron.tools.evidence import bench_left_out, bench_predictions
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import Cast, determined, predicted_errors

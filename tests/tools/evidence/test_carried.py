@@ -13,9 +13,9 @@ from page_text import MATRIX, shown
 from trihedron.fmus import build
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.order import order_of_effects
-from trihedron.tools.diagnosis.result import EffectWitness
+from trihedron.tools.diagnosis.helps import order_of_effects
 from trihedron.tools.diagnosis.search import search
+from trihedron.tools.diagnosis.witness import EffectWitness
 from trihedron.tools.evidence.carried_record import linear_evidence
 from trihedron.tools.evidence.references import Gravity, turned
 from trihedron.tools.motion.carry import GyroModel, carried_attitude

@@ -1,0 +1,271 @@
+"""Which effects help: in which order and at which lengths of a record, and applied to other records."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace
+from ..evidence.evidence import Evidence, largest_size, rms_size
+from ..evidence.fit import ARCMIN, Fit, blocks_of, contains
+from ..result import Result
+from ..rounding import digits
+from .cause import NamedEffect, Number
+from .result import Diagnosis, Length, OrderedEffect, OrderOfEffects
+from .search import search
+
+MOST_STEPS, MOST_TRIED = 4, 12
+HELPS = 0.02
+"""An effect stands in the order when it takes so much off the errors that were left out."""
+SHOWN = 1.5
+"""An effect whose errors, with everything else refitted, are so many bounds is shown by a length."""
+
+Sizes = Mapping[EffectPlace, NDArray[np.float64]]
+"""Effects with their linear coefficients."""
+
+
+# In one record
+
+
+def of_lengths(evidence: Evidence) -> Mapping[str, Any]:
+    """Keys of what each scored part of evidence says with what is known beside it; none of evidence without such parts.
+
+    Where the model is falsified: its smallest sets of effects, the order in which effects help with what was left out,
+    and the same as measured, with nothing taken out.
+    """
+    if not evidence.scored:
+        return {}
+    lengths = tuple(_length(evidence, k) for k in evidence.scored)
+    stable = is_stable([length.order for length in lengths]) if evidence.falsified else None
+    return {"lengths": lengths, "order_stable": stable}
+
+
+def _length(evidence: Evidence, k: int) -> Length:
+    """What one scored part says."""
+    part, alone = evidence.parts[k], evidence.of_length(k)
+    smallest: list[tuple[NamedEffect, ...]] = []
+    order = order_as_measured = None
+    if evidence.falsified:
+        places = evidence.classes.places
+        order = order_of_effects(alone, places)
+        if (measured := evidence.as_measured()) is not None:
+            order_as_measured = order_of_effects(measured.of_length(k), places)
+        if alone.falsified:
+            for fit in search(alone, places).fits:
+                smallest.append(tuple(NamedEffect.of(place) for place in fit.places))
+    if not (evidence.falsified and alone.falsified):
+        smallest = [()]
+    return Length(
+        over=part.label,
+        pieces=len(part),
+        noise_bound_arcmin=float(np.median(part.bound)) / ARCMIN,
+        rms_arcmin=rms_size(part.error) / ARCMIN,
+        max_arcmin=largest_size(part.error) / ARCMIN,
+        radius=alone.baseline.radius,
+        smallest_sets=tuple(smallest),
+        order=order,
+        order_as_measured=order_as_measured,
+    )
+
+
+def order_of_effects(evidence: Evidence, places: Sequence[EffectPlace]) -> OrderOfEffects:
+    """The order in which effects take most off the errors of the one scored part that were left out."""
+    (scored,), folds = evidence.scored, evidence.folds()
+
+    def rms_left_out(chosen: Sequence[EffectPlace]) -> float:
+        return rms_size(evidence.split(evidence.left_out(chosen, folds))[scored])
+
+    start = current = rms_left_out(())
+    chosen: list[EffectPlace] = []
+    steps = []
+    while len(chosen) < min(len(places), MOST_STEPS):
+        ranked = [(rms_left_out([*chosen, place]), place) for place in places if place not in chosen]
+        ranked.sort(key=lambda entry: entry[0])
+        best, place = _simplest_of_best(ranked)
+        if best > (1.0 - HELPS) * current:
+            break
+        if len(ranked) > MOST_TRIED:
+            # What hardly helps by itself is not tried again behind what helps most.
+            places = [other for _, other in ranked[:MOST_TRIED]] + chosen
+        chosen.append(place)
+        steps.append(OrderedEffect(**NamedEffect.keys(place), held_out_rms_arcmin=best / ARCMIN))
+        current = best
+    return OrderOfEffects(held_out_rms_arcmin=start / ARCMIN, steps=tuple(steps))
+
+
+def _simplest_of_best(ranked: Sequence[tuple[float, EffectPlace]]) -> tuple[float, EffectPlace]:
+    """The effect that leaves least, or one that it contains and that helps about as much, with what that leaves."""
+    least, first = ranked[0]
+    for rms, place in ranked:
+        if (1.0 - HELPS) * rms <= least and contains([first], [place]):
+            return rms, place
+    return least, first
+
+
+def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[EffectPlace, ...], tuple[str, ...]]:
+    """What takes most off the errors that were left out, at the middle length, and is no cause: it does not mend them.
+
+    The effects, and a sentence on them; nothing of evidence without lengths, or where nothing helps.
+    """
+    if not lengths:
+        return (), ()
+    middle = lengths[len(lengths) // 2]
+    if (order := middle.order) is None or not order.steps:
+        return (), ()
+    places = tuple(step.place for step in order.steps)
+    sentences = []
+    for place, values in evidence.values_of(places, evidence.estimate(places)).items():
+        names = (parameter.name for parameter in place.definition.parameters)
+        sentences.append(place.definition.sentence(place, dict(zip(names, values, strict=True))))
+    effects = " and ".join(step.effect for step in order.steps)
+    text = (
+        f"{effects}, though of all effects the most help: over {middle.over} the errors that were left out fall from "
+        f"{digits(order.held_out_rms_arcmin)} to {digits(order.steps[-1].held_out_rms_arcmin)} arcmin rms, and not "
+        f"within their bounds ({'; '.join(sentences)})"
+    )
+    if needed := evidence.would_need(places):
+        text += f"; {needed}"
+    return places, (text,)
+
+
+def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:
+    """Whether no two lengths put two effects that both have in opposite orders, and all begin with the same effect."""
+    ordered = [[step.place for step in order.steps] for order in orders if order is not None]
+    for first in ordered:
+        for second in ordered:
+            common = [place for place in first if place in second]
+            if common != [place for place in second if place in first]:
+                return False
+    return len({tuple(order[:1]) for order in ordered}) <= 1
+
+
+def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) -> tuple[str, ...]:
+    """Effects that one of several lengths needs at most, and that another one would show and does not: not named."""
+    if not lengths:
+        return ()
+    objections = []
+    for place, block in zip(fit.places, fit.blocks, strict=True):
+        if place not in evidence.places:
+            # Of one that sets in at a time a length by itself tells less of the time than of the size.
+            continue
+        needing = [length.over for length in lengths if _needs(length, place)]
+        if len(needing) > 1:
+            continue
+        columns, size = evidence.numbers_of([place]), fit.central[len(fit.point) :][block]
+        alone = evidence.with_errors([part.columns[..., columns] @ size for part in evidence.parts])
+        others = [other for other in fit.places if other != place]
+        against = []
+        for k, length in zip(evidence.scored, lengths, strict=True):
+            if length.over not in needing and alone.of_length(k).refit(others).radius > SHOWN:
+                against.append(length.over)
+        if against:
+            needed = f"is needed over {needing[0]} alone" if needing else "is needed over no length by itself"
+            objections.append(f"{place.title} {needed}; over {', '.join(against)} it would show and is not needed")
+    return tuple(objections)
+
+
+def _needs(length: Length, place: EffectPlace) -> bool:
+    """Whether an effect is in one of the smallest sets of a length."""
+    return any(place in [named.place for named in chosen] for chosen in length.smallest_sets)
+
+
+# In other records
+
+
+class WithFound(Result):
+    """Errors with what was found in one record."""
+
+    found_in: str
+    rms: Number
+    max: Number
+
+
+class CrossGain(Result):
+    """Errors of one record, simulated by FMUs: `rms` and `max` without effects, and with what was found in each record.
+
+    `over` says of what the errors are; `unit` is "arcmin" or "g". What is a record's own, its biases, is fitted to it.
+    """
+
+    record: str
+    over: str
+    unit: str
+    rms: Number
+    max: Number
+    applied: tuple[WithFound, ...]
+
+
+class Helps(Result):
+    """An effect that was found in a record: other records on which it helps, alone or with the others found there.
+
+    On none: it is the run's.
+    """
+
+    found_in: str
+    effect: str
+    on: tuple[str, ...]
+
+
+def found_in(diagnosis: Diagnosis) -> Sizes:
+    """Linear effects that explain a record, or those that help most where nothing does, with the sizes stated."""
+    evidence = diagnosis.evidence
+    sizes: dict[EffectPlace, NDArray[np.float64]] = {}
+    if diagnosis.findings:
+        fit = diagnosis.findings[0].fit
+        for place, block, way in fit.ways:
+            if way is None and place.effect != "outlier":
+                sizes[place] = fit.stated[block]
+    elif diagnosis.verdict == "unexplained":
+        helpful, _ = what_helps(evidence, diagnosis.lengths or ())
+        places = [place for place in helpful if place in evidence.places]
+        coefficients = evidence.estimate(places)[len(evidence.names) :]
+        for place, block in zip(places, blocks_of(places), strict=True):
+            sizes[place] = coefficients[block]
+    return sizes
+
+
+def cross_gains(alone: Mapping[str, Diagnosis]) -> tuple[tuple[CrossGain, ...], tuple[Helps, ...]]:
+    """The matrix of errors of records, with what was found in each; and where each of these effects helps."""
+    known: dict[str, Evidence] = {}
+    sources: dict[str, Sizes] = {}
+    for label, diagnosis in alone.items():
+        if diagnosis.evidence.names or diagnosis.evidence.parts:
+            known[label] = diagnosis.evidence
+            if sizes := found_in(diagnosis):
+                sources[label] = sizes
+    gains, helps = [], []
+    for label, evidence in known.items():
+        if sources and (before := evidence.applied({})) is not None:
+            gains.append(_cross_gain(label, evidence, before, sources))
+    for source, sizes in sources.items():
+        for place in sizes:
+            on = [label for label in known if label != source and _helps(known[label], sizes, place)]
+            helps.append(Helps(found_in=source, effect=place.title, on=tuple(on)))
+    return tuple(gains), tuple(helps) if len(known) > 1 else ()
+
+
+def _cross_gain(label: str, evidence: Evidence, before: NDArray, sources: Mapping[str, Sizes]) -> CrossGain:
+    """Errors of a record without effects (S, d), and with what was found in each of some records."""
+    over, unit, scale = evidence.quoted_errors
+    applied = []
+    for source, sizes in sources.items():
+        errors = evidence.applied(sizes)
+        if errors is not None:
+            applied.append(WithFound(found_in=source, **figures_of(errors, scale)))
+    return CrossGain(record=label, over=over, unit=unit, **figures_of(before, scale), applied=tuple(applied))
+
+
+def figures_of(error: NDArray, scale: float) -> dict[str, float]:
+    """`rms` and `max` of the size of errors (S, d), quoted in a unit of this size."""
+    return {"rms": rms_size(error) / scale, "max": largest_size(error) / scale}
+
+
+def _helps(evidence: Evidence, sizes: Sizes, place: EffectPlace) -> bool:
+    """Whether an effect takes something off a record's errors, alone or beside those found with it; to first order."""
+    if place not in evidence.linear_places:
+        return False
+    others = {other: size for other, size in sizes.items() if other != place}
+    for after, before in (({place: sizes[place]}, {}), (sizes, others)):
+        if evidence.rms_with(after) < (1.0 - HELPS) * evidence.rms_with(before):
+            return True
+    return False

@@ -1,0 +1,164 @@
+"""Kinds of records that can be diagnosed: the evidence of each, and the options that it has."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from ...models.effects import EffectPlace
+from ..calibration.gyros import Bench as Place
+from ..errors import InputError
+from ..evidence.bench import bench_evidence
+from ..evidence.bench_in_motion import whole_evidence
+from ..evidence.carried_record import carried_evidence
+from ..evidence.evidence import Evidence
+from ..records import PositionRecord, StrapdownRecord
+
+BOUNDS = (3e-3, 1e-2)
+
+
+@dataclass(frozen=True)
+class DiagnosisOptions:
+    """Options of a diagnosis as a person gives them, whatever the kind of record."""
+
+    noise_bound: float | None = None
+    gravity: float = 9.80665
+    baseline: str | None = None
+    bounds: tuple[float, float] = BOUNDS
+    mounting: str | Mapping[str, ArrayLike] = "identity"
+    rates: str = "instantaneous"
+    reference_bound: float | None = None
+    bench: Place | None = None
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of record.
+
+    Attributes
+    ----------
+    evidence : callable
+        the evidence of a record, with options
+    options : callable
+        the options of its evidence by what is asked; an InputError for one that the kind does not have
+    own : tuple of str
+        names of options that no other kind has
+    baselines : tuple of str
+    at_table : bool
+        whether a table turns the block
+    runs_formulas : bool
+        whether formulas are run beside the catalogue; else they can be added to evidence at any time
+    """
+
+    evidence: Callable[..., Evidence]
+    options: Callable[[Any, DiagnosisOptions], dict[str, Any]]
+    own: tuple[str, ...]
+    baselines: tuple[str, ...]
+    at_table: bool
+    runs_formulas: bool
+
+    def shared_options(self, asked: DiagnosisOptions) -> DiagnosisOptions:
+        """The options of a record of this kind among records of several kinds: those of the others are left out."""
+        default = DiagnosisOptions()
+        changed: dict[str, Any] = {}
+        for kind in KINDS.values():
+            if kind is self:
+                continue
+            for name in kind.own:
+                changed[name] = getattr(default, name)
+            if asked.baseline in kind.baselines:
+                changed["baseline"] = None
+        return replace(asked, **changed)
+
+
+def evidence_of(record: PositionRecord | StrapdownRecord, **options: Any) -> Evidence:
+    """The evidence of a record.
+
+    Options are as for `bench_evidence` or `carried_evidence`. `bench` says where a bench record was measured: then its
+    gyros are held against the table, too.
+    """
+    return kind_of(record).evidence(record, **options)
+
+
+def evidence_options(record: Any, *, among: Mapping[str, Any] | None = None, **options: Any) -> dict[str, Any]:
+    """Options of a record's evidence by those of `diagnose`, the fields of `DiagnosisOptions`.
+
+    `among` are the records with which it is diagnosed: of two kinds each has the options that are its own. An
+    InputError for an option that the record's kind does not have.
+    """
+    kind, asked = kind_of(record), DiagnosisOptions(**options)
+    if any(kind_of(other) is not kind for other in (among or {}).values()):
+        asked = kind.shared_options(asked)
+    return kind.options(record, asked)
+
+
+def evidence_with_formulas(
+    record: PositionRecord | StrapdownRecord, evidence: Evidence, formulas: Sequence[EffectPlace], **options: Any
+) -> Evidence:
+    """The evidence of a record in which formulas can be tried.
+
+    An InputError for a formula that depends on what the record has not, or that is no finite number at one of its rows.
+    """
+    if not formulas or evidence.missing():
+        return evidence
+    try:
+        if kind_of(record).runs_formulas:
+            evidence = kind_of(record).evidence(record, further=formulas, **options)
+        for place in formulas:
+            evidence.columns_of([place])
+    except ValueError as error:
+        raise InputError(f"{record.path}: --hypothesis {error}") from error
+    return evidence
+
+
+def kind_of(record: PositionRecord | StrapdownRecord) -> Kind:
+    """The kind of a record."""
+    return KINDS[type(record)]
+
+
+def _evidence_at_table(record: PositionRecord, *, bench: Place | None = None, **options: Any) -> Evidence:
+    return bench_evidence(record, **options) if bench is None else whole_evidence(record, bench, **options)
+
+
+def _options_at_table(record: PositionRecord, asked: DiagnosisOptions) -> dict[str, Any]:
+    if asked.rates != "instantaneous" and asked.bench is None:
+        raise InputError(f"--rates {asked.rates}: is of a strapdown record; a record of a table has no rates")
+    if asked.reference_bound is not None:
+        raise InputError(
+            f"--reference-bound {asked.reference_bound:g}: is of a strapdown record; a record of a table has no true "
+            "attitude"
+        )
+    options: dict[str, Any] = {name: getattr(asked, name) for name in ("gravity", "noise_bound", "bounds", "mounting")}
+    options["baseline"] = asked.baseline or "asymmetric"
+    if asked.bench is not None:
+        options["bench"] = replace(asked.bench, rates=asked.rates)
+    return options
+
+
+def _options_carried(record: StrapdownRecord, asked: DiagnosisOptions) -> dict[str, Any]:
+    if (asked.noise_bound, asked.bounds, asked.mounting) != (None, BOUNDS, "identity"):
+        raise InputError(f"{record.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
+    if asked.bench is not None:
+        raise InputError(f"--latitude-deg: is of a bench record; {record.path} is a strapdown record")
+    return {name: getattr(asked, name) for name in ("gravity", "baseline", "rates", "reference_bound")}
+
+
+KINDS: Mapping[type, Kind] = {
+    PositionRecord: Kind(
+        evidence=_evidence_at_table,
+        options=_options_at_table,
+        own=("noise_bound", "bounds", "mounting"),
+        baselines=("asymmetric", "symmetric"),
+        at_table=True,
+        runs_formulas=False,
+    ),
+    StrapdownRecord: Kind(
+        evidence=carried_evidence,
+        options=_options_carried,
+        own=("rates", "reference_bound"),
+        baselines=("calibrated", "nominal"),
+        at_table=False,
+        runs_formulas=True,
+    ),
+}
