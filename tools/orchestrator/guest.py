@@ -139,7 +139,7 @@ class Guest:
         printed = [line for line in lines if line]
         self._hear(0, printed[-1][:LONGEST_PRINTED] if printed else "")
 
-    def _request(self, operations: Sequence[tuple[Any, ...]]) -> list[tuple[int, Any]]:
+    def _request(self, operations: list[tuple[Any, ...]]) -> list[tuple[int, Any]]:
         """Status and values of each of the operations, and of what follows a step; fewer where one has failed."""
         request = marshal.dumps(operations)
         try:

@@ -3,47 +3,36 @@
 Inputs that are set before doStep(t, h) hold over (t, t + h]. What an FMU puts out after its step goes at once to
 those that step after it (Gauss-Seidel), so an increment over a step is there when its consumer makes the same step.
 
-A program is run by machine code (`machine_code`, kept as an object file, loaded without
-numba) or by plain Python: before the first step, where strings are recorded, and where nothing compiles.
+A program is run by machine code (kept as an object file, loaded without numba) or by plain Python: before the first
+step, where strings are recorded, and where nothing compiles.
 """
 
 import ctypes
-import hashlib
-import platform
 import signal
 import threading
 import time as clocks
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
-from ...fmus import version
-from ...fmus.cache import kept
 from ...models.table_commands import TICK_TOLERANCE
 from ..errors import InputError
 from . import operations as op
 from .fmu import DISCARD, Slave, Slave3
-from .interface import VALUE_TYPES
 from .load import Loaded
-from .operations import loop_of
-from .ports import Ports
-from .program import Program, step_program
+from .operations import compiled_march, plain_march
+from .program import Ports, Program, step_program
 from .recorded import Blocks, Column, Keep
 from .scenario import Scenario
 from .stimuli import Grid
 from .wiring import Group, Pace
 
 CALL_SECONDS = 0.05
-"""About so long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
-_C_TYPES: dict[int, Any] = {
-    t.code: np.ctypeslib.as_ctypes_type(t.dtype) for t in VALUE_TYPES.values() if not t.by_address
-}
+"""About this long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
 
 
 @dataclass(frozen=True)
@@ -76,63 +65,46 @@ def run_fmus(
 ) -> str:
     """Run FMUs together from the grid's start to its end; `keep_rows` takes what is recorded, block by block.
 
-    What it gives is who has asked for the end of the run before, as an FMU may; else nothing.
+    It returns which FMU has asked for the end of the run before, and when, as an FMU may; else nothing.
 
-    `progress` is told how many more steps are made, `flush` says whether a block is handed on before it is full. Where
-    it is not `compiled`, or strings are recorded, plain Python gives the same results. An InputError for a call that
-    does not end with OK or Warning, an output that is not finite, a cycle that does not settle; a KeyboardInterrupt
-    after Ctrl-C, once what was recorded is kept and the FMUs are closed.
+    `progress` takes the number of further steps that are made, `flush` says whether a block is handed on before it is
+    full. Where it is not `compiled`, or strings are recorded, plain Python gives the same results. An InputError for a
+    call that does not end with OK or Warning, an output that is not finite, a cycle that does not settle; a
+    KeyboardInterrupt after Ctrl-C, once what was recorded is kept and the FMUs are closed.
     """
     with held_interrupt() as pressed, ExitStack() as stack:
         slaves: dict[str, Slave] = {}
         for name in assembly.order:
             entry = assembly.loaded[name]
-            slaves[name] = slave = (Slave3 if entry.interface.version == 3 else Slave)(name, entry.fmu)
-            stack.callback(slave.close)
+            kind = Slave3 if entry.interface.version == 3 else Slave
+            slaves[name] = kind(name, entry.fmu)
+            stack.callback(slaves[name].close)
         initialise(slaves, assembly)
-        grid, program = assembly.grid, step_program(assembly.groups, assembly.scenario.run, slaves, assembly.ports)
-        every, ports = assembly.scenario.record.every, {name: assembly.ports[name] for name in assembly.order}
-        blocks = Blocks(assembly.columns, ports, grid, every, keep_rows)
+        program = step_program(assembly.groups, assembly.scenario.run, slaves, assembly.ports)
+        ports = {name: assembly.ports[name] for name in assembly.order}
+        blocks = Blocks(assembly.columns, ports, assembly.grid, assembly.scenario.record.every, keep_rows)
         blocks.record()
-        loop = _Loop(program, grid, blocks, compiled=compiled)
-        made, stretch, ended, goal = 0, 1, "", grid.steps
+        loop = _Loop(program, slaves, assembly.grid, blocks, compiled=compiled)
+        stretch = 1
         try:
-            while made < goal and not pressed():
-                room = (blocks.rows - blocks.row) * every - made % every
-                last = min(goal, made + min(stretch, room))
-                began = clocks.perf_counter()
-                status = loop.march(last)
-                while status and (ended := loop.asks_to_end(status, slaves)):
-                    # Nobody is left behind: the others make this step too.
-                    blocks.advance(int(loop.state[op.ROW]))
-                    goal = int(loop.state[op.STEP])
-                    if loop.state[op.NEXT]:
-                        pace = loop.pace()
-                        goal += pace.stride - pace.back
-                    last = min(goal, last)
-                    status = loop.march(last)
+            while loop.step < loop.goal and not pressed():
+                first, began = loop.step, clocks.perf_counter()
+                loop.go_on(min(stretch, blocks.room(first)))
                 elapsed = clocks.perf_counter() - began
-                blocks.advance(int(loop.state[op.ROW]))
-                if status:
-                    loop.refuse(status, slaves)
                 stretch = min(2 * stretch, max(1, int(stretch * CALL_SECONDS / max(elapsed, 1e-9))))
                 if flush():
                     blocks.flush()
-                progress(last - made)
-                made = last
+                progress(loop.step - first)
         except BaseException:
             # What was recorded until then is not lost.
             blocks.flush()
             raise
         finally:
-            # A step that failed has left them.
-            for row, place in zip(program.rows, program.places, strict=True):
-                if row[0] == op.RESTORE and ctypes.c_size_t.from_address(row[3]).value:
-                    slaves[place.fmu].free_state_at(row[3])
+            loop.free_states()
         blocks.flush()
         for slave in slaves.values():
-            slave.close(None if pressed() else grid.time(made))
-        return ended
+            slave.close(None if pressed() else assembly.grid.time(loop.step))
+        return loop.ended
 
 
 @contextmanager
@@ -163,21 +135,31 @@ def held_interrupt() -> Iterator[Callable[[], bool]]:
 
 
 class _Loop:
-    """A program on its way: by machine code or by plain Python."""
+    """A program on its way, by machine code or by plain Python, up to the step `goal`.
 
-    def __init__(self, program: Program, grid: Grid, blocks: Blocks | None = None, *, compiled: bool = False) -> None:
-        self.program, self.grid, self.blocks = program, grid, blocks
+    `ended` says which FMU has asked for the end of the run.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        slaves: Mapping[str, Slave],
+        grid: Grid,
+        blocks: Blocks | None = None,
+        *,
+        compiled: bool = False,
+    ) -> None:
+        self.program, self.slaves, self.grid, self.blocks = program, slaves, grid, blocks
+        self.goal, self.ended = grid.steps, ""
         self.state = np.zeros(op.CURSORS + program.cursors, dtype=np.int64)
         self.clock = np.array([grid.start, 0.0])
-        self.state[op.EVERY] = grid.steps + 1 if blocks is None else blocks.every
-        self.state[op.ROWS], self.state[op.AT] = len(program.rows), -1
-        records = np.zeros((0, 3), dtype=np.int64) if blocks is None else blocks.records
+        self.state[op.ROWS], self.state[op.AT] = len(program), -1
+        self.state[op.EVERY] = grid.steps + 1
+        records = np.zeros((0, 3), dtype=np.int64)
+        if blocks is not None:
+            self.state[op.EVERY], records = blocks.every, blocks.records
         self.state[op.RECORDS] = len(records)
-        self._tables = [
-            np.array(program.rows, dtype=np.int64).ravel(),
-            np.array(program.numbers, dtype=np.float64).ravel(),
-            records.ravel(),
-        ]
+        self._tables = [*program.tables(), records.ravel()]
         self._lists = [table.tolist() for table in self._tables]
         self._compiled = None
         if compiled and blocks is not None and not blocks.has_text:
@@ -185,71 +167,107 @@ class _Loop:
             with suppress(ImportError, RuntimeError):
                 self._compiled = compiled_march()
 
+    @property
+    def step(self) -> int:
+        """The step that is made next."""
+        return int(self.state[op.STEP])
+
     def march(self, last: int) -> int:
         """Make the steps up to the last one; the status of the call that failed, 0 where none has."""
-        self.state[op.LAST_STEP], self.state[op.ROW] = last, self.blocks.row if self.blocks else 0
+        self.state[op.LAST_STEP] = last
+        self.state[op.ROW] = self.blocks.row if self.blocks else 0
         if self._compiled is not None:
             return self._compiled(*(table.ctypes.data for table in (*self._tables, self.state, self.clock)))
         state, clock, every, status = self.state.tolist(), self.clock.tolist(), int(self.state[op.EVERY]), 0
         # What Python keeps itself, a string, it keeps after each step that is recorded.
         while state[op.STEP] < last and not status:
             state[op.LAST_STEP] = min(last, (state[op.STEP] // every + 1) * every)
-            status = _plain_march(*self._lists, state, clock)
+            status = plain_march(*self._lists, state, clock)
             if self.blocks is not None and not status and state[op.STEP] % every == 0:
                 self.blocks.keep_texts()
         self.state[:], self.clock[:] = state, clock
         return status
 
-    def pace(self) -> Pace:
+    def go_on(self, count: int) -> None:
+        """Make at most this many steps, none after the step in which an FMU asks for the end of the run."""
+        assert self.blocks is not None
+        last = min(self.goal, self.step + count)
+        status = self.march(last)
+        while status and self._asks_to_end(status):
+            # Nobody is left behind: the others make this step too.
+            self.blocks.advance(int(self.state[op.ROW]))
+            self.goal = self.step
+            if self.state[op.NEXT]:
+                self.goal += self._pace.stride - self._pace.back
+            last = min(self.goal, last)
+            status = self.march(last)
+        self.blocks.advance(int(self.state[op.ROW]))
+        if status:
+            self.refuse(status)
+
+    @property
+    def _pace(self) -> Pace:
         """Of the FMU whose call has failed."""
         return self.program.pace_of(self.program.places[int(self.state[op.AT])].fmu)
 
     def _span(self) -> tuple[float, float]:
         """When the step of the FMU whose call has failed begins and ends."""
-        begin = self.grid.time(int(self.state[op.STEP]) - self.pace().back)
-        return begin, begin + self.pace().length
+        begin = self.grid.time(self.step - self._pace.back)
+        return begin, begin + self._pace.length
 
-    def asks_to_end(self, status: int, slaves: Mapping[str, Slave]) -> str:
-        """Who asks for the end of the run, and when, where this is what the status means; else nothing.
+    def _asks_to_end(self, status: int) -> bool:
+        """Whether the status means that an FMU asks for the end of the run, which `ended` then says.
 
         The loop then goes on behind that FMU's step, if it was made to its end.
         """
         at, (begin, end) = int(self.state[op.AT]), self._span()
-        row, place = self.program.rows[at], self.program.places[at]
+        operation, place = self.program.operations[at], self.program.places[at]
+        slave = self.slaves[place.fmu]
         reached = None
         if status == op.ENDED:
-            early, last = ctypes.c_bool.from_address(row[4] + 2).value, ctypes.c_double.from_address(row[4] + 8).value
-            reached = last if early else end
-        elif status == DISCARD and row[0] == op.STEP2:
-            reached = slaves[place.fmu].ended_at(begin)
+            returns = operation.words[3]
+            reached = end
+            if ctypes.c_bool.from_address(returns + 2).value:
+                reached = ctypes.c_double.from_address(returns + 8).value
+        elif status == DISCARD and operation.code == op.STEP2:
+            reached = slave.ended_at(begin)
         if reached is None:
-            return ""
+            return False
         if abs(reached - end) <= TICK_TOLERANCE * self.grid.step:
             self.state[op.NEXT], reached = at + 1, end
-        return f"{slaves[place.fmu]} ended the run at {reached:.9g} s ({place.call} asked for it)"
+        self.ended = f"{slave} ended the run at {reached:.9g} s ({place.call} asked for it)"
+        return True
 
-    def refuse(self, status: int, slaves: Mapping[str, Slave], *, started: bool = True) -> NoReturn:
+    def refuse(self, status: int, *, started: bool = True) -> NoReturn:
         """Say which FMU failed, when (before the first step where the run has not started) and why."""
         at = int(self.state[op.AT])
         place, (begin, end) = self.program.places[at], self._span()
-        slave = slaves[place.fmu]
+        slave = self.slaves[place.fmu]
         if status == op.NOT_SETTLED and place.group is not None:
             self.refuse_unsettled(place.group, f"in {int(self.state[op.ITERATION])} iterations at {begin:.9g} s")
         if status == op.NOT_FINITE and place.port is not None:
             slave.refuse_not_finite(place.port.variables, place.port.values, end if started else self.grid.start)
         if status == op.EARLY:
             raise InputError(f"{slave}: {place.call} at {begin:.9g} s returned before the end of the step")
-        got = self.program.rows[at][0] in (op.CALL4, op.CALL5) and "Get" in place.call
-        slave.fail(place.call, status, (end if got else begin) if started else None)
+        if not started:
+            slave.fail(place.call, status, None)
+        getting = self.program.operations[at].code in (op.CALL4, op.CALL5) and "Get" in place.call
+        slave.fail(place.call, status, end if getting else begin)
 
     def refuse_unsettled(self, group: Group, when: str) -> NoReturn:
         """Name the value of a cycle that changes most."""
-        value = self.program.places[int(self.state[op.CHANGING])]
-        assert value.variable is not None
+        place = self.program.places[int(self.state[op.CHANGING])]
+        assert place.variable is not None
         raise InputError(
-            f"the cycle {group} does not settle {when}: '{value.fmu}.{value.variable.name}' still changes by "
+            f"the cycle {group} does not settle {when}: '{place.fmu}.{place.variable.name}' still changes by "
             f"{float(self.clock[op.CHANGE]):.3g} times the tolerance"
         )
+
+    def free_states(self) -> None:
+        """Free the states that a step which failed has left."""
+        for operation, place in zip(self.program.operations, self.program.places, strict=True):
+            if operation.code == op.RESTORE and ctypes.c_size_t.from_address(operation.words[2]).value:
+                self.slaves[place.fmu].free_state_at(operation.words[2])
 
 
 def initialise(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
@@ -276,115 +294,34 @@ def initialise(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
 def _exchange(name: str, slaves: Mapping[str, Slave], assembly: Assembly, sources: Collection[str]) -> None:
     """Set every input of an FMU (stimuli as in the first step) and get every output."""
     for feed in assembly.ports[name].feeds:
-        ctypes.memmove(feed.target, feed.rows, feed.width)
+        _, _, rows, width, target = feed.words
+        ctypes.memmove(target, rows, width)
     program = Program(slaves, assembly.ports)
     program.add_transfers(name, sources)
     program.add_sets(name, constants=True)
     program.add_gets(name)
-    loop = _Loop(program, assembly.grid)
+    loop = _Loop(program, slaves, assembly.grid)
     status = loop.march(1)
     for port in assembly.ports[name].outputs.values():
         port.shown[:] = port.values
     if status:
-        loop.refuse(status, slaves, started=False)
+        loop.refuse(status, started=False)
 
 
 def _settle(group: Group, slaves: Mapping[str, Slave], assembly: Assembly) -> None:
     """Pass the first outputs of a cycle around: once, or until they no longer change."""
     if not group.cyclic:
         return
+    run = assembly.scenario.run
     compare = Program(slaves, assembly.ports)
-    compare.add_comparisons(group, assembly.scenario.run)
-    loop = _Loop(compare, assembly.grid)
+    compare.add_comparisons(group, run)
+    loop = _Loop(compare, slaves, assembly.grid)
     loop.march(1)
-    for _ in range(assembly.scenario.run.most_iterations):
+    for _ in range(run.most_iterations):
         for name in group.members:
             _exchange(name, slaves, assembly, assembly.order)
         loop.clock[op.CHANGE], loop.state[op.STEP] = 0.0, 0
         loop.march(1)
-        if assembly.scenario.run.coupling != "iterate" or loop.clock[op.CHANGE] <= 1.0:
+        if run.coupling != "iterate" or loop.clock[op.CHANGE] <= 1.0:
             return
-    loop.refuse_unsettled(group, f"in {assembly.scenario.run.most_iterations} iterations before the first step")
-
-
-@cache
-def compiled_march() -> Callable[..., int]:
-    """The compiled loop, of addresses, as ctypes calls it: it lets other threads of Python run."""
-    import llvmlite.binding as llvm
-
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=cpu, features=features, opt=3, reloc="pic", codemodel="jitdefault", jit=True
-    )
-    name = "trihedron_march"
-    made_from = [llvm.get_default_triple().encode(), cpu.encode(), features.encode(), name.encode()]
-    made_from += [version(package).encode() for package in ("numba", "llvmlite")]
-    sources = ("../compiled.py", "machine_code.py", "operations.py", "loops.py")
-    made_from += [(Path(__file__).parent / source).read_bytes() for source in sources]
-    made_from.append(platform.python_version().encode())
-    key = hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in made_from)).hexdigest()
-
-    def make() -> bytes:
-        from .machine_code import object_code
-
-        return object_code(loop_of, machine, name)
-
-    code = kept("loops", f"{key}.o", make)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    # numba's functions give their value through a pointer, the second is for exceptions, of which there are none.
-    function = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 7)(engine.get_function_address(name))
-
-    def march(*arguments: int, _engine: Any = engine) -> int:
-        result = ctypes.c_int64()
-        function(ctypes.addressof(result), None, *arguments)
-        return result.value
-
-    return march
-
-
-def _called(*types: Any) -> Callable[..., int]:
-    """A call of int f(types) at an address; plain integers are what ctypes passes fastest."""
-    prototype = cache(ctypes.CFUNCTYPE(ctypes.c_int, *types))
-    return lambda function, *arguments: prototype(function)(*arguments)
-
-
-def _loaded(kind: Any) -> Callable[[int], Any]:
-    """What reads a number at an address."""
-    return lambda at: kind.from_address(at).value
-
-
-def _stored(kind: Any) -> Callable[[int, Any], None]:
-    """What writes a number to an address."""
-
-    def store(at: int, value: Any) -> None:
-        kind.from_address(at).value = value
-
-    return store
-
-
-class _Plain:
-    """The primitives of the loop in plain Python."""
-
-    copy = ctypes.memmove
-    call2, call4, call5 = (_called(*[ctypes.c_size_t] * words) for words in (2, 4, 5))
-    step2 = _called(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_int)
-    step3 = _called(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_size_t] * 4)
-
-    load_byte, load_word, load_real = map(_loaded, (ctypes.c_uint8, ctypes.c_int64, ctypes.c_double))
-    store_word, store_real = map(_stored, (ctypes.c_int64, ctypes.c_double))
-
-    @staticmethod
-    def real_of(code: int, at: int) -> float:
-        return float(_C_TYPES[code].from_address(at).value)
-
-    @staticmethod
-    def convert(to_code: int, to: int, at: int, code: int, factor: float, offset: float) -> None:
-        value = _C_TYPES[code].from_address(at).value
-        _C_TYPES[to_code].from_address(to).value = factor * value + offset if to_code < 2 else value
-
-
-_plain_march = loop_of(_Plain)
+    loop.refuse_unsettled(group, f"in {run.most_iterations} iterations before the first step")

@@ -19,15 +19,26 @@ the first to the last, for every step; what is recorded has a table of its own.
 | RESTORE | function that sets a state, instance, place of the state: in all iterations but the first | |
 | COMPARE | value, place of its value in the iteration before, its type | tolerance |
 | REPEAT | row to go back to while a value changes, most iterations | |
-| SKIP | every so manyth step, its number of them, row to go on with in the others | |
-| BLEND | target, value before so many steps, after them, its type, their number, how many are added | |
+| SKIP | stride, the step within it that is made, row to go on with in the others | |
+| BLEND | target, value before a stride, after it, its type, the stride, steps that are added | |
 | SLOPE | real number: it becomes what it was before, place of that, place of its derivative | length |
 | SUM | target, source, type of the source: a real number is added | |
 """
 
+import ctypes
+import hashlib
 import math
+import platform
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from ...fmus import version
+from ...fmus.cache import kept
+from .interface import VALUE_TYPES
 
 WIDTH = 8
 FEED, MOVE, MOVE8, CONVERT, CALL4, CALL5, STEP2, STEP3, FINITE, STATE, BEGIN, RESTORE, COMPARE, REPEAT = range(14)
@@ -57,8 +68,8 @@ def loop_of(on: Any) -> Callable[..., int]:
     on : class
         what the loop needs of memory and of C functions, all by their addresses: copy(target, source, bytes),
         load_byte, load_word, load_real(address), store_word, store_real(address, value), real_of(type, address),
-        convert(type, target, source, its type, factor, offset), and calls of functions: call2, call4, call5 with so
-        many words, step2 and step3 as FMI has doStep
+        convert(type, target, source, its type, factor, offset), and calls of functions: call2, call4, call5 of
+        words, step2 and step3 as FMI has doStep
 
     Returns
     -------
@@ -171,3 +182,98 @@ def loop_of(on: Any) -> Callable[..., int]:
         return 0
 
     return march
+
+
+@cache
+def compiled_march() -> Callable[..., int]:
+    """The compiled loop, of addresses, as ctypes calls it: it lets other threads of Python run."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    machine = llvm.Target.from_default_triple().create_target_machine(
+        cpu=cpu, features=features, opt=3, reloc="pic", codemodel="jitdefault", jit=True
+    )
+    name = "trihedron_march"
+    versions = [version("numba"), version("llvmlite"), platform.python_version()]
+    digest = hashlib.sha256(repr([llvm.get_default_triple(), cpu, features, name, versions]).encode())
+    for source in ("../compiled.py", "machine_code.py", "operations.py"):
+        digest.update(hashlib.sha256((Path(__file__).parent / source).read_bytes()).digest())
+
+    def make() -> bytes:
+        from .machine_code import object_code
+
+        return object_code(loop_of, machine, name)
+
+    code = kept("loops", f"{digest.hexdigest()}.o", make)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    # numba's functions give their value through a pointer, the second is for exceptions, of which there are none.
+    function = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 7)(engine.get_function_address(name))
+
+    def march(*arguments: int, _engine: Any = engine) -> int:
+        status = ctypes.c_int64()
+        function(ctypes.addressof(status), None, *arguments)
+        return status.value
+
+    return march
+
+
+def _c_types() -> dict[int, Any]:
+    """The types of C by the codes of `ValueType`."""
+    numbers = [t for t in VALUE_TYPES.values() if not t.by_address]
+    return {number.code: np.ctypeslib.as_ctypes_type(number.dtype) for number in numbers}
+
+
+_C_TYPES = _c_types()
+
+
+def _function(*types: Any) -> Callable[..., int]:
+    """A call of int f(types) at an address; plain integers are what ctypes passes fastest."""
+    prototype = cache(ctypes.CFUNCTYPE(ctypes.c_int, *types))
+    return lambda function, *arguments: prototype(function)(*arguments)
+
+
+class _Plain:
+    """The primitives of the loop in plain Python."""
+
+    copy = ctypes.memmove
+    call2 = _function(ctypes.c_size_t, ctypes.c_size_t)
+    call4 = _function(*[ctypes.c_size_t] * 4)
+    call5 = _function(*[ctypes.c_size_t] * 5)
+    step2 = _function(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_int)
+    step3 = _function(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_size_t] * 4)
+
+    @staticmethod
+    def load_byte(at: int) -> int:
+        return ctypes.c_uint8.from_address(at).value
+
+    @staticmethod
+    def load_word(at: int) -> int:
+        return ctypes.c_int64.from_address(at).value
+
+    @staticmethod
+    def load_real(at: int) -> float:
+        return ctypes.c_double.from_address(at).value
+
+    @staticmethod
+    def store_word(at: int, value: int) -> None:
+        ctypes.c_int64.from_address(at).value = value
+
+    @staticmethod
+    def store_real(at: int, value: float) -> None:
+        ctypes.c_double.from_address(at).value = value
+
+    @staticmethod
+    def real_of(code: int, at: int) -> float:
+        return float(_C_TYPES[code].from_address(at).value)
+
+    @staticmethod
+    def convert(to_code: int, to: int, at: int, code: int, factor: float, offset: float) -> None:
+        value = _C_TYPES[code].from_address(at).value
+        _C_TYPES[to_code].from_address(to).value = factor * value + offset if to_code < 2 else value
+
+
+plain_march = loop_of(_Plain)

@@ -10,7 +10,7 @@ import polars as pl
 
 from ..errors import InputError, said_of
 from .interface import VALUE_TYPES, Interface, Variable, bytes_at, conversion, refer, suffix_for
-from .ports import Ports
+from .program import Port, Ports
 from .stimuli import Grid
 
 BLOCK_BYTES = 16 << 20
@@ -36,9 +36,10 @@ class Column:
             return pl.Series(self.name, np.asarray(values) != 0, dtype=pl.Boolean)
         if self.variable.kind != "Real":
             return pl.Series(self.name, np.array(values))
-        found = np.array(values, dtype=np.float64)
-        same = (self.factor, self.offset) == (1.0, 0.0)
-        return pl.Series(self.name, found if same else self.factor * found + self.offset)
+        numbers = np.array(values, dtype=np.float64)
+        if (self.factor, self.offset) != (1.0, 0.0):
+            numbers = self.factor * numbers + self.offset
+        return pl.Series(self.name, numbers)
 
 
 def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[Column]:
@@ -74,7 +75,7 @@ def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
 
 
 class Blocks:
-    """Rows of recorded values, of every so manyth communication point, handed on when a block is full.
+    """Rows of recorded values, of every communication point or every n-th, handed on when a block is full.
 
     The loops copy `records` (N, 3) for each row: target of row 0, source, bytes; text (`has_text`) only Python keeps.
     A block has `rows` rows; `row` is the next one to be recorded.
@@ -85,23 +86,34 @@ class Blocks:
     ) -> None:
         self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
         self._tick = self.row = 0
-        recorded = [(n, p.outputs[a], count) for n, p in ports.items() for a, count in p.recorded.items() if count]
-        numbers = [(name, port, count) for name, port, count in recorded if not VALUE_TYPES[port.access].by_address]
-        width = sum(count * port.values.itemsize for _, port, count in numbers)
-        self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
+        numbers: list[tuple[str, Port, int]] = []
         self._values: dict[tuple[str, str], np.ndarray] = {}
         self._texts: dict[tuple[str, str], list[str]] = {}
-        self._addresses, copies = [], []
+        self._addresses: list[tuple[list[str], Port, int]] = []
+        for name, members in ports.items():
+            for access, count in members.recorded.items():
+                port = members.outputs[access]
+                if not port.by_address:
+                    numbers.append((name, port, count))
+                    continue
+                for at, variable in enumerate(port.variables[:count]):
+                    texts = self._texts[name, variable.name] = []
+                    self._addresses.append((texts, port, at))
+        width = sum(count * port.values.itemsize for _, port, count in numbers)
+        self.rows = max(1, min(grid.steps // every + 1, BLOCK_BYTES // max(width, 8)))
+        copies = []
         for name, port, count in numbers:
-            table = np.zeros((self.rows, count), dtype=port.values.dtype)
-            copies.append((table.ctypes.data, port.shown.ctypes.data, count * table.itemsize))
-            self._values |= {(name, v.name): table[:, at] for at, v in enumerate(port.variables[:count])}
-        for name, port, count in recorded:
-            for at, variable in enumerate(port.variables[:count] if VALUE_TYPES[port.access].by_address else ()):
-                texts = self._texts[name, variable.name] = []
-                self._addresses.append((texts, port, at))
+            if count:
+                table = np.zeros((self.rows, count), dtype=port.values.dtype)
+                copies.append((table.ctypes.data, port.shown.ctypes.data, count * table.itemsize))
+                for at, variable in enumerate(port.variables[:count]):
+                    self._values[name, variable.name] = table[:, at]
         self.records = np.array(copies, dtype=np.int64).reshape(-1, 3)
         self.has_text = bool(self._texts)
+
+    def room(self, step: int) -> int:
+        """How many steps of the run from this one on the block has room for."""
+        return (self.rows - self.row) * self.every - step % self.every
 
     def record(self) -> None:
         """Record a row now."""
@@ -120,7 +132,7 @@ class Blocks:
                 texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
 
     def advance(self, row: int) -> None:
-        """So many rows of the block are recorded; a full block is handed on."""
+        """Note that this many rows of the block are recorded; hand a full block on."""
         self.row = row
         if row == self.rows:
             self.flush()

@@ -33,7 +33,7 @@ from ..result import ABSENT, Result
 from .archive import temporary_folder
 from .load import Sources, interfaces_of, load, resolve_parameters
 from .loops import Assembly, run_fmus
-from .ports import Ports
+from .program import Ports
 from .recorded import Column, recorded_variables, resolve_columns
 from .scenario import Scenario
 from .stimuli import check_sources, resolve_stimuli
