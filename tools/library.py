@@ -188,16 +188,12 @@ def plan(
 def plan_positions(
     count: int | None = None,
     *,
-    minutes: float | None = None,
-    dwell_s: float = 20.0,
     rate_dps: float | None = None,
     acceleration_dps2: float | None = None,
-    goal: Literal["levelling", "gyrocompass", "force"] | None = None,
+    goal: Literal["levelling", "gyrocompass"] | None = None,
     latitude_deg: float | None = None,
     accuracy: str | None = None,
-    fewest: Literal["positions", "minutes"] = "positions",
     noise_bound: float = 1e-5,
-    lost: int = 0,
     measured: str | Path | None = None,
     criterion: Literal["worst", "mean"] = "worst",
     reserve_deg: float = 0.0,
@@ -207,7 +203,6 @@ def plan_positions(
     repeat: int = 0,
     detect: Sequence[str] = (),
     extra: int = 6,
-    against_unlisted: bool = False,
     mountings: "Sequence[str | Mapping[str, ArrayLike]]" = ("identity",),
     targets: Sequence[str] = (),
     seed: int = 0,
@@ -224,27 +219,18 @@ def plan_positions(
     Parameters
     ----------
     count : int, optional
-        Number of positions; as many as fit into the minutes, or the fewest found to keep the accuracy, without it.
-    minutes : float, optional
-        Time on the table: rests and moves.
-    dwell_s : float
-        Time at each position [s].
+        Number of positions; the fewest found to keep the accuracy without it.
     rate_dps, acceleration_dps2 : float, optional
         How fast the table turns, 1 rad/s and 1 rad/s² where nothing is said (--imu: 100 deg/s).
     goal : str, optional
         What the correction is for, in place of single targets: levelling makes the largest error of a level small,
-        gyrocompass that of the azimuth, at the latitude, force that of the specific force as a vector, over all
-        directions.
+        gyrocompass that of the azimuth, at the latitude.
     latitude_deg : float, optional
         Of the gyrocompass [deg], 55.75.
     accuracy : str, optional
         The error that the goal, or each target, must keep, as 7arcsec, 20ug, 5ppm or 1e-5.
-    fewest : str
-        With an accuracy: the fewest positions, or the fewest minutes of rests and moves, that keep it.
     noise_bound : float
         σ, as a fraction of g, for goal and accuracy.
-    lost : int
-        So many positions, 0 or 1, may be lost, whichever they are: what is promised holds without them.
     measured : path, optional
         A position record that is there already: its positions count beside the new ones.
     criterion : str
@@ -263,8 +249,6 @@ def plan_positions(
         An effect, as 'quadratic accelerometer-3' or 'quadratic', that extra positions should show.
     extra : int
         Extra positions for --detect.
-    against_unlisted : bool
-        Choose the set that shows best what is in no catalogue, in place of that with the least costs.
     mountings : sequence
         Several mountings, presets or TOML files: the set is split over them.
     targets : sequence of str
@@ -294,7 +278,6 @@ def plan_positions(
         repeat=repeat,
         detect=tuple(detect),
         extra=extra,
-        against_unlisted=against_unlisted,
         seed=seed,
         starts=starts,
         cuts=cuts,
@@ -305,22 +288,17 @@ def plan_positions(
         mountings=tuple(mountings),
         targets=tuple(targets),
         goal=goal,
-        lost=lost,
         measured=None if measured is None else Path(measured),
         accuracy=accuracy,
-        fewest=fewest,
         noise_bound=noise_bound,
         latitude_deg=latitude_deg,
         rate_dps=rate_dps,
         acceleration_dps2=acceleration_dps2,
     )
-    if [count, minutes, accuracy].count(None) != 2:
-        raise InputError("--positions, --minutes and --accuracy: give one of the three")
-    if accuracy is not None:
-        return planning.plan_to_accuracy(request, dwell_s=dwell_s, progress=progress)
-    if minutes is not None:
-        return planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=progress)
-    assert count is not None
+    if (count is None) == (accuracy is None):
+        raise InputError("--positions and --accuracy: give one of the two")
+    if count is None:
+        return planning.plan_to_accuracy(request, progress=progress)
     return planning.plan_positions(count, request, progress=progress)
 
 

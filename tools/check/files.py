@@ -37,14 +37,13 @@ from ..planning.check import read_angles
 from ..planning.common import PositionPlan
 from ..planning.imu import ImuPlan
 from ..planning.plan import Plan, Plans
-from ..planning.proof import Proof
 from ..records.columns import ANGLES, FORCE, VELOCITY, Columns, extra_warning, warnings
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of
 from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
 from ..result import field_problems, not_for_files
-from ..rounding import digits, downwards, exactly, upwards
+from ..rounding import digits, exactly, upwards
 from .findings import Findings, json_lines, toml_lines
 from .scenario import check_scenario
 
@@ -58,7 +57,6 @@ SCHEMAS = {
     SEVERAL: "diagnosis of several records",
     JOINT_CALIBRATION: "calibration of several records",
     INSTRUMENT: "entry of an instrument's folder",
-    "trihedron.positions-bound/1": "proof of a bound",
 }
 MODELS = {
     "calibration": Calibration,
@@ -66,7 +64,6 @@ MODELS = {
     SCHEMAS[SEVERAL]: Several,
     SCHEMAS[JOINT_CALIBRATION]: JointCalibration,
     SCHEMAS[INSTRUMENT]: Entry,
-    "proof of a bound": Proof,
     SCHEMAS["trihedron.imu-plan/1"]: ImuPlan,
 }
 ALIGNED = np.eye(3)
@@ -266,9 +263,6 @@ def _check_json(found: Findings, text: str) -> None:
             found.add(said + meant, where)
     if kind in ("calibration", SCHEMAS[JOINT_CALIBRATION]) and not found.problems:
         _check_calibration(content, found)
-    if kind == "proof of a bound" and not found.problems:
-        with found.of():
-            Proof.model_validate_json(text, strict=True).verify()
     if not found.problems:
         found.summary = (_summary_of(kind, content),)
 
@@ -312,8 +306,6 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == SCHEMAS[SEVERAL]:
         causes = "; ".join(cause["title"] for cause in content["causes"])
         return f"{len(content['records'])} records, {content['verdict']}{f': {causes}' if causes else ''}"
-    if kind == "proof of a bound":
-        return f"no {content['positions']} positions have a worst ratio below {downwards(content['ratio'], 6)}"
     if "pool" in content:
         rests, ratio = len(content["programme"]), upwards(content["worst_ratio"], 4)
         return f"{rests} rests in {digits(content['minutes'])} minutes, worst ratio {ratio} ({content['worst']})"

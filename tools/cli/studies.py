@@ -19,7 +19,7 @@ Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
 Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 
-SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings", "goal", "lost")
+SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings", "goal")
 FOR = {
     "positions": (
         *SEARCH,
@@ -28,11 +28,9 @@ FOR = {
         "repeat",
         "detect",
         "extra",
-        "against_unlisted",
         "measured",
-        "minutes",
         "dwell_s",
-        *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy", "fewest", "out"),
+        *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy", "out"),
     ),
     "curve": (*SEARCH, "out"),
     "check": ("noise_bound", "keep_out"),
@@ -70,11 +68,7 @@ def plan(
 
     Example: trihedron plan --positions 12 --reserve 0.1 --out plan12
 
-    Example: trihedron plan --minutes 10 --goal levelling
-
     Example: trihedron plan --goal levelling --accuracy 7arcsec --noise-bound 1e-5
-
-    Example: trihedron plan --goal levelling --accuracy 7arcsec --fewest minutes
 
     Example: trihedron plan --imu --minutes 30 --gyro-noise 1e-5 --out imu30
 
@@ -93,9 +87,9 @@ def plan(
     imu
         Rests and turns that determine accelerometers, gyros and bench.
     minutes
-        Time on the table: as many positions as fit into it; or of --imu, 30.
+        Time on the table, of --imu; 30.
     dwell_s
-        Time at each position [s], for --minutes, --fewest minutes, --out and --imu.
+        Time at each position [s], for --out and --imu.
     noise_bound
         σ, as a fraction of g, for --goal, --accuracy, --check and --imu; 1e-5.
     out
@@ -105,7 +99,7 @@ def plan(
     """
     distinct_files({"--json": json, "--report": report, "--picture": picture})
     uses = {"positions": positions, "curve": curve, "check": check, "imu": imu or None}
-    if (minutes is not None or "accuracy" in options) and not any(value is not None for value in uses.values()):
+    if "accuracy" in options and not any(value is not None for value in uses.values()):
         uses["positions"] = 0
     more = {"minutes": minutes, "out": out}
     if not options.keys() & {"goal", "accuracy"}:
@@ -128,7 +122,7 @@ def plan(
         options |= {} if noise_bound is None else {"noise_bound": noise_bound}
         request = planning.Request(**{"mountings": (mounting,), **options}, targets=targets)
         if use == "positions":
-            return _positions((positions, minutes, dwell), request, out, json, report)
+            return _positions(positions, dwell, request, out, json, report)
         return _check(check, request, noise_bound, json) if curve is None else _curve(curve, request, out, json)
     if continuum and grid is not None:
         raise InputError("--grid and --continuum: give one of the two")
@@ -178,7 +172,7 @@ def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None
             name = next(iter(given))
             takes_it = [f"--{use}" for use in FOR if name in FOR[use]]
             if "--positions" in takes_it:
-                takes_it += ["--minutes", "--accuracy"]
+                takes_it += ["--accuracy"]
             raise InputError(f"--{_typed(name)}: goes with {' or '.join(takes_it)}")
         return None
     use = uses[0]
@@ -198,22 +192,19 @@ def _typed(name: str) -> str:
 
 
 def _positions(
-    asked: tuple[int | None, float | None, float | None],
+    count: int | None,
+    dwell: float | None,
     request: "planning.Request",
     out: Path | None,
     json: Path | None,
     page: Path | None,
 ) -> Answer:
-    count, minutes, dwell = asked
     dwell_s = planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
-    if [count, minutes, request.accuracy].count(None) != 2:
-        raise InputError("--positions, --minutes and --accuracy: give one of the three")
-    if request.accuracy is not None:
-        found = planning.plan_to_accuracy(request, dwell_s=dwell_s, progress=True)
-    elif minutes is not None:
-        found = planning.plan_in_time(minutes, request, dwell_s=dwell_s, progress=True)
+    if (count is None) == (request.accuracy is None):
+        raise InputError("--positions and --accuracy: give one of the two")
+    if count is None:
+        found = planning.plan_to_accuracy(request, progress=True)
     else:
-        assert count is not None
         found = planning.plan_positions(count, request, progress=True)
     files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
     if page is not None:

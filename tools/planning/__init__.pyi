@@ -9,8 +9,6 @@ from .imu import plan_imu as plan_imu
 from .plan import Plans as Plans
 from .plan import plan_targets as plan_targets
 from .positions import task_of as task_of
-from .proof_search import prove as prove
 from .request import Request as Request
 from .wanted import plan_curve as plan_curve
-from .wanted import plan_in_time as plan_in_time
 from .wanted import plan_to_accuracy as plan_to_accuracy

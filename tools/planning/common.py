@@ -1,7 +1,6 @@
 """One set of so many positions for all targets, or for a goal."""
 
 import csv
-import json
 from collections.abc import Iterator
 from importlib import resources
 from itertools import product
@@ -16,13 +15,11 @@ from ..errors import InputError
 from ..progress import shown_status
 from ..result import Result
 from .check import EffectDistance, detecting, named_effects
-from .force import force_error, search_force
 from .plan import Degrees
 from .pool import Bound, bound_positions, pool_of
 from .positions import Costs, Places, Request, Task, allowed, costs, task_of
 from .search import merit, search
 from .tour import measuring_order, unwound
-from .unlisted import UnlistedSize, against_unlisted, sizes_of
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -37,9 +34,6 @@ DWELL_S = 20.0
 ASKED = ("criterion", "reserve_deg", "resolution_deg", "keep_out", "order", "seed")
 ASKED += ("admissible", "bounds", "convention", "baseline", "goal")
 """What a plan of positions repeats of its request."""
-OF_RATIO = ("reserve_deg", "keep_out", "admissible", "bounds", "convention", "baseline", "mountings", "targets")
-OF_RATIO += ("goal", "lost", "measured", "accuracy")
-"""Upon what the ratios of a set depend."""
 
 
 class PlannedPosition(Result):
@@ -78,23 +72,17 @@ class PositionPlan(Result):
         whether Ctrl-C ended search or bound
     mountings : dict
         Q (3, 3) by name
-    goal, lost, levelling_error, azimuth_error, force_error : str, int, float, float, float or None
+    goal, levelling_error, azimuth_error : str, float, float or None
         what the correction is for, and its largest error by a-priori estimates, in σ [rad], of a level and of a
-        gyrocompass, in σ [g] of the corrected specific force; so many positions may be lost, any: costs are those of
-        the worst
+        gyrocompass
     accuracy, accuracy_kept, fewer_keep : float or None
         the error that was wanted, that of this set, and the best that was found of a position less [rad, g, 1]
     fewest_possible : int or None
         proven: no fewer positions of the pool keep the wanted error
-    minutes, minutes_possible : float or None
-        time of rests and moves, where it was made small; proven: none of the pool keep the wanted error in less, the
-        time of so few rests and of the longest way from (0, 0) that a cut asks for
     measured : int or None
         positions that are measured already and count beside these
     detection : tuple of EffectDistance
         how well the effects that were named show
-    unlisted : tuple of UnlistedSize
-        from which size on what is in no catalogue is surely seen, where the set is chosen for that
     task, bound : Task, Bound or None
         what was asked, what is proven; for programs
     duration : float
@@ -104,8 +92,8 @@ class PositionPlan(Result):
     """
 
     omitted = frozenset(
-        {"detection", "unlisted", "goal", "lost", "levelling_error", "azimuth_error", "force_error", "measured"}
-        | {"accuracy", "accuracy_kept", "fewer_keep", "fewest_possible", "minutes", "minutes_possible"}
+        {"detection", "goal", "levelling_error", "azimuth_error", "measured"}
+        | {"accuracy", "accuracy_kept", "fewer_keep", "fewest_possible"}
     )
 
     schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
@@ -132,19 +120,14 @@ class PositionPlan(Result):
     baseline: str
     mountings: dict[str, list[list[float]]]
     goal: str | None = None
-    lost: int | None = None
     levelling_error: Number | None = None
     azimuth_error: Number | None = None
-    force_error: Number | None = None
     accuracy: Number | None = None
     accuracy_kept: Number | None = None
     fewer_keep: Number | None = None
     fewest_possible: int | None = None
-    minutes: Number | None = None
-    minutes_possible: Number | None = None
     measured: int | None = None
     detection: tuple[EffectDistance, ...] = ()
-    unlisted: tuple[UnlistedSize, ...] = ()
     task: Task = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
     bound: Bound | None = Field(default=None, exclude=True)
     duration: float = Field(default=0.0, exclude=True)
@@ -183,33 +166,25 @@ def plan_positions(
         raise InputError(
             f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )
-    for option, value in {"--detect": effects, "--against-unlisted": request.against_unlisted}.items():
-        if value and (request.measured or request.lost):
-            raise InputError(f"{option}: does not go with --{'measured' if request.measured else 'lost'}")
+    if effects and request.measured:
+        raise InputError("--detect: does not go with --measured")
     given = [places.joined(task.measured) for places in starting_positions(task, count)] if stored else []
-    if request.against_unlisted:
-        places, starts, interrupted = against_unlisted(task, count, given, progress=progress)
-        found = costs(task, places)
-        found = found if found.determined.all() else None
-    else:
-        look = search_force if request.goal == "force" else search
-        found, starts, interrupted = look(task, count, given=given, enough=enough, progress=progress)
+    found, starts, interrupted = search(task, count, given=given, enough=enough, progress=progress)
     if found is None:
         less = ", or leave more angles by --keep-out" if request.keep_out else ""
         raise NoSetError(
             f"{count} positions: no set was found that determines every target; give more, or --starts{less}"
         )
-    if request.resolution_deg is not None and not request.against_unlisted:
+    if request.resolution_deg is not None:
         found = rounded(task, found)
         if not (found.determined.all() and allowed(task, found.places.angle).all()):
             where = " outside the keep-outs" if request.keep_out else ""
             raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
     bound, detection = None, ()
-    if request.cuts and not (interrupted or request.against_unlisted or (effects and request.extra)):
+    if request.cuts and not (interrupted or (effects and request.extra)):
         try:
             with shown_status("lower bound", show=progress):
-                pool, known = pool_of(task, found.places), proven_everywhere(count, request)
-                bound = bound_positions(task, pool, count, found.worst, known)
+                bound = bound_positions(task, pool_of(task, found.places), count, found.worst)
         except KeyboardInterrupt:
             interrupted = True
     if effects:
@@ -222,7 +197,6 @@ def plan_positions(
         interrupted=interrupted,
         bound=bound,
         detection=detection,
-        unlisted=sizes_of(task, found.places) if request.against_unlisted else (),
         searched=count,
     )
 
@@ -238,7 +212,6 @@ def plan_of(task: Task, found: Costs, *, bound: Bound | None = None, **told: Any
     mounting = places.mounting if len(p.mountings) > 1 else None
     symbols = [target.symbol for target in task.targets]
     every = dict(zip(symbols, (found.ratio * task.best).tolist(), strict=True))
-    of_goal, least = goal_errors(task, found), float(task.least.max())
     return PositionPlan(
         positions=tuple(
             PlannedPosition(
@@ -249,7 +222,7 @@ def plan_of(task: Task, found: Costs, *, bound: Bound | None = None, **told: Any
             for row, (alpha, beta) in zip(order, np.round(np.degrees(commands[order]), 9).tolist(), strict=True)
         ),
         programme=tuple(number[row] for row in rows.tolist()),
-        worst_ratio=of_goal.get("force_error", found.worst * least) / least,
+        worst_ratio=found.worst,
         mean_ratio=found.mean,
         lower_bound=None if bound is None else bound.ratio,
         lower_bound_on=None if bound is None else bound.on,
@@ -258,8 +231,7 @@ def plan_of(task: Task, found: Costs, *, bound: Bound | None = None, **told: Any
         optima=dict(zip(symbols, task.best.tolist(), strict=True)),
         readings=len(found.readings.position),
         **{name: getattr(request, name) for name in ASKED},
-        lost=request.lost or None,
-        **of_goal,
+        **goal_errors(task, found),
         measured=len(task.measured) or None,
         mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
         task=task,
@@ -273,8 +245,6 @@ def goal_errors(task: Task, found: Costs) -> dict[str, float]:
     request = task.request
     if request.goal is None:
         return {}
-    if request.goal == "force":
-        return {"force_error": force_error(task, found.places)[0]}
     of_level = found.worst * float(task.least.max())
     told = {"levelling_error": of_level}
     return told | ({"azimuth_error": of_level * request.magnified} if request.goal == "gyrocompass" else {})
@@ -325,15 +295,6 @@ def stored_positions(count: int) -> Places | None:
     """The plan of so many positions that the package holds: mounting `identity`, the tables' admissible set."""
     angle = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in _stored_rows() if int(r["positions"]) == count]
     return Places(np.radians(angle), np.zeros(count, dtype=int)) if angle else None
-
-
-def proven_everywhere(count: int, request: Request) -> float:
-    """Below which worst ratio no so many positions are, of all angles, by the package's certificate; 1: none fits."""
-    own = Request(admissible="tables")
-    if any(getattr(request, name) != getattr(own, name) for name in OF_RATIO):
-        return 1.0
-    stored = resources.files("trihedron.tools.planning").joinpath("proofs", f"positions-{count:02}.json")
-    return float(json.loads(stored.read_text(encoding="utf-8"))["ratio"]) if stored.is_file() else 1.0
 
 
 def stored_counts() -> list[int]:

@@ -6,10 +6,10 @@ must be in the set. A linear programme over such cuts bounds the number of posit
 the programme's present answer violates them: positions are gathered, the heaviest first, while they cannot reach r
 together; the dual that proves that is the cut. It holds for all images under the symmetries of the problem: the
 programme has one variable for each group of images. The bound is proven for positions of a stated pool alone.
-Where a position may be lost, two must be in each region; regions that hold what is measured already prove nothing.
+Regions that hold what is measured already prove nothing.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from math import hypot
 
@@ -40,7 +40,6 @@ NOISE = 0.3
 RATIO_STEPS = 24
 NEAREST = 0.1
 """Least part of what is open between bound and set that is aimed at, and the first."""
-EVERYWHERE = "all angles"
 PATIENCE = 10
 """No more cuts are sought where all that are left, worth what so many last ones were, would not prove it."""
 
@@ -170,21 +169,13 @@ def pool_of(task: Task, extra: Places | None = None) -> Pool:
 class Bound:
     """What is proven: no set of `count` positions of a pool (in words) has a worst ratio below `ratio`.
 
-    `cuts` is how many prove it, images not counted. Of all angles none has one below `everywhere`; where that is no
-    less, it is the ratio, and `on` says so.
+    `cuts` is how many prove it, images not counted.
     """
 
     ratio: float
     count: int
     on: str
     cuts: int
-    everywhere: float = 1.0
-
-    def with_everywhere(self, ratio: float) -> "Bound":
-        """With what is proven of all angles."""
-        if ratio < self.ratio or ratio == 1.0:
-            return replace(self, everywhere=ratio)
-        return Bound(ratio, self.count, EVERYWHERE, 0, ratio)
 
 
 class HittingSet:
@@ -196,7 +187,6 @@ class HittingSet:
         self._height = np.zeros((len(pool.places), 0))
         self._measured = readings(task, task.measured).regressor
         self._known = np.zeros(0)
-        self._needed = 1.0 + task.request.lost
         self._size = np.bincount(pool.orbit)
         self._whole = np.array([self._cost_of_all(k) for k in range(len(task.groups))])
 
@@ -213,20 +203,13 @@ class HittingSet:
             return 0.0, np.full(len(self._pool.places), 1.0 / len(self._pool.places))
         inside, orbit = self._height[:, counts] >= 1.0 / ratio - SAFE, self._pool.orbit
         share = np.stack([np.bincount(orbit, column, len(self._size)) for column in inside.T]) / self._size
-        least = np.full(len(share), self._needed)
+        least = np.ones(len(share))
         solved = scipy.optimize.linprog(np.ones(len(self._size)), A_ub=-share, b_ub=-least, method="highs")
         if solved.x is None:
             return 0.0, np.zeros(len(self._pool.places))
         prices = np.maximum(-solved.ineqlin.marginals, 0.0)
         proven = float(prices @ least / max(1.0, (share.T @ prices).max()))
         return proven * (1.0 - SAFE), (solved.x / self._size)[self._pool.orbit]
-
-    def reach(self, ratio: float) -> float:
-        """How far [rad] from (0, 0), along an axis, every set that reaches the ratio has a position, by the cuts."""
-        counts = self._known < 1.0 / ratio - SAFE
-        inside = self._height[:, counts] >= 1.0 / ratio - SAFE
-        far = np.abs(np.mod(self._pool.places.angle + np.pi, TURN) - np.pi).max(axis=1)
-        return float(np.where(inside, far[:, None], np.inf).min(axis=0).max(initial=0.0))
 
     def prove(self, count: int, ratio: float, most: int) -> bool:
         """Look for cuts that prove that `count` positions cannot reach the ratio; at most `most` new ones."""
@@ -271,7 +254,7 @@ class HittingSet:
         heavy = order[answer[order] > 0.0]
         light = self._rng.permutation(np.flatnonzero(answer <= 0.0))
         gathering = _Gathering(self._task, self._pool, k, ratio)
-        left = self._needed - COVERED
+        left = 1.0 - COVERED
         for chunk in np.array_split(heavy, max(1, len(heavy) // COARSE)):
             left -= gathering.gather(chunk, FINE, answer, left)
             if left <= 0.0:
@@ -364,17 +347,17 @@ class _Gathering:
                 programme.close(self._first + known, closed=closed)
 
 
-def bound_positions(task: Task, pool: Pool, count: int, reached: float, everywhere: float = 1.0) -> Bound:
+def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound:
     """The best bound for so many positions that the request's cuts give, aimed ever nearer to what was reached.
 
-    That is the worst ratio of the best set known. `everywhere` is proven of all angles already.
+    That is the worst ratio of the best set known.
     """
     hitting, share = HittingSet(task, pool), NEAREST
-    known = max(hitting.bound(count, reached).ratio, everywhere)
+    known = hitting.bound(count, reached).ratio
     while (left := task.request.cuts - len(hitting)) > 0:
         aim = known + share * (reached - known)
         if hitting.prove(count, aim, left):
             known, share = max(aim, known), max(share, 0.5)
         elif (share := 0.5 * share) <= NEAREST:
             break
-    return hitting.bound(count, reached).with_everywhere(everywhere)
+    return hitting.bound(count, reached)

@@ -6,7 +6,7 @@ error with the readings that count.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from math import hypot
@@ -208,7 +208,7 @@ def undetermined(task: Task) -> list[str]:
         lines.append(np.concatenate([np.linspace(low, high, LINES // len(arcs) + 2) for low, high in arcs]))
     angle = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     every = on_all_mountings(angle, len(task.parametrisation.mountings)).joined(task.measured)
-    found = costs(replace(task, request=replace(task.request, lost=0)), every).determined
+    found = costs(task, every).determined
     return [target.symbol for target, known in zip(task.targets, found, strict=True) if not known]
 
 
@@ -290,8 +290,6 @@ class Costs:
         y: |F'y| ≤ 1 on the readings, a'y the cost
     ratio : (K,) array
         cost over the target's optimum over all angles
-    lost : (K,) array of int
-        the position that is lost, where one may be: the one that each target misses most; -1: none
     worst : float
         the largest ratio, or of a goal that of its error to what no positions better
     """
@@ -301,7 +299,6 @@ class Costs:
     weights: NDArray
     duals: NDArray
     ratio: NDArray
-    lost: NDArray
     worst: float
 
     @property
@@ -316,44 +313,29 @@ class Costs:
 
 
 def costs(task: Task, places: Places) -> Costs:
-    """Solve the linear programme of every target on the readings of these positions, or of all but one of them."""
+    """Solve the linear programme of every target on the readings of these positions."""
     given = readings(task, places)
     weights = np.zeros((len(task.targets), len(given.position)))
     duals, value = np.zeros_like(task.weights), np.zeros(len(task.targets))
-    lost = np.full(len(value), -1)
-    kept = len(places) - len(task.measured) if task.request.lost else 0
-    for k, (target, estimator) in enumerate(zip(task.weights, estimators(given, task.weights, kept), strict=True)):
-        weights[k], duals[k], possible, lost[k] = estimator
+    for k, (target, estimator) in enumerate(zip(task.weights, estimators(given, task.weights), strict=True)):
+        weights[k], duals[k], possible = estimator
         value[k] = duals[k] @ target
         if possible:
             used = np.flatnonzero(weights[k])
             columns = given.regressor[used].T
             # The solver's tolerance, taken out.
             weights[k, used] += np.linalg.lstsq(columns, target - columns @ weights[k, used], rcond=1e-12)[0]
-    return Costs(places, given, weights, duals, value / task.best, lost, task.worst(value))
+    return Costs(places, given, weights, duals, value / task.best, task.worst(value))
 
 
-def estimators(given: Readings, targets: NDArray, losable: int) -> Iterator[tuple[NDArray, NDArray, bool, int]]:
-    """Of each target (P,): Φ (M,), y (P,), whether it is determined, and which position is lost, of the first so many.
-
-    That is the one that it misses most; -1: none.
-    """
+def estimators(given: Readings, targets: NDArray) -> Iterator[tuple[NDArray, NDArray, bool]]:
+    """Of each target (P,): Φ (M,), y (P,), and whether it is determined."""
     programme = Columns(targets.shape[1])
     if len(given.position):
         programme.add(given.regressor)
     for target in targets:
         programme.aim(target)
-        weights, dual, possible = programme.solve()
-        lost = -1
-        # Only a position that has a weight is missed.
-        for one in np.unique(given.position[weights != 0.0]) if losable and possible else ():
-            if one < losable:
-                programme.close(rows := np.flatnonzero(given.position == one))
-                without, other, left = programme.solve()
-                programme.close(rows, closed=False)
-                if other @ target > dual @ target:
-                    weights, dual, lost, possible = without, other, int(one), left
-        yield weights, dual, possible, lost
+        yield programme.solve()
 
 
 def allowed(task: Task, angle: NDArray) -> NDArray:

@@ -1,17 +1,14 @@
 """What is asked of a common set of positions."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...models.bench import SYMMETRIC_PAIRS
 from ..calibration.model import Parametrisation, mountings_of, parametrise
-from ..calibration.targets import BIAS_TARGETS, MISALIGNMENT_TARGETS
 from ..errors import InputError
 from ..rounding import upwards
 from .forms import DEFAULT_BOUNDS
@@ -29,20 +26,8 @@ FACES: Groups = (
     *(("X16", "X18+X11+X13"), ("X16", "X18-X11-X13"), ("X16", "X17")),
 )
 """What two accelerometers read too much while the axis of the third is vertical: axes 1 and 2 up and down, axis 3."""
-FORCE = tuple((0.8 * a, 0.6 * b, 0.0) for a, b in product((1.0, -1.0), repeat=2))
-"""Inputs [g] at which a search for the corrected force begins: there the error that no positions better is largest."""
-GOALS = {"levelling": "rad", "gyrocompass": "rad", "force": "g"}
+GOALS = {"levelling": "rad", "gyrocompass": "rad"}
 """What errors of the corrections are."""
-
-
-def force_at(n: Sequence[float], *, symmetric: bool) -> tuple[str, ...]:
-    """What each accelerometer reads too much at the input n (3,) [g], Γ lower triangular, as targets are written."""
-    told = []
-    for own, (pair, others, bias) in enumerate(zip(SYMMETRIC_PAIRS, MISALIGNMENT_TARGETS, BIAS_TARGETS, strict=True)):
-        scale = pair[0] if symmetric or n[own] > 0.0 else pair[1]
-        terms = [f"{n[c]:+}*{target}" for c, target in enumerate((*map("({})".format, others), scale)) if n[c] != 0.0]
-        told.append("".join([bias, *terms]))
-    return tuple(told)
 
 
 @dataclass(frozen=True)
@@ -57,7 +42,6 @@ class Request:
     repeat: int = 0
     detect: tuple[str, ...] = ()
     extra: int = 6
-    against_unlisted: bool = False
     seed: int = 0
     starts: int = 30
     cuts: int = 40
@@ -68,10 +52,8 @@ class Request:
     mountings: tuple[Mapping[str, ArrayLike] | str, ...] = ("identity",)
     targets: tuple[str, ...] = ()
     goal: str | None = None
-    lost: int = 0
     measured: Path | None = None
     accuracy: str | None = None
-    fewest: str = "positions"
     noise_bound: float = 1e-5
     latitude_deg: float | None = None
     rate_dps: float | None = None
@@ -95,9 +77,7 @@ class Request:
     @property
     def groups(self) -> Groups:
         """The targets of the goal, in groups whose errors are taken together; none without a goal."""
-        if self.goal != "force":
-            return () if self.goal is None else FACES
-        return tuple(force_at(n, symmetric=self.baseline == "symmetric") for n in FORCE)
+        return () if self.goal is None else FACES
 
     @property
     def expressions(self) -> tuple[str, ...]:
@@ -142,7 +122,6 @@ class Request:
         for name, value, known in (
             ("criterion", self.criterion, ("worst", "mean")),
             ("order", self.order, ("tour", "random")),
-            ("fewest", self.fewest, ("positions", "minutes")),
             ("convention", self.convention, ("A1", "A2")),
             ("baseline", self.baseline, ("asymmetric", "symmetric")),
         ):
@@ -157,7 +136,6 @@ class Request:
             ("cuts", self.cuts, 0, MOST_CUTS),
             ("extra", self.extra, 0, MOST_EXTRA),
             ("seed", self.seed, 0, 2**31 - 1),
-            ("lost", self.lost, 0, 1),
         ):
             if not least <= number <= most:
                 raise InputError(f"--{name} {number}: must be from {least} to {most}")
@@ -172,9 +150,6 @@ class Request:
                 raise InputError(f"--{name} {value:g}: must be positive, and at most {most:g}")
         if self.latitude_deg is not None and self.goal != "gyrocompass":
             raise InputError("--latitude-deg: goes with --goal gyrocompass, or with --imu")
-        others = len(self.mountings) > 1 or self.detect or self.against_unlisted
-        if self.fewest == "minutes" and (self.accuracy is None or others):
-            raise InputError("--fewest minutes: goes with --accuracy, one mounting, no --detect or --against-unlisted")
         if not abs(self.latitude) <= 89.0:
             raise InputError(f"--latitude-deg {self.latitude:g}: must be from -89 to 89")
         if self.goal is not None and self.targets:

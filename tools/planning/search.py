@@ -73,7 +73,6 @@ def search(
     count: int,
     *,
     given: Sequence[Places] = (),
-    least_gain: float = SMALL_GAIN,
     enough: float = 0.0,
     progress: bool = False,
 ) -> tuple[Costs | None, int, bool]:
@@ -85,8 +84,6 @@ def search(
         its request says which criterion, how many starts, and the seed of the random numbers
     given : sequence of Places
         sets to begin with, beside the random ones
-    least_gain : float
-        as of `improve`
     enough : float
         the worst ratio with which the search ends
 
@@ -106,7 +103,7 @@ def search(
         try:
             for places in [*given, *([None] * starts)]:
                 start = _start(task, count, rng, elite) if places is None else costs(task, places)
-                found = improve(task, start, least_gain=least_gain, hopeless=_hopeless(elite))
+                found = improve(task, start, hopeless=_hopeless(elite))
                 done += 1
                 value = merit(task, found)
                 if all(abs(value - other) > ALIKE for other, _ in elite):
@@ -199,12 +196,11 @@ def improve(
     *,
     radius: float = WIDE,
     steps: int = 40,
-    least_gain: float = SMALL_GAIN,
     hopeless: Callable[[int, float], bool] = lambda step, value: False,
 ) -> Costs:
     """Improve a set of positions until no small move helps; what comes is never worse than the start.
 
-    An angle may move by the radius [rad] in the first step; some steps in a row that gain less than the least gain end
+    An angle may move by the radius [rad] in the first step; some steps in a row that gain little end
     it, and `hopeless` says of step and merit whether to give up.
     """
     best, value, slow = start, merit(task, start), 0
@@ -218,7 +214,7 @@ def improve(
             trial = costs(task, best.places.at(angle))
             gained, hoped = value - merit(task, trial), value - promised
             if gained > GAIN and allowed(task, angle).all():
-                slow = slow + 1 if gained < least_gain else 0
+                slow = slow + 1 if gained < SMALL_GAIN else 0
                 best, value = trial, value - gained
                 radius = min(WIDE, radius * (2.0 if gained > 0.5 * hoped else 0.5 if gained < 0.1 * hoped else 1.0))
             else:
@@ -233,7 +229,7 @@ def _step(task: Task, here: Costs, radius: float) -> tuple[NDArray, float] | Non
     places, given, (many, size) = here.places, here.readings, task.weights.shape
     kept = (np.abs(here.weights) > NO_WEIGHT).any(axis=0) | (given.clearance > 2.0 * radius)
     worst = task.request.criterion == "worst"
-    height = np.where(given.position == here.lost[:, None], 0.0, here.duals @ given.regressor.T)
+    height = here.duals @ given.regressor.T
     near = kept & ((np.abs(height) > 1.0 - NEAR_ONE) | (here.weights != 0.0))
     blocks = []
     for own, tall in zip(near, height, strict=True):

@@ -91,22 +91,16 @@ def position_lines(plan: "PositionPlan") -> list[str]:
         f"moves take {digits(plan.duration)} s",
     ]
     lines += wanted_lines(plan)
-    unit, size = ("ug", 1e-6) if plan.goal == "force" else ("arcsec", ARCSEC)
-    size = plan.task.request.noise_bound / size
+    size = plan.task.request.noise_bound / ARCSEC
     if plan.bound is not None:
-        everywhere = plan.bound.everywhere
-        whose, how = "whatever their angles,", "proven by a certificate"
-        if plan.bound.ratio > everywhere or everywhere == 1.0:
-            of_all = (
-                "nothing better than 1 is proven" if everywhere == 1.0 else f"none below {downwards(everywhere, 6)}"
-            )
-            whose = f"of the {plan.bound.on},"
-            how = f"proven by {plan.bound.cuts} cuts and their images; of all angles {of_all}"
         ratio = downwards(plan.bound.ratio, 6)
-        lines.append(f"no {plan.bound.count} positions, {whose} have a worst ratio below {ratio} ({how})")
+        lines.append(
+            f"no {plan.bound.count} positions, of the {plan.bound.on}, have a worst ratio below {ratio} "
+            f"(proven by {plan.bound.cuts} cuts and their images)"
+        )
         if plan.goal is not None:
             least = float(plan.task.least.max()) * plan.task.request.magnified
-            proven = (f"{downwards(error * size, 4)} {unit}" for error in (plan.bound.ratio * least, least))
+            proven = (f"{downwards(error * size, 4)} arcsec" for error in (plan.bound.ratio * least, least))
             lines.append("that is, none have a {} error below {}; of all angles {}".format(plan.goal, *proven))
     if plan.detection:
         lines.append(
@@ -118,8 +112,6 @@ def position_lines(plan: "PositionPlan") -> list[str]:
             f"{downwards(one.distance_after, 4)} now, at most {upwards(one.distance_at_most, 4)}"
             for one in plan.detection
         ]
-    if plan.unlisted:
-        lines += _unlisted_lines(plan)
     if plan.interrupted:
         lines.append(f"interrupted after {plan.starts} starts: the best set so far")
     return lines
@@ -130,8 +122,6 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
     lines = []
     if plan.measured:
         lines.append(f"{plan.measured} positions that are measured already count beside these")
-    if plan.lost:
-        lines.append("the costs hold when any one of these positions is lost")
     request = plan.task.request
     latitude = exactly(request.latitude)
     of_goal = {"levelling": plan.levelling_error, f"a gyrocompass at latitude {latitude}°": plan.azimuth_error}
@@ -142,12 +132,6 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
                 f"at most, {upwards(error * request.noise_bound / ARCSEC, 4)} arcsec at "
                 f"σ = {exactly(request.noise_bound)} g"
             )
-    if plan.force_error is not None:
-        lines.append(
-            "corrected specific force, as a vector in the frame of case (A1), over all directions of 1 g, by a-priori "
-            f"estimates: wrong by {upwards(plan.force_error, 6)} σ at most, "
-            f"{upwards(plan.force_error * request.noise_bound / 1e-6, 4)} ug at σ = {exactly(request.noise_bound)} g"
-        )
     if plan.accuracy_kept is not None:
         kept, fewer = (
             None if error is None else request.told(error / request.noise_bound)
@@ -157,24 +141,6 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
         lines.append(f"keeps --accuracy {request.accuracy}: {kept}; {less if fewer else 'with fewer no set was found'}")
     if plan.fewest_possible is not None:
         lines.append(f"no fewer than {plan.fewest_possible} positions of the pool keep it, proven")
-    if plan.minutes is not None:
-        least = plan.minutes_possible
-        bound = "" if least is None else f"; a bound: less than {downwards(least, 4)} is not enough on the pool, proven"
-        lines.append(f"rests and moves take {upwards(plan.minutes, 4)} minutes, the least that was found{bound}")
-    return lines
-
-
-def _unlisted_lines(plan: "PositionPlan") -> list[str]:
-    """From which size on a function of each quantity is surely seen, a line for each place."""
-    lines = ["a smooth fault that is in no catalogue is surely seen from so many σ on, as a function of:"]
-    for place in dict.fromkeys(one.place for one in plan.unlisted):
-        told = [
-            f"{f'{one.factor} times ' if one.factor else ''}{one.quantity} "
-            f"{'never' if one.size is None else upwards(one.size, 3)}"
-            for one in plan.unlisted
-            if one.place == place
-        ]
-        lines.append(f"  {place}: {', '.join(told)}")
     return lines
 
 

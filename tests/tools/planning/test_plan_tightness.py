@@ -162,19 +162,12 @@ def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, Pool]) 
     assert 0.8 * best <= bound_positions(task, pool, 7, second).ratio <= best * (1 + 1e-9)
 
 
-def test_a_bound_where_one_may_be_lost_or_some_are_measured_is_that_of_the_best_set(
-    small_pool: tuple[Task, Pool],
-) -> None:
+def test_a_bound_where_some_are_measured_is_that_of_the_best_set(small_pool: tuple[Task, Pool]) -> None:
     task, pool = small_pool
     known = replace(task, measured=pool.places.chosen([0, 2, 3, 5]))
     sets = (pool.places.chosen(list(rows)).joined(known.measured) for rows in combinations(range(10), 3))
     best = min(costs(known, places).worst for places in sets)
     assert bound_positions(known, pool, 3, best).ratio == pytest.approx(best, rel=1e-7)
-    # Each of the best seven twice stands any loss.
-    robust = replace(task, request=replace(task.request, lost=1))
-    best = costs(robust, pool.places.chosen([*range(7), *range(7)])).worst
-    assert best == pytest.approx(costs(task, pool.places.chosen(list(range(7)))).worst)
-    assert 0.9 * best <= bound_positions(robust, pool, 14, best).ratio <= best * (1 + 1e-9)
 
 
 def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[Task, Pool]) -> None:
@@ -192,11 +185,7 @@ def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[
     hitting = HittingSet(level, pool)
     hitting.prove(7, 1.5 * best, 20)
     assert len(hitting) > 3
-    far = np.abs(np.angle(np.exp(1j * pool.places.angle))).max(axis=1)
-    assert hitting.reach(1.2 * best) > 0.1
     for rows, reached in zip(sets, ratio, strict=True):
-        # So far a programme of them moves.
-        assert far[rows].max() >= hitting.reach((1.0 + 1e-6) * reached) - 1e-12
         # What reaches a ratio has a position in the region of every cut.
         assert (hitting._height[rows].max(axis=0) >= (1.0 - 1e-6) / reached).all()
 

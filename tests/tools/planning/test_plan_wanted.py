@@ -1,4 +1,4 @@
-"""Positions for what is wanted: a correction's error, a lost position, what is measured already, given time."""
+"""Positions for what is wanted: a correction's error, what is measured already, limits."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,21 +6,18 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 
 from generator.stands import random_bench, simulated
 from planning_tasks import known_optima, planned, stored, tables_task
 from trihedron.models.bench import nominal_input
 from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.errors import InputError
-from trihedron.tools.planning import common, positions
+from trihedron.tools.planning import positions
 from trihedron.tools.planning.check import read_angles
 from trihedron.tools.planning.common import plan_positions
-from trihedron.tools.planning.force import force_error, largest_over_directions
 from trihedron.tools.planning.positions import Places, costs
-from trihedron.tools.planning.request import FACES, Request, force_at
-from trihedron.tools.planning.wanted import error_of, plan_in_time, plan_to_accuracy, quicker, seconds_of
+from trihedron.tools.planning.request import FACES, Request
+from trihedron.tools.planning.wanted import plan_to_accuracy
 from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
@@ -75,7 +72,6 @@ def test_the_fewest_positions_that_keep_a_wanted_error_or_that_none_do():
     assert plan.azimuth_error == pytest.approx(plan.accuracy_kept / 2e-5)
     assert plan.accuracy == pytest.approx(100e-6)
     assert plan.accuracy_kept <= plan.accuracy
-    assert plan.minutes_possible is None
     assert plan.fewer_keep is not None
     assert plan.fewer_keep > 100e-6
     assert replace(request, latitude_deg=60.0).magnified == pytest.approx(np.sqrt(3.0))
@@ -90,7 +86,6 @@ def test_an_accuracy_is_read_with_its_unit(text: str):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"goal": "force", "accuracy": "45arcsec"}, "one of g; write it in ug"),
         ({"goal": "gyrocompass", "latitude_deg": 50.0, "accuracy": "45ug"}, "one of rad; write it in arcsec or urad"),
         ({"targets": ("X16",), "accuracy": "45ppm"}, "one of g; write it in ug"),
         ({"targets": ("X4",), "accuracy": "45urad"}, "one of 1; write it in ppm"),
@@ -109,16 +104,6 @@ def test_what_is_no_accuracy_is_refused(text: str):
         plan_to_accuracy(Request(accuracy="1e-5", admissible="tables"))
 
 
-@pytest.mark.acceptance
-def test_what_is_promised_when_one_position_is_lost_is_the_worst_of_all_losses():
-    plan = planned(8, Request(admissible="tables", lost=1, starts=1, cuts=0))
-    task, at = tables_task(), Places(angles(plan), np.zeros(8, dtype=int))
-    without = np.array([costs(task, at.chosen(np.delete(np.arange(8), k))).ratio * task.best for k in range(8)])
-    np.testing.assert_allclose(without.max(axis=0), list(plan.costs.values()), rtol=1e-6)
-    assert plan.worst_ratio < costs(tables_task(lost=1), stored(8)).worst
-    assert plan.to_json()["lost"] == 1
-
-
 def test_what_is_measured_already_counts_and_stays(tmp_path: Path):
     known = stored(8)
     write_record(record_at(known.angle), tmp_path / "known.csv")
@@ -132,26 +117,6 @@ def test_what_is_measured_already_counts_and_stays(tmp_path: Path):
     assert plan.worst_ratio < costs(task, known).worst - 0.005
     with pytest.raises(InputError, match="--detect: does not go with --measured"):
         planned(3, Request(admissible="tables", measured=tmp_path / "known.csv", detect=("quadratic",)))
-
-
-@pytest.mark.acceptance
-def test_as_many_positions_as_fit_into_the_minutes():
-    request, dwell = Request(admissible="tables", starts=1, cuts=0), 12.0
-    with mock.patch.object(positions, "_optima", return_value=(tables_task().best, np.zeros((0, 2)))):
-        plan = plan_in_time(2.5, request, dwell_s=dwell)
-        with pytest.raises(InputError, match=r"--minutes 0\.1: must be at least one --dwell of 12 seconds"):
-            plan_in_time(0.1, request, dwell_s=dwell)
-        for minutes in (1.0, 1.3):
-            # Less than six rests take; as long as six take, and no time to move.
-            with pytest.raises(InputError, match=rf"--minutes {minutes:g}: is too little for 6 rests of 12 s"):
-                plan_in_time(minutes, request, dwell_s=dwell)
-        # Where one start finds no set of so many, more of them are tried.
-        with mock.patch.object(common, "search", side_effect=[(None, 1, False), (None, 30, False)]) as tried:
-            with pytest.raises(InputError, match=r"^2 positions: no set was found"):
-                plan_in_time(0.4, replace(request, starts=30, targets=("X1", "X16")), dwell_s=dwell)
-            assert tried.call_count == 2
-    used = plan.duration + dwell * len(plan.programme)
-    assert used <= 150.0 < used + 2.0 * dwell
 
 
 def test_a_cone_of_tilt_is_a_limit_of_alpha_and_is_kept():
@@ -190,68 +155,6 @@ def test_a_table_with_limited_angles_says_what_it_cannot_determine():
         plan = plan_positions(4, Request(keep_out=("beta:0.01:359.99",), targets=symbols, starts=2, cuts=0))
     assert plan.worst_ratio < 1.15
     assert np.abs([one.beta_deg for one in plan.positions]).max() <= 0.01 + 1e-9
-
-
-@pytest.mark.parametrize("place", [(0.3, 0.5, 0.81), (0.0, 0.0, 1.0), (-0.6, 0.1, 0.7)])
-def test_the_largest_over_all_directions_is_bounded_from_above_and_nearly_met(place: tuple[float, ...]):
-    at = np.array(place)
-    bound, where = largest_over_directions(lambda n: np.hypot(0.5 + n @ at, 0.2 * np.abs(n[:, 0])))
-    each = np.random.default_rng(1).normal(size=(200_000, 3))
-    each /= np.linalg.norm(each, axis=1, keepdims=True)
-    largest = np.hypot(0.5 + each @ at, 0.2 * np.abs(each[:, 0])).max()
-    assert largest <= bound <= 1.003 * largest
-    assert (np.hypot(0.5 + where @ at, 0.2 * np.abs(where[:, 0])) > 0.94 * largest).all()
-
-
-FORCES = mock.patch.object(positions, "_optima", return_value=(np.full(10, 2.0), np.zeros((0, 2))))
-
-
-@pytest.mark.acceptance
-def test_a_search_makes_the_error_of_the_corrected_force_small():
-    asked = Request(goal="force", starts=1, cuts=0)
-    with FORCES:
-        plan, before = plan_positions(8, asked), force_error(positions.task_of(asked), stored(8))[0]
-    assert plan.force_error is not None
-    assert plan.force_error < 0.98 * before
-    assert plan.to_json()["force_error"] == error_of(plan)
-
-
-def test_the_error_of_the_corrected_force_holds_in_every_direction():
-    task, known = tables_task(admissible="paper"), stored(8)
-    rng = np.random.default_rng(5)
-    least = [(0.0, 0.0, 1.0), (0.8, -0.6, 0.0), *rng.normal(size=(60, 3)).tolist()]
-    given = positions.readings(task, known).regressor
-    met = 0.0
-    for n in least:
-        # The largest error that readings wrong by at most σ cannot tell from none.
-        n = np.array(n) / np.linalg.norm(n)
-        own = [expression_weights(text, task.parametrisation) for text in force_at(n.tolist(), symmetric=False)]
-        rows = np.vstack([given, -given])
-        sizes = [linprog(-w, A_ub=rows, b_ub=np.ones(len(rows)), bounds=(None, None)) for w in own]
-        met = max(met, float(np.linalg.norm([one.fun for one in sizes])))
-    with FORCES:
-        bound = force_error(positions.task_of(Request(goal="force", cuts=0)), known)[0]
-    assert met <= bound < 1.05 * met
-
-
-def test_a_programme_of_fewest_minutes_keeps_the_accuracy_and_moves_less():
-    with mock.patch.object(positions, "_optima", return_value=(np.full(8, 2.0266), np.zeros((0, 2)))):
-        request = Request(goal="levelling", accuracy="10arcsec", fewest="minutes", starts=2, cuts=0, resolution_deg=0.5)
-        plan = plan_positions(7, request)
-        soon = quicker(plan)
-    assert error_of(plan) < request.wanted
-    level = positions.task_of(replace(request, goal=None, targets=LEVEL), best=np.full(8, 2.0266))
-    at = Places(angles(soon), np.zeros(7, dtype=int))
-    told = dict(zip(LEVEL, (costs(level, at).ratio * level.best).tolist(), strict=True))
-    assert levelling_error(told) == pytest.approx(soon.levelling_error, rel=1e-6)
-    assert levelling_error(told) <= request.wanted
-    assert np.allclose(np.degrees(at.angle) / 0.5, np.round(np.degrees(at.angle) / 0.5), atol=1e-6)
-    way = np.abs(np.diff(np.vstack([[0.0, 0.0], angles(soon)]), axis=0)).max(axis=1)
-    # At 1 rad/s and 1 rad/s²: short moves never reach the rate.
-    assert np.where(way < 1.0, 2.0 * np.sqrt(way), way + 1.0).sum() == pytest.approx(soon.duration, rel=1e-6)
-    assert seconds_of(soon, 20.0) < seconds_of(plan, 20.0) - 0.3
-    with pytest.raises(InputError, match="--fewest minutes: goes with --accuracy, one mounting"):
-        replace(request, accuracy=None).check()
 
 
 def test_a_position_in_a_keep_out_is_refused_with_its_row(tmp_path: Path):
