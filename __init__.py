@@ -26,9 +26,6 @@ _FUNCTIONS = {
         "export_notebook",
         "hide",
         "new",
-        "plan",
-        "plan_imu",
-        "plan_positions",
         "plot",
         "run_campaign",
         "simulate",
@@ -37,6 +34,7 @@ _FUNCTIONS = {
         *("apply", "attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
         *("import_record", "inspect", "read_record"),
     ),
+    "planning.library": ("plan", "plan_check", "plan_imu", "plan_positions"),
     "together": ("calibrate_together", "diagnose_together"),
 }
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))

@@ -10,9 +10,6 @@ from .tools.library import export as export
 from .tools.library import export_notebook as export_notebook
 from .tools.library import hide as hide
 from .tools.library import new as new
-from .tools.library import plan as plan
-from .tools.library import plan_imu as plan_imu
-from .tools.library import plan_positions as plan_positions
 from .tools.library import plot as plot
 from .tools.library import run_campaign as run_campaign
 from .tools.library import simulate as simulate
@@ -26,6 +23,10 @@ from .tools.measured import import_record as import_record
 from .tools.measured import inspect as inspect
 from .tools.measured import read_record as read_record
 from .tools.orchestrator import Simulation as Simulation
+from .tools.planning.library import plan as plan
+from .tools.planning.library import plan_check as plan_check
+from .tools.planning.library import plan_imu as plan_imu
+from .tools.planning.library import plan_positions as plan_positions
 from .tools.together import calibrate_together as calibrate_together
 from .tools.together import diagnose_together as diagnose_together
 

@@ -13,7 +13,7 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.document.blocks import Document, Page
 from trihedron.tools.document.page import html
-from trihedron.tools.planning.plan import plan_targets
+from trihedron.tools.planning.plan import optimal_plans
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.reports import document_of
 from trihedron.tools.result import Result
@@ -75,8 +75,8 @@ MAKERS: dict[str, Callable[[], tuple[Result, Any]]] = {
     ),
     "block, ambiguous": lambda: (diagnose(draw_case(NEAR_THE_LEAST, 4, 4).measured()), None),
     "block, insufficient": lambda: (diagnose(strapdown_record(true_motion(POSES[:1]))), None),
-    "plan": lambda: (plan_targets(("X4",), grid=15.0), None),
-    "plans": lambda: (plan_targets(("X4", "X6+X8"), grid=15.0), None),
+    "plan": lambda: (optimal_plans(("X4",), grid=15.0), None),
+    "plans": lambda: (optimal_plans(("X4", "X6+X8"), grid=15.0), None),
 }
 
 

@@ -40,4 +40,4 @@ def planned(count: int, request: Request) -> PositionPlan:
     """A plan on the tables' admissible set, with the known optima."""
     assert request.admissible == "tables"
     with known_optima():
-        return common.plan_positions(count, request)
+        return common.common_positions(count, request)

@@ -36,7 +36,7 @@ def measure(
     Parameters
     ----------
     plan : path
-        Folder or plan.json of `trihedron plan --positions N --out`, or a table with alpha_deg and beta_deg.
+        Folder or plan.json of `trihedron plan positions N --out`, or a table with alpha_deg and beta_deg.
     source : path
         Where readings come from: a file that grows, - for standard input, or a serial port (extra `serial`).
     out : path

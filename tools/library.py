@@ -1,23 +1,20 @@
 """What `import trihedron as th` gives: a function for each thing that the program does.
 
-Those of a measured record are in `measured`. Each is documented once: the command of the same name takes its options,
-their defaults and their words from it. Results print themselves and show themselves in a notebook; those of a published
-schema go to JSON by `to_json`. What a function needs is imported when it is called: `--help`, a mistake and a
-notebook's first line need none of it.
+Those of a measured record are in `measured`, plans in `planning.library`. Each is documented once: the command of the
+same name takes its options, their defaults and their words from it. Results print themselves and show themselves in a
+notebook; those of a published schema go to JSON by `to_json`. What a function needs is imported when it is called:
+`--help`, a mistake and a notebook's first line need none of it.
 """
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from . import calibration as calibrations
 from . import campaign as campaigns
-from . import orchestrator, own_effects, planning, reports, ssp, trials
+from . import orchestrator, own_effects, reports, ssp, trials
 from .errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from .comparison import Compared
     from .exporting import Exported
     from .installation import Installation
@@ -130,234 +127,6 @@ def export(
 
     with own_effects.with_effects_of(effects_from):
         return export_components(components, Path(out), flavour, fmi, platform, effects)
-
-
-def plan(
-    *targets: str,
-    grid: float | None = 1.0,
-    admissible: Literal["paper", "tables"] = "paper",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    convention: Literal["A1", "A2"] = "A1",
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    progress: bool = False,
-) -> "planning.Plans":
-    """Find the table positions and weights that estimate each target best, with the proof that none are better.
-
-    Parameters
-    ----------
-    targets : str
-        A target, as X4 or X4-X5; may be repeated. All of the convention without it.
-    grid : float or None
-        Step of the grid of positions [deg]; 1 by default. None: all angles.
-    admissible : str
-        (1.7) as printed, or with the bias rows, as the published tables were computed.
-    bounds : (float, float)
-        u^max and v0^max of (1.7): when the sign of an input is certain.
-    convention : str
-        A1: Γ lower triangular; A2: symmetric.
-    baseline : str
-        Two scale factors for each accelerometer, or one.
-    mounting : str or mapping
-        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
-
-    Raises
-    ------
-    InputError
-        for options that cannot be used, and a grid that cannot determine a target
-
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> th.plan("X4")[0].optimum.cost  # doctest: +SKIP
-    """
-    return planning.plan_targets(
-        targets,
-        grid=grid,
-        admissible=admissible,
-        bounds=bounds,
-        convention=convention,
-        baseline=baseline,
-        mounting=mounting,
-        progress=progress,
-    )
-
-
-def plan_positions(
-    count: int | None = None,
-    *,
-    rate_dps: float | None = None,
-    acceleration_dps2: float | None = None,
-    goal: Literal["levelling", "gyrocompass"] | None = None,
-    latitude_deg: float | None = None,
-    accuracy: str | None = None,
-    noise_bound: float = 1e-5,
-    measured: str | Path | None = None,
-    criterion: Literal["worst", "mean"] = "worst",
-    reserve_deg: float = 0.0,
-    resolution_deg: float | None = None,
-    keep_out: Sequence[str] = (),
-    order: Literal["tour", "random"] = "tour",
-    repeat: int = 0,
-    detect: Sequence[str] = (),
-    extra: int = 6,
-    mountings: "Sequence[str | Mapping[str, ArrayLike]]" = ("identity",),
-    targets: Sequence[str] = (),
-    seed: int = 0,
-    starts: int = 30,
-    cuts: int = 40,
-    admissible: Literal["paper", "tables"] = "paper",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    convention: Literal["A1", "A2"] = "A1",
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    progress: bool = False,
-) -> "planning.PositionPlan":
-    """One set of `count` positions for all targets, with what is proven of every other set.
-
-    Parameters
-    ----------
-    count : int, optional
-        Number of positions; the fewest found to keep the accuracy without it.
-    rate_dps, acceleration_dps2 : float, optional
-        How fast the table turns, 1 rad/s and 1 rad/s² where nothing is said (--imu: 100 deg/s).
-    goal : str, optional
-        What the correction is for, in place of single targets: levelling makes the largest error of a level small,
-        gyrocompass that of the azimuth, at the latitude.
-    latitude_deg : float, optional
-        Of the gyrocompass [deg], 55.75.
-    accuracy : str, optional
-        The error that the goal, or each target, must keep, as 7arcsec, 20ug, 5ppm or 1e-5.
-    noise_bound : float
-        σ, as a fraction of g, for goal and accuracy.
-    measured : path, optional
-        A position record that is there already: its positions count beside the new ones.
-    criterion : str
-        Which ratio of cost to optimum is made small.
-    reserve_deg : float
-        Readings still count with setting errors up to that [deg].
-    resolution_deg : float, optional
-        Round positions to multiples of this [deg].
-    keep_out : sequence of str
-        Angles not to use: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
-    order : str
-        Shortest tour, or at random against drift.
-    repeat : int
-        Measure so many positions a second time.
-    detect : sequence of str
-        An effect, as 'quadratic accelerometer-3' or 'quadratic', that extra positions should show.
-    extra : int
-        Extra positions for --detect.
-    mountings : sequence
-        Several mountings, presets or TOML files: the set is split over them.
-    targets : sequence of str
-        What the set is to determine, as X4 or X4-X5; all targets of the convention by default.
-    seed : int
-        Of search and random order.
-    starts : int
-        Local searches.
-    cuts : int
-        Cuts sought for the lower bound. 0: no bound.
-    admissible, bounds, convention, baseline
-        As of `plan`.
-    progress : bool
-        Show bars on standard error, where that is a terminal.
-
-    Raises
-    ------
-    InputError
-        for options that cannot be used
-    """
-    request = planning.Request(
-        criterion=criterion,
-        reserve_deg=reserve_deg,
-        resolution_deg=resolution_deg,
-        keep_out=tuple(keep_out),
-        order=order,
-        repeat=repeat,
-        detect=tuple(detect),
-        extra=extra,
-        seed=seed,
-        starts=starts,
-        cuts=cuts,
-        admissible=admissible,
-        bounds=bounds,
-        convention=convention,
-        baseline=baseline,
-        mountings=tuple(mountings),
-        targets=tuple(targets),
-        goal=goal,
-        measured=None if measured is None else Path(measured),
-        accuracy=accuracy,
-        noise_bound=noise_bound,
-        latitude_deg=latitude_deg,
-        rate_dps=rate_dps,
-        acceleration_dps2=acceleration_dps2,
-    )
-    if (count is None) == (accuracy is None):
-        raise InputError("--positions and --accuracy: give one of the two")
-    if count is None:
-        return planning.plan_to_accuracy(request, progress=progress)
-    return planning.plan_positions(count, request, progress=progress)
-
-
-def plan_imu(
-    minutes: float,
-    *,
-    gyro_noise: float = 1e-5,
-    encoder_bound: float | None = None,
-    latitude_deg: float = 55.75,
-    azimuth_deg: float = 0.0,
-    rate_dps: float = 100.0,
-    exchanges: int = 4,
-    noise_bound: float = 1e-5,
-    dwell_s: float = 20.0,
-    progress: bool = False,
-) -> "planning.ImuPlan":
-    """The programme of rests and turns that determines accelerometers, gyros and bench in so many minutes.
-
-    Parameters
-    ----------
-    minutes : float
-        Time on the table, for --imu.
-    gyro_noise : float
-        Bound of the mean of a gyro over one second [rad/s].
-    encoder_bound : float, optional
-        Bound of an encoder's error [rad]; by default σ.
-    latitude_deg, azimuth_deg : float
-        Where the bench stands, and its outer axis from north towards east [deg].
-    rate_dps : float
-        How fast the table turns [deg/s].
-    exchanges : int
-        How often what is chosen is improved.
-    noise_bound : float
-        σ, as a fraction of g.
-    dwell_s : float
-        Least rest at a position [s].
-    progress : bool
-        Show bars on standard error, where that is a terminal.
-
-    Raises
-    ------
-    InputError
-        for options that cannot be used, and too little time
-
-    Examples
-    --------
-    >>> import trihedron as th
-    >>> th.plan_imu(30.0).worst_ratio  # doctest: +SKIP
-    """
-    bench = calibrations.Bench(latitude_deg, azimuth_deg, gyro_noise, encoder_bound)
-    return planning.plan_imu(
-        minutes,
-        bench,
-        noise_bound=noise_bound,
-        dwell_s=dwell_s,
-        rate_dps=rate_dps,
-        exchanges=exchanges,
-        progress=progress,
-    )
 
 
 def hide(

@@ -233,15 +233,15 @@ def test_attitude_of_renamed_axes_turns_about_renamed_axes(moved):
 
 def test_a_plan_of_renamed_axes_has_the_same_costs():
     """Of one set for all targets: the worst ratio of cost to optimum; the targets are those of other accelerometers."""
-    one = library.plan("X16", grid=15.0, baseline="symmetric")[0].optimum.cost
-    other = library.plan("X17", grid=15.0, baseline="symmetric", mounting=named(CYCLE.T))[0].optimum.cost
+    one = th.plan("X16", grid=15.0, baseline="symmetric")[0].optimum.cost
+    other = th.plan("X17", grid=15.0, baseline="symmetric", mounting=named(CYCLE.T))[0].optimum.cost
     assert other == pytest.approx(one, rel=1e-6)
 
 
 def test_a_plan_for_a_base_that_is_turned_has_the_same_cost():
     """The inner axis counts from another mark, and the grid of positions is the same."""
-    one = library.plan("X4", grid=15.0)[0].optimum.cost
-    other = library.plan("X4", grid=15.0, mounting=named(QUARTER))[0].optimum.cost
+    one = th.plan("X4", grid=15.0)[0].optimum.cost
+    other = th.plan("X4", grid=15.0, mounting=named(QUARTER))[0].optimum.cost
     assert other == pytest.approx(one, rel=1e-6)
 
 

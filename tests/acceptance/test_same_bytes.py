@@ -24,7 +24,7 @@ COMMANDS = (
     "diagnose strapdown.csv",
     "inspect strapdown.csv",
     "attitude strapdown.csv",
-    "plan --positions 8 --starts 2 --cuts 5",
+    "plan positions 8 --starts 2 --cuts 5",
     "campaign-report finished --report out.html",
 )
 HANDFUL = [line for line in COMMANDS if line.split()[0] in ("calibrate", "inspect", "attitude")]

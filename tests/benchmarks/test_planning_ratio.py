@@ -11,7 +11,7 @@ import pytest
 
 from planning_reference import random_mounting
 from trihedron.models.bench import TARGETS, admissible, regressors
-from trihedron.tools.planning.plan import plan_targets
+from trihedron.tools.planning.plan import optimal_plans
 
 
 def full_columns() -> np.ndarray:
@@ -57,7 +57,7 @@ def test_all_targets_on_the_one_degree_grid(capsys: pytest.CaptureFixture[str]) 
     ours, busy = [], []
     for _ in range(3):
         began, busy_before = time.perf_counter(), time.process_time()
-        plans = plan_targets(admissible="tables")
+        plans = optimal_plans(admissible="tables")
         ours.append(time.perf_counter() - began)
         busy.append(time.process_time() - busy_before)
     columns = full_columns()
@@ -96,7 +96,7 @@ def test_a_whole_process_against_one_that_only_imports(
 ) -> None:
     """18 plans from the command line, in units of what Python, NumPy and SciPy need until they stand ready."""
     unit = processor("-c", "import numpy, scipy.optimize")
-    ours = processor("-m", "trihedron.tools.cli", "plan", *options)
+    ours = processor("-m", "trihedron.tools.cli", "plan", "target", *options)
     with capsys.disabled():
         print(f"\nplan {' '.join(options)}: {ours:.2f} s of processor, {ours / unit:.1f} times the imports of SciPy")
     assert ours < most * unit
@@ -107,7 +107,7 @@ def test_a_whole_process_against_one_that_only_imports(
 def test_certified_optima_over_all_angles(name: str, limit: float, capsys: pytest.CaptureFixture[str]) -> None:
     matrix = np.eye(3) if name == "identity" else random_mounting(1)
     began = time.process_time()
-    plans = plan_targets(grid=None, mounting={name: matrix})
+    plans = optimal_plans(grid=None, mounting={name: matrix})
     seconds = time.process_time() - began
     gap = max(plan.gap for plan in plans)
     with capsys.disabled():
@@ -119,7 +119,7 @@ def test_certified_optima_over_all_angles(name: str, limit: float, capsys: pytes
 @pytest.mark.benchmark_ratio
 def test_a_grid_of_a_tenth_of_a_degree(capsys: pytest.CaptureFixture[str]) -> None:
     began = time.process_time()
-    plans = plan_targets(grid=0.1)
+    plans = optimal_plans(grid=0.1)
     seconds = time.process_time() - began
     with capsys.disabled():
         print(f"\n18 targets, 0.1° grid, 13 million positions: {seconds:.1f} s of processor")

@@ -49,7 +49,7 @@ GIVEN: dict[str, list[str]] = {
     "simulate": ["simulate", "{file}"],
     "campaign": ["campaign", "{file}"],
     "--effects-from": ["hidden", "new.csv", "--effects-from", "{file}"],
-    "--mounting": ["plan", "--positions", "8", "--mounting", "{file}"],
+    "--mounting": ["plan", "positions", "8", "--mounting", "{file}"],
 }
 
 
@@ -238,7 +238,7 @@ def test_where_one_output_fails_none_stays(
     """The disk is full when one of three files has been written."""
     monkeypatch.chdir(tmp_path)
     whole = Path.chmod
-    command = ["plan", "--target", "X4", "--grid", "15", "--json", "p.json", "--picture", "p.svg", "--report", "p.html"]
+    command = ["plan", "target", "X4", "--grid", "15", "--json", "p.json", "--picture", "p.svg", "--report", "p.html"]
     for ending in (".json", ".svg", ".html"):
 
         def full(self: Path, *rest: Any, ending: str = ending, **more: Any) -> None:

@@ -28,7 +28,8 @@ from .commands import (
 )
 from .completion import add_completion
 from .folder import instrument
-from .studies import campaign, campaign_report, compare, hidden, measure, plan, plot, reproduce
+from .plan_commands import plan
+from .studies import campaign, campaign_report, compare, hidden, measure, plot, reproduce
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     # Matrices are small here, and threads would only wait for each other; numpy reads this when it is imported.

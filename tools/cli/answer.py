@@ -235,7 +235,10 @@ TYPES: dict[str, Any] = {
     "jobs": Annotated[int | None, Parameter(allow_leading_hyphen=True)],
     "keep_out": tuple[str, ...],
     "mounting": str,
-    "mountings": Annotated[tuple[str, ...], Parameter(consume_multiple=(1, None), show_default=False)],
+    "mountings": Annotated[
+        tuple[str, ...],
+        Parameter(name=("--mountings", "--mounting"), consume_multiple=(1, None), show_default=False),
+    ],
     **dict.fromkeys(
         ("noise_bound", "latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound"),
         Annotated[float | None, Parameter(allow_leading_hyphen=True)],
@@ -262,14 +265,15 @@ NOT_TYPED = ("progress", "gyro_bias", "bench")
 """What a terminal does not give: a command shows its progress, and a terminal has no arrays and no values."""
 
 
-def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
+def takes(*functions: Callable[..., Any], words: Callable[..., Any] | None = None) -> Callable[[Command], Command]:
     """Give a command the options of functions of the library: names, types, defaults, words.
 
     The functions are those of `trihedron.tools.library`, `measured` and `at_table`, documented by numpydoc. The
     command has its own parameters first, by position, and its own options last; ``**options`` are those of the
     functions. Its docstring holds the examples; the sentence is the first function's, and the words of a parameter are
-    those of the first that has it.
+    those of the first that has it, or of the function `words`.
     """
+    describing = functions if words is None else (*functions, words)
 
     def given(command: Command) -> Command:
         own = [p for p in inspect.signature(command).parameters.values() if p.kind is not p.VAR_KEYWORD]
@@ -281,8 +285,8 @@ def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
         by_position = [p for p in own if p.kind is not p.KEYWORD_ONLY]
         signature = inspect.Signature([*by_position, *taken.values(), *(p for p in own if p.kind is p.KEYWORD_ONLY)])
         command.__signature__ = signature  # type: ignore[attr-defined]
-        words = {name: text for function in reversed(functions) for name, text in described(function)[1].items()}
-        kept = {name: text for name, text in words.items() if name in signature.parameters}
+        texts = {name: text for function in reversed(describing) for name, text in described(function)[1].items()}
+        kept = {name: text for name, text in texts.items() if name in signature.parameters}
         examples, own_words = described(command)
         lines = [f"{name}\n    {text}" for name, text in (kept | own_words).items()]
         section = ["Parameters\n----------\n" + "\n".join(lines)] if lines else []

@@ -7,134 +7,16 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from .. import at_table, document, library, own_effects, papers, planning, reports, trials
+from .. import at_table, document, library, own_effects, papers, reports, trials
 from .. import campaign as campaigns
 from ..errors import InputError
-from ..files import at_once, made_folder, ordinary_file, write_text
+from ..files import at_once, made_folder, ordinary_file
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, takes
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
 Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
 Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
-
-
-SEARCH = ("criterion", "reserve_deg", "keep_out", "seed", "starts", "cuts", "mountings", "goal")
-FOR = {
-    "positions": (
-        *SEARCH,
-        "resolution_deg",
-        "order",
-        "repeat",
-        "detect",
-        "extra",
-        "measured",
-        "dwell_s",
-        *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy", "out"),
-    ),
-    "curve": (*SEARCH, "out"),
-    "check": ("noise_bound", "keep_out"),
-    "imu": (
-        *("minutes", "gyro_noise", "encoder_bound", "latitude_deg", "azimuth_deg", "rate_dps", "exchanges"),
-        *("dwell_s", "noise_bound", "out"),
-    ),
-}
-"""Which options go with which of the four programmes."""
-EVERY_PLAN = ("admissible", "bounds", "convention", "baseline", "mounting")
-"""Options of every plan."""
-
-
-@takes(library.plan, library.plan_positions, library.plan_imu)
-def plan(
-    *,
-    targets: Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)] = (),
-    grid: Real = None,
-    continuum: bool = False,
-    positions: Optional = None,
-    curve: Annotated[tuple[int, int] | None, Parameter(allow_leading_hyphen=True)] = None,
-    check: Path | None = None,
-    imu: bool = False,
-    minutes: Real = None,
-    noise_bound: Real = None,
-    out: Folder = None,
-    picture: File = None,
-    json: JsonFile = None,
-    report: ReportFile = None,
-    **options: Any,
-) -> Answer:
-    """Or one set of N positions for all; what more positions gain; what setting errors do; or turns for a whole IMU.
-
-    Example: trihedron plan --target X4 --continuum --picture X4.svg
-
-    Example: trihedron plan --positions 12 --reserve 0.1 --out plan12
-
-    Example: trihedron plan --goal levelling --accuracy 7arcsec --noise-bound 1e-5
-
-    Example: trihedron plan --imu --minutes 30 --gyro-noise 1e-5 --out imu30
-
-    Parameters
-    ----------
-    grid
-        Step of the grid of positions [deg]; 1 by default.
-    continuum
-        All angles in place of a grid.
-    positions
-        One set of so many positions for all targets.
-    curve
-        Cost against the number of positions, from LOW to HIGH.
-    check
-        Compare bias and noise of a plan at the angles that were set: planned_..., alpha_deg, ...
-    imu
-        Rests and turns that determine accelerometers, gyros and bench.
-    minutes
-        Time on the table, of --imu; 30.
-    dwell_s
-        Time at each position [s], for --out and --imu.
-    noise_bound
-        σ, as a fraction of g, for --goal, --accuracy, --check and --imu; 1e-5.
-    out
-        Folder for programme, table list, operator's page, picture.
-    picture
-        Write the paper's figure, for one target, to this SVG file.
-    """
-    distinct_files({"--json": json, "--report": report, "--picture": picture})
-    uses = {"positions": positions, "curve": curve, "check": check, "imu": imu or None}
-    if "accuracy" in options and not any(value is not None for value in uses.values()):
-        uses["positions"] = 0
-    more = {"minutes": minutes, "out": out}
-    if not options.keys() & {"goal", "accuracy"}:
-        more["noise_bound"] = noise_bound
-    given = {name: value for name, value in (uses | more).items() if value is not None}
-    given |= {name: value for name, value in options.items() if name not in EVERY_PLAN}
-    others = {"--grid": grid, "--continuum": continuum, "--picture": picture}
-    use = use_of(given, others | ({"--target": targets} if check is not None or imu else {}))
-    if report is not None and use in ("curve", "check"):
-        raise InputError(f"--report: does not go with --{use}; it is the page of --target, --positions or --imu")
-    if use == "imu":
-        if wrong := next((name for name in EVERY_PLAN if name in options), None):
-            raise InputError(f"--{wrong}: does not go with --imu")
-        options |= {} if noise_bound is None else {"noise_bound": noise_bound}
-        return _imu(library.plan_imu(30.0 if minutes is None else minutes, **options, progress=True), out, json, report)
-    if use is not None:
-        mounting, dwell = options.pop("mounting", "identity"), options.pop("dwell_s", None)
-        if "mountings" in options and mounting != "identity":
-            raise InputError("--mounting and --mountings: give one of the two")
-        options |= {} if noise_bound is None else {"noise_bound": noise_bound}
-        request = planning.Request(**{"mountings": (mounting,), **options}, targets=targets)
-        if use == "positions":
-            return _positions(positions, dwell, request, out, json, report)
-        return _check(check, request, noise_bound, json) if curve is None else _curve(curve, request, out, json)
-    if continuum and grid is not None:
-        raise InputError("--grid and --continuum: give one of the two")
-    if picture is not None and len(targets) != 1:
-        raise InputError("--picture: is of one target; give one --target")
-    step = None if continuum else 1.0 if grid is None else grid
-    plans = library.plan(*targets, grid=step, **options, progress=True)
-    if report is not None:
-        document.write_page(report, reports.plan_page(plans))
-    if picture is not None:
-        write_text(picture, reports.plan_picture(plans[0]))
-    return answer(plans, json)
 
 
 @takes(at_table.measure)
@@ -160,77 +42,6 @@ def measure(
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {out} holds what came, and --resume goes on with it") from None
     return answer(done, json)
-
-
-def use_of(given: Mapping[str, Any], others: Mapping[str, object]) -> str | None:
-    """Which use of a common set is asked for, None: plans of single targets; refuses what does not go together."""
-    uses = [name for name in FOR if name in given]
-    if len(uses) > 1:
-        raise InputError(f"--{uses[0]} and --{uses[1]}: give one of the two")
-    if not uses:
-        if given:
-            name = next(iter(given))
-            takes_it = [f"--{use}" for use in FOR if name in FOR[use]]
-            if "--positions" in takes_it:
-                takes_it += ["--accuracy"]
-            raise InputError(f"--{_typed(name)}: goes with {' or '.join(takes_it)}")
-        return None
-    use = uses[0]
-    for name in given:
-        if name != use and name not in FOR[use]:
-            raise InputError(f"--{_typed(name)}: does not go with --{use}")
-    for name, value in others.items():
-        if value:
-            raise InputError(
-                f"{name}: does not go with --{use}; a common set is sought at any angles, and checked for all targets"
-            )
-    return use
-
-
-def _typed(name: str) -> str:
-    return name.removesuffix("_deg").removesuffix("_s").replace("_", "-")
-
-
-def _positions(
-    count: int | None,
-    dwell: float | None,
-    request: "planning.Request",
-    out: Path | None,
-    json: Path | None,
-    page: Path | None,
-) -> Answer:
-    dwell_s = planning.checked_dwell(planning.DWELL_S if dwell is None else dwell)
-    if (count is None) == (request.accuracy is None):
-        raise InputError("--positions and --accuracy: give one of the two")
-    if count is None:
-        found = planning.plan_to_accuracy(request, progress=True)
-    else:
-        found = planning.plan_positions(count, request, progress=True)
-    files = reports.write_plan(found, out, dwell_s=dwell_s) if out is not None else []
-    if page is not None:
-        document.write_page(page, reports.operator_page(found, dwell_s))
-    return answer(found, json, files=files)
-
-
-def _imu(found: "planning.ImuPlan", out: Path | None, json: Path | None, page: Path | None) -> Answer:
-    files = reports.write_imu_plan(found, out) if out is not None else []
-    if page is not None:
-        reports.write_report(page, found)
-    return answer(found, json, files=files)
-
-
-def _curve(ends: tuple[int, int], request: "planning.Request", out: Path | None, json: Path | None) -> Answer:
-    curve = planning.plan_curve(*ends, request, progress=True)
-    files = reports.write_curve(curve, out) if out is not None else []
-    return answer(curve, json, files=files)
-
-
-def _check(file: Path | None, request: "planning.Request", noise_bound: float | None, json: Path | None) -> Answer:
-    assert file is not None
-    planned, actual = planning.read_angles(file, request.keep_out)
-    noise = 1e-5 if noise_bound is None else noise_bound
-    found = planning.check_settings(planning.task_of(request, progress=True), planned, actual, noise)
-    return answer(found, json)
 
 
 def hidden(

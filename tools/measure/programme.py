@@ -64,7 +64,7 @@ class Programme:
 
 
 def read_programme(path: Path, mounting: str = "identity") -> Programme:
-    """A folder that `trihedron plan --out` wrote, its plan.json, or a table with alpha_deg and beta_deg.
+    """A folder that `trihedron plan positions --out` wrote, its plan.json, or a table with alpha_deg and beta_deg.
 
     The mounting is that of a table; a plan has its own. An InputError for a file that is none of these, a plan with
     several mountings, or positions that do not determine every target.
@@ -84,7 +84,7 @@ def read_programme(path: Path, mounting: str = "identity") -> Programme:
         plan = PositionPlan.model_validate_json(bytes_of(path, most=LARGEST_RESULT))
     except ValidationError as error:
         said = field_problems(error, PositionPlan)[0][1]
-        raise InputError(f"{path}: is no plan of positions ({said}); `trihedron plan --positions` makes one") from error
+        raise InputError(f"{path}: is no plan of positions ({said}); `trihedron plan positions` makes one") from error
     if len(plan.mountings) != 1:
         names = ", ".join(plan.mountings)
         raise InputError(f"{path}: is for {len(plan.mountings)} mountings ({names}); plan and measure each by itself")
@@ -108,7 +108,7 @@ def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
     targets = [target.symbol for target in task.targets]
     if missing := [name for name, value in zip(targets, cost, strict=True) if value >= NOT_DETERMINED]:
         said = f"its {len(angles)} positions do not determine {', '.join(missing)}"
-        raise InputError(f"{path}: {said}; `trihedron plan --positions 12 --out plan12` gives some that do")
+        raise InputError(f"{path}: {said}; `trihedron plan positions 12 --out plan12` gives some that do")
     matrices = {n: q.tolist() for n, q in zip(parametrisation.mountings, parametrisation.matrices, strict=True)}
     return Programme(
         settings,

@@ -20,7 +20,7 @@ from ..calibration.targets import expression_weights
 from ..motion.attitude import algorithm_named, angle_between
 from ..motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_algorithm, run_single, sample_motion
 from ..planning.forms import clearance, sheets, value
-from ..planning.plan import plan_targets
+from ..planning.plan import optimal_plans
 from ..progress import progress_bar
 from ..result import Result
 from ..rounding import digits, to_bound, upwards
@@ -322,7 +322,7 @@ def check_published_calibration() -> PublishedCalibration:
     p = parametrise({"identity": np.eye(3)})
     tables = published_calibration()
     rules = ("tables", "paper")
-    best = {rule: plan_targets(tuple(tables), admissible=rule) for rule in rules}
+    best = {rule: optimal_plans(tuple(tables), admissible=rule) for rule in rules}
     sheets_by = {rule: sheets(p, rule=rule) for rule in rules}
     checked = []
     for k, (target, rows) in enumerate(tables.items()):

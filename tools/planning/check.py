@@ -147,11 +147,11 @@ def check_settings(task: Task, planned: Places, actual: Places, noise_bound: flo
     """
     p, noise_bound = task.parametrisation, checked_noise_bound(noise_bound)
     if p.symmetric or len(p.mountings) != 1:
-        raise InputError("--check: is for the asymmetric baseline and one mounting")
+        raise InputError("plan check: is for the asymmetric baseline and one mounting")
     plan = costs(task, planned)
     if not plan.determined.all():
         missing = [t.symbol for t, known in zip(task.targets, plan.determined, strict=True) if not known]
-        raise InputError(f"--check: the planned positions do not determine {', '.join(missing)}")
+        raise InputError(f"plan check: the planned positions do not determine {', '.join(missing)}")
     where, sheet = plan.readings.position, plan.readings.sheet
     exact = task_of(replace(task.request, admissible="paper", reserve_deg=0.0, keep_out=()), best=task.best)
     certain = clearances(exact, actual)[where, sheet] > 0.0

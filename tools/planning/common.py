@@ -145,7 +145,7 @@ class NoSetError(InputError):
     """No set of so many positions was found that determines every target."""
 
 
-def plan_positions(
+def common_positions(
     count: int, request: Request, *, stored: bool = True, enough: float = 0.0, progress: bool = False
 ) -> PositionPlan:
     """One set of positions for all targets, with what is proven of every other set.
@@ -156,7 +156,7 @@ def plan_positions(
     """
     fewest = 1 if request.any_number else FEWEST
     if not fewest <= count <= MOST_POSITIONS:
-        raise InputError(f"--positions {count}: must be between {fewest} and {MOST_POSITIONS}")
+        raise InputError(f"{count} positions: must be between {fewest} and {MOST_POSITIONS}")
     if not 0 <= request.repeat <= count:
         raise InputError(f"--repeat {request.repeat}: must be between 0 and the number of positions")
     effects = named_effects(request.detect)
@@ -164,7 +164,7 @@ def plan_positions(
     size = task.weights.shape[1]
     if count < -(-size // 3) and not request.any_number:
         raise InputError(
-            f"--positions {count}: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
+            f"{count} positions: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )
     if effects and request.measured:
         raise InputError("--detect: does not go with --measured")

@@ -130,7 +130,7 @@ PRACTICES = {
 }
 
 
-def plan_imu(
+def imu_programme(
     minutes: float,
     bench: Bench,
     *,

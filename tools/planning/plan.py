@@ -193,7 +193,7 @@ class Plans(Result):
         return pl.DataFrame(rows, schema={"target": pl.String, "accelerometer": pl.Int64, **numbers})
 
 
-def plan_targets(
+def optimal_plans(
     targets: Sequence[str] = (),
     *,
     grid: float | None = 1.0,
@@ -226,7 +226,7 @@ def plan_targets(
         except UndeterminedError:
             where = "the admissible positions" if grid is None else f"the positions of --grid {grid:g}"
             hint = "" if grid is None else "; give a finer grid"
-            raise InputError(f"--target {target.symbol}: {where} cannot determine it{hint}") from None
+            raise InputError(f"{target.symbol}: {where} cannot determine it{hint}") from None
         readings = zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True)
         plans.append(
             Plan(

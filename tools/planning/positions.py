@@ -187,11 +187,11 @@ def _together(values: NDArray, groups: tuple[tuple[int, ...], ...]) -> NDArray:
     return np.array([hypot(*values[list(group)]) for group in groups])
 
 
-def measured_places(path: Path | None, p: Parametrisation) -> Places:
+def measured_places(path: str | Path | None, p: Parametrisation) -> Places:
     """The positions of a record; none without one. An InputError for a record of other mountings."""
     if path is None:
         return Places(np.zeros((0, 2)), np.zeros(0, dtype=int))
-    record = read_record(path, PositionRecord)
+    record = read_record(Path(path), PositionRecord)
     names = record.mounting or p.mountings[:1] * len(record)
     if (record.mounting is None and len(p.mountings) > 1) or not set(names) <= set(p.mountings):
         raise InputError(f"--measured {path}: its mountings are not those of the plan, {', '.join(p.mountings)}")

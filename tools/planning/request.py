@@ -1,7 +1,7 @@
 """What is asked of a common set of positions."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,10 +37,10 @@ class Request:
     criterion: str = "worst"
     reserve_deg: float = 0.0
     resolution_deg: float | None = None
-    keep_out: tuple[str, ...] = ()
+    keep_out: Sequence[str] = ()
     order: str = "tour"
     repeat: int = 0
-    detect: tuple[str, ...] = ()
+    detect: Sequence[str] = ()
     extra: int = 6
     seed: int = 0
     starts: int = 30
@@ -49,10 +49,10 @@ class Request:
     bounds: tuple[float, float] = DEFAULT_BOUNDS
     convention: str = "A1"
     baseline: str = "asymmetric"
-    mountings: tuple[Mapping[str, ArrayLike] | str, ...] = ("identity",)
-    targets: tuple[str, ...] = ()
+    mountings: Sequence[Mapping[str, ArrayLike] | str, ...] = ("identity",)
+    targets: Sequence[str] = ()
     goal: str | None = None
-    measured: Path | None = None
+    measured: str | Path | None = None
     accuracy: str | None = None
     noise_bound: float = 1e-5
     latitude_deg: float | None = None
@@ -82,7 +82,7 @@ class Request:
     @property
     def expressions(self) -> tuple[str, ...]:
         """Targets as they are written, those of the goal where there is one; none: all of the convention."""
-        return self.targets or tuple(dict.fromkeys(symbol for group in self.groups for symbol in group))
+        return tuple(self.targets) or tuple(dict.fromkeys(symbol for group in self.groups for symbol in group))
 
     @property
     def alike(self) -> bool:
@@ -149,7 +149,7 @@ class Request:
             if value is not None and not 0.0 < value <= most:
                 raise InputError(f"--{name} {value:g}: must be positive, and at most {most:g}")
         if self.latitude_deg is not None and self.goal != "gyrocompass":
-            raise InputError("--latitude-deg: goes with --goal gyrocompass, or with --imu")
+            raise InputError("--latitude-deg: goes with --goal gyrocompass")
         if not abs(self.latitude) <= 89.0:
             raise InputError(f"--latitude-deg {self.latitude:g}: must be from -89 to 89")
         if self.goal is not None and self.targets:

@@ -17,7 +17,7 @@ from .common import (
     MOST_POSITIONS,
     NoSetError,
     PositionPlan,
-    plan_positions,
+    common_positions,
     starting_positions,
 )
 from .pool import HittingSet, bound_positions, pool_of
@@ -34,8 +34,8 @@ def least_count(request: Request) -> int:
     return 1 if request.any_number else max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
 
 
-def plan_to_accuracy(request: Request, *, progress: bool = False) -> PositionPlan:
-    """As `plan_positions`, of the fewest positions found to keep the error that `request.accuracy` says.
+def fewest_positions(request: Request, *, progress: bool = False) -> PositionPlan:
+    """As `common_positions`, of the fewest positions found to keep the error that `request.accuracy` says.
 
     Numbers of positions are tried in growing steps, then between the last two, with a few of the searches each; then
     all of them are made for the number that was found, and for one less until that keeps it no more. An
@@ -67,7 +67,7 @@ def plan_to_accuracy(request: Request, *, progress: bool = False) -> PositionPla
     ) -> bool:
         asked = replace(request, cuts=0, starts=starts)
         with suppress(NoSetError):
-            found = plan_positions(count, asked, enough=enough, progress=progress)
+            found = common_positions(count, asked, enough=enough, progress=progress)
             if found.interrupted:
                 raise KeyboardInterrupt
             tried[count] = min(found, tried.get(count, found), key=error_of)

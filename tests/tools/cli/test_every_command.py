@@ -42,7 +42,7 @@ def check_refused(status: int, capsys: pytest.CaptureFixture[str], *names: str) 
 def of_app(command: Command) -> tuple[Any, int]:
     """The command's application and how many words its name has."""
     app, words = cli.app[command.arguments[0]], 1
-    if len(command.arguments) > 1 and command.arguments[0] in ("instrument", "reproduce"):
+    if len(command.arguments) > 1 and command.arguments[0] in ("instrument", "plan", "reproduce"):
         app, words = app[command.arguments[1]], 2
     return app, words
 
@@ -81,7 +81,7 @@ def wrong_options(command: Command) -> Iterator[tuple[str, ...]]:
             yield (name, *["inf"] * count)
             if count > 1:
                 yield (name, "1")
-        elif found[0] is Path and name not in ("--check",):
+        elif found[0] is Path:
             yield (name, "measured.csv/below-a-file/x.json")
 
 

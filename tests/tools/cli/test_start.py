@@ -33,7 +33,7 @@ def imported_by(*arguments: str) -> set[str]:
         ["--version"],
         ["diagnose", "--help"],
         ["calibrat"],
-        ["plan", "--targt", "X4"],
+        ["plan", "targt", "X4"],
         ["completion", "bash"],
     ],
     ids=" ".join,
@@ -58,7 +58,7 @@ def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, 
 
 
 def test_a_plan_imports_nothing_that_reads_records_or_makes_components():
-    there = imported_by("plan", "--target", "X4", "--quiet")
+    there = imported_by("plan", "target", "X4", "--quiet")
     assert "highspy" in there
     assert (
         there & {"polars", "fmpy", "matplotlib", "trihedron.tools.records.read", "trihedron.fmus.instruments"} == set()

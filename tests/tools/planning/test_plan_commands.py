@@ -23,7 +23,7 @@ SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
 def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = {name: tmp_path / f"x4.{name}" for name in ("json", "svg", "html")}
-    options = ["plan", "--target", "X4", "--admissible", "tables", "--json", str(files["json"])]
+    options = ["plan", "target", "X4", "--admissible", "tables", "--json", str(files["json"])]
     options += ["--picture", str(files["svg"]), "--report", str(files["html"])]
     assert main(options) == 0
     assert "2.0549378711 σ" in capsys.readouterr().out
@@ -45,7 +45,9 @@ def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "all.json"
-    assert main(["plan", "--grid", "6", "--convention", "A2", "--mounting", "tripod", "--json", str(out)]) == 0
+    assert (
+        main(["plan", "target", "--grid", "6", "--convention", "A2", "--mounting", "tripod", "--json", str(out)]) == 0
+    )
     plans = json.loads(out.read_text(encoding="utf-8"))["plans"]
     assert len(plans) == 18
     assert plans[9]["target"] == "(X6+X8)/2"
@@ -56,48 +58,64 @@ def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ("--grid 1 --continuum", "--grid and --continuum"),
-        *((f"--grid {step}", f"--grid {step}") for step in ("-1", "0", "0.001", "270")),
-        ("--target X4+1", "constant term"),
-        ("--grid 90", "cannot determine"),
-        ("--bounds -1 0.01", "--bounds -1"),
-        ("--bounds 0.1 0.6 --admissible tables", "no position"),
-        ("--picture plan.svg", "--picture"),
-        ("--baseline symmetric --target X5", "symmetric baseline has no X5"),
-        ("--json same --report same", "same"),
-        ("--check angles.csv --target X4", "--target: does not go with --check"),
-        ("--positions 12 --grid 1", "--grid"),
-        ("--positions 12 --curve 6 8", "--positions and --curve"),
-        ("--reserve 1", "--reserve: goes with --positions or --curve or --accuracy"),
-        ("--goal levelling", "--goal: goes with --positions or --curve or --accuracy"),
-        ("--gyro-noise 1e-5", "--gyro-noise: goes with --imu"),
-        ("--positions 12 --noise-bound 1e-5", "--noise-bound: does not go with --positions"),
-        ("--positions 8 --latitude-deg 40", "--latitude-deg: goes with --goal gyrocompass"),
-        ("--curve 6 8 --order tour", "--order: does not go with --curve"),
-        ("--curve 9 8", "--curve 9 8"),
-        ("--positions 12 --reserve -1", "--reserve -1"),
-        ("--positions 12 --resolution 0", "--resolution 0"),
-        ("--positions 12 --keep-out gamma:1:2", "alpha:LOW:HIGH"),
-        ("--positions 12 --keep-out alpha:9:2", "HIGH must be above LOW"),
-        ("--positions 12 --keep-out alpha:a:b", "numbers of degrees"),
-        ("--positions 12 --keep-out alpha:0:200 --keep-out alpha:190:365", "nothing of alpha is left"),
+        ("target --grid 1 --continuum", "--grid and --continuum"),
+        *((f"target --grid {step}", f"--grid {step}") for step in ("-1", "0", "0.001", "270")),
+        ("target X4+1", "constant term"),
+        ("target --grid 90", "cannot determine"),
+        ("target --bounds -1 0.01", "--bounds -1"),
+        ("target --bounds 0.1 0.6 --admissible tables", "no position"),
+        ("target --picture plan.svg", "--picture"),
+        ("target X5 --baseline symmetric", "symmetric baseline has no X5"),
+        ("target --json same --report same", "same"),
+        ("target --starts 3", "Unknown option"),
+        ("check missing.csv --target X4", "Unknown option"),
+        ("check missing.csv", "missing.csv"),
+        ("imu --grid 1", "Unknown option"),
+        ("positions 12 --grid 1", "Unknown option"),
+        ("positions 12 --curve 6 8", "12 positions and --curve"),
+        ("positions 12 --accuracy 7arcsec --goal levelling", "a number of positions and --accuracy"),
+        ("positions", "a number of positions and --accuracy"),
+        ("positions 12 --noise-bound 1e-5", "--noise-bound: goes with --goal or --accuracy"),
+        ("positions 8 --latitude-deg 40", "--latitude-deg: goes with --goal gyrocompass"),
+        ("positions --curve 6 8 --order tour", "--order: does not go with --curve"),
+        ("positions --curve 6 8 --report r.html", "--report: does not go with --curve"),
+        ("positions --curve 9 8", "--curve 9 8"),
+        ("positions 12 --reserve -1", "--reserve -1"),
+        ("positions 12 --resolution 0", "--resolution 0"),
+        ("positions 12 --keep-out gamma:1:2", "alpha:LOW:HIGH"),
+        ("positions 12 --keep-out alpha:9:2", "HIGH must be above LOW"),
+        ("positions 12 --keep-out alpha:a:b", "numbers of degrees"),
+        ("positions 12 --keep-out alpha:0:200 --keep-out alpha:190:365", "nothing of alpha is left"),
         (
-            "--positions 6 --admissible tables --starts 1 --cuts 0 --keep-out alpha:0:359 --keep-out beta:0:359",
+            "positions 6 --admissible tables --starts 1 --cuts 0 --keep-out alpha:0:359 --keep-out beta:0:359",
             "leave more angles by --keep-out",
         ),
-        ("--positions 12 --starts 0", "--starts 0"),
-        ("--positions 12 --starts 99999999999999999999999", "must be from 1 to 100000"),
-        ("--positions 12 --extra 1001", "--extra 1001"),
-        ("--positions 12 --extra -1", "--extra -1"),
-        ("--positions 12 --seed -1", "--seed -1"),
-        ("--positions 12 --dwell 0", "--dwell 0"),
-        ("--positions 12 --detect outlier", "one reading"),
-        ("--positions 12 --repeat 13", "--repeat 13"),
-        ("--positions 4", "--positions 4: must be between 5"),
-        ("--positions 12 --mountings identity identity", "given twice"),
-        ("--positions 12 --mountings identity --mounting tripod", "--mounting and --mountings"),
-        ("--check missing.csv", "missing.csv"),
-        ("--check missing.csv --report r.html", "--report: does not go with --check"),
+        ("positions 12 --starts 0", "--starts 0"),
+        ("positions 12 --starts 99999999999999999999999", "must be from 1 to 100000"),
+        ("positions 12 --extra 1001", "--extra 1001"),
+        ("positions 12 --extra -1", "--extra -1"),
+        ("positions 12 --seed -1", "--seed -1"),
+        ("positions 12 --dwell 0", "--dwell 0"),
+        ("positions 12 --detect outlier", "one reading"),
+        ("positions 12 --repeat 13", "--repeat 13"),
+        ("positions 4", "4 positions: must be between 5"),
+        ("positions 12 --mountings identity identity", "given twice"),
+        ("positions 12 --lost 1", "Unknown option: --lost"),
+        ("positions 12 --against-unlisted", "Unknown option: --against-unlisted"),
+        ("positions --minutes 10", "Unknown option: --minutes"),
+        ("positions --accuracy 7arcsec --goal levelling --fewest minutes", "Unknown option: --fewest"),
+        ("positions 8 --goal force", "--goal"),
+        ("positons 8", "did you mean 'positions'"),
+        ("", "write trihedron plan target"),
+        ("--target X4 --target=X17 --grid 5", "write trihedron plan target X4 X17 --grid 5"),
+        ("--target=-X4 --continuum", "write trihedron plan target --continuum -- -X4"),
+        ("--positions 12 --reserve 0.1 --out plan12", "write trihedron plan positions 12 --reserve 0.1 --out plan12"),
+        ("--curve 6 8 --starts 2", "write trihedron plan positions --curve 6 8 --starts 2"),
+        ("--goal levelling --accuracy 7arcsec", "write trihedron plan positions --goal levelling --accuracy 7arcsec"),
+        ("--check angles.csv --noise-bound 1e-5", "write trihedron plan check angles.csv --noise-bound 1e-5"),
+        ("--imu --minutes 30 --gyro-noise 1e-5", "write trihedron plan imu --minutes 30 --gyro-noise 1e-5"),
+        ("--positions 12 --lost 1", "Unknown option: --lost"),
+        ("--minutes 10 --goal levelling", "Unknown option: --minutes"),
     ],
 )
 def test_wrong_options_are_said_in_one_line(
@@ -117,13 +135,13 @@ def test_wrong_options_are_said_in_one_line(
     ("option", "text", "said"),
     [
         (
-            "--mounting",
+            "target --mounting",
             "[a]\nmatrix = [[1,0,0],[0,1,0],[0,0,1]]\n[b]\nmatrix = [[0,1,0],[0,0,1],[1,0,0]]\n",
             "2 mountings",
         ),
-        ("--check", "alpha_deg,beta_deg\n1,2\n", "planned_alpha_deg"),
+        ("check", "alpha_deg,beta_deg\n1,2\n", "planned_alpha_deg"),
         (
-            "--check",
+            "check",
             "planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg\n1,2,1,2\n3,4,3,1e17\n",
             "row 3, column 'beta_deg': 1e+17 is outside -1e+06 to 1e+06",
         ),
@@ -134,7 +152,7 @@ def test_files_that_cannot_be_used(
 ) -> None:
     path = tmp_path / "given"
     path.write_text(text, encoding="utf-8")
-    assert main(["plan", option, str(path)]) == 2
+    assert main(["plan", *option.split(), str(path)]) == 2
     assert said in capsys.readouterr().err
 
 
@@ -149,7 +167,7 @@ def test_the_published_tables_and_their_errors(capsys: pytest.CaptureFixture[str
 @pytest.fixture(scope="module")
 def plan_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plan") / "plan"
-    options = ["plan", "--positions", "8", "--admissible", "tables", "--starts", "1", "--cuts", "1", "--repeat", "2"]
+    options = ["plan", "positions", "8", "--admissible", "tables", "--starts", "1", "--cuts", "1", "--repeat", "2"]
     options += ["--resolution", "0.05", "--keep-out", "alpha:30:40", "--dwell", "12", "--json", f"{folder}.json"]
     with known_optima():
         assert main([*options, "--out", str(folder), "--report", f"{folder}.html"]) == 0
@@ -200,7 +218,7 @@ def test_the_programme_runs_and_the_truth_is_inside(plan_folder: Path, tmp_path:
 
 def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with known_optima():
-        assert main(["plan", "--check", str(plan_folder / "angles.csv"), "--admissible", "tables"]) == 0
+        assert main(["plan", "check", str(plan_folder / "angles.csv"), "--admissible", "tables"]) == 0
     assert "over all targets: tolerable" in capsys.readouterr().out
     lines = (plan_folder / "angles.csv").read_text(encoding="utf-8").splitlines()
     moved = [lines[0]]
@@ -210,7 +228,7 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
     actual = tmp_path / "angles.csv"
     actual.write_text("\n".join(moved) + "\n", encoding="utf-8")
     with known_optima():
-        assert main(["plan", "--check", str(actual), "--admissible", "tables", "--noise-bound", "1e-6"]) == 0
+        assert main(["plan", "check", str(actual), "--admissible", "tables", "--noise-bound", "1e-6"]) == 0
     out = capsys.readouterr().out
     assert "largest error of setting 0.05°" in out
     assert "over all targets: tolerable" not in out
@@ -219,8 +237,8 @@ def test_check_of_actual_angles(plan_folder: Path, tmp_path: Path, capsys: pytes
 
 @pytest.mark.acceptance
 def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:
-    options = ["--positions", "8", "--starts", "1", "--cuts", "0", "--json", str(tmp_path / "plan.json")]
-    assert main(["plan", *options, "--keep-out", "alpha:40:250", "--keep-out", "beta:100:450"]) == 0
+    options = ["8", "--starts", "1", "--cuts", "0", "--json", str(tmp_path / "plan.json")]
+    assert main(["plan", "positions", *options, "--keep-out", "alpha:40:250", "--keep-out", "beta:100:450"]) == 0
     for position in json.loads((tmp_path / "plan.json").read_text())["positions"]:
         assert not 40.0 < position["alpha_deg"] % 360.0 < 250.0
         assert 90.0 <= position["beta_deg"] % 360.0 <= 100.0
@@ -229,7 +247,7 @@ def test_positions_keep_out_of_wide_keep_outs(tmp_path: Path) -> None:
 @pytest.mark.acceptance
 def test_random_order_repeats_with_its_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two mountings, positions split over them, the random order that the seed gives; the same bytes twice."""
-    options = ["plan", "--positions", "14", "--mountings", "identity", "ry45", "--baseline", "symmetric"]
+    options = ["plan", "positions", "14", "--mountings", "identity", "ry45", "--baseline", "symmetric"]
     options += ["--order", "random", "--seed", "5", "--starts", "1", "--cuts", "0"]
     texts = []
     for name in ("one", "two"):

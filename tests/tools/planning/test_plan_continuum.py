@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from planning_proof import ProofError, proven_gap
 from planning_reference import random_mounting
 from trihedron.models.bench import admissible
-from trihedron.tools.planning.plan import Plans, plan_targets
+from trihedron.tools.planning.plan import Plans, optimal_plans
 
 GAP = 1e-9
 """What the proof may leave open, relative."""
@@ -76,7 +76,7 @@ def test_closed_forms_at_the_identity(bounds: tuple[float, float], rule: str, ta
     expected = closed_forms(*bounds, rule)
     if bounds == (3e-3, 1e-2):
         assert [expected[t] for t in ("X1", "X4", "X16", "X3")] == pytest.approx(KNOWN[rule], abs=5e-13)
-    for plan in plan_targets(targets, grid=None, admissible=rule, bounds=bounds):
+    for plan in optimal_plans(targets, grid=None, admissible=rule, bounds=bounds):
         assert plan.cost == pytest.approx(expected[plan.target], rel=1e-9 if targets else 1e-10), plan.target
         assert plan.gap < GAP
         assert len(plan.weights) <= 18
@@ -102,12 +102,12 @@ def check(plans: Plans) -> None:
 )
 def test_proofs_at_random_mountings(seed: int, targets: tuple[str, ...]) -> None:
     mounting = {"random": random_mounting(seed)}
-    check(plan_targets(targets, grid=None, admissible=("paper", "tables")[seed % 2], mounting=mounting))
+    check(optimal_plans(targets, grid=None, admissible=("paper", "tables")[seed % 2], mounting=mounting))
 
 
 def test_proofs_of_the_symmetric_block() -> None:
     """One scale factor, every position: scale and bias cost one σ, whatever the mounting."""
-    plans = plan_targets(grid=None, baseline="symmetric", mounting="skew")
+    plans = optimal_plans(grid=None, baseline="symmetric", mounting="skew")
     for plan in plans:
         if plan.target in ("X4", "X9", "X14", "X16", "X17", "X18", "X8", "X13"):
             assert plan.cost == pytest.approx(1.0, rel=1e-9)
@@ -115,7 +115,7 @@ def test_proofs_of_the_symmetric_block() -> None:
 
 
 def test_a_wrong_dual_is_refused() -> None:
-    plan = plan_targets(["X16"], grid=None, mounting="ry45")[0]
+    plan = optimal_plans(["X16"], grid=None, mounting="ry45")[0]
     assert proven_gap(plan) < GAP
     for wrong in (1.00001 * plan.optimum.dual, plan.optimum.dual + 1e-4 * np.eye(18)[4]):
         with pytest.raises(ProofError, match="dual is not admissible"):
@@ -127,13 +127,13 @@ def test_a_wrong_dual_is_refused() -> None:
 @pytest.mark.acceptance
 def test_a_turn_of_the_block_by_the_inner_axis_costs_nothing() -> None:
     """Rz only renames β for the outer angle's offset: X2 costs the same."""
-    here, turned = (plan_targets(["X2"], grid=None, admissible="tables", mounting=m)[0] for m in ("identity", "rz45"))
+    here, turned = (optimal_plans(["X2"], grid=None, admissible="tables", mounting=m)[0] for m in ("identity", "rz45"))
     assert here.cost == pytest.approx(turned.cost, rel=1e-9)
 
 
 @pytest.mark.acceptance
 def test_the_order_of_targets_does_not_matter() -> None:
     names = ("X18", "X3", "X4")
-    forth = {p.target: p.cost for p in plan_targets(names, grid=None, mounting="tripod")}
-    back = {p.target: p.cost for p in plan_targets(names[::-1], grid=None, mounting="tripod")}
+    forth = {p.target: p.cost for p in optimal_plans(names, grid=None, mounting="tripod")}
+    back = {p.target: p.cost for p in optimal_plans(names[::-1], grid=None, mounting="tripod")}
     assert forth == pytest.approx(back, rel=1e-9)

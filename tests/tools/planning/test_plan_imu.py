@@ -79,7 +79,7 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
     ],
 )
 def test_what_cannot_be_planned_is_refused(options, said, capsys):
-    assert main(["plan", "--imu", *options]) == 2
+    assert main(["plan", "imu", *options]) == 2
     assert said in capsys.readouterr().err
 
 
@@ -124,7 +124,7 @@ def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(
         "azimuth_deg": 20.0,
     }
     options = [text for k, v in place.items() for text in (f"--{k.replace('_', '-')}", repr(float(v)))]
-    assert main(["plan", "--imu", "--minutes", "30", *options, "--out", str(tmp_path / "imu")]) == 0
+    assert main(["plan", "imu", "--minutes", "30", *options, "--out", str(tmp_path / "imu")]) == 0
     plan = ImuPlan.model_validate_json((tmp_path / "imu" / "imu-plan.json").read_text(encoding="utf-8"))
     assert plan.minutes <= 30.0
     usual = [one.worst_ratio for one in plan.practices if one.worst_ratio is not None]

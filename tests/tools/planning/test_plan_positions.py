@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 
 from planning_tasks import OPTIMA, stored, tables_task
 from trihedron.models.bench import TARGETS, admissible, regressors
-from trihedron.tools.planning.common import plan_positions, rounded, stored_counts
+from trihedron.tools.planning.common import common_positions, rounded, stored_counts
 from trihedron.tools.planning.forms import x_from_targets
 from trihedron.tools.planning.pool import bound_positions, pool_of, symmetries
 from trihedron.tools.planning.positions import (
@@ -231,7 +231,7 @@ def test_an_order_without_repetitions_stays_as_it_is():
 @pytest.mark.acceptance
 def test_a_set_for_chosen_targets_costs_less_than_one_for_all() -> None:
     request = Request(admissible="tables", targets=("X16", "X17", "X18"), starts=2, cuts=2)
-    plan = plan_positions(7, request, stored=False)
+    plan = common_positions(7, request, stored=False)
     assert list(plan.costs) == ["X16", "X17", "X18"]
     angle = np.radians([(at.alpha_deg, at.beta_deg) for at in plan.positions])
     alpha, beta = angle.T

@@ -13,7 +13,7 @@ from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
-from trihedron.tools.planning.plan import Grid, Plan, plan_targets
+from trihedron.tools.planning.plan import Grid, Plan, optimal_plans
 from trihedron.tools.planning.pool import HittingSet, Pool, bound_positions
 from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings, task_of
 from trihedron.tools.planning.search import drawn
@@ -29,7 +29,7 @@ def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np
 
 @pytest.fixture(scope="module", params=["paper", "tables"])
 def planned(request: pytest.FixtureRequest) -> tuple[str, list[Plan]]:
-    return request.param, list(plan_targets(("X3", "X4", "X17", "X4-X5"), grid=3.0, admissible=request.param))
+    return request.param, list(optimal_plans(("X3", "X4", "X17", "X4-X5"), grid=3.0, admissible=request.param))
 
 
 def test_the_guaranteed_error_is_that_of_some_truth(planned: tuple[str, list[Plan]]) -> None:

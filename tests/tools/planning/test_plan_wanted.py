@@ -14,10 +14,10 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning import positions
 from trihedron.tools.planning.check import read_angles
-from trihedron.tools.planning.common import plan_positions
+from trihedron.tools.planning.common import common_positions
 from trihedron.tools.planning.positions import Places, costs
 from trihedron.tools.planning.request import FACES, Request
-from trihedron.tools.planning.wanted import plan_to_accuracy
+from trihedron.tools.planning.wanted import fewest_positions
 from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
@@ -41,7 +41,7 @@ def angles(plan) -> np.ndarray:
 def test_a_set_for_levelling_keeps_its_promise_and_is_better_for_it_than_one_for_all_targets():
     symbols = LEVEL
     with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.05), np.zeros((0, 2)))):
-        plan = plan_positions(9, Request(goal="levelling", admissible="tables", starts=1, cuts=0))
+        plan = common_positions(9, Request(goal="levelling", admissible="tables", starts=1, cuts=0))
         task = positions.task_of(Request(goal="levelling", admissible="tables"))
     assert plan.levelling_error == pytest.approx(levelling_error(plan.costs), rel=1e-12)
     own, other = (
@@ -63,9 +63,9 @@ def test_the_fewest_positions_that_keep_a_wanted_error_or_that_none_do():
     symbols = LEVEL
     request = Request(goal="gyrocompass", latitude_deg=-45.0, admissible="tables", starts=1, cuts=0, noise_bound=2e-5)
     with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.0), np.zeros((0, 2)))):
-        plan = plan_to_accuracy(replace(request, accuracy="100urad"))
+        plan = fewest_positions(replace(request, accuracy="100urad"))
         with pytest.raises(InputError, match=r"--accuracy 11arcsec: no positions, however many, .* than 11\.66 arcsec"):
-            plan_to_accuracy(replace(request, accuracy="11arcsec"))
+            fewest_positions(replace(request, accuracy="11arcsec"))
     assert plan.accuracy_kept is not None
     assert plan.accuracy is not None
     assert plan.azimuth_error == pytest.approx(plan.levelling_error)
@@ -93,7 +93,7 @@ def test_an_accuracy_is_read_with_its_unit(text: str):
 )
 def test_an_accuracy_in_units_of_something_else_is_refused(asked: dict, said: str):
     with pytest.raises(InputError, match=said):
-        plan_to_accuracy(Request(starts=1, cuts=0, **asked))
+        fewest_positions(Request(starts=1, cuts=0, **asked))
 
 
 @pytest.mark.parametrize("text", ["", "arcsec", "7 minutes", "-1", "nan", "0", "inf"])
@@ -101,7 +101,7 @@ def test_what_is_no_accuracy_is_refused(text: str):
     with pytest.raises(InputError, match=r"--accuracy .*: must be a positive number, alone or of arcsec"):
         _ = Request(accuracy=text).wanted
     with pytest.raises(InputError, match="--accuracy: the targets have units 1, g, rad"), known_optima():
-        plan_to_accuracy(Request(accuracy="1e-5", admissible="tables"))
+        fewest_positions(Request(accuracy="1e-5", admissible="tables"))
 
 
 def test_what_is_measured_already_counts_and_stays(tmp_path: Path):
@@ -125,7 +125,7 @@ def test_a_cone_of_tilt_is_a_limit_of_alpha_and_is_kept():
         tables_task(keep_out=("alpha:40:320",), admissible="paper")
     symbols = ("X14", "X18")
     with mock.patch.object(positions, "_optima", return_value=(np.array([2.0, 1.0]), np.zeros((0, 2)))):
-        plan = plan_positions(5, Request(keep_out=("alpha:40:320",), targets=symbols, starts=3, cuts=0))
+        plan = common_positions(5, Request(keep_out=("alpha:40:320",), targets=symbols, starts=3, cuts=0))
     at = angles(plan)
     up = nominal_input(at[:, 0], at[:, 1], np.eye(3))
     assert (up[:, 2] >= np.cos(np.radians(40.0)) - 1e-9).all()
@@ -137,8 +137,8 @@ def test_a_search_for_a_level_makes_its_own_error_small_not_the_largest_single_o
     symbols = LEVEL
     with mock.patch.object(positions, "_optima", return_value=(np.full(len(symbols), 2.05), np.zeros((0, 2)))):
         request = Request(goal="levelling", starts=2, cuts=0)
-        own = plan_positions(8, request)
-        single = plan_positions(8, replace(request, goal=None, targets=symbols))
+        own = common_positions(8, request)
+        single = common_positions(8, replace(request, goal=None, targets=symbols))
     assert own.levelling_error is not None
     assert own.levelling_error < 0.97 * levelling_error(single.costs)
 
@@ -152,7 +152,7 @@ def test_a_table_with_limited_angles_says_what_it_cannot_determine():
         tables_task(keep_out=("beta:0.01:359.99",), admissible="paper")
     symbols = ("X14", "X18")
     with mock.patch.object(positions, "_optima", return_value=(np.array([2.0, 1.0]), np.zeros((0, 2)))):
-        plan = plan_positions(4, Request(keep_out=("beta:0.01:359.99",), targets=symbols, starts=2, cuts=0))
+        plan = common_positions(4, Request(keep_out=("beta:0.01:359.99",), targets=symbols, starts=2, cuts=0))
     assert plan.worst_ratio < 1.15
     assert np.abs([one.beta_deg for one in plan.positions]).max() <= 0.01 + 1e-9
 

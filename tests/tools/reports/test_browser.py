@@ -25,7 +25,7 @@ PAGES = (
 
 
 COMMANDS_WITH_PAGES = (
-    "plan --positions 6 --starts 1 --cuts 0 --out out-planned --report out-plan.html",
+    "plan positions 6 --starts 1 --cuts 0 --out out-planned --report out-plan.html",
     "campaign kept.toml --jobs 1 --out out-campaign",
     "hidden --cases 3 --positions 14 16 --out out-suite",
     "diagnose clean.csv measured.csv again.csv --noise-bound 1e-5 --report out-several.html",

@@ -1,0 +1,203 @@
+"""The commands of `trihedron plan`: for one target, for all, at the angles that were set, for a whole IMU."""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from .. import document, planning, reports
+from ..errors import InputError, nearest
+from ..files import write_text
+from ..planning import library
+from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
+
+plan = App(
+    name="plan",
+    help="Where to measure for one target, for all of them, for a whole IMU; and what setting errors do.",
+)
+OF_A_SET = ("--curve", "--accuracy", "--goal", "--starts", "--cuts", "--seed", "--criterion", "--reserve", "--keep-out")
+"""Options of the former `plan` that were of a common set of positions alone."""
+
+
+@plan.command
+@takes(library.plan)
+def target(
+    *targets: str,
+    grid: Annotated[float | None, Parameter(allow_leading_hyphen=True)] = None,
+    continuum: bool = False,
+    picture: File = None,
+    json: JsonFile = None,
+    report: ReportFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron plan target X4 --continuum --picture X4.svg
+
+    Parameters
+    ----------
+    grid
+        Step of the grid of positions [deg]; 1 by default.
+    continuum
+        All angles in place of a grid.
+    picture
+        Write the paper's figure, for one target, to this SVG file.
+    """
+    distinct_files({"--json": json, "--report": report, "--picture": picture})
+    if continuum and grid is not None:
+        raise InputError("--grid and --continuum: give one of the two")
+    if picture is not None and len(targets) != 1:
+        raise InputError("--picture: is of one target; give one")
+    if grid is None and not continuum:
+        grid = 1.0
+    plans = library.plan(*targets, grid=grid, **options, progress=True)
+    if report is not None:
+        document.write_page(report, reports.plan_page(plans))
+    if picture is not None:
+        write_text(picture, reports.plan_picture(plans[0]))
+    return answer(plans, json)
+
+
+@plan.command
+@takes(library.plan_positions, words=library.plan)
+def positions(
+    count: int | None = None,
+    /,
+    *,
+    curve: Annotated[tuple[int, int] | None, Parameter(allow_leading_hyphen=True)] = None,
+    dwell: Annotated[float, Parameter(allow_leading_hyphen=True)] = 20.0,
+    out: Folder = None,
+    json: JsonFile = None,
+    report: ReportFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron plan positions 12 --reserve 0.1 --out plan12
+
+    Example: trihedron plan positions --goal levelling --accuracy 7arcsec --noise-bound 1e-5
+
+    Parameters
+    ----------
+    curve
+        Cost against the number of positions, from LOW to HIGH.
+    dwell
+        Time at each position [s], for --out and --report.
+    out
+        Folder for programme, table list, operator's page, picture.
+    """
+    distinct_files({"--json": json, "--report": report})
+    planning.checked_dwell(dwell)
+    if "noise_bound" in options and not options.keys() & {"goal", "accuracy"}:
+        raise InputError("--noise-bound: goes with --goal or --accuracy")
+    if curve is not None:
+        if report is not None:
+            raise InputError("--report: does not go with --curve; it is the page of one set")
+        return _curve(count, options, curve, out, json)
+    found = library.plan_positions(count, **options, progress=True)
+    files = []
+    if out is not None:
+        files = reports.write_plan(found, out, dwell_s=dwell)
+    if report is not None:
+        document.write_page(report, reports.operator_page(found, dwell))
+    return answer(found, json, files=files)
+
+
+NOT_OF_A_CURVE = (
+    *("resolution_deg", "order", "repeat", "detect", "extra", "measured"),
+    *("rate_dps", "acceleration_dps2", "latitude_deg", "accuracy"),
+)
+"""Options of one set that a curve has no use for."""
+
+
+def _curve(count: int | None, options: dict[str, Any], curve: tuple[int, int], out: Path | None, json: Path | None):
+    if count is not None:
+        raise InputError(f"{count} positions and --curve: give one of the two")
+    for name in NOT_OF_A_CURVE:
+        if name in options:
+            option = name.removesuffix("_deg").replace("_", "-")
+            raise InputError(f"--{option}: does not go with --curve")
+    points = planning.plan_curve(*curve, planning.Request(**options), progress=True)
+    files = []
+    if out is not None:
+        files = reports.write_curve(points, out)
+    return answer(points, json, files=files)
+
+
+@plan.command
+@takes(library.plan_check, words=library.plan)
+def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
+    """Example: trihedron plan check plan12/angles.csv --noise-bound 1e-5"""
+    distinct_files({"the angles": file, "--json": json})
+    return answer(library.plan_check(file, **options, progress=True), json)
+
+
+@plan.command
+@takes(library.plan_imu)
+def imu(
+    *,
+    minutes: Annotated[float, Parameter(allow_leading_hyphen=True)] = 30.0,
+    out: Folder = None,
+    json: JsonFile = None,
+    report: ReportFile = None,
+    **options: Any,
+) -> Answer:
+    """Example: trihedron plan imu --minutes 30 --gyro-noise 1e-5 --out imu30
+
+    Parameters
+    ----------
+    out
+        Folder for programme, operator's page and plan.
+    """
+    distinct_files({"--json": json, "--report": report})
+    found = library.plan_imu(minutes, **options, progress=True)
+    files = []
+    if out is not None:
+        files = reports.write_imu_plan(found, out)
+    if report is not None:
+        reports.write_report(report, found)
+    return answer(found, json, files=files)
+
+
+@plan.default
+def former(*words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]) -> Answer:
+    """Refuse the spelling of `plan` with options alone, and answer with the command that it is now."""
+    commands = ("target", "positions", "check", "imu")
+    if words and not words[0].startswith("-"):
+        raise InputError(f"plan {words[0]}: is no command; {nearest(words[0], commands)}")
+    spelling = present_spelling(words)
+    plan.parse_args(spelling, exit_on_error=False, print_error=False)
+    command = shlex.join(["trihedron", "plan", *spelling])
+    raise InputError(f"plan has four commands, {', '.join(commands)}: write {command}")
+
+
+def present_spelling(words: Sequence[str]) -> list[str]:
+    """The words of the command that does what `plan` with these options alone did before."""
+    options = [word.partition("=")[0] for word in words]
+    if "--imu" in options:
+        return ["imu", *(word for word in words if word != "--imu")]
+    if "--check" in options:
+        return ["check", *_without(words, "--check")]
+    if "--positions" in options:
+        return ["positions", *_without(words, "--positions")]
+    if set(options) & set(OF_A_SET):
+        return ["positions", *words]
+    return ["target", *_without(words, "--target")]
+
+
+def _without(words: Sequence[str], option: str) -> list[str]:
+    """The values of an option in front, then all words but these."""
+    values, rest = [], []
+    after = False
+    for word in words:
+        name, equals, value = word.partition("=")
+        if after:
+            values.append(word)
+            after = False
+        elif name != option:
+            rest.append(word)
+        elif equals:
+            values.append(value)
+        else:
+            after = True
+    if any(value.startswith("-") for value in values):
+        return [*rest, "--", *values]
+    return [*values, *rest]
