@@ -38,8 +38,6 @@ class Strike:
         from 1; 0: nothing happens, calls are counted
     blow : str
         a name of `BLOWS`
-    victim : int
-        process that is killed by "kill another"
     stored : str
         pattern of a file's name below the command's folder, as "out/runs/part-*"
     delay : float
@@ -50,7 +48,6 @@ class Strike:
     among: tuple[str, ...]
     number: int = 0
     blow: str = "kill"
-    victim: int = 0
     stored: str = ""
     delay: float = 0.0
 
@@ -255,16 +252,6 @@ class _Struck:
         self._told.write_text(json.dumps({"struck": self._struck, "calls": self._calls}), encoding="utf-8")
 
 
-def _kill_a_worker(_: Strike) -> None:
-    from campaign_runs import command_of, workers_of
-
-    # Dask has processes between this one and those that work; loky has none.
-    for pid in workers_of(os.getpid()):
-        if b"spawn_main" in command_of(pid) or b"loky" in command_of(pid):
-            os.kill(pid, signal.SIGKILL)
-            return
-
-
 def _kill_all(_: Strike) -> None:
     from campaign_runs import workers_of
 
@@ -275,11 +262,9 @@ def _kill_all(_: Strike) -> None:
 BLOWS: dict[str, Callable[[Strike], None]] = {
     "kill": lambda _: os.kill(os.getpid(), signal.SIGKILL),
     "kill all": _kill_all,
-    "kill a worker": _kill_a_worker,
-    "kill another": lambda strike: os.kill(strike.victim, signal.SIGKILL),
     "ctrl-c": lambda _: os.kill(os.getpid(), signal.SIGINT),
 }
-"""SIGKILL of the process, of it and all its workers, of one of these, of a given process; Ctrl-C."""
+"""SIGKILL of the process, of it and all its workers; Ctrl-C."""
 
 if __name__ == "__main__":
     serve()

@@ -35,7 +35,7 @@ STANDSTILL = 3600.0
 """Seconds by the clock after which a command is ended that waits for something: other programs may run beside it."""
 BATCH = 500
 RECORD = "clean.csv measured.csv"
-FINISHED = "finished/campaign.json finished/SHA256SUMS finished/runs/part-00000.parquet"
+FINISHED = "finished/campaign.json finished/runs/part-00000.parquet"
 RAW = "raw.csv"
 UNIT = "unit/first.json"
 OPTIONS = "--gravity 9.80665 --baseline symmetric --bounds 3e-3 1e-2 --channels 1,2,3"

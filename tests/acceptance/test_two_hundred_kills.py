@@ -11,13 +11,12 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
 import pytest
 
-from campaign_runs import CALIBRATION, PARTS, assert_begun, cluster, content, written
+from campaign_runs import CALIBRATION, PARTS, assert_begun, content, written
 from forked_commands import Done, ForkedCommands, Strike, with_temporary_folder
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")]
@@ -25,18 +24,14 @@ KILLS = int(os.environ.get("TRIHEDRON_KILLS", "200"))
 SHARES = {
     ("local", "kill"): 0.35,
     ("local", "kill all"): 0.15,
-    ("local", "kill a worker"): 0.12,
-    ("local", "ctrl-c"): 0.1,
-    ("dask", "kill"): 0.06,
-    ("dask", "kill a worker"): 0.05,
-    ("dask", "kill another"): 0.02,
+    ("local", "ctrl-c"): 0.15,
     ("simulate", "kill"): 0.1,
     ("simulate", "ctrl-c"): 0.05,
 }
-"""How many of the strikes are of which kind: "kill another" is the scheduler, of a cluster of its own."""
+"""How many of the strikes are of which kind."""
 FILES = 7
 """Of that campaign, which are stored one after the other."""
-WEIGHTS = {"write": 4, "completed": 2, "write_page": 2, "write_summary": 2}
+WEIGHTS = {"write": 4, "compute": 2, "write_page": 2, "write_summary": 2}
 SCENARIO = """schema = "trihedron.scenario/1"
 [run]
 stop_s = 24000.0
@@ -79,8 +74,8 @@ def number_of(kind: tuple[str, str]) -> int:
 class Campaign:
     """A campaign that is struck again and again; from the beginning whenever it has come to its end."""
 
-    def __init__(self, folder: Path, commands: ForkedCommands, engine: str) -> None:
-        self._commands, self._engine, self._folder = commands, engine, folder
+    def __init__(self, folder: Path, commands: ForkedCommands) -> None:
+        self._commands, self._folder = commands, folder
         self.path, self._begun = written(folder, CALIBRATION), 0
         done = self.run(None)
         assert done.status == 0, done.err
@@ -99,9 +94,8 @@ class Campaign:
         assert content(self.out) == self.whole
         self._begun += 1
 
-    def run(self, strike: Strike | None, *words: str) -> Done:
-        engine = words or ("--jobs", "1", "--engine", self._engine)
-        arguments = ["campaign", str(self.path), "--out", str(self.out), "--resume", *engine]
+    def run(self, strike: Strike | None) -> Done:
+        arguments = ["campaign", str(self.path), "--out", str(self.out), "--resume", "--jobs", "1"]
         return self._commands.run(arguments, self._folder, strike=strike)
 
     def stored(self) -> int:
@@ -117,45 +111,30 @@ def expected(done: Done, blow: str) -> None:
         # Where nothing of Python is called any more, it has come too late.
         assert done.status in (0, 130), done.err
         assert done.status == 0 or re.fullmatch(INTERRUPTED, done.err), done.err
-    elif blow == "kill another":
-        assert done.status in (0, 2), done.err
-        assert done.status == 0 or re.fullmatch(r"trihedron: --scheduler.*\n", done.err), done.err
-    else:
-        assert done.status == 0, done.err
     assert "Traceback" not in done.err
 
 
-@pytest.mark.parametrize("engine", ["local", "dask"])
-def test_strikes_of_a_campaign(engine: str, tmp_path: Path, commands: ForkedCommands, fell: Counter[str]) -> None:
-    if engine == "dask":
-        pytest.importorskip("distributed")
+def test_strikes_of_a_campaign(tmp_path: Path, commands: ForkedCommands, fell: Counter[str]) -> None:
     rng = random.Random(20)
-    campaign = Campaign(tmp_path, commands, engine)
+    campaign = Campaign(tmp_path, commands)
     for kind, blow in SHARES:
         hit = tries = 0
-        while kind == engine and hit < number_of((kind, blow)):
+        while kind == "local" and hit < number_of((kind, blow)):
             tries += 1
             assert tries < 20 * KILLS
             before = campaign.stored()
-            places = list(PARTS) if blow in ("kill", "kill all", "ctrl-c") else ["completed"]
-            within = rng.choices(places, [WEIGHTS.get(place, 1) for place in places])[0]
+            within = rng.choices(PARTS, [WEIGHTS.get(place, 1) for place in PARTS])[0]
             number = rng.randint(1, max(1, campaign.calls.get(within, 1)))
             strike = Strike(within, PARTS, number, blow)
-            if rng.random() < 0.4 and len(places) > 1 and before < FILES:
+            if rng.random() < 0.4 and before < FILES:
                 part = f"{campaign.out.name}/runs/part-{before:05}*"
                 strike = Strike("", (), 0, blow, stored=part, delay=rng.uniform(0.0, campaign.seconds))
-            if blow == "kill another":
-                with cluster(tmp_path / f"cluster{tries}", 1) as (scheduler, address):
-                    done = campaign.run(
-                        replace(strike, victim=scheduler.pid), "--engine", "dask", "--scheduler", address
-                    )
-            else:
-                done = campaign.run(strike)
+            done = campaign.run(strike)
             if done.struck and (done.status or not strike.stored):
                 expected(done, blow)
                 hit += 1
                 where = "after a part" if strike.stored else strike.within or "elsewhere"
-                fell[f"{engine:9}{blow:14}{where:14}{before} -> {campaign.stored()} of {FILES} stored"] += 1
+                fell[f"campaign {blow:14}{where:14}{before} -> {campaign.stored()} of {FILES} stored"] += 1
             if done.status == 0:
                 campaign.anew()
             else:

@@ -9,8 +9,8 @@ that does nothing has indices of exactly nothing.
 
 import io
 import time as clocks
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from functools import cached_property, lru_cache, partial
 from multiprocessing.util import Finalize
 from pathlib import Path
@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 from ..errors import InputError, nearest
 from ..progress import progress_bar
 from ..rounding import digits
-from ..workers import Killed, LostCluster, Workers, by_itself, completed, started
+from ..workers import made
 from .file import Campaign, Value
 from .kinds import RUNNERS, Runner
-from .store import Columns, Computed, Order, Store, code_hash, make_order, opened
+from .store import Columns, Computed, Order, code_hash, make_order, opened
 from .summary import CampaignResult, Cost, summarise
 
 _SAMPLES_STREAM, _ERRORS_STREAM = 0, 1
@@ -36,8 +36,6 @@ _CHUNK = 256
 """Rows of a Sobol sequence that are made at once."""
 OWN_COLUMNS = ("run", "failed", "diagnosis")
 COMPRESSION_LEVEL = 3
-KILLED = "the run ended its worker process each time it was tried"
-"""The message of a run that no process survives."""
 
 
 class Design:
@@ -186,34 +184,26 @@ prepared = lru_cache(maxsize=2)(Prepared)
 """The campaign of an order, made ready once in each process."""
 
 
-def compute(order: Order, deadly: frozenset[int], partition: int) -> Computed:
-    """Make the runs of a file of the data set; the deadly ones, which no process survives, are recorded as failed."""
-    here = prepared(order)
+def compute(order: Order, partition: int) -> Computed:
+    """Make the runs of a file of the data set."""
+    campaign = prepared(order)
     began, cpu_began = clocks.perf_counter(), clocks.process_time()
     rows: list[dict[str, Any]] = []
     records: list[tuple[int, pl.DataFrame]] = []
-    for number in here.campaign.runs_of(partition):
-        if number in deadly:
-            row, record = {"run": number, **here.design.values(number), "failed": KILLED}, None
-        else:
-            row, record = here.run(number)
+    for number in campaign.campaign.runs_of(partition):
+        row, record = campaign.run(number)
         rows.append(row)
         if record is not None:
             records.append((number, record))
     return Computed(
         partition,
-        scalars_file(here.columns, rows),
-        records_file(records) if here.columns.record else None,
+        scalars_file(campaign.columns, rows),
+        records_file(records) if campaign.columns.record else None,
         len(rows),
         sum(row["failed"] is not None for row in rows),
         clocks.perf_counter() - began,
         clocks.process_time() - cpu_began,
     )
-
-
-def try_run(order: Order, number: int) -> None:
-    """Make one run and forget what it gave: does its process survive it?"""
-    prepared(order).run(number)
 
 
 def _line(text: str) -> str:
@@ -251,74 +241,38 @@ def default_folder(path: Path) -> Path:
 
 
 def run_campaign(
-    path: Path, out: Path | None = None, *, resume: bool = False, progress: bool = False, **asked: Any
+    path: Path, out: Path | None = None, *, resume: bool = False, progress: bool = False, **workers: Any
 ) -> CampaignResult:
     """Carry out a campaign; arguments and errors as for `trihedron.run_campaign`, which writes the page too.
 
-    `asked` is the engine, jobs and scheduler of the workers.
+    `workers` are the engine, jobs and scheduler of the processes.
     """
     began = clocks.perf_counter()
     order, campaign = make_order(path)
-    # What the file asks for and cannot be done is said before anything is written.
+    # What the file asks for and cannot be done is refused before anything is written.
     columns = columns_of(campaign, make_runner(campaign))
     folder = default_folder(path) if out is None else out
     with opened(folder, order, campaign, columns, path.read_bytes(), resume=resume) as store:
-        damaged = store.damaged()
-        store.drop(damaged)
         missing, before, failed = store.missing()
-        done, seconds, cpu_seconds, kills = before, 0.0, 0.0, 0
+        finished, seconds, cpu_seconds = before, 0.0, 0.0
         try:
-            with ExitStack() as stack:
-                shown = stack.enter_context(progress_bar("runs", campaign.runs, show=progress))
-                shown(done)
-                workers = stack.enter_context(started(**asked)) if missing else None
-                for computed in _computed(order, campaign, missing, workers) if workers else ():
+            files = made(partial(compute, order), missing, **workers)
+            # Ctrl-C ends the processes at once.
+            with progress_bar("runs", campaign.runs, show=progress) as advance, closing(files):
+                advance(before)
+                for computed in files:
                     store.write(computed)
-                    done, failed = done + computed.runs, failed + computed.failures
+                    finished, failed = finished + computed.runs, failed + computed.failures
                     seconds, cpu_seconds = seconds + computed.seconds, cpu_seconds + computed.cpu_seconds
-                    rate = (done - before) / max(clocks.perf_counter() - began, 1e-9)
+                    rate = (finished - before) / max(clocks.perf_counter() - began, 1e-9)
                     words = f", {failed} failed" if failed else ""
-                    shown(computed.runs, f"{done} of {campaign.runs} runs, {digits(rate)}/s{words}")
-                kills = workers.kills if workers else 0
-                store.tidy()
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"interrupted; {_so_far(store, done)}") from None
-        except LostCluster as error:
-            raise InputError(f"--scheduler: {error}; {_so_far(store, done)}") from error
-        except InputError as error:
-            raise InputError(f"{error}; {_so_far(store, done)}") from error
-        cost = Cost(campaign.runs - before, clocks.perf_counter() - began, seconds, cpu_seconds, kills, len(damaged))
+                    advance(computed.runs, f"{finished} of {campaign.runs} runs, {digits(rate)}/s{words}")
+        except (KeyboardInterrupt, InputError) as error:
+            there = f"{finished} of {campaign.runs} runs are in {folder}; --resume goes on"
+            if isinstance(error, InputError):
+                raise InputError(f"{error}; {there}") from error
+            raise KeyboardInterrupt(f"interrupted; {there}") from None
+        cost = Cost(campaign.runs - before, clocks.perf_counter() - began, seconds, cpu_seconds)
         result = summarise(store).model_copy(update={"folder": folder, "cost": cost})
         store.write_summary(result.to_json())
     return result
-
-
-def _so_far(store: Store, done: int) -> str:
-    return f"{done} of {store.campaign.runs} runs are in {store.folder}; --resume goes on"
-
-
-def _computed(order: Order, campaign: Campaign, missing: list[int], workers: Workers) -> Iterator[Computed]:
-    """The files that are missing, as they are done.
-
-    A file that no process survives is tried run by run: a run that none survives either is recorded as failed. What is
-    kept follows from the runs alone, so nobody can see from the files who computed what, and when.
-    """
-
-    def without_deadly_runs(partition: int) -> Computed:
-        deadly = set[int]()
-        for number in campaign.runs_of(partition):
-            try:
-                by_itself(workers, partial(try_run, order), number)
-            except Killed:
-                deadly.add(number)
-        try:
-            return by_itself(workers, partial(compute, order, frozenset(deadly)), partition)
-        except Killed:
-            runs = campaign.runs_of(partition)
-            raise RuntimeError(
-                f"the runs {runs[0]} to {runs[-1]} end their worker each time, but no run does alone"
-            ) from None
-
-    make = partial(compute, order, frozenset[int]())
-    for _, computed in completed(workers, make, missing, instead=without_deadly_runs):
-        yield computed

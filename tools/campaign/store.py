@@ -27,8 +27,7 @@ from .kinds import Output
 
 SCHEMA = "trihedron.campaign-result/1"
 MANIFEST, CAMPAIGN_FILE, LOCK = "campaign.json", "campaign.toml", "campaign.lock"
-SUMMARY, PAGE, DIGESTS = "summary.json", "index.html", "SHA256SUMS"
-"""`sha256sum -c SHA256SUMS` checks a folder, too."""
+SUMMARY, PAGE = "summary.json", "index.html"
 RUNS, RECORDS = "runs", "records"
 _PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
 _CODE = (
@@ -157,11 +156,10 @@ class Computed:
 
 @dataclass(frozen=True)
 class Store:
-    """The folder of a campaign; folders of older versions have no digests."""
+    """The folder of a campaign."""
 
     folder: Path
     campaign: Campaign
-    has_digests: bool = True
 
     def scalars_path(self, partition: int) -> Path:
         """The file of a partition's scalars."""
@@ -174,26 +172,8 @@ class Store:
     def write(self, computed: Computed) -> None:
         """Keep a partition; its scalars last: where they are, the partition is whole."""
         if computed.records is not None:
-            self.write_file(self.records_path(computed.partition), computed.records)
-        self.write_file(self.scalars_path(computed.partition), computed.scalars)
-
-    def write_file(self, path: Path, content: bytes) -> None:
-        """Keep a file, its digest first: a file without one was never there."""
-        name = path.relative_to(self.folder).as_posix()
-        with said_writable(self.folder / DIGESTS), (self.folder / DIGESTS).open("a", encoding="utf-8") as file:
-            file.write(f"{hashlib.sha256(content).hexdigest()}  {name}\n")
-        with whole_file(path) as beside:
-            beside.write_bytes(content)
-
-    def damaged(self) -> list[Path]:
-        """Files of runs that are there and are not what was written."""
-        if not self.has_digests:
-            return []
-        found = []
-        for partition in range(self.campaign.partitions):
-            found += [p for p in (self.scalars_path(partition), self.records_path(partition)) if p.is_file()]
-        digests = read_digests(self.folder)
-        return [path for path in found if digests.get(path.relative_to(self.folder).as_posix()) != _digest(path)]
+            _write(self.records_path(computed.partition), computed.records)
+        _write(self.scalars_path(computed.partition), computed.scalars)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Keep what was computed over all runs."""
@@ -224,35 +204,10 @@ class Store:
         whole = table.height == len(runs) and table["run"][0] == runs[0] and table["run"][-1] == runs[-1]
         return int(table["failed"].is_not_null().sum()) if whole else None
 
-    def drop(self, damaged: Iterable[Path]) -> None:
-        """Take away files that are not what was written: they are missing then."""
-        for path in damaged:
-            path.unlink(missing_ok=True)
 
-    def tidy(self) -> None:
-        """Take away what a killed process left beside its files, and digests of files that are not there."""
-        there = {name: digest for name, digest in read_digests(self.folder).items() if (self.folder / name).is_file()}
-        write_text(self.folder / DIGESTS, "".join(f"{digest}  {name}\n" for name, digest in sorted(there.items())))
-        for folder in (self.folder, self.folder / RUNS, self.folder / RECORDS):
-            for path in folder.glob(".*") if folder.is_dir() else ():
-                if path.is_file():
-                    path.unlink(missing_ok=True)
-
-
-def read_digests(folder: Path) -> dict[str, str]:
-    """The digest of each file of a campaign's folder, by its path there, as it was written last; none without them."""
-    try:
-        text = (folder / DIGESTS).read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return {}
-    return {name: digest for digest, _, name in (line.partition("  ") for line in text.splitlines())}
-
-
-def _digest(path: Path) -> str | None:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
-        return None
+def _write(path: Path, content: bytes) -> None:
+    with whole_file(path) as beside:
+        beside.write_bytes(content)
 
 
 def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: bytes) -> dict[str, Any]:
@@ -263,7 +218,6 @@ def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: byt
         "campaign_file": content.decode("utf-8-sig").replace("\r\n", "\n"),
         "order_sha256": order.sha256,
         "code_sha256": order.code,
-        "digests": DIGESTS,
         "files": order.hashes,
         "versions": {name: fmus.version(name) for name in _PACKAGES} | {"python": platform.python_version()},
         "runs": campaign.runs,
@@ -281,8 +235,6 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     try:
         data = path.read_bytes()
-        if read_digests(folder).get(MANIFEST, found := hashlib.sha256(data).hexdigest()) != found:
-            raise InputError(f"{path}: is damaged: it is not what was written; trihedron campaign --resume mends it")
         content = json.loads(data)
     except OSError as error:
         raise InputError(f"{folder}: holds no campaign ({MANIFEST}: {error.strerror})") from error
@@ -298,7 +250,7 @@ def open_result(folder: Path) -> tuple[Store, dict[str, Any]]:
     manifest = read_manifest(folder)
     text = str(manifest.get("campaign_file", ""))
     campaign = parse_campaign(text.encode(), folder / CAMPAIGN_FILE)
-    return Store(folder, campaign, has_digests="digests" in manifest), manifest
+    return Store(folder, campaign), manifest
 
 
 @contextlib.contextmanager
@@ -315,20 +267,20 @@ def opened(
         manifest = manifest_of(order, campaign, columns, content)
         written = (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
         if (folder / MANIFEST).exists():
-            if resume and read_digests(folder).get(MANIFEST) == hashlib.sha256(written).hexdigest():
-                write_text(folder / MANIFEST, written.decode())
             _check_same(folder, order, resume=resume)
         elif any((folder / RUNS).glob("*.parquet")):
             raise InputError(f"--out {folder}: holds files of which {MANIFEST} is missing; give another folder")
-        store.tidy()
-        if not (folder / MANIFEST).exists():
+        else:
             try:
-                store.write_file(folder / MANIFEST, written)
+                _write(folder / MANIFEST, written)
             except BaseException:
-                # What was never begun leaves nothing but the lock, which others may wait for.
-                (folder / DIGESTS).unlink(missing_ok=True)
+                # A campaign that was never begun leaves nothing but the lock, which others may wait for.
                 (folder / RUNS).rmdir()
                 raise
+        for place in (folder, folder / RUNS, folder / RECORDS):
+            # Half files of a process that was killed.
+            for path in place.glob(".*"):
+                path.unlink(missing_ok=True)
         yield store
 
 

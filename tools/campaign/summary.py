@@ -55,12 +55,6 @@ class Results:
                 f"{store.folder}: is not complete ({len(missing)} of {len(self._files)} files of runs are missing); "
                 "trihedron campaign with --resume goes on with it"
             )
-        damaged = store.damaged()
-        if damaged:
-            raise InputError(
-                f"{damaged[0]}: is damaged: it is not what was written ({len(damaged)} such "
-                f"{'file' if len(damaged) == 1 else 'files'}); trihedron campaign with --resume makes it again"
-            )
         self.schema: dict[str, pl.DataType] = dict(pl.read_parquet_schema(self._files[0]))
 
     def column(self, name: str) -> pl.Series:
@@ -97,25 +91,20 @@ class Failure(Result):
 class Cost:
     """What carrying out a campaign took: the runs that were made, and seconds from beginning to end.
 
-    All workers together worked so long, by the clock and of their processors [s]; some ended while they had work. So
-    many files that were there were not what had been written, and were made again.
+    All workers together worked so long, by the clock and of their processors [s].
     """
 
     runs: int
     seconds: float
     worked_seconds: float
     cpu_seconds: float
-    kills: int
-    damaged: int = 0
 
     def __str__(self) -> str:
-        said = f"{self.runs} runs in {digits(self.seconds)} s"
+        text = f"{self.runs} runs in {digits(self.seconds)} s"
         if self.runs:
             worked, computed = digits(self.worked_seconds), digits(self.cpu_seconds)
-            said += f"; the workers worked {worked} s, {computed} s of processor time"
-        said += f"; {self.kills} of them ended early" if self.kills else ""
-        files = "file was" if self.damaged == 1 else "files were"
-        return said + (f"; {self.damaged} damaged {files} made again" if self.damaged else "")
+            text += f"; the workers worked {worked} s, {computed} s of processor time"
+        return text
 
 
 class CampaignResult(Result):

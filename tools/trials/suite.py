@@ -6,7 +6,7 @@ import json
 import math
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
@@ -24,7 +24,7 @@ from ..progress import tracked
 from ..records import PositionRecord, write_record
 from ..result import ABSENT, Result, Told
 from ..rounding import digits, exactly
-from ..workers import completed, started
+from ..workers import made
 from .case import Case, Options
 from .draw import draw_alone, draw_case
 from .outcome import KINDS, Outcome, diagnosed, judged
@@ -167,8 +167,8 @@ def run_suite(
 ) -> Suite:
     """Draw, measure and diagnose cases; the diagnosis gets the record and what is known beside it, and nothing else.
 
-    Several processes work as those of a campaign do: a case whose process is killed is made again. A campaign of kind
-    "hidden" runs the same cases into a folder from which it can go on; a suite is one typed value at its end.
+    A campaign of kind "hidden" runs the same cases into a folder from which it can go on; a suite is one value at its
+    end.
 
     Parameters
     ----------
@@ -194,15 +194,8 @@ def run_suite(
             raise InputError(f"--{name} {number}: must be a whole number from {least} to {most}")
     run = partial(run_case, options, seed, records)
 
-    def each() -> Iterator[tuple[int, Outcome]]:
-        if jobs == 1:
-            yield from ((index, run(index)) for index in range(cases))
-            return
-        with started("local", jobs) as workers:
-            yield from completed(workers, run, range(cases))
-
-    by_case = dict(tracked(each(), "cases", show=progress, total=cases))
-    return suite_of(options, seed, [by_case[index] for index in range(cases)])
+    outcomes = list(tracked(made(run, range(cases), jobs=jobs), "cases", show=progress, total=cases))
+    return suite_of(options, seed, sorted(outcomes, key=lambda outcome: outcome.case))
 
 
 def run_case(options: Options, seed: int, records: Path | None, index: int) -> Outcome:
