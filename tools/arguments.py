@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from .errors import InputError
+from .options import completed
 from .threads import one_thread
 
 P = ParamSpec("P")
@@ -26,7 +27,7 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
 
     Arguments of plain types (numbers, words, paths, sequences and mappings of them) are of these types; what an
     InputError says of an option it says of the argument. Arrays of NumPy stand for sequences. Linear algebra has one
-    thread meanwhile.
+    thread meanwhile. The docstring has the words of shared options.
     """
     signature = inspect.signature(function)
 
@@ -44,6 +45,7 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
             error.args = (_of_arguments(str(error), list(signature.parameters)), *error.args[1:])
             raise
 
+    called.__doc__ = completed(function)
     return called
 
 

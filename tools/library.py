@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from . import campaign as campaigns
 from . import orchestrator, own_effects, reports, ssp, trials
 from .errors import InputError
+from .options import Baseline, EffectsFrom, NoiseBound, Progress
 
 if TYPE_CHECKING:
     from .comparison import Compared
@@ -30,9 +31,9 @@ def simulate(
     coupling: Literal["jacobi", "iterate", "delayed"] | None = None,
     in_process: bool = False,
     call_limit: float | None = None,
-    effects_from: str | Path | None = None,
+    effects_from: EffectsFrom = None,
     plot: str | Path | None = None,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> "orchestrator.Simulation":
     """Run a scenario: couple its FMUs, record the run, average its rests. An .fmu runs by itself.
 
@@ -54,13 +55,8 @@ def simulate(
         Run FMUs of others in this process: faster, and what one does to its process it does to all.
     call_limit : float, optional
         Time [s] that one call of an FMU in a process of its own may take; then the run ends. By default for ever.
-    effects_from : path, optional
-        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
-        beside those of the catalogue.
     plot : path, optional
         Write what was recorded as lines over time, by unit, to this page, .html or .pdf.
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
 
     Raises
     ------
@@ -90,7 +86,7 @@ def export(
     flavour: Literal["python", "native"] = "python",
     platform: str | None = None,
     effects: Sequence[str] = (),
-    effects_from: str | Path | None = None,
+    effects_from: EffectsFrom = None,
     out: str | Path = Path("fmus-exported"),
 ) -> "Exported":
     """Write components as FMUs; all of them when none is named.
@@ -107,9 +103,6 @@ def export(
         Of the native flavour: host (the default), all, or a name as aarch64-linux.
     effects : sequence of str
         Extend by an effect, as "quadratic accelerometer-3"; may be repeated.
-    effects_from : path, optional
-        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
-        beside those of the catalogue.
     out : path
         Folder for the FMUs.
 
@@ -132,8 +125,8 @@ def export(
 def hide(
     seed: int = 0,
     *effects: str,
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    effects_from: str | Path | None = None,
+    baseline: Baseline = "asymmetric",
+    effects_from: EffectsFrom = None,
 ) -> "trials.HiddenRecord":
     """A "measured" record with one hidden effect, and the secret.
 
@@ -145,9 +138,6 @@ def hide(
         Draw from these only.
     baseline : str
         "symmetric" lets scale-asymmetry be hidden.
-    effects_from : path, optional
-        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
-        beside those of the catalogue.
 
     Raises
     ------
@@ -175,7 +165,7 @@ def run_campaign(
     engine: Literal["local", "dask"] = "local",
     scheduler: str | None = None,
     resume: bool = False,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> "campaigns.CampaignResult":
     """Carry out a campaign: thousands of runs of a scenario, a calibration, an attitude algorithm or hidden effects.
 
@@ -244,7 +234,7 @@ def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> li
     return write(kind, file, positions=positions)
 
 
-def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_bound: float | None = None) -> Path:
+def export_notebook(record: str | Path, *, out: str | Path | None = None, noise_bound: NoiseBound = None) -> Path:
     """Write a notebook (.ipynb) with the calls that calibrate and diagnose a record, to go on from.
 
     Parameters

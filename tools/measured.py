@@ -5,14 +5,27 @@ The functions are as in `library`: documented once, and what one needs is import
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 from . import calibration as calibrations
 from . import check as checks
 from . import diagnosis, foreign, motion, own_effects, records
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+from .options import (
+    Baseline,
+    Bounds,
+    Channels,
+    Convention,
+    EffectsFrom,
+    Extend,
+    Gravity,
+    Mounting,
+    NoiseBound,
+    Progress,
+    Rates,
+    RecordBaseline,
+    ReferenceBound,
+    Targets,
+)
 
 
 def read_record(record: "records.Source", *wanted: type) -> Any:
@@ -66,16 +79,13 @@ def import_record(
     )
 
 
-def check(file: str | Path, *, channels: Sequence[str] = ()) -> "checks.Check":
+def check(file: str | Path, *, channels: Channels = ()) -> "checks.Check":
     """Say everything that is wrong with a file, with lines; nothing is run.
 
     Parameters
     ----------
     file : path
         Scenario, campaign, record, programme, calibration, diagnosis, plan, proof of a bound, mounting, FMU, SSP.
-    channels : sequence of str
-        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
-        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
 
     Raises
     ------
@@ -85,7 +95,7 @@ def check(file: str | Path, *, channels: Sequence[str] = ()) -> "checks.Check":
     return checks.check(file, channels)
 
 
-def inspect(record: "records.Source", *, gravity: float = 9.80665, channels: Sequence[str] = ()) -> "motion.Inspection":
+def inspect(record: "records.Source", *, gravity: Gravity = 9.80665, channels: Channels = ()) -> "motion.Inspection":
     """Say what a strapdown record supports: sampling, rests, moves, and what its rests say of the instruments.
 
     Of a bench record the accelerometers are judged against the table's angles, as `calibrate` does without options.
@@ -94,11 +104,6 @@ def inspect(record: "records.Source", *, gravity: float = 9.80665, channels: Seq
     ----------
     record : path, table in memory or record
         Strapdown record or bench record, CSV or Parquet.
-    gravity : float
-        Model value of gravity [m/s²].
-    channels : sequence of str
-        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
-        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
 
     Raises
     ------
@@ -116,13 +121,13 @@ def attitude_of_record(
     record: "records.Source",
     *,
     algorithm: str = "two-sample-rodrigues",
-    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    rates: Rates = "instantaneous",
     rate_divisor: int = 1,
     bridge_gaps: int = 0,
     gyro_bias: Sequence[float] | None = None,
-    channels: Sequence[str] = (),
+    channels: Channels = (),
     out: Path | None = None,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> "motion.AttitudeRun":
     """Run a strapdown record through the attitude computer's FMU; compare with the true attitude where it is known.
 
@@ -134,21 +139,14 @@ def attitude_of_record(
         Strapdown record, CSV or Parquet.
     algorithm : str
         Name of the attitude algorithm; with --compare every one is run.
-    rates : str
-        What a rate in the record means.
     rate_divisor : int
         Add up so many increments to one: a slower gyro.
     bridge_gaps : int
         Bridge gaps of up to so many lost rows, 10 at most; a bound of the attitude error that may cause is stated.
     gyro_bias : sequence of 3 float, optional
         Rate that is taken out of every sample [rad/s].
-    channels : sequence of str
-        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
-        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
     out : path, optional
         Folder for the computed attitude, or for the comparison.
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
 
     Raises
     ------
@@ -170,14 +168,14 @@ def attitude_of_record(
 def calibrate(
     record: "records.Source",
     *,
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    convention: Literal["A1", "A2"] = "A1",
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    channels: Sequence[str] = (),
-    targets: Sequence[str] = (),
+    noise_bound: NoiseBound = None,
+    gravity: Gravity = 9.80665,
+    convention: Convention = "A1",
+    baseline: Baseline = "asymmetric",
+    bounds: Bounds = (3e-3, 1e-2),
+    mounting: Mounting = "identity",
+    channels: Channels = (),
+    targets: Targets = (),
     priors: Sequence[str] = (),
     bench: "calibrations.Bench | None" = None,
 ) -> "calibrations.Calibration":
@@ -187,23 +185,6 @@ def calibrate(
     ----------
     record : path, table in memory, record or Simulation
         Position record, raw record or bench record, CSV or Parquet.
-    noise_bound : float, optional
-        σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell.
-    gravity : float
-        Model value of gravity [m/s²].
-    convention : str
-        A1: Γ lower triangular; A2: symmetric.
-    baseline : str
-        Two scale factors for each accelerometer, or one.
-    bounds : (float, float)
-        u^max and v0^max of (1.7): when the sign of an input is certain.
-    mounting : str or mapping
-        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
-    channels : sequence of str
-        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
-        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
-    targets : sequence of str
-        Another combination, as X4-X5; may be repeated.
     priors : sequence of str
         What is known beforehand: X16=1e-3 for |X16| <= 1e-3, or 'bounds' for all by --bounds; may be repeated.
     bench : Bench, optional
@@ -236,7 +217,7 @@ def bench_at(
     azimuth_deg: float | None = None,
     gyro_noise: float | None = None,
     encoder_bound: float | None = None,
-    rates: Literal["instantaneous", "averaged"] = "instantaneous",
+    rates: Rates = "instantaneous",
 ) -> "calibrations.Bench | None":
     """Where a bench stands and how well it measures turns; None where nothing is said.
 
@@ -271,7 +252,7 @@ def apply(
     record: "records.Source",
     *,
     noise_bound: float = 0.0,
-    channels: Sequence[str] = (),
+    channels: Channels = (),
 ) -> "calibrations.Application | diagnosis.Applied":
     """Correct the readings of a record by a calibration, or by what a diagnosis of another record names.
 
@@ -288,9 +269,6 @@ def apply(
         Position, raw or strapdown record, CSV or Parquet.
     noise_bound : float
         Bound of the readings' own errors, a fraction of g, for the bound; of a diagnosis by default its own.
-    channels : sequence of str
-        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
-        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
 
     Raises
     ------
@@ -312,19 +290,19 @@ def apply(
 def diagnose(
     record: "records.Source",
     *,
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    channels: Sequence[str] = (),
-    rates: Literal["instantaneous", "averaged"] = "instantaneous",
-    reference_bound: float | None = None,
+    noise_bound: NoiseBound = None,
+    gravity: Gravity = 9.80665,
+    baseline: RecordBaseline = None,
+    bounds: Bounds = (3e-3, 1e-2),
+    mounting: Mounting = "identity",
+    channels: Channels = (),
+    rates: Rates = "instantaneous",
+    reference_bound: ReferenceBound = None,
     hypotheses: Sequence[str] = (),
-    effects_from: str | Path | None = None,
-    extend: bool = False,
+    effects_from: EffectsFrom = None,
+    extend: Extend = False,
     bench: "calibrations.Bench | None" = None,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> "diagnosis.Diagnosis":
     """Say whether the simulation can be true of a record; if not, name the effect that it lacks.
 
@@ -335,37 +313,14 @@ def diagnose(
     noise_bound : float, optional
         σ: bound of one averaged reading's error, as a fraction of g; without it the record must tell. The bounds of a
         strapdown record come from the record.
-    gravity : float
-        Model value of gravity [m/s²].
-    baseline : str, optional
-        Of a position record: asymmetric (the default) or symmetric scale factors. Of a strapdown record: the gyros
-        calibrated (the default where gravity is the reference) or nominal (where the true attitude is known).
-    bounds : (float, float)
-        u^max and v0^max of (1.7): when the sign of an input is certain.
-    mounting : str or mapping
-        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
-    channels : sequence of str
-        How the file's channels are read: 2,1,-3 (accelerometers: axis 1 is the file's f2, axis 3 its f3 reversed),
-        w=2,1,-3 (gyros), alpha=-1, beta=-1, angles=rad, w=deg; may be repeated.
     rates : str
         What a rate in a strapdown record or a bench record means.
-    reference_bound : float, optional
-        Bound of the true attitude's error at any row of a strapdown record [arcmin], where you know it; without it the
-        true attitude is taken to err as at rest. What is named with it is as sure as it is.
     hypotheses : sequence of str
         A formula that may be what the simulation lacks, as "f2 += c*sin(3*alpha)": is it this? Letters are the unknown
         coefficients; may be repeated.
-    effects_from : path, optional
-        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects are known
-        beside those of the catalogue.
-    extend : bool
-        Where place and quantity are proven, extend the model by a formula or a table that is in no catalogue, though
-        something in it stands, too.
     bench : Bench, optional
         Of a bench record, where it was measured and how well its encoders tell angles: then its gyros are held against
         the table, too.
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
 
     Raises
     ------

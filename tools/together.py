@@ -1,28 +1,40 @@
 """What `import trihedron as th` does with several records of one instrument: as `measured`, documented once."""
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Sequence
+from typing import Any
 
 from . import diagnosis, own_effects, records
 from .errors import InputError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+from .options import (
+    Baseline,
+    Bounds,
+    Channels,
+    EffectsFrom,
+    Extend,
+    Gravity,
+    Mounting,
+    NoiseBound,
+    Own,
+    Progress,
+    Rates,
+    RecordBaseline,
+    ReferenceBound,
+    Shared,
+)
 
 
 def calibrate_together(
     first: "records.Source",
     /,
     *others: "records.Source",
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    channels: Sequence[str] = (),
-    shared: Sequence[str] = (),
-    own: Sequence[str] = (),
+    noise_bound: NoiseBound = None,
+    gravity: Gravity = 9.80665,
+    baseline: Baseline = "asymmetric",
+    bounds: Bounds = (3e-3, 1e-2),
+    mounting: Mounting = "identity",
+    channels: Channels = (),
+    shared: Shared = (),
+    own: Own = (),
 ) -> "diagnosis.JointCalibration":
     """Calibrate several records of one instrument in one programme: its scale factors and misalignments have one value.
 
@@ -30,14 +42,6 @@ def calibrate_together(
     ----------
     first, others : path, table in memory or record
         Position records or raw records, two at least.
-    noise_bound, gravity, baseline, bounds, mounting, channels
-        As of `calibrate`, the same for all.
-    shared : sequence of str
-        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
-        X16; a star stands for anything; may be repeated.
-    own : sequence of str
-        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
-        misalignment-*; may be repeated.
 
     Raises
     ------
@@ -59,40 +63,31 @@ def diagnose_together(
     first: "records.Source",
     /,
     *others: "records.Source",
-    noise_bound: float | None = None,
-    gravity: float = 9.80665,
-    baseline: Literal["asymmetric", "symmetric", "calibrated", "nominal"] | None = None,
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    channels: Sequence[str] = (),
-    rates: Literal["instantaneous", "averaged"] = "instantaneous",
-    reference_bound: float | None = None,
-    effects_from: str | Path | None = None,
-    extend: bool = False,
-    shared: Sequence[str] = (),
-    own: Sequence[str] = (),
-    progress: bool = False,
+    noise_bound: NoiseBound = None,
+    gravity: Gravity = 9.80665,
+    baseline: RecordBaseline = None,
+    bounds: Bounds = (3e-3, 1e-2),
+    mounting: Mounting = "identity",
+    channels: Channels = (),
+    rates: Rates = "instantaneous",
+    reference_bound: ReferenceBound = None,
+    effects_from: EffectsFrom = None,
+    extend: Extend = False,
+    shared: Shared = (),
+    own: Own = (),
+    progress: Progress = False,
 ) -> "diagnosis.Several":
     """Say what several records of one instrument have in common, and what is of one run alone.
 
     Each is diagnosed by itself; then all together, with one value for each parameter of the instrument; then the
     smallest set of effects, of all records or of one, and of parameters that differ in one, with which all stand.
+    Options are the same for all records; one that has a meaning for one kind only is for those of that kind.
 
     Parameters
     ----------
     first, others : path, table in memory or record
         Records of one instrument, of positions (or raw), strapdown, or some of both, two at least. Files are called by
         their names, others by their numbers.
-    noise_bound, gravity, baseline, bounds, mounting, channels, rates, reference_bound, effects_from, extend
-        As of `diagnose`, the same for all records; what has a meaning for one kind only, for those of that kind.
-    shared : sequence of str
-        Of several records: a parameter that has one value in all, beside scale factors and misalignments, as bias-1 or
-        X16; a star stands for anything; may be repeated.
-    own : sequence of str
-        Of several records: a parameter that each record has of its own, beside biases, mounting and table, as
-        misalignment-*; may be repeated.
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
 
     Raises
     ------
@@ -128,7 +123,7 @@ def diagnose_together(
         )
 
 
-def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str]) -> dict[str, Any]:
+def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channels: Channels) -> dict[str, Any]:
     """Several records by what they are called; an InputError for fewer than two, or for one that is given twice."""
     if len(given) < 2:
         raise InputError("several records are needed, two at least")

@@ -47,6 +47,23 @@ def test_importing_it_imports_nothing():
     assert {name for name in said if name.startswith("trihedron.")} == {"trihedron.tools"}
 
 
+def test_python_and_the_command_line_say_the_same_words_of_a_shared_option(capsys):
+    """The words stand once, with the type; a function's own words go before them."""
+    documented = " ".join((th.calibrate.__doc__ or "").split())
+    assert cli.main(["calibrate", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.replace("│", "").split())
+    for words in ("Model value of gravity [m/s²].", "as a fraction of g; without it the record must tell."):
+        assert words in documented
+        assert words in shown
+    assert "mounting : str | " in documented
+    assert "bounds of a strapdown record come from the record." in " ".join((th.diagnose.__doc__ or "").split())
+    for function in (th.calibrate, th.diagnose, th.calibrate_together, th.inspect, th.simulate, th.run_campaign):
+        entries = (function.__doc__ or "").splitlines()
+        for name, parameter in inspect.signature(function).parameters.items():
+            stated = any(name in entry.split(" : ")[0].split(", ") for entry in entries)
+            assert stated or parameter.kind is parameter.VAR_POSITIONAL, name
+
+
 def test_every_name_is_there_and_none_is_that_of_a_module():
     """A function named as a module of the root would be replaced by it as soon as anything imports the module."""
     folder = Path(inspect.getfile(th)).parent

@@ -5,7 +5,7 @@ import os
 import sys
 from contextlib import suppress
 
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 
 from .answer import exit_status, refuse, say
 from .commands import (
@@ -63,26 +63,23 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-for command in (
-    *(apply, attitude, calibrate, campaign, campaign_report, check, compare, demo, diagnose, doctor, export),
-    *(
-        export_notebook,
-        export_ssp,
-        fmpy_input,
-        hidden,
-        inspect,
-        instrument,
-        measure,
-        new,
-        plan,
-        plot,
-        reproduce,
-        simulate,
-    ),
-):
-    app.command(command)
-app.command(import_, name="import")
-add_completion(app)
+GROUPS = {
+    "Start": (demo, new, doctor),
+    "Your data": (import_, check, inspect, plan, measure, instrument, plot),
+    "Simulate": (simulate, export, export_ssp, hidden),
+    "Analyse": (calibrate, diagnose, apply, attitude, compare),
+    "Advanced": (campaign, campaign_report, export_notebook, fmpy_input, reproduce),
+}
+"""Commands as `trihedron --help` lists them."""
+for place, (title, commands) in enumerate(GROUPS.items()):
+    group = Group(title, sort_key=place)
+    for command in commands:
+        if isinstance(command, App):
+            command.group = group
+            app.command(command)
+        else:
+            app.command(command, name="import" if command is import_ else None, group=group)
+add_completion(app, "Advanced")
 
 
 def main(arguments: list[str] | None = None) -> int:

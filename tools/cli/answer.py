@@ -6,22 +6,22 @@ Options are the library's functions' with their words, and what only a command l
 import errno
 import inspect
 import os
-import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from importlib.util import find_spec
 from io import StringIO, TextIOWrapper
 from pathlib import Path
 from time import monotonic
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from cyclopts import CycloptsError, Parameter
 
 from .. import document
 from ..errors import InputError, full
 from ..files import json_text, ordinary_file, ordinary_folder, together, write_text
+from ..options import Option, described, option_of
 
 Command = TypeVar("Command", bound=Callable[..., object])
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
@@ -216,91 +216,86 @@ Number = Annotated[float, Parameter(allow_leading_hyphen=True)]
 
 Whole = Annotated[int, Parameter(allow_leading_hyphen=True)]
 
-TYPES: dict[str, Any] = {
-    "bounds": Annotated[tuple[float, float], Parameter(allow_leading_hyphen=True)],
-    "channels": Annotated[tuple[str, ...], Parameter(name="--channels", allow_leading_hyphen=True)],
-    "baud": Whole,
-    "cuts": Whole,
-    "detect": tuple[str, ...],
-    "duration_s": Annotated[float | None, Parameter(name="--duration", allow_leading_hyphen=True)],
-    "dwell_s": Annotated[float, Parameter(name="--dwell", allow_leading_hyphen=True)],
-    "effects": Annotated[tuple[str, ...], Parameter(name="--effect")],
-    "effects_from": Annotated[Path | None, Parameter(name="--effects-from")],
-    "exchanges": Whole,
-    "extra": Whole,
-    "fmi": Literal["2", "3"],
-    "gravity": Number,
-    "grid": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
-    "hypotheses": Annotated[tuple[str, ...], Parameter(name="--hypothesis")],
-    "jobs": Annotated[int | None, Parameter(allow_leading_hyphen=True)],
-    "keep_out": tuple[str, ...],
+NAMES = {
+    "duration_s": "--duration",
+    "dwell_s": "--dwell",
+    "effects": "--effect",
+    "hypotheses": "--hypothesis",
+    "patience_s": "--patience",
+    "priors": "--prior",
+    "reserve_deg": "--reserve",
+    "resolution_deg": "--resolution",
+    "targets": "--target",
+}
+"""Options whose names at a terminal are not those of the parameters."""
+WITH_HYPHEN = ("channels", "own", "priors", "shared", "targets")
+"""Options whose words may begin with a hyphen, as -X12."""
+CHECKED: dict[str, Any] = {
     "mounting": str,
     "mountings": Annotated[
         tuple[str, ...],
         Parameter(name=("--mountings", "--mounting"), consume_multiple=(1, None), show_default=False),
     ],
-    **dict.fromkeys(
-        ("noise_bound", "latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound"),
-        Annotated[float | None, Parameter(allow_leading_hyphen=True)],
-    ),
     "out": Folder,
-    "own": Annotated[tuple[str, ...], Parameter(name="--own", allow_leading_hyphen=True)],
-    "patience_s": Annotated[float | None, Parameter(name="--patience", allow_leading_hyphen=True)],
     "plot": PlotFile,
-    "port": Whole,
-    "positions": Whole,
-    "promise": Number,
-    "priors": Annotated[tuple[str, ...], Parameter(name="--prior", allow_leading_hyphen=True)],
-    "reference_bound": Annotated[float | None, Parameter(allow_leading_hyphen=True)],
-    "repeat": Whole,
-    "reserve_deg": Annotated[float, Parameter(name="--reserve", allow_leading_hyphen=True)],
-    "resolution_deg": Annotated[float | None, Parameter(name="--resolution", allow_leading_hyphen=True)],
-    "seed": Whole,
-    "shared": Annotated[tuple[str, ...], Parameter(name="--shared", allow_leading_hyphen=True)],
-    "starts": Whole,
-    "targets": Annotated[tuple[str, ...], Parameter(name="--target", allow_leading_hyphen=True)],
 }
-"""How options of the library are typed at a terminal, where that is not how Python has them."""
+"""Options that a terminal checks before anything is computed, or takes in another form."""
 NOT_TYPED = ("progress", "gyro_bias", "bench")
 """What a terminal does not give: a command shows its progress, and a terminal has no arrays and no values."""
 
 
-def takes(*functions: Callable[..., Any], words: Callable[..., Any] | None = None) -> Callable[[Command], Command]:
+def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
     """Give a command the options of functions of the library: names, types, defaults, words.
 
     The functions are those of `trihedron.tools.library`, `measured` and `at_table`, documented by numpydoc. The
     command has its own parameters first, by position, and its own options last; ``**options`` are those of the
     functions. Its docstring holds the examples; the sentence is the first function's, and the words of a parameter are
-    those of the first that has it, or of the function `words`.
+    those of the first that has it.
     """
-    describing = functions if words is None else (*functions, words)
 
-    def given(command: Command) -> Command:
-        own = [p for p in inspect.signature(command).parameters.values() if p.kind is not p.VAR_KEYWORD]
-        without = {*(p.name for p in own), *NOT_TYPED}
-        taken: dict[str, inspect.Parameter] = {}
-        for p in (p for function in functions for p in inspect.signature(function).parameters.values()):
-            if p.kind is p.KEYWORD_ONLY and p.name not in without:
-                taken.setdefault(p.name, p.replace(annotation=TYPES.get(p.name, p.annotation)))
-        by_position = [p for p in own if p.kind is not p.KEYWORD_ONLY]
-        signature = inspect.Signature([*by_position, *taken.values(), *(p for p in own if p.kind is p.KEYWORD_ONLY)])
+    def with_options(command: Command) -> Command:
+        first, last, options = [], [], {}
+        for p in inspect.signature(command).parameters.values():
+            if p.kind is p.KEYWORD_ONLY:
+                last.append(p)
+            elif p.kind is not p.VAR_KEYWORD:
+                first.append(p)
+        excluded = {*NOT_TYPED, *(p.name for p in (*first, *last))}
+        texts: dict[str, str] = {}
+        for function in functions:
+            words = described(function)[1]
+            for name, p in inspect.signature(function).parameters.items():
+                if name in words:
+                    texts.setdefault(name, words[name])
+                if p.kind is p.KEYWORD_ONLY and name not in excluded:
+                    options.setdefault(name, p.replace(annotation=typed(p)))
+        signature = inspect.Signature([*first, *options.values(), *last])
         command.__signature__ = signature  # type: ignore[attr-defined]
-        texts = {name: text for function in reversed(describing) for name, text in described(function)[1].items()}
-        kept = {name: text for name, text in texts.items() if name in signature.parameters}
-        examples, own_words = described(command)
-        lines = [f"{name}\n    {text}" for name, text in (kept | own_words).items()]
-        section = ["Parameters\n----------\n" + "\n".join(lines)] if lines else []
-        command.__doc__ = "\n\n".join([described(functions[0])[0], examples, *section])
+        examples, words = described(command)
+        lines = ["Parameters", "----------"]
+        for name, text in (texts | words).items():
+            if name in signature.parameters:
+                lines += [name, f"    {text}"]
+        parts = [described(functions[0])[0], examples]
+        command.__doc__ = "\n\n".join([*parts, "\n".join(lines)] if len(lines) > 2 else parts)
         return command
 
-    return given
+    return with_options
 
 
-def described(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
-    """What stands before the sections of a numpydoc docstring, and the text of each parameter."""
-    head, *sections = re.split(r"\n\n(?=\w+\n-{3,}\n)", inspect.getdoc(function) or "")
-    body = next((text.split("\n", 2)[2] for text in sections if text.startswith("Parameters\n")), "")
-    words: dict[str, str] = {}
-    for name, text in re.findall(r"(?m)^(\w+)(?: :.*)?\n((?:    .*\n?)+)", body):
-        words[name] = " ".join(text.split())
-    return head, words
+def typed(parameter: inspect.Parameter) -> Any:
+    """The type of a parameter of the library as a terminal has it: its name, and whether a hyphen may begin it."""
+    name = parameter.name
+    if name in CHECKED:
+        return CHECKED[name]
+    option = option_of(parameter.annotation) or Option()
+    kind = get_args(parameter.annotation)[0] if option.words else parameter.annotation
+    kind = option.typed or kind
+    if get_origin(kind) is Sequence:
+        kind = tuple[str, ...]
+    parts = {kind, *get_args(kind)} - {type(None)}
+    hyphen = name in WITH_HYPHEN or bool(parts & {int, float})
+    if hyphen or name in NAMES or option.name:
+        shown = option.name or NAMES.get(name)
+        return Annotated[kind, Parameter(name=shown, allow_leading_hyphen=hyphen)]
+    return kind

@@ -9,13 +9,13 @@ from .answer import Answer, JsonFile, answer
 
 SCRIPT = """Register-ArgumentCompleter -Native -CommandName trihedron -ScriptBlock {
     param($word, $line, $cursor)
-    $known = ConvertFrom-Json @'
+    $tree = ConvertFrom-Json @'
 %s
 '@
-    $given = @($line.CommandElements | Select-Object -Skip 1 | ForEach-Object { $_.ToString() })
-    $at = $known
-    foreach ($one in $given) {
-        if ($one -ne $word -and $at.commands.PSObject.Properties.Name -contains $one) { $at = $at.commands.$one }
+    $words = @($line.CommandElements | Select-Object -Skip 1 | ForEach-Object { $_.ToString() })
+    $at = $tree
+    foreach ($part in $words) {
+        if ($part -ne $word -and $at.commands.PSObject.Properties.Name -contains $part) { $at = $at.commands.$part }
     }
     @($at.commands.PSObject.Properties.Name) + @($at.options) |
         Where-Object { $_ -like "$word*" } | Sort-Object |
@@ -24,10 +24,10 @@ SCRIPT = """Register-ArgumentCompleter -Native -CommandName trihedron -ScriptBlo
 """Words of commands and options come first; where none fits PowerShell completes names of files."""
 
 
-def add_completion(app: App) -> None:
-    """Add the command that prints the completion of `app` for a shell."""
+def add_completion(app: App, group: str) -> None:
+    """Add the command that prints the completion of `app` for a shell to a group of commands."""
 
-    @app.command
+    @app.command(group=group)
     def completion(
         shell: Annotated[Literal["bash", "zsh", "fish", "powershell"], Parameter(help="Of which shell.")],
         /,
@@ -46,16 +46,14 @@ def add_completion(app: App) -> None:
 
 def powershell(app: App) -> str:
     """The script that a profile of PowerShell takes."""
-    return SCRIPT % dumps(_known(app), sort_keys=True)
+    return SCRIPT % dumps(_tree(app), sort_keys=True)
 
 
-def _known(app: App) -> dict[str, object]:
+def _tree(app: App) -> dict[str, object]:
     """The commands below one, each likewise, and its own options."""
-    below = {name: _known(app[name]) for name in app if not name.startswith("-")}
-    options = {
-        name
-        for argument in (app.assemble_argument_collection() if app.default_command else ())
-        for name in argument.names
-        if name.startswith("--")
-    }
-    return {"commands": below, "options": sorted(options | {"--help"})}
+    commands = {name: _tree(app[name]) for name in app if not name.startswith("-")}
+    options = ["--help"]
+    if app.default_command:
+        for argument in app.assemble_argument_collection():
+            options.extend(name for name in argument.names if name.startswith("--"))
+    return {"commands": commands, "options": sorted(options)}

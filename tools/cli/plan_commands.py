@@ -59,7 +59,7 @@ def target(
 
 
 @plan.command
-@takes(library.plan_positions, words=library.plan)
+@takes(library.plan_positions)
 def positions(
     count: int | None = None,
     /,
@@ -123,7 +123,7 @@ def _curve(count: int | None, options: dict[str, Any], curve: tuple[int, int], o
 
 
 @plan.command
-@takes(library.plan_check, words=library.plan)
+@takes(library.plan_check)
 def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron plan check plan12/angles.csv --noise-bound 1e-5"""
     distinct_files({"the angles": file, "--json": json})

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from .. import calibration as calibrations
 from .. import planning
 from ..errors import InputError
+from ..options import Admissible, Baseline, Bounds, Convention, Mounting, Progress
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -15,12 +16,12 @@ if TYPE_CHECKING:
 def plan(
     *targets: str,
     grid: float | None = 1.0,
-    admissible: Literal["paper", "tables"] = "paper",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    convention: Literal["A1", "A2"] = "A1",
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    progress: bool = False,
+    admissible: Admissible = "paper",
+    bounds: Bounds = (3e-3, 1e-2),
+    convention: Convention = "A1",
+    baseline: Baseline = "asymmetric",
+    mounting: Mounting = "identity",
+    progress: Progress = False,
 ) -> "planning.Plans":
     """Find the table positions and weights that estimate each target best, with the proof that none are better.
 
@@ -30,18 +31,6 @@ def plan(
         A target, as X4 or X4-X5; may be repeated. All of the convention without it.
     grid : float or None
         Step of the grid of positions [deg]; 1 by default. None: all angles.
-    admissible : str
-        (1.7) as printed, or with the bias rows, as the published tables were computed.
-    bounds : (float, float)
-        u^max and v0^max of (1.7): when the sign of an input is certain.
-    convention : str
-        A1: Γ lower triangular; A2: symmetric.
-    baseline : str
-        Two scale factors for each accelerometer, or one.
-    mounting : str or mapping
-        Name of a preset, or a TOML file with [name] matrix = [[...], ...].
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
 
     Raises
     ------
@@ -88,11 +77,11 @@ def plan_positions(
     seed: int = 0,
     starts: int = 30,
     cuts: int = 40,
-    admissible: Literal["paper", "tables"] = "paper",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    convention: Literal["A1", "A2"] = "A1",
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    progress: bool = False,
+    admissible: Admissible = "paper",
+    bounds: Bounds = (3e-3, 1e-2),
+    convention: Convention = "A1",
+    baseline: Baseline = "asymmetric",
+    progress: Progress = False,
 ) -> "planning.PositionPlan":
     """Find one set of positions for all targets, with what is proven of every other set.
 
@@ -141,8 +130,6 @@ def plan_positions(
         Local searches.
     cuts : int
         Cuts sought for the lower bound. 0: no bound.
-    admissible, bounds, convention, baseline
-        As of `plan`.
     progress : bool
         Show bars on standard error, where that is a terminal.
 
@@ -171,12 +158,12 @@ def plan_check(
     *,
     noise_bound: float = 1e-5,
     keep_out: Sequence[str] = (),
-    admissible: Literal["paper", "tables"] = "paper",
-    bounds: tuple[float, float] = (3e-3, 1e-2),
-    convention: Literal["A1", "A2"] = "A1",
-    baseline: Literal["asymmetric", "symmetric"] = "asymmetric",
-    mounting: "str | Mapping[str, ArrayLike]" = "identity",
-    progress: bool = False,
+    admissible: Admissible = "paper",
+    bounds: Bounds = (3e-3, 1e-2),
+    convention: Convention = "A1",
+    baseline: Baseline = "asymmetric",
+    mounting: Mounting = "identity",
+    progress: Progress = False,
 ) -> "planning.SettingCheck":
     """Compare bias and noise of a plan at the angles that were set, and say what to do about them.
 
@@ -188,10 +175,6 @@ def plan_check(
         σ, as a fraction of g.
     keep_out : sequence of str
         Angles that no row may have: alpha:LOW:HIGH or beta:LOW:HIGH [deg].
-    admissible, bounds, convention, baseline, mounting
-        As of `plan`.
-    progress : bool
-        Show a bar on standard error, where that is a terminal.
 
     Raises
     ------
@@ -226,7 +209,7 @@ def plan_imu(
     exchanges: int = 4,
     noise_bound: float = 1e-5,
     dwell_s: float = 20.0,
-    progress: bool = False,
+    progress: Progress = False,
 ) -> "planning.ImuPlan":
     """Find rests and turns that determine accelerometers, gyros and bench in so many minutes.
 
