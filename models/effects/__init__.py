@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 
-_names = [found.name for found in pkgutil.iter_modules(__path__) if found.name not in ("definition", "rows")]
+_names = [found.name for found in pkgutil.iter_modules(__path__) if found.name not in ("columns", "definition", "rows")]
 _modules = [importlib.import_module(f"{__name__}.{name}") for name in _names]
 _effects: list[Effect] = [e for module in _modules for e in getattr(module, "EFFECTS", None) or (module.EFFECT,)]
 CATALOGUE.update((effect.name, effect) for effect in sorted(_effects, key=lambda effect: effect.name))

@@ -35,19 +35,11 @@ from .definition import (
     EffectPlace,
     accelerometer_column,
     accelerometer_effect,
-    own_input,
 )
-from .rows import MotionRows, Rows
+from .rows import Rows
 
 NOMINAL_TEMPERATURE = 20.0
 """Temperature [degC] at which effects of temperature vanish."""
-
-
-def above_nominal(rows: Rows) -> NDArray[np.float64]:
-    """Temperature of the rows (N,) above the nominal one [K]; ValueError where it is not known."""
-    if rows.temperature is None:
-        raise ValueError("effects of temperature need the temperature of the rows")
-    return rows.temperature - NOMINAL_TEMPERATURE
 
 
 def quadratic(context: Vector, n: Vector, p: int, coefficient: float, added: Vector) -> None:
@@ -58,7 +50,6 @@ def quadratic(context: Vector, n: Vector, p: int, coefficient: float, added: Vec
 QUADRATIC = accelerometer_effect(
     quadratic,
     EffectParameter("coefficient", "1/g", "c of c n²: response to the square of the input", 1e-2),
-    lambda place, rows: own_input(place, rows) ** 2,
     "accelerometer {p} responds to the square of its input: {coefficient:+.2e} n² (n in g)",
     degree=2,
     formula="Δf_{p}/g = {coefficient} n_{p}²",
@@ -73,7 +64,6 @@ def cubic(context: Vector, n: Vector, p: int, coefficient: float, added: Vector)
 CUBIC = accelerometer_effect(
     cubic,
     EffectParameter("coefficient", "1/g2", "c of c n³: response to the cube of the input", 1e-2),
-    lambda place, rows: own_input(place, rows) ** 3,
     "accelerometer {p} responds to the cube of its input: {coefficient:+.2e} n³ (n in g)",
     degree=3,
     formula="Δf_{p}/g = {coefficient} n_{p}³",
@@ -88,7 +78,6 @@ def odd_quadratic(context: Vector, n: Vector, p: int, coefficient: float, added:
 ODD_QUADRATIC = accelerometer_effect(
     odd_quadratic,
     EffectParameter("coefficient", "1/g", "c of c n |n|: response to the signed square of the input", 1e-2),
-    lambda place, rows: own_input(place, rows) * np.abs(own_input(place, rows)),
     "accelerometer {p} responds to the signed square of its input: {coefficient:+.2e} n |n| (n in g)",
     degree=2,
     formula="Δf_{p}/g = {coefficient} n_{p} |n_{p}|",
@@ -103,7 +92,6 @@ def cross_product(context: Vector, n: Vector, p: int, i: int, j: int, coefficien
 CROSS_PRODUCT = accelerometer_effect(
     cross_product,
     EffectParameter("coefficient", "1/g", "c of c n_i n_j: response to the product of two inputs", 1e-2),
-    lambda place, rows: rows.n[:, place.axes[0] - 1] * rows.n[:, place.axes[1] - 1],
     "accelerometer {p} responds to the product of the inputs {i} and {j}: {coefficient:+.2e} n{i} n{j} (n in g)",
     places=tuple(
         EffectPlace("cross-product", where, axes=axes) for where in ACCELEROMETERS for axes in ((1, 2), (1, 3), (2, 3))
@@ -121,7 +109,6 @@ def cross_square(context: Vector, n: Vector, p: int, j: int, coefficient: float,
 CROSS_SQUARE = accelerometer_effect(
     cross_square,
     EffectParameter("coefficient", "1/g", "c of c n_j²: response to the square of another input", 1e-2),
-    lambda place, rows: rows.n[:, place.axes[0] - 1] ** 2,
     "accelerometer {p} responds to the square of the input of accelerometer {i}: {coefficient:+.2e} n{i}² (n in g)",
     places=tuple(
         EffectPlace("cross-square", where, axes=(j,))
@@ -142,7 +129,6 @@ def scale_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, adde
 SCALE_ASYMMETRY = accelerometer_effect(
     scale_asymmetry,
     EffectParameter("coefficient", "1", "c of c |n|: half of Γ⁺ - Γ⁻", 2e-2),
-    lambda place, rows: np.abs(own_input(place, rows)),
     "the scale factor of accelerometer {p} differs between the signs of its input: {coefficient:+.2e} |n|",
     within="asymmetric",
     degree=1,
@@ -161,7 +147,6 @@ def bias_asymmetry(context: Vector, n: Vector, p: int, coefficient: float, added
 BIAS_ASYMMETRY = accelerometer_effect(
     bias_asymmetry,
     EffectParameter("coefficient", "g", "c of c sign(n): half of the difference of the biases", 1e-2),
-    lambda place, rows: np.sign(own_input(place, rows)),
     "the bias of accelerometer {p} depends on the sign of its input: {coefficient:+.2e} g for a positive one, "
     "the opposite for a negative one",
     formula="Δf_{p}/g = {coefficient} sign(n_{p})",
@@ -176,7 +161,6 @@ def bias_drift(context: Vector, n: Vector, p: int, rate: float, added: Vector) -
 BIAS_DRIFT = accelerometer_effect(
     bias_drift,
     EffectParameter("rate", "g/h", "growth of the bias with time", 1e-1),
-    lambda place, rows: rows.hours,
     "the bias of accelerometer {p} drifts by {rate:+.2e} g an hour",
     formula="Δf_{p}/g = {rate} t, t 'in hours'",
 )
@@ -190,7 +174,6 @@ def scale_drift(context: Vector, n: Vector, p: int, rate: float, added: Vector) 
 SCALE_DRIFT = accelerometer_effect(
     scale_drift,
     EffectParameter("rate", "1/h", "growth of the scale factor with time", 1e-1),
-    lambda place, rows: rows.hours * own_input(place, rows),
     "the scale factor of accelerometer {p} drifts by {rate:+.2e} an hour",
     degree=1,
     formula="Δf_{p}/g = {rate} t n_{p}, t 'in hours'",
@@ -210,9 +193,7 @@ def temperature_bias(context: Vector, n: Vector, p: int, coefficient: float, add
 TEMPERATURE_BIAS = accelerometer_effect(
     temperature_bias,
     EffectParameter("coefficient", "g/K", "c of c (T - 20 degC): change of the bias with temperature", 1e-3),
-    lambda place, rows: above_nominal(rows),
     "the bias of accelerometer {p} changes by {coefficient:+.2e} g per kelvin",
-    needs=("temperature",),
     open_argument=lambda place, rows: open_temperature(place, np.ones(len(rows.hours)), rows),
     formula="Δf_{p}/g = {coefficient} (T − 20 °C)",
 )
@@ -226,10 +207,8 @@ def temperature_scale(context: Vector, n: Vector, p: int, coefficient: float, ad
 TEMPERATURE_SCALE = accelerometer_effect(
     temperature_scale,
     EffectParameter("coefficient", "1/K", "c of c (T - 20 degC) n: change of the scale factor with temperature", 1e-3),
-    lambda place, rows: above_nominal(rows) * own_input(place, rows),
     "the scale factor of accelerometer {p} changes by {coefficient:+.2e} per kelvin",
-    needs=("temperature",),
-    open_argument=lambda place, rows: open_temperature(place, np.abs(own_input(place, rows)), rows),
+    open_argument=lambda place, rows: open_temperature(place, np.abs(rows.n[:, place.index]), rows),
     degree=1,
     formula="Δf_{p}/g = {coefficient} (T − 20 °C) n_{p}",
 )
@@ -248,7 +227,6 @@ def hysteresis_untold(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
 HYSTERESIS = accelerometer_effect(
     hysteresis,
     EffectParameter("width", "g", "difference of readings after falling and after rising input", 1e-2, smallest=0.0),
-    lambda place, rows: -0.5 * rows.input_sense[:, place.index],
     "accelerometer {p} reads {width:.2e} g less after a rising input than after a falling one",
     untold=hysteresis_untold,
     formula="Δf_{p}/g = − 'sense of the last change of' n_{p} · {width} / 2",
@@ -279,30 +257,17 @@ def lever_arm(context: Vector, n: Vector, p: int, r_1: float, r_2: float, r_3: f
     added[p] = added[p] + (axis * along - square * arm + turned) / context[GRAVITY]
 
 
-def size_effect(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
-    """What a metre of the arm adds (N, 3) [g]: row p of ω ωᵀ − |ω|² + [ω' ×], over g."""
-    w, p = rows.rate, place.index
-    acceleration = (w - rows.rate_before) / rows.step[:, None]
-    columns = w[:, p, None] * w
-    columns[:, p] -= (w**2).sum(axis=1)
-    # ω' × e_k, its component p.
-    columns += np.cross(acceleration[:, None, :], np.eye(3))[:, :, p]
-    return columns / rows.gravity
-
-
 LEVER_ARM = accelerometer_effect(
     lever_arm,
     tuple(
         EffectParameter(f"r_{k}", "m", f"position of the accelerometer along axis {k}, from the block's centre", 0.5)
         for k in (1, 2, 3)
     ),
-    size_effect,
     lambda place, values: (
         f"accelerometer {place.index + 1} is off the block's centre: "
         + ", ".join(f"{1e3 * value:+.3g}" for value in values.values())
         + " mm along the axes"
     ),
-    in_motion=True,
     formula="Δf_{p}/g = (ω × (ω × r) + dω/dt × r)_{p} / g, r = ({r_1}, {r_2}, {r_3}) 'm'",
 )
 
@@ -320,11 +285,9 @@ def accelerometer_lag(context: Vector, n: Vector, p: int, time: float, added: Ve
 ACCELEROMETER_LAG = accelerometer_effect(
     accelerometer_lag,
     EffectParameter("time", "s", "time constant of the low-pass", 1e-2, smallest=0.0),
-    lambda place, rows: np.cross(rows.rate, rows.specific_force)[:, place.index],
     lambda place, values: (
         f"accelerometer {place.index + 1} lags its input by {1e3 * values['time']:.4g} ms, more than the others do"
     ),
-    in_motion=True,
     formula="Δf_{p}/g = {time} 's' (ω × n)_{p}",
 )
 

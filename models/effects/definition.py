@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import columns
 from .rows import MotionRows, Rows, Variant
 
 ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
@@ -118,25 +119,19 @@ Sentence = Callable[[EffectPlace, Mapping[str, float]], str]
 """Place, values of the parameters by name -> what an engineer is told."""
 
 
-def no_signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """In place of the signature of an effect that is not linear."""
-    raise TypeError(f"{place.title} is not linear: it has variants, no signature")
+RATES = {"RATE", "ANGULAR_ACCELERATION"}
+"""Places of the context that are zero at rest."""
 
 
-def no_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-    """In place of the parameters' values from linear coefficients, of an effect that is not linear."""
-    raise TypeError("an effect that is not linear has values for each of its variants")
-
-
-def polar_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-    """Amplitude and phase of each pair (amplitude·cos(phase), amplitude·sin(phase)) of coefficients (2 K,)."""
-    pairs = [(float(x), float(y)) for x, y in np.reshape(coefficients, (-1, 2))]
-    return tuple(value for x, y in pairs for value in (float(np.hypot(x, y)), float(np.arctan2(y, x))))
-
-
-def all_coefficients(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-    """Parameters of an effect that are its linear coefficients."""
-    return tuple(float(value) for value in coefficients)
+@cache
+def constants_of(kernel: Callable[..., None] | None) -> frozenset[str]:
+    """Names of the constants that a kernel reads, with those of the kernels that it calls."""
+    if not inspect.isfunction(kernel):
+        return frozenset()
+    names = set(kernel.__code__.co_names)
+    for name in kernel.__code__.co_names:
+        names |= constants_of(kernel.__globals__.get(name))
+    return frozenset(names)
 
 
 @cache
@@ -169,23 +164,13 @@ class Effect:
         the hook of that component's model that the kernel joins
     kernel : callable or None
         restricted Python: ``kernel(context, values, *whole numbers of the place, *parameters, added)``
-    signature : callable
-        place, rows -> (N, 3, K): how the readings [g], or of a gyro the rates [rad/s], change with each of K linear
-        coefficients
-    from_coefficients : callable
-        K linear coefficients -> values of the parameters; by default they are the coefficients
     within : str or None
         name of the baseline whose model holds this effect already, so that it can add nothing there
-    needs : tuple of str
-        attributes of the rows without which the effect cannot be tried ("temperature")
-    turns : callable or None
-        of an effect on the table: place, rows -> (N, 4, K): small turns [rad] per coefficient, added to κ, about the
-        outer axis, to ε and about the inner axis, at given encoder readings. With the angles that the turns are
-        functions of taken as the true ones they are exact: of an effect on an encoder, `rows` has the angles with its
-        turns in; of one on the geometry, without. The signature is their effect to first order
+    columns : callable or None
+        of a linear effect of which the kernel called with columns does not say it: place, rows -> (N, ports, K), what a
+        unit of each coefficient adds at its stage
     variants : callable or None
-        of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act. Its
-        signature and coefficients raise TypeError
+        of an effect that is not linear: place, rows, readings (N, 3) [g], σ [g] -> the ways in which it can act
     degree : int
         in the inputs: readings tell the inputs only up to the factor 1 − Δg/g, and a coefficient of this degree up to
         a power of it
@@ -204,15 +189,11 @@ class Effect:
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places; a ValueError where the
         place's law is none
-    in_motion : bool
-        an effect of a record in motion: its signature takes `MotionRows`, that of a table `Rows` with rates of its
-        axes, and no record of rests shows it
     sets_in : bool
-        it acts from a time on, its last parameter "start" [h], which is found; its signature is that of what it does
-        from then on, and its linear coefficients are the other parameters
+        it acts from a time on, its last parameter "start" [h], which is found; the others are its linear coefficients
     fades : bool
-        it fades with time as exp(-t/T), T [h] being its last parameter, which is found; its signature is that of what
-        it does at the beginning, and its linear coefficients are the other parameters
+        it fades with time as exp(-t/T), T [h] being its last parameter, which is found; the others, what it does at the
+        beginning, are its linear coefficients
     contains : tuple of str
         names of effects at the same place that it can be, with some values of its parameters: where one of them
         stands, it is no rival
@@ -227,11 +208,8 @@ class Effect:
     component: str | None = None
     stage: str | None = None
     kernel: Callable[..., None] | None = None
-    signature: Callable[[EffectPlace, Any], NDArray[np.float64]] = no_signature
-    from_coefficients: Callable[[NDArray[np.float64]], tuple[float, ...]] = all_coefficients
     within: str | None = None
-    needs: tuple[str, ...] = ()
-    turns: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
+    columns: Callable[[EffectPlace, Any], NDArray[np.float64]] | None = None
     variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], Sequence[Variant]] | None = None
     degree: int = 0
     untold: Callable[[EffectPlace, Rows], NDArray[np.float64]] | None = None
@@ -241,7 +219,6 @@ class Effect:
     contains: tuple[str, ...] = ()
     rounds: bool = False
     of_place: "Callable[[EffectPlace], Effect] | None" = None
-    in_motion: bool = False
     sets_in: bool = False
     fades: bool = False
 
@@ -258,6 +235,43 @@ class Effect:
     def linear_parameters(self) -> tuple[EffectParameter, ...]:
         """The parameters of an effect without variants that its linear coefficients give."""
         return self.parameters[: len(self.parameters) - (self.sets_in or self.fades)]
+
+    @property
+    def in_motion(self) -> bool:
+        """Whether no record of rests shows it: it acts on gyros or their increments, or depends on rates."""
+        return self.component in ("GyroBlock", "AttitudeComputer") or bool(constants_of(self.kernel) & RATES)
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Attributes of the rows without which the effect cannot be tried: ("temperature",) or none."""
+        read = constants_of(self.kernel) | constants_of(self.memory)
+        return ("temperature",) if "TEMPERATURE" in read else ()
+
+    @property
+    def turns_table(self) -> bool:
+        """Whether it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
+        return self.component == "TurntableMotion" and self.variants is None
+
+    def turns(self, place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+        """Small turns (N, 4, K) [rad] of an effect that turns the table, as of `columns.turns`."""
+        return columns.turns(self, place, rows)
+
+    def signature(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
+        """How the readings (N, 3, K) [g, rad/s] change with each linear coefficient; TypeError where it has none."""
+        if self.variants is not None:
+            raise TypeError(f"{place.title} is not linear: it has variants, no signature")
+        return columns.signature(self, place, rows)
+
+    def from_coefficients(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+        """Values of the linear parameters, amplitude and phase of each harmonic; TypeError where it is not linear."""
+        if self.variants is not None and not self.sets_in:
+            raise TypeError("an effect that is not linear has values for each of its variants")
+        values = [float(value) for value in coefficients]
+        for k, parameter in enumerate(self.linear_parameters):
+            if parameter.name.endswith("phase"):
+                along, across = coefficients[k - 1 : k + 1]
+                values[k - 1 : k + 1] = float(np.hypot(along, across)), float(np.arctan2(across, along))
+        return tuple(values)
 
     def kernel_at(self, stage: str) -> Callable[..., None] | None:
         """Its kernel that joins a hook of the component: at its stage, or where the component keeps what it needs."""
@@ -279,16 +293,15 @@ CATALOGUE: dict[str, Effect] = {}
 
 
 def accelerometer_column(place: EffectPlace, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signature (N, 3, K) of an effect that adds `values` (N, K), or (N,), to the readings of one accelerometer."""
-    columns = np.zeros((len(values), 3, values.shape[1] if values.ndim == 2 else 1))
-    columns[:, place.index] = values.reshape(len(values), columns.shape[2])
-    return columns
+    """Return what adds values (N, K), or (N,), to the readings of one accelerometer (N, 3, K)."""
+    return at_port(3, place.index, values.reshape(len(values), -1))
 
 
-def turned(rows: Rows, turns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Change of the readings (N, 3, K), to first order, with small turns (N, 4, K): of κ, outer, of ε, inner."""
-    slopes = np.stack((rows.by_kappa, rows.by_alpha, rows.by_epsilon, rows.by_beta), axis=2)
-    return slopes @ turns
+def at_port(size: int, port: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what adds values (N, K) to one of several ports (N, size, K)."""
+    added = np.zeros((len(values), size, values.shape[1]))
+    added[:, port] = values
+    return added
 
 
 ARCSECONDS = math.degrees(1.0) * 3600.0
@@ -314,37 +327,22 @@ def said(template: str) -> Sentence:
 
 
 def accelerometer_effect(
-    kernel: Callable[..., None],
-    parameters: Parameters,
-    values: Callable[[EffectPlace, Any], NDArray[np.float64]],
-    sentence: str | Sentence,
-    **more: Any,
+    kernel: Callable[..., None], parameters: Parameters, sentence: str | Sentence, **fields: Any
 ) -> Effect:
-    """An effect of one accelerometer that adds its parameters times known values to the reading.
+    """Return an effect of one accelerometer that adds to its reading.
 
     Parameters
     ----------
     kernel : callable
         ``kernel(context, n, p, *parameters, added)``; its name is the effect's
     parameters : EffectParameter or tuple of EffectParameter
-    values : callable
-        place, rows -> (N,) or (N, K): what the parameters are multiplied by
     sentence : str or callable
         as `said` takes it, or as in `Effect`
-    more
+    fields
         other fields of the `Effect`
     """
-
-    def signature(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
-        return accelerometer_column(place, values(place, rows))
-
-    home = ("AccelerometerBlock", "reading_effects", ACCELEROMETERS)
-    return _effect(home, kernel, parameters, sentence, {"signature": signature}, more)
-
-
-def own_input(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """The accelerometer's own input (N,) [g]."""
-    return rows.n[:, place.index]
+    home = {"component": "AccelerometerBlock", "stage": "reading_effects"}
+    return _effect(kernel, parameters, sentence, ACCELEROMETERS, home | fields)
 
 
 def last_stage_effect(
@@ -352,70 +350,39 @@ def last_stage_effect(
     parameters: Parameters,
     variants: Callable[[EffectPlace, Any, NDArray[np.float64], float], Sequence[Variant]],
     sentence: str | Sentence,
-    **more: Any,
+    **fields: Any,
 ) -> Effect:
-    """An effect of one accelerometer that is not linear: a dead zone, clipping, rounding; `more` as in the other."""
-    home = ("AccelerometerBlock", "final_effects", ACCELEROMETERS)
-    own = {"variants": variants, "from_coefficients": no_coefficients}
-    return _effect(home, kernel, parameters, sentence, own, more)
+    """Return an effect of one accelerometer that is not linear: a dead zone, clipping, rounding."""
+    home = {"component": "AccelerometerBlock", "stage": "final_effects", "variants": variants}
+    return _effect(kernel, parameters, sentence, ACCELEROMETERS, home | fields)
 
 
 def table_effect(
-    kernel: Callable[..., None],
-    parameters: Parameters,
-    turns: Callable[[EffectPlace, Rows], NDArray[np.float64]],
-    sentence: str | Sentence,
-    stage: str,
-    **more: Any,
+    kernel: Callable[..., None], parameters: Parameters, sentence: str | Sentence, stage: str, **fields: Any
 ) -> Effect:
-    """An effect of the table: small turns, whose effect on the readings is its signature to first order.
-
-    An amplitude and a phase are told from a cosine and a sine.
-    """
-
-    def signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-        return turned(rows, turns(place, rows))
-
-    own: dict[str, Any] = {"signature": signature, "turns": turns}
-    if any(parameter.name.endswith("phase") for parameter in _several(parameters)):
-        own["from_coefficients"] = polar_coefficients
-    return _effect(("TurntableMotion", stage, AXES), kernel, parameters, sentence, own, more)
+    """Return an effect of the table: small turns behind its encoders, or errors of these."""
+    return _effect(kernel, parameters, sentence, AXES, {"component": "TurntableMotion", "stage": stage} | fields)
 
 
-def gyro_effect(
-    kernel: Callable[..., None],
-    parameters: Parameters,
-    signature: Callable[[EffectPlace, MotionRows], NDArray[np.float64]],
-    sentence: str | Sentence,
-    **more: Any,
-) -> Effect:
-    """An effect that adds to the readings of the gyros; its parameters are its linear coefficients.
-
-    The kernel is ``kernel(context, rate, *parameters, added)``; the others are as in `Effect`.
-    """
-    home = ("GyroBlock", "reading_effects", (GYRO_BLOCK,))
-    return _effect(home, kernel, parameters, sentence, {"signature": signature, "in_motion": True}, more)
+def gyro_effect(kernel: Callable[..., None], parameters: Parameters, sentence: str | Sentence, **fields: Any) -> Effect:
+    """Return an effect that adds to the readings of the gyros: ``kernel(context, rate, *parameters, added)``."""
+    home = {"component": "GyroBlock", "stage": "reading_effects"}
+    return _effect(kernel, parameters, sentence, (GYRO_BLOCK,), home | fields)
 
 
 def _effect(
-    home: tuple[str, str, tuple[str, ...]],
     kernel: Callable[..., None],
     parameters: Parameters,
     sentence: str | Sentence,
-    *fields: Mapping[str, Any],
+    homes: Sequence[str],
+    fields: dict[str, Any],
 ) -> Effect:
-    """An effect named as its kernel, at home in a component's stage, at some places; of fields given twice the last."""
+    """Return an effect that has its kernel's name, by default at each of some homes."""
     name = kernel.__name__.replace("_", "-")
-    component, stage, places = home
-    known: dict[str, Any] = {"name": name, "places": tuple(EffectPlace(name, where) for where in places)}
-    for some in ({"component": component, "stage": stage}, *fields):
-        known |= some
-    told = said(sentence) if isinstance(sentence, str) else sentence
-    return Effect(parameters=_several(parameters), kernel=kernel, sentence=told, **known)
-
-
-def _several(parameters: Parameters) -> tuple[EffectParameter, ...]:
-    return (parameters,) if isinstance(parameters, EffectParameter) else parameters
+    known = {"name": name, "places": tuple(EffectPlace(name, where) for where in homes)} | fields
+    listed = (parameters,) if isinstance(parameters, EffectParameter) else parameters
+    in_words = said(sentence) if isinstance(sentence, str) else sentence
+    return Effect(parameters=listed, kernel=kernel, sentence=in_words, **known)
 
 
 def matrix_formula(name: str, columns: Sequence[str]) -> str:

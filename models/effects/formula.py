@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..expression import Statements, derivatives, evaluated, followed, names_in, parsed, power_of, typeset
 from ..written import written
+from .columns import PORTS
 from .definition import (
     ACCELEROMETERS,
     AXES,
@@ -25,8 +26,8 @@ from .definition import (
     EffectParameter,
     EffectPlace,
     Sentence,
+    at_port,
     name_of_law,
-    turned,
 )
 from .rows import MotionRows, Rows
 
@@ -334,13 +335,8 @@ class Formula:
     def effect(self) -> Effect:
         """The formula as an effect."""
         target, columns = self.target, list(self.columns.items())
-        more: dict[str, Any] = {"signature": self._signature}
-        if target.component == "TurntableMotion":
-            more = {"signature": lambda place, rows: turned(rows, self._turns(place, rows)), "turns": self._turns}
-        elif target.component == "GyroBlock":
-            more["in_motion"] = True
-        elif {"temperature", "beta"} & set(self.quantities):
-            more["open_argument"] = self._open_argument
+        untold = {"temperature", "beta"} & set(self.quantities)
+        open_argument = self._open_argument if untold and target.component == "AccelerometerBlock" else None
         names = {name: quantity.symbol for name, quantity in QUANTITIES.items()} | {"pi": "π"}
         shown = typeset(self.tree, names | {name: f"{{{name}}}" for name in self.columns})
         return Effect(
@@ -354,25 +350,14 @@ class Formula:
             component=target.component,
             stage=target.stage,
             kernel=written(self.kernel_source()),
-            needs=("temperature",) if "temperature" in self.quantities else (),
             degree=max(degree_of(column) for _, column in columns),
             formula=f"{target.symbol} {shown}",
-            **more,
+            columns=self._columns,
+            open_argument=open_argument,
         )
 
-    def _signature(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
-        factors = self.factors(rows)
-        columns = np.zeros((len(factors), 3, factors.shape[1]))
-        columns[:, self.target.index] = factors
-        return columns
-
-    def _turns(self, place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-        """Small turns (N, 4, K): the true angle is the reading less what the encoder errs by."""
-        factors = self.factors(rows)
-        small = np.zeros((len(factors), 4, factors.shape[1]))
-        behind = self.target.stage == "geometry_effects"
-        small[:, self.target.index if behind else 1 + 2 * self.target.index] = factors if behind else -factors
-        return small
+    def _columns(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
+        return at_port(PORTS[self.target.stage], self.target.index, self.factors(rows))
 
     def _open_argument(self, place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
         found = np.zeros(rows.n.shape)

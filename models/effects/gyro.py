@@ -43,20 +43,6 @@ def of_a_matrix(name: str, unit: str, description: str, largest: float) -> tuple
     )
 
 
-def gyro_columns(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signature (N, 3, 3) of an effect that adds c_p · values (N, 3) to the reading of each gyro p."""
-    return values[:, :, None] * np.eye(3)
-
-
-def matrix_columns(inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signature (N, 3, 3 M) of an effect that adds a matrix (3, M), given row by row, times inputs (N, M)."""
-    count = inputs.shape[1]
-    columns = np.zeros((len(inputs), 3, 3 * count))
-    for p in range(3):
-        columns[:, p, count * p : count * (p + 1)] = inputs
-    return columns
-
-
 def sentence_of(words: str, unit: str) -> Sentence:
     """A sentence that lists three values, or nine row by row: "the gyros' bias: +1.0e-03, ... rad/s"."""
 
@@ -82,7 +68,6 @@ def gyro_bias(context: Vector, rate: Vector, bias_1: float, bias_2: float, bias_
 BIAS = gyro_effect(
     gyro_bias,
     of_each_gyro("bias", "rad/s", "bias", 0.2),
-    lambda place, rows: gyro_columns(np.ones_like(rows.rate)),
     sentence_of("the gyros have a constant bias", "rad/s"),
     formula="Δω = ({bias_1}, {bias_2}, {bias_3}) 'rad/s'",
 )
@@ -98,7 +83,6 @@ def gyro_bias_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float,
 BIAS_DRIFT = gyro_effect(
     gyro_bias_drift,
     of_each_gyro("rate", "rad/s/h", "growth of the bias", 0.5),
-    lambda place, rows: gyro_columns(np.repeat(rows.hours[:, None], 3, axis=1)),
     sentence_of("the biases of the gyros drift", "rad/s an hour"),
     formula="Δω = ({rate_1}, {rate_2}, {rate_3}) t 'rad/s', t 'in hours'",
 )
@@ -127,7 +111,6 @@ def gyro_scale_misalignment(
 SCALE_MISALIGNMENT = gyro_effect(
     gyro_scale_misalignment,
     of_a_matrix("gamma", "1", "Γ: response", 0.2),
-    lambda place, rows: matrix_columns(rows.rate),
     sentence_of("the gyros have errors of scale (diagonal) and misalignment, row by row", ""),
     formula=f"Δω = {matrix_formula('gamma', '123')} ω",
 )
@@ -145,7 +128,6 @@ def gyro_scale_asymmetry(
 SCALE_ASYMMETRY = gyro_effect(
     gyro_scale_asymmetry,
     of_each_gyro("coefficient", "1", "c of c |ω|: half the difference of the scale factors", 0.05),
-    lambda place, rows: gyro_columns(np.abs(rows.rate)),
     sentence_of("the scale factors of the gyros differ between the senses of the turn, c of c |ω|", ""),
     formula="Δω = ({coefficient_1} |ω_1|, {coefficient_2} |ω_2|, {coefficient_3} |ω_3|)",
 )
@@ -163,7 +145,6 @@ def gyro_rate_squared(
 RATE_SQUARED = gyro_effect(
     gyro_rate_squared,
     of_each_gyro("coefficient", "s/rad", "c of c ω²", 0.05),
-    lambda place, rows: gyro_columns(rows.rate**2),
     sentence_of("the readings of the gyros bend with the square of the rate, c of c ω²", "s/rad"),
     formula="Δω = ({coefficient_1} ω_1^2, {coefficient_2} ω_2^2, {coefficient_3} ω_3^2) 'rad/s'",
 )
@@ -181,7 +162,6 @@ def gyro_rate_cubed(
 RATE_CUBED = gyro_effect(
     gyro_rate_cubed,
     of_each_gyro("coefficient", "s2/rad2", "c of c ω³", 0.05),
-    lambda place, rows: gyro_columns(rows.rate**3),
     sentence_of("the readings of the gyros bend with the cube of the rate, c of c ω³", "s²/rad²"),
     formula="Δω = ({coefficient_1} ω_1^3, {coefficient_2} ω_2^3, {coefficient_3} ω_3^3) 'rad/s'",
 )
@@ -213,7 +193,6 @@ def gyro_g_sensitivity(
 G_SENSITIVITY = gyro_effect(
     gyro_g_sensitivity,
     of_a_matrix("coefficient", "rad/s/g", "bias for each g of specific force", 0.05),
-    lambda place, rows: matrix_columns(rows.specific_force),
     sentence_of("the biases of the gyros depend on the specific force, row by row", "rad/s for each g"),
     formula=f"Δω = {matrix_formula('coefficient', '123')} n 'rad/s'",
 )
@@ -258,9 +237,6 @@ G_SQUARED = gyro_effect(
         for p in (1, 2, 3)
         for i, j in PRODUCTS
     ),
-    lambda place, rows: matrix_columns(
-        rows.specific_force[:, [i - 1 for i, _ in PRODUCTS]] * rows.specific_force[:, [j - 1 for _, j in PRODUCTS]]
-    ),
     sentence_of("the biases of the gyros depend on products of two specific forces, gyro by gyro", "rad/s for each g²"),
     formula=f"Δω = {matrix_formula('coefficient', ('_12', '_13', '_23'))} (n_1 n_2, n_1 n_3, n_2 n_3) 'rad/s'",
 )
@@ -298,7 +274,6 @@ def latency(context: Vector, rate: Vector, delay: float, added: Vector) -> None:
 LATENCY = gyro_effect(
     latency,
     EffectParameter("delay", "s", "by which the gyros lag; negative: they lead", 0.2),
-    lambda place, rows: rows.late[..., None],
     lambda place, values: (
         f"the gyros lag by {1e3 * values['delay']:.4g} ms"
         if values["delay"] >= 0.0
@@ -321,8 +296,8 @@ def jitter(context: Vector, rate: Vector, share: float, added: Vector) -> None:
         added[p] = added[p] + share * rate[p] * (steps - whole)
 
 
-def jitter_signature(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
-    """Signature (N, 3, 1): the rates times the part of each interval that is not whole nominal periods.
+def jitter_columns(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64]:
+    """Columns (N, 3, 1): the rates times the part of each interval that is not whole nominal periods.
 
     Over the interval that is an angle of the rate times interval less whole periods, as the kernel's over a step.
     """
@@ -336,10 +311,10 @@ def jitter_signature(place: EffectPlace, rows: MotionRows) -> NDArray[np.float64
 JITTER = gyro_effect(
     jitter,
     EffectParameter("share", "1", "part of the time stamps' jitter that the sampling does not have", 1.5, smallest=0.0),
-    jitter_signature,
     lambda place, values: (
         f"the time stamps jitter more than the sampling: {100.0 * values['share']:.3g} % of their jitter is the log's"
     ),
+    columns=jitter_columns,
     formula="Δω = {share} ω (τ/T − k), τ 'the interval by the time stamps, of' k 'whole periods' T",
 )
 
@@ -358,8 +333,6 @@ def undersampling(before: Vector, increment: Vector, coefficient: float, added: 
 UNDERSAMPLING = gyro_effect(
     undersampling,
     EffectParameter("coefficient", "1", "c of c γ' × γ: what the increments lack, by those before them", 1.0),
-    # The attitude computer adds what the readings lack.
-    lambda place, rows: -(np.cross(rows.rate_before, rows.rate) * rows.step[:, None])[..., None],
     "the attitude computer leaves coning out: {coefficient:+.3g} of the product of two increments",
     places=(EffectPlace("undersampling", "attitude-computer"),),
     component="AttitudeComputer",

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 from ..restricted import HOURS, PREVIOUS_RATE, PREVIOUS_STEPS, RESPONSE, STEP_LENGTH, Vector
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect
-from .gyro import BIAS, LATENCY, gyro_bias, gyro_columns, latency, listed, of_each_gyro, sentence_of
+from .gyro import gyro_bias, latency, listed, of_each_gyro, sentence_of
 from .last_stage import LAST_HOUR
 
 START = EffectParameter("start", "h", "time after which it is so", LAST_HOUR, smallest=0.0)
@@ -31,7 +31,6 @@ def gyro_scale_drift(context: Vector, rate: Vector, rate_1: float, rate_2: float
 SCALE_DRIFT = gyro_effect(
     gyro_scale_drift,
     of_each_gyro("rate", "1/h", "growth of the scale factor", 5.0),
-    lambda place, rows: gyro_columns(rows.rate * rows.hours[:, None]),
     sentence_of("the scale factors of the gyros drift", "an hour"),
     formula="Δω = ({rate_1} ω_1, {rate_2} ω_2, {rate_3} ω_3) t, t 'in hours'",
 )
@@ -58,7 +57,6 @@ def gyro_bias_step(
 BIAS_STEP = gyro_effect(
     gyro_bias_step,
     (*of_each_gyro("size", "rad/s", "change of the bias", 0.2), START),
-    BIAS.signature,
     changed("the biases of the gyros", "rad/s"),
     sets_in=True,
     contains=("gyro-bias",),
@@ -87,7 +85,6 @@ WARM_UP = gyro_effect(
         *of_each_gyro("size", "rad/s", "bias at the beginning", 0.2),
         EffectParameter("time_constant", "h", "of the exponential", LAST_HOUR, smallest=0.0),
     ),
-    BIAS.signature,
     warm_up_sentence,
     fades=True,
     contains=("gyro-bias", "gyro-bias-drift"),
@@ -108,7 +105,6 @@ def gyro_scale_step(
 SCALE_STEP = gyro_effect(
     gyro_scale_step,
     (*of_each_gyro("size", "1", "change of the scale factor", 0.2), START),
-    lambda place, rows: gyro_columns(rows.rate),
     changed("the scale factors of the gyros", ""),
     sets_in=True,
     formula="Δω = ({size_1} ω_1, {size_2} ω_2, {size_3} ω_3) 'from' t = {start} 'h on'",
@@ -124,7 +120,6 @@ def latency_step(context: Vector, rate: Vector, change: float, start: float, add
 LATENCY_STEP = gyro_effect(
     latency_step,
     (EffectParameter("change", "s", "of the gyros' lag", 0.2), START),
-    LATENCY.signature,
     lambda place, values: (
         f"the lag of the gyros changes by {1e3 * values['change']:+.4g} ms at {3600.0 * values['start']:.5g} s"
     ),
@@ -172,7 +167,6 @@ def lag_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
 LAG = gyro_effect(
     lag,
     tuple(EffectParameter(f"time_{p}", "s", f"time constant of gyro {p}", 0.2, smallest=0.0) for p in (1, 2, 3)),
-    lambda place, rows: gyro_columns(rows.late),
     lag_sentence,
     contains=("latency",),
     formula="ω_read + ({time_1}, {time_2}, {time_3}) 's' dω_read/dt = ω",

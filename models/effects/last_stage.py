@@ -26,7 +26,6 @@ from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
-    all_coefficients,
     last_stage_effect,
     said,
 )
@@ -164,7 +163,7 @@ def _saturation_variant(
         columns=np.where(fixed, np.sign(reading), 0.0)[..., None],
         low=np.array([limits[0]]),
         high=np.array([limits[1]]),
-        values=all_coefficients,
+        values=lambda coefficients: (float(coefficients[0]),),
         fixed=fixed,
         stands=stands,
     )
@@ -377,7 +376,6 @@ GYRO_QUANTISATION = last_stage_effect(
     "the gyros read in steps of {step:.3e} rad/s",
     places=(EffectPlace("gyro-quantisation", GYRO_BLOCK),),
     component="GyroBlock",
-    in_motion=True,
     rounds=True,
 )
 
@@ -458,7 +456,7 @@ def place_of(position: int, accelerometer: int) -> EffectPlace:
     return EffectPlace("outlier", f"position-{position}", axes=(accelerometer,))
 
 
-def outlier_signature(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
+def outlier_columns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     """One at one reading; the row is counted from 1 within `rows`."""
     columns = np.zeros((len(rows.alpha), 3, 1))
     columns[int(place.where.removeprefix("position-")) - 1, place.axes[0] - 1, 0] = 1.0
@@ -469,7 +467,7 @@ OUTLIER = Effect(
     name="outlier",
     places=(),
     parameters=(EffectParameter("size", "g", "by how much the reading is off", 10.0),),
-    signature=outlier_signature,
+    columns=outlier_columns,
     sentence=said("the reading of accelerometer {i} at {axis} is off by {size:+.2e} g"),
     formula="Δf_{i}/g = {size} 'at position' {p}",
 )

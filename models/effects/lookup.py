@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..written import written
 from .accelerometer import NOMINAL_TEMPERATURE
-from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, name_of_law, turned
-from .rows import MotionRows, Rows
+from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, at_port, name_of_law
+from .rows import MotionRows
 
 TURN = 2.0 * math.pi
 KINDS = ("at", "around", "jumps at")
@@ -192,8 +192,7 @@ def lookup_at(place: EffectPlace) -> Effect:
         EffectParameter(f"value_{k + 1}", unit, "size of the jump" if jump else f"value at {table.knots[k]!r}", LARGEST)
         for k in table.entries
     )
-    needs = ("temperature",) if "temperature" in (table.quantity, table.factor) else ()
-    return Effect("lookup", (), parameters, _said, needs=needs, **home)
+    return Effect("lookup", (), parameters, _said, **home)
 
 
 def _read(name: str, known: dict[str, tuple[str, str]]) -> str:
@@ -204,7 +203,7 @@ def _read(name: str, known: dict[str, tuple[str, str]]) -> str:
     return f"math.{wave}({text})" if wave and text else text
 
 
-def _columns(table: Table, rows: Any) -> NDArray[np.float64]:
+def _values_added(table: Table, rows: Any) -> NDArray[np.float64]:
     """What each entry adds (N, K), with the factor."""
     own = table.columns(values_of(table.quantity, rows))
     if not table.factor or table.factor in TILTS:
@@ -221,14 +220,9 @@ def _home_of_turn(place: EffectPlace, table: Table) -> dict[str, Any]:
         raise ValueError(f"law {place.law!r}: of the {BASE} only a {TILT} is a function")
     at = 1 if table.factor == OUTER_TILT else 2 * axis if tilted else 2 * axis + 1
 
-    def turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-        small = np.zeros((len(rows.hours), 4, len(table.entries)))
-        # The true angle is the reading less what an encoder errs by.
-        small[:, at] = _columns(table, rows) if tilted else -_columns(table, rows)
-        return small
-
-    stage, target = ("geometry_effects", f"turns[{at}]") if tilted else ("encoder_effects", f"added[{axis}]")
-    own = {"signature": lambda place, rows: turned(rows, turns(place, rows)), "turns": turns}
+    stage, size, port = ("geometry_effects", 7, at) if tilted else ("encoder_effects", 2, axis)
+    target = f"{'turns' if tilted else 'added'}[{port}]"
+    own = {"columns": lambda place, rows: at_port(size, port, _values_added(table, rows))}
     kernel = _kernel(place, table, ("context: Vector", "angles: Vector"), OF_TABLE, target)
     return own | {"component": "TurntableMotion", "stage": stage, "kernel": kernel}
 
@@ -242,16 +236,10 @@ def _home_of_reading(place: EffectPlace, table: Table) -> dict[str, Any]:
         raise ValueError(f"law {place.law!r}: needs the gyro as its one axis")
     p = place.axes[0] - 1 if in_motion else place.index
 
-    def signature(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
-        own = _columns(table, rows)
-        found = np.zeros((len(own), 3, own.shape[1]))
-        found[:, p] = own
-        return found
-
     seen = ("context: Vector", "rate: Vector" if in_motion else "n: Vector")
     kernel = _kernel(place, table, seen, IN_MOTION if in_motion else AT_REST, f"added[{p}]")
     component = "GyroBlock" if in_motion else "AccelerometerBlock"
-    own = {"signature": signature, "kernel": kernel, "in_motion": in_motion}
+    own = {"columns": lambda place, rows: at_port(3, p, _values_added(table, rows)), "kernel": kernel}
     return own | {"component": component, "stage": "reading_effects"}
 
 

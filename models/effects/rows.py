@@ -2,9 +2,70 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..restricted import (
+    ALPHA,
+    ANGULAR_ACCELERATION,
+    BETA,
+    CONTEXT_SIZE,
+    GRAVITY,
+    GYRO_CONTEXT_SIZE,
+    HOURS,
+    INPUT,
+    INTERVAL,
+    PREVIOUS_RATE,
+    PREVIOUS_STEPS,
+    RATE,
+    RESPONSE,
+    SENSE_ALPHA,
+    SENSE_BETA,
+    SENSE_INPUT,
+    STEP_LENGTH,
+    TEMPERATURE,
+)
+
+ROOM_TEMPERATURE = 20.0
+"""What a kernel sees of rows without a temperature [degC]."""
+
+
+class RowsDiffer(ValueError):
+    """Raised where a kernel branches and `some` (N,) of the rows go another way than the others."""
+
+    def __init__(self, some: NDArray[np.bool_]) -> None:
+        super().__init__("the rows differ")
+        self.some = some
+
+
+class Column(np.ndarray):
+    """Numbers (N,) in place of one: true or false, or a whole number, where all of them say the same."""
+
+    def __bool__(self) -> bool:
+        values = self.view(np.ndarray) != 0
+        if values.all():
+            return True
+        if not values.any():
+            return False
+        raise RowsDiffer(values)
+
+    def __int__(self) -> int:
+        values = self.view(np.ndarray)
+        same = values == values[0]
+        if same.all():
+            return int(values[0])
+        raise RowsDiffer(same)
+
+
+def column(values: NDArray[np.float64] | float, count: int) -> Column:
+    """Values (N,), or N times one value, as a column."""
+    return np.broadcast_to(np.asarray(values, dtype=float), (count,)).view(Column)
+
+
+Seen = tuple[list[Column], list[Column]]
+"""The context and the values of a stage, as a kernel sees them of all rows."""
 
 
 def _not_given() -> NDArray[np.float64]:
@@ -86,6 +147,32 @@ class Rows:
             if len(getattr(self, name)) != len(self.hours):
                 object.__setattr__(self, name, values)
 
+    @property
+    def by_turns(self) -> NDArray[np.float64]:
+        """Derivatives (N, 3, 4) of the readings by the small turns: of κ, outer, of ε, inner [g/rad]."""
+        return np.stack((self.by_kappa, self.by_alpha, self.by_epsilon, self.by_beta), axis=2)
+
+    def seen_by(self, component: str | None) -> Seen:
+        """Context and values of a kernel of the table, or of the accelerometers."""
+        if component == "TurntableMotion":
+            return self._context, self._context[ALPHA : BETA + 1]
+        return self._context, self._context[INPUT : INPUT + 3]
+
+    @cached_property
+    def _context(self) -> list[Column]:
+        count = len(self.hours)
+        context = [column(0.0, count)] * CONTEXT_SIZE
+        context[HOURS] = column(self.hours, count)
+        context[TEMPERATURE] = column(ROOM_TEMPERATURE if self.temperature is None else self.temperature, count)
+        context[ALPHA], context[BETA] = column(self.alpha, count), column(self.beta, count)
+        context[SENSE_ALPHA], context[SENSE_BETA] = column(self.sense_alpha, count), column(self.sense_beta, count)
+        for axis in range(3):
+            context[SENSE_INPUT + axis] = column(self.input_sense[:, axis], count)
+            context[INPUT + axis] = column(self.n[:, axis], count)
+        for axis in range(2):
+            context[RATE + axis] = column(self.axis_rates[:, axis], count)
+        return context
+
 
 @dataclass(frozen=True)
 class MotionRows:
@@ -126,15 +213,50 @@ class MotionRows:
     gravity: float = 9.80665
     response: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
-    @property
-    def late(self) -> NDArray[np.float64]:
-        """By how much (N, 3) readings that lag are more, for each second [rad/s²]."""
-        return -self.acceleration @ self.response.T
+    def seen_by(self, component: str | None) -> Seen:
+        """Context and values of a kernel of gyros, accelerometers or attitude computer."""
+        if component == "GyroBlock":
+            return self._gyro_context, _columns(self.rate)
+        if component == "AttitudeComputer":
+            step = self.step[:, None]
+            return _columns(self.rate_before * step), _columns(self.rate * step)
+        return self._context, self._context[INPUT : INPUT + 3]
+
+    def _circumstances(self, size: int) -> list[Column]:
+        count = len(self.hours)
+        context = [column(0.0, count)] * size
+        context[HOURS] = column(self.hours, count)
+        context[TEMPERATURE] = column(ROOM_TEMPERATURE if self.temperature is None else self.temperature, count)
+        context[INPUT : INPUT + 3] = _columns(self.specific_force)
+        return context
+
+    @cached_property
+    def _gyro_context(self) -> list[Column]:
+        context, count = self._circumstances(GYRO_CONTEXT_SIZE), len(self.hours)
+        context[STEP_LENGTH] = context[INTERVAL] = column(self.step, count)
+        # Before the step that a row tells of the rates are taken as even.
+        context[PREVIOUS_RATE : PREVIOUS_RATE + 3 * PREVIOUS_STEPS] = _columns(self.rate_before) * PREVIOUS_STEPS
+        for place, gain in enumerate(self.response.ravel().tolist()):
+            context[RESPONSE + place] = column(gain, count)
+        return context
+
+    @cached_property
+    def _context(self) -> list[Column]:
+        context = self._circumstances(CONTEXT_SIZE)
+        context[RATE : RATE + 3] = _columns(self.rate)
+        context[ANGULAR_ACCELERATION : ANGULAR_ACCELERATION + 3] = _columns(self.acceleration)
+        context[GRAVITY] = column(self.gravity, len(self.hours))
+        return context
 
     @property
     def acceleration(self) -> NDArray[np.float64]:
         """Angular accelerations (N, 3) from the steps before to these [rad/s²]."""
         return (self.rate - self.rate_before) / self.step[:, None]
+
+
+def _columns(values: NDArray[np.float64]) -> list[Column]:
+    """The columns of values (N, k)."""
+    return [column(own, len(values)) for own in values.T]
 
 
 @dataclass(frozen=True)

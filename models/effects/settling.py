@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, KEPT, TEMPERATURE, Vector
-from .accelerometer import NOMINAL_TEMPERATURE, above_nominal
+from .accelerometer import NOMINAL_TEMPERATURE
 from .definition import EffectParameter, EffectPlace, accelerometer_column, last_stage_effect
 from .last_stage import LAST_HOUR, variant
 from .rows import Rows, Variant
@@ -74,6 +74,13 @@ def lagging_temperature(
         kept[p] = temperature - behind + (kept[p] - before[1] + behind) * left
     elif time_constant <= 0.0 or context[HOURS] <= 0.0:
         kept[p] = temperature
+
+
+def above_nominal(rows: Rows) -> NDArray[np.float64]:
+    """Temperature of the rows (N,) above the nominal one [K]; ValueError where it is not known."""
+    if rows.temperature is None:
+        raise ValueError("effects of temperature need the temperature of the rows")
+    return rows.temperature - NOMINAL_TEMPERATURE
 
 
 def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.float64]:
@@ -261,7 +268,6 @@ THERMAL_LAG = last_stage_effect(
     "per kelvin; {settling:+.2e} g of it, from before the first row, fade",
     stage="reading_effects",
     memory=lagging_temperature,
-    needs=("temperature",),
     contains=("temperature-bias", "bias-drift"),
     formula="Δf_{p}/g = {coefficient} (T_lag − 20 °C) + {settling} e^(−t/{time_constant}), "
     "{time_constant} dT_lag/dt = T − T_lag",

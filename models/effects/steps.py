@@ -18,9 +18,7 @@ from .definition import (
     EffectParameter,
     EffectPlace,
     accelerometer_column,
-    all_coefficients,
     last_stage_effect,
-    own_input,
 )
 from .last_stage import LAST_HOUR, variant
 from .rows import Rows, Variant
@@ -62,7 +60,7 @@ def bias_step_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float
 
 def scale_step_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
     """As of a step of the bias."""
-    return _steps(rows, lambda seen: accelerometer_column(place, own_input(place, seen)), LARGEST_OF_SCALE)
+    return _steps(rows, lambda seen: accelerometer_column(place, seen.n[:, place.index]), LARGEST_OF_SCALE)
 
 
 def mounting_slip_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
@@ -142,7 +140,6 @@ MOUNTING_SLIP = last_stage_effect(
     stage="geometry_effects",
     places=(EffectPlace("mounting-slip", "mounting"),),
     sets_in=True,
-    from_coefficients=all_coefficients,
     formula="Δθ = ({theta_1}, {theta_2}, {theta_3}) 'rad from' t = {start} 'on'",
 )
 

@@ -32,28 +32,12 @@ def encoder_harmonic(
     added[axis] = added[axis] + amplitude * math.sin(order * angles[axis] + phase)
 
 
-def encoder_error(place: EffectPlace, alpha: NDArray[np.float64], beta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Errors (N, 2, 2) of both encoders per amplitude·cos(phase) and amplitude·sin(phase)."""
-    angle = (place.order or 1) * (alpha if place.index == 0 else beta)
-    errors = np.zeros((len(angle), 2, 2))
-    errors[:, place.index] = np.stack((np.sin(angle), np.cos(angle)), axis=1)
-    return errors
-
-
-def encoder_harmonic_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Small turns (N, 4, 2) at given readings: the true angle is the reading less the harmonic."""
-    small = np.zeros((len(rows.hours), 4, 2))
-    small[:, 1::2] = -encoder_error(place, rows.alpha, rows.beta)
-    return small
-
-
 ENCODER_HARMONIC = table_effect(
     encoder_harmonic,
     (
         EffectParameter("amplitude", "rad", "amplitude of the harmonic", 5e-3, smallest=0.0),
         EffectParameter("phase", "rad", "phase of the harmonic", math.pi),
     ),
-    encoder_harmonic_turns,
     "the encoder of the {axis} errs by {amplitude_arcsec:.4g} arcsec, {times} a turn",
     stage="encoder_effects",
     places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in (1, 2, 3, 4, 5, 6)),
@@ -66,17 +50,9 @@ def backlash(context: Vector, angles: Vector, axis: int, width: float, added: Ve
     added[axis] = added[axis] - 0.5 * width * context[SENSE_ALPHA + axis]
 
 
-def backlash_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Small turns (N, 4, 1) per width at given readings: the true angle is the reading plus sense·width/2."""
-    small = np.zeros((len(rows.hours), 4, 1))
-    small[:, 1 + 2 * place.index, 0] = 0.5 * (rows.sense_alpha if place.index == 0 else rows.sense_beta)
-    return small
-
-
 BACKLASH = table_effect(
     backlash,
     EffectParameter("width", "rad", "what the axis turns on reversal before the encoder", 5e-3, smallest=0.0),
-    backlash_turns,
     "the {axis} has {width_arcsec:.4g} arcsec of backlash",
     stage="encoder_effects",
     formula="{angle}_read = {angle} − 'sense of the last move' · {width} / 2",
@@ -88,20 +64,11 @@ def encoder_lag(context: Vector, angles: Vector, axis: int, time: float, added: 
     added[axis] = added[axis] - time * context[RATE + axis]
 
 
-def encoder_lag_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Small turns (N, 4, 1) per second of lag at given readings: the true angle is what the rate has added since."""
-    small = np.zeros((len(rows.hours), 4, 1))
-    small[:, 1 + 2 * place.index, 0] = rows.axis_rates[:, place.index]
-    return small
-
-
 ENCODER_LAG = table_effect(
     encoder_lag,
     EffectParameter("time", "s", "by which the encoder lags; negative: it leads", 1e-2),
-    encoder_lag_turns,
     lambda place, values: f"the encoder of the {place.where.replace('-', ' ')} lags by {1e3 * values['time']:.4g} ms",
     stage="encoder_effects",
-    in_motion=True,
     formula="{angle}_read = {angle} − {time} 's' d{angle}/dt",
 )
 
@@ -135,17 +102,6 @@ def inner_axis_wobble(
     turns[1] = turns[1] + tilt_amplitude * math.cos(order * angles[1] + tilt_phase)
 
 
-def axis_wobble_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Small turns (N, 4, 2 or 4) per amplitude·cos(phase) and amplitude·sin(phase) of each harmonic."""
-    angle = (place.order or 1) * (rows.alpha if place.index == 0 else rows.beta)
-    harmonic = np.stack((np.cos(angle), -np.sin(angle)), axis=1)
-    columns = (0,) if place.index == 0 else (2,) if place.order == 1 else (2, 1)
-    small = np.zeros((len(angle), 4, 2 * len(columns)))
-    for k, column in enumerate(columns):
-        small[:, column, 2 * k : 2 * k + 2] = harmonic
-    return small
-
-
 def wobble_at(place: EffectPlace) -> Effect:
     """The wobble of the outer axis, of the inner one with one harmonic, or with two."""
     return OUTER_WOBBLE if place.index == 0 else INNER_WOBBLE_FIRST if place.order == 1 else INNER_WOBBLE
@@ -157,7 +113,6 @@ OUTER_WOBBLE = table_effect(
         EffectParameter("amplitude", "rad", "amplitude of the harmonic of κ", 5e-3, smallest=0.0),
         EffectParameter("phase", "rad", "its phase", math.pi),
     ),
-    axis_wobble_turns,
     lambda place, values: said("the {axis} wobbles by {most_arcsec:.4g} arcsec, {times} a turn")(
         place, {"most": max(v for name, v in values.items() if name.endswith("amplitude"))}
     ),
@@ -200,16 +155,6 @@ def sag(context: Vector, angles: Vector, axis: int, amplitude: float, phase: flo
         turns[3] = turns[3] + amplitude * math.sin(angles[0]) * math.cos(angles[1] + phase)
 
 
-def sag_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Small turns (N, 4, 2) per amplitude·cos(phase) and amplitude·sin(phase)."""
-    small = np.zeros((len(rows.hours), 4, 2))
-    if place.index == 0:
-        small[:, 1] = np.stack((np.sin(rows.alpha), np.cos(rows.alpha)), axis=1)
-    else:
-        small[:, 3] = np.sin(rows.alpha)[:, None] * np.stack((np.cos(rows.beta), -np.sin(rows.beta)), axis=1)
-    return small
-
-
 def open_sine(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     """Whether the sine of the outer angle counts from the encoder's zero or from the vertical is of second order."""
     return np.abs(rows.by_beta) * (abs(rows.from_vertical) if place.index == 1 else 0.0)
@@ -221,7 +166,6 @@ SAG = table_effect(
         EffectParameter("amplitude", "rad", "amplitude of the elastic turn", 5e-3, smallest=0.0),
         EffectParameter("phase", "rad", "phase of the elastic turn", math.pi),
     ),
-    sag_turns,
     "weight turns the table elastically about the {axis}, by up to {amplitude_arcsec:.4g} arcsec",
     stage="geometry_effects",
     open_argument=open_sine,
@@ -237,21 +181,12 @@ def base_drift(context: Vector, angles: Vector, kappa_rate: float, alpha_star_ra
     turns[1] = turns[1] - alpha_star_rate * context[HOURS]
 
 
-def base_drift_turns(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-    """Small turns (N, 4, 2) per rate of κ and of α*."""
-    small = np.zeros((len(rows.hours), 4, 2))
-    small[:, 0, 0] = rows.hours
-    small[:, 1, 1] = -rows.hours
-    return small
-
-
 BASE_DRIFT = table_effect(
     base_drift,
     (
         EffectParameter("kappa_rate", "rad/h", "growth of κ with time", 1e-2),
         EffectParameter("alpha_star_rate", "rad/h", "growth of α* with time", 1e-2),
     ),
-    base_drift_turns,
     "the base tilts with time: κ by {kappa_rate_arcsec:+.4g} arcsec an hour, "
     "α* by {alpha_star_rate_arcsec:+.4g} arcsec an hour",
     stage="geometry_effects",

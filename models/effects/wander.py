@@ -36,7 +36,7 @@ def wander_at(place: EffectPlace) -> Effect:
         component="AccelerometerBlock",
         stage="reading_effects",
         kernel=_kernel(place, table),
-        signature=lambda place, rows: accelerometer_column(place, table.columns(rows.hours)[:, 1:]),
+        columns=lambda place, rows: accelerometer_column(place, table.columns(rows.hours)[:, 1:]),
         contains=CONTAINED,
     )
 

@@ -20,7 +20,6 @@ from trihedron.models.effects import (
     parameter_name,
     place_from_mapping,
 )
-from trihedron.models.effects.definition import turned
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration.model import Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits, left_open, signature_columns, untold_readings
@@ -82,7 +81,7 @@ def test_the_catalogue_is_the_contracts():
 
 @pytest.mark.parametrize("place", LINEAR, ids=lambda p: p.title)
 def test_signatures_are_the_derivatives_of_what_the_components_read(place):
-    """Written by hand, they share no code with the kernels; central differences at two sizes, extrapolated."""
+    """Central differences at two sizes, extrapolated."""
     effect = CATALOGUE[place.effect].at(place)
     rows = true_bench()[1]
     columns = signature_columns([place], rows)
@@ -101,13 +100,12 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
         assert np.abs(columns[:, k]).max() > 0.0
 
 
-@pytest.mark.parametrize("place", [p for p in LINEAR if CATALOGUE[p.effect].turns], ids=lambda p: p.title)
+@pytest.mark.parametrize("place", [p for p in LINEAR if CATALOGUE[p.effect].turns_table], ids=lambda p: p.title)
 def test_small_turns_are_exact_for_large_effects(place):
     """With κ, ε and both angles moved by the turns, the exact model gives what the components read, at 8e-3 rad too."""
     effect = CATALOGUE[place.effect].at(place)
     here, rows = true_bench()
     coefficients = 8e-3 * np.array([0.6, -0.8, -0.5, 0.7])[: len(effect.parameters)]
-    assert effect.turns is not None
     turns = effect.turns(place, rows) @ coefficients
     if effect.stage == "encoder_effects":
         # Functions of the true angles, which have the turns in.
@@ -143,7 +141,7 @@ def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
     lean = left(signature_columns([EffectPlace("axis-wobble", "inner-axis", 1)], rows))
     tilts = np.zeros((60, 4, 2))
     tilts[:, 1] = np.stack((np.cos(at.beta), -np.sin(at.beta)), axis=1)
-    tilt = left(turned(rows, tilts).reshape(180, 2))
+    tilt = left((rows.by_turns @ tilts).reshape(180, 2))
     assert np.linalg.matrix_rank(lean, tol=1e-9) == 2
     assert np.linalg.matrix_rank(np.hstack((lean, tilt)), tol=1e-9) == 2
 

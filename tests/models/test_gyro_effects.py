@@ -57,7 +57,7 @@ def test_the_catalogue_is_the_contracts():
 
 @pytest.mark.parametrize("place", LINEAR, ids=lambda p: p.title)
 def test_signatures_are_the_derivatives_of_what_the_block_reads(place):
-    """Written by hand, they share no code with the kernels; steps are uneven."""
+    """Steps are uneven."""
     effect, rows = STRAPDOWN_EFFECTS[place.effect], lively_motion()
     columns = effect.signature(place, rows)
     assert columns.shape == (len(rows.rate), 3, len(effect.parameters))

@@ -55,7 +55,7 @@ def simulated_turns(
         if place.definition.component == "GyroBlock":
             since = [time for other, time in (set_in or {}).items() if other == place]
             on_gyros.append((place, [*place.definition.from_coefficients(coefficients), *since]))
-        elif place.definition.turns is not None:
+        elif place.definition.turns_table:
             added = (travel.way_of(place) @ coefficients) @ travel.to_block.T
             hours = (time - time[0]) / 3600.0
             turned = turned + np.stack([np.interp(hours, travel.hours, added[:, k]) for k in range(3)], axis=1)

@@ -242,7 +242,7 @@ class BenchInMotion(Bench, TurnsInTime):
                 # A row in motion is no reading that may be off by itself: it has no number.
                 if any(place.effect == "outlier" and place not in resting for place in bent):
                     continue
-                turned = tuple(place for place in bent if is_linear(place) and place.definition.turns is not None)
+                turned = tuple(place for place in bent if place.definition.turns_table)
                 for own in combinations(gyros, size - count):
                     key = (*turned, *own)
                     if key not in allowed:

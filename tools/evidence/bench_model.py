@@ -227,7 +227,7 @@ class Cast:
         reading = predicted_reading(p, point, at, readings.sign).ravel()
         for place, part in linear:
             # Of what turns the table, or adds to its encoders, the turns are exact: it stands elsewhere.
-            if place.definition.turns is None:
+            if not place.definition.turns_table:
                 reading = reading + columns[place] @ part
         slopes = reading_jacobian(p, point, at, readings.sign)
         rows = replace(rows, prediction=reading.reshape(-1, 3))

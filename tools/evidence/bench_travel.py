@@ -144,7 +144,7 @@ class Travel:
         if place.definition.component == "AttitudeComputer":
             # It adds up the record's own rows, whatever the table does between them.
             return -self.coning.reshape(-1, 1)
-        if place.definition.turns is None:
+        if not place.definition.turns_table:
             return np.zeros((3 * len(self.first), coefficient_count(place)))
         sums = self.way_of(place)
         return self._read(sums[self.last] - sums[self.first], self.to_gyros)
@@ -184,9 +184,7 @@ class Travel:
 
     def way_of(self, place: EffectPlace) -> NDArray[np.float64]:
         """By how much more (R, 3, K) the inner frame has turned up to each row with an effect on the table."""
-        turns = place.definition.turns
-        assert turns is not None
-        tilts = np.einsum("jra,rjk->rak", self.axes, turns(place, self.rows))
+        tilts = np.einsum("jra,rjk->rak", self.axes, place.definition.turns(place, self.rows))
         middle = 0.5 * (tilts[1:] + tilts[:-1])
         grown = np.zeros_like(tilts)
         np.cumsum(np.cross(self.turning[:, :, None], middle, axis=1), axis=0, out=grown[1:])

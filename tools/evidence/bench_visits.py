@@ -213,9 +213,8 @@ class Visits:
         )
         turns = np.zeros((len(at.alpha), 4))
         for place, coefficients in sized:
-            function = place.definition.turns
-            if function is not None:
-                turns += function(place, rows) @ coefficients
+            if place.definition.turns_table:
+                turns += place.definition.turns(place, rows) @ coefficients
         return turns
 
     def true_angles(self, point: NDArray, sized: Sized) -> Positions:
@@ -231,7 +230,7 @@ class Visits:
         """Where the table really stands: true angles, and the small turns of what gives way behind the encoders."""
         at = self.true_angles(point, sized)
         behind = [entry for entry in sized if entry[0].definition.stage != "encoder_effects"]
-        if not any(place.definition.turns for place, _ in behind):
+        if not any(place.definition.turns_table for place, _ in behind):
             return at
         turns = self._turns(at, point, behind)
         return replace(at, alpha=at.alpha + turns[:, 1], beta=at.beta + turns[:, 3], tilts=turns[:, [0, 2]])

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ...models.effects.definition import all_coefficients
 from ...models.effects.last_stage import variant
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes
@@ -300,7 +299,7 @@ def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float,
     low, high = coefficient_limits(place)
 
     def values(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-        return (*all_coefficients(coefficients), start)
+        return (*coefficients.tolist(), start)
 
     way = variant(
         (0, 3),

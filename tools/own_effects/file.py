@@ -121,10 +121,27 @@ class OwnEffects:
         try:
             exec(code, vars(module))
         except (Exception, SystemExit) as error:
-            raise InputError(
-                f"{self.path}{line_of(error, origin)}: {told(error)}; the file is run as it is read"
-            ) from error
+            advice = FORMER if written_for_signatures(error) else "the file is run as it is read"
+            raise InputError(f"{self.path}{line_of(error, origin)}: {message_of(error)}; {advice}") from error
         return module
+
+
+FORMER = (
+    "an effect is its kernel, places, sizes and sentence: leave away the values of its parameters (third argument), "
+    "signature, turns, from_coefficients, needs and in_motion"
+)
+"""What to do with a file that gives an effect what its kernel says."""
+FORMER_NAMES = ("own_input", "turned", "polar_coefficients", "all_coefficients")
+FORMER_FIELDS = ("signature", "turns", "from_coefficients", "needs", "in_motion")
+
+
+def written_for_signatures(error: BaseException) -> bool:
+    """Return whether a file fails because it gives an effect what its kernel says since."""
+    message = str(error)
+    if isinstance(error, ImportError):
+        return any(f"cannot import name {name!r}" in message for name in FORMER_NAMES)
+    of_effect = isinstance(error, TypeError) and ("_effect()" in message or "Effect.__init__()" in message)
+    return of_effect and ("positional argument" in message or any(repr(name) in message for name in FORMER_FIELDS))
 
 
 _LOADED: dict[OwnEffects, tuple[Effect, ...]] = {}
@@ -137,7 +154,7 @@ def line_of(error: BaseException, origin: str) -> str:
     return f", line {lines[-1]}" if lines else ""
 
 
-def told(error: BaseException) -> str:
+def message_of(error: BaseException) -> str:
     """An error of a file in one line."""
     said = one_line(" ".join(str(error).split()))
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
