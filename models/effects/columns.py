@@ -94,12 +94,16 @@ def added_by(
         kernel(context, values, *arguments, added)
     except RowsDiffer as differ:
         for rows in (differ.some, ~differ.some):
-            chosen = [[column[rows] for column in columns] for columns in (context, values)]
-            table[rows] = added_by(kernel, *chosen, arguments, size)
+            table[rows] = added_by(kernel, chosen(context, rows), chosen(values, rows), arguments, size)
         return table
     for port, column in enumerate(added):
         table[:, port] = column
     return table
+
+
+def chosen(columns: list[Column], rows: NDArray[np.bool_]) -> list[Column]:
+    """Return some rows of columns."""
+    return [column[rows].view(Column) for column in columns]
 
 
 def turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.float64]:
@@ -120,9 +124,11 @@ def turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.floa
 def signature(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows) -> NDArray[np.float64]:
     """Return how the readings [g], or of a gyro the rates [rad/s], change with each linear coefficient (N, 3, K)."""
     if effect.component == "TurntableMotion":
+        assert isinstance(rows, Rows)
         return rows.by_turns @ turns(effect, place, rows)
     added = ports(effect, place, rows)
     if effect.component == "AttitudeComputer":
+        assert isinstance(rows, MotionRows)
         # The computer adds what the readings lack.
         return -added / rows.step[:, None, None]
     return added
