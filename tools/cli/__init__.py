@@ -84,31 +84,29 @@ add_completion(app, "Advanced")
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    return _run(sys.argv[1:] if arguments is None else list(arguments))
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    end = words.index("--") if "--" in words else len(words)
+    quiet = any(word in QUIET for word in words[:end])
+    words = [word for word in words[:end] if word not in QUIET] + words[end:]
+    if words and words[0] in GONE:
+        return refuse(f'Unknown command "{words[0]}". {GONE[words[0]]}')
+    return exit_status(lambda: say(lambda: app(words, exit_on_error=False, print_error=False), quiet=quiet))
 
 
 def program() -> int:
     """Run the command line as a process of its own, which ends at once when the work is done."""
-    ended: list[int] = []
+    statuses: list[int] = []
     # Registered first it is done last. To take numpy and polars apart takes as long as to load them.
-    atexit.register(_leave, ended)
-    ended.append(main())
-    return ended[0]
+    atexit.register(_leave, statuses)
+    statuses.append(main())
+    return statuses[0]
 
 
-def _leave(ended: list[int]) -> None:
+def _leave(statuses: list[int]) -> None:
     """End the process that has done its work; where what it said cannot be written, Python's own end says so."""
     with suppress(OSError, ValueError):
-        for stream in filter(None, (sys.stdout, sys.stderr)):
-            stream.flush()
-        for status in ended:
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:
+                stream.flush()
+        for status in statuses:
             os._exit(status)
-
-
-def _run(words: list[str]) -> int:
-    ours = words.index("--") if "--" in words else len(words)
-    quiet = any(word in QUIET for word in words[:ours])
-    kept = [word for place, word in enumerate(words) if place >= ours or word not in QUIET]
-    if kept and kept[0] in GONE:
-        return refuse(f'Unknown command "{kept[0]}". {GONE[kept[0]]}')
-    return exit_status(lambda: say(lambda: app(kept, exit_on_error=False, print_error=False), quiet=quiet))

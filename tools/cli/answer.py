@@ -50,7 +50,7 @@ class Answer:
 
 
 def answer(
-    said: Any,
+    result: Any,
     json: Path | None,
     content: Mapping[str, Any] | None = None,
     *,
@@ -60,17 +60,19 @@ def answer(
 ) -> Answer:
     """Write a command's object where `--json` asks for it ("-": standard output), and give what is to be printed.
 
-    A person reads what is `said`, a result or text, and `files` that were written, a line each. The object is the
+    A person reads the `result`, which may be text, and the `files` that were written, a line each. The object is the
     `content`, plain values, or that of the result. The exit status is `status` where there is a complaint. An
     InputError where the file cannot be written.
     """
-    ended = {"complaint": complaint, "status": status if complaint else 0}
+    if not complaint:
+        status = 0
     if json is not None:
-        written = json_text(said.to_json() if content is None else content)
+        text = json_text(result.to_json() if content is None else content)
         if json == STANDARD_OUTPUT:
-            return Answer(written.rstrip("\n"), wanted=True, **ended)
-        write_text(json, written)
-    return Answer("\n".join([str(said), *map(str, files)]), **ended)
+            return Answer(text.rstrip("\n"), wanted=True, complaint=complaint, status=status)
+        write_text(json, text)
+    lines = [str(result), *map(str, files)]
+    return Answer("\n".join(lines), complaint=complaint, status=status)
 
 
 def say(command: Callable[[], object], *, quiet: bool) -> int:
@@ -86,16 +88,16 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
             silent.enter_context(redirect_stdout(StringIO()))
             silent.enter_context(redirect_stderr(StringIO()))
         with together():
-            said = command()
+            outcome = command()
     if not quiet and monotonic() - began > LONG_S and find_spec("numba") is None:
         print("trihedron[fast], which brings numba, makes searches and long runs faster", file=sys.stderr)
-    if not isinstance(said, Answer):
+    if not isinstance(outcome, Answer):
         return 0
-    if said.text and (said.wanted or not quiet):
-        print(said.text)
-    if said.complaint:
-        print(f"trihedron: {said.complaint}", file=sys.stderr)
-    return said.status
+    if outcome.text and (outcome.wanted or not quiet):
+        print(outcome.text)
+    if outcome.complaint:
+        print(f"trihedron: {outcome.complaint}", file=sys.stderr)
+    return outcome.status
 
 
 def exit_status(command: Callable[[], int]) -> int:
@@ -148,11 +150,8 @@ def fault(error: Exception) -> int:
     """Say in one line on standard error what went wrong in the program itself."""
     if os.environ.get("TRIHEDRON_TRACEBACK"):
         raise error
-    said = " ".join(str(error).split())
-    print(
-        f"trihedron: a fault of the program: {type(error).__name__}: {said} (TRIHEDRON_TRACEBACK=1 shows where)",
-        file=sys.stderr,
-    )
+    message = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    print(f"trihedron: a fault of the program: {message} (TRIHEDRON_TRACEBACK=1 shows where)", file=sys.stderr)
     return 1
 
 
@@ -166,11 +165,12 @@ def json_file(_: object, path: Path | None) -> None:
 
 def distinct_files(files: dict[str, Path | None]) -> None:
     """Refuse a result that would be written over the record or over another result."""
-    given = [(name, path) for name, path in files.items() if path is not None]
-    for k, (name, path) in enumerate(given):
-        for other, before in given[:k]:
-            if os.path.realpath(path) == os.path.realpath(before):
-                raise InputError(f"{name} {path}: is {other} too; give another name")
+    names: dict[str, str] = {}
+    for name, path in files.items():
+        if path is not None:
+            first = names.setdefault(os.path.realpath(path), name)
+            if first != name:
+                raise InputError(f"{name} {path}: is {first} too; give another name")
 
 
 def page_file(option: str) -> Callable[[object, Path | None], None]:

@@ -1,7 +1,7 @@
 """The commands: each is a thin layer over one function of the library, whose options and words it takes."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from importlib.metadata import version
 from io import StringIO
@@ -41,8 +41,6 @@ from .answer import (
     takes,
 )
 
-OF_ONE = ("targets", "priors")
-"""Options of a calibration of one record."""
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
 """What is said of a bench and its encoders and gyros."""
 
@@ -55,22 +53,26 @@ def installed_version() -> str:
 @takes(library.simulate)
 def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
-    out, own, plot = (options.pop(name, None) for name in ("out", "effects_from", "plot"))
+    out, plot = options.pop("out", None), options.pop("plot", None)
+    effects = own_effects.with_effects_of(options.pop("effects_from", None))
     distinct_files({"the scenario": scenario, "--out": out, "--json": json, "--plot": plot})
-    asked = orchestrator.Asked(**options)
-    with own_effects.with_effects_of(own), ssp.opened(scenario, asked) as (checked, ignored):
+    choice = orchestrator.Asked(**options)
+    with effects, ssp.opened(scenario, choice) as (checked, ignored):
         if ignored:
-            shown = one_line(", ".join(ignored[:3]) + (", ..." if len(ignored) > 3 else ""))
-            print(f"{scenario}: {len(ignored)} parameters name nothing in it: {shown}", file=sys.stderr)
+            names = list(ignored[:3])
+            if len(ignored) > 3:
+                names.append("...")
+            listed = one_line(", ".join(names))
+            print(f"{scenario}: {len(ignored)} parameters name nothing in it: {listed}", file=sys.stderr)
         folder = out or orchestrator.default_folder(checked)
-        done = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
-    if done.ended:
-        print(done.ended, file=sys.stderr)
-    if done.no_positions:
-        print(f"no position record: {done.no_positions}", file=sys.stderr)
+        run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
+    if run.ended:
+        print(run.ended, file=sys.stderr)
+    if run.no_positions:
+        print(f"no position record: {run.no_positions}", file=sys.stderr)
     if plot is not None:
-        reports.write_plot_of_run(plot, done)
-    return answer("\n".join(map(str, done.files)), json, done.to_json())
+        reports.write_plot_of_run(plot, run)
+    return answer("\n".join(map(str, run.files)), json, run.to_json())
 
 
 @takes(library.export)
@@ -148,38 +150,35 @@ def calibrate(
     about
         For the sheet, before the record's comment lines: serial_number, operator, bench, date, temperature (TOML).
     """
-    named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)} if others else {}
     written = {"--json": json, "--ssv": ssv, "--strapdown": strapdown, "--report": report, "--sheet": sheet}
-    distinct_files({**(named or {"the record": record}), **written, "--about": about})
+    distinct_files({**_files_of(record, others), **written, "--about": about})
     if about is not None and sheet is None:
         raise InputError(f"--about {about}: is for a sheet; give --sheet, too")
-    asked = _of_several(options, several=bool(others))
-    place, rates = {name: options.pop(name, None) for name in PLACE}, options.pop("rates", "instantaneous")
+    shared = _taken(options, ("shared", "own"))
+    place = _taken(options, PLACE)
+    rates = options.pop("rates", "instantaneous")
     if others:
-        of_one = {
-            **place,
-            "rates": None if rates == "instantaneous" else rates,
-            "strapdown": strapdown,
-            "sheet": sheet,
-            **{name.rstrip("s"): options.pop(name, ()) for name in OF_ONE},
-        }
-        _refuse_one(of_one)
+        averaged = None if rates == "instantaneous" else rates
+        of_one = {**place, "rates": averaged, "strapdown": strapdown, "sheet": sheet}
+        of_one |= {"target": options.pop("targets", None), "prior": options.pop("priors", None)}
+        _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
-        joint = together.calibrate_together(record, *others, **asked, **options)
+        joint = together.calibrate_together(record, *others, **shared, **options)
         if report is not None:
             reports.write_report(report, joint)
         if ssv is not None:
             calibrations.write_parameter_set(joint, ssv)
         return answer(joint, json)
-    known = {} if about is None else reports.read_about(about)
+    _refuse_of_several(shared)
+    circumstances = {} if about is None else reports.read_about(about)
     run = records.read_record(record, records.PositionRecord, channels=options.pop("channels", ()))
     bench = measured.bench_at(run, **place, rates=rates)
     result = measured.calibrate(run, bench=bench, **options)
     if report is not None:
         reports.write_report(report, result, run)
     if sheet is not None:
-        reports.write_sheet(sheet, result, run, known)
+        reports.write_sheet(sheet, result, run, circumstances)
     if ssv is not None:
         calibrations.write_parameter_set(result, ssv)
     if strapdown is not None:
@@ -187,18 +186,30 @@ def calibrate(
     return answer(result, json)
 
 
-def _refuse_one(options: Mapping[str, object]) -> None:
+def _files_of(record: Path, others: Sequence[Path]) -> dict[str, Path | None]:
+    """The records of a command by what messages call them."""
+    if not others:
+        return {"the record": record}
+    return {f"record {number}": path for number, path in enumerate((record, *others), start=1)}
+
+
+def _taken(options: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """Take those of the options that have these names."""
+    return {name: options.pop(name) for name in names if name in options}
+
+
+def _refuse_of_one(options: Mapping[str, object]) -> None:
     """Refuse the first option that was given and is of one record alone."""
-    if wrong := next((name for name, value in options.items() if value not in (None, ())), None):
-        raise InputError(f"--{wrong.replace('_', '-')}: is of one record; give one")
+    for name, value in options.items():
+        if value not in (None, ()):
+            raise InputError(f"--{name.replace('_', '-')}: is of one record; give one")
 
 
-def _of_several(options: dict[str, Any], *, several: bool) -> dict[str, Any]:
-    """What is shared and each record's own, taken from the options; refused where there are not several records."""
-    asked = {name: options.pop(name, ()) for name in ("shared", "own")}
-    if not several and (wrong := next((name for name, values in asked.items() if values), None)):
-        raise InputError(f"--{wrong} {asked[wrong][0]}: is of several records of one instrument; give two or more")
-    return asked
+def _refuse_of_several(options: Mapping[str, Sequence[str]]) -> None:
+    """Refuse the first option that was given and is of several records."""
+    for name, values in options.items():
+        if values:
+            raise InputError(f"--{name} {values[0]}: is of several records of one instrument; give two or more")
 
 
 @takes(measured.apply)
@@ -226,11 +237,13 @@ def apply(
     """
     distinct_files({"the calibration": found, "the record": record, "--out": out, "--json": json})
     result = measured.apply(found, record, noise_bound=noise_bound, **options)
-    by_diagnosis = isinstance(result, diagnosis.Applied)
-    text = str(result) if by_diagnosis else "\n".join(reports.application_lines(result, latitude_deg))
-    if out is not None and result.record is None:
-        raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
+    if isinstance(result, diagnosis.Applied):
+        text = str(result)
+    else:
+        text = "\n".join(reports.application_lines(result, latitude_deg))
     if out is not None:
+        if result.record is None:
+            raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
         records.write_record(result.record, out)
     return answer(text, json, result.to_json())
 
@@ -264,20 +277,19 @@ def diagnose(
         (.ssv) with values and intervals, and a scenario with which they give the record again. Of hypotheses the first
         that stands.
     """
-    named = {f"record {k}": path for k, path in enumerate((record, *others), start=1)}
-    distinct_files({**(named if others else {"the record": record}), "--json": json, "--report": report})
-    asked = _of_several(options, several=bool(others))
-    place = {name: options.pop(name, None) for name in PLACE}
+    distinct_files({**_files_of(record, others), "--json": json, "--report": report})
+    shared = _taken(options, ("shared", "own"))
+    place = _taken(options, PLACE)
     if others:
-        _refuse_one(place)
+        _refuse_of_one(place)
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
-        if options.pop("hypotheses", ()):
-            raise InputError("--hypothesis: is of one record; give one")
-        several = together.diagnose_together(record, *others, **asked, **options, progress=True)
+        _refuse_of_one({"hypothesis": options.pop("hypotheses", None)})
+        several = together.diagnose_together(record, *others, **shared, **options, progress=True)
         if report is not None:
             reports.write_report(report, several)
         return answer(several, json)
+    _refuse_of_several(shared)
     kinds = records.PositionRecord, records.StrapdownRecord
     run = records.read_record(record, *kinds, channels=options.pop("channels", ()))
     bench = measured.bench_at(run, **place)
@@ -300,12 +312,13 @@ def inspect(
         Write the Allan deviation at rest as an SVG picture to this file.
     """
     distinct_files({"the record": record, "--json": json, "--allan": allan, "--plot": plot})
-    found = measured.inspect(record, **options)
+    inspection = measured.inspect(record, **options)
+    rows = inspection.record
     if plot is not None:
-        reports.write_plot(plot, record.name, f"{len(found.record)} rows as measured.", found.record.to_polars())
+        reports.write_plot(plot, record.name, f"{len(rows)} rows as measured.", rows.to_polars())
     if allan is not None:
-        write_text(allan, reports.allan_picture(found))
-    return answer(found, json)
+        write_text(allan, reports.allan_picture(inspection))
+    return answer(inspection, json)
 
 
 @takes(measured.attitude_of_record)
@@ -372,9 +385,9 @@ def fmpy_input(
     distinct_files({"the record": record, "--out": out, "--json": json})
     from ..exporting import write_fmpy_input
 
-    made = write_fmpy_input(record, out, rates=rates, bridge_gaps=bridge_gaps)
-    complaint = f"{record.name}: {made.complaint}" if made.complaint else ""
-    return answer(made, json, complaint=complaint, status=0 if made.trusted_until is None else 2)
+    inputs = write_fmpy_input(record, out, rates=rates, bridge_gaps=bridge_gaps)
+    complaint = f"{record.name}: {inputs.complaint}" if inputs.complaint else ""
+    return answer(inputs, json, complaint=complaint, status=0 if inputs.trusted_until is None else 2)
 
 
 @takes(measured.check)
@@ -384,8 +397,8 @@ def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     Example: trihedron check bench.toml
     """
     distinct_files({"the file": file, "--json": json})
-    found = measured.check(file, **options)
-    return answer(found, json, complaint="" if found.good else found.verdict)
+    findings = measured.check(file, **options)
+    return answer(findings, json, complaint="" if findings.good else findings.verdict)
 
 
 @takes(measured.import_record)
@@ -404,13 +417,13 @@ def import_(
     """
     distinct_files({"the file": file, "--out": out, "--json": json})
     distinct_files({"--mapping": mapping, "--out": out, "the file": file})
-    said = {}
-    for answer_ in answers:
-        key, is_there, text = answer_.partition("=")
-        if not is_there:
-            raise InputError(f"--set {answer_}: write KEY=VALUE, as units.force=g")
-        said[key.strip()] = text
-    return answer(measured.import_record(file, out=out, mapping=mapping, answers=said), json)
+    settings = {}
+    for words in answers:
+        key, equals, text = words.partition("=")
+        if not equals:
+            raise InputError(f"--set {words}: write KEY=VALUE, as units.force=g")
+        settings[key.strip()] = text
+    return answer(measured.import_record(file, out=out, mapping=mapping, answers=settings), json)
 
 
 @takes(library.new)
@@ -435,15 +448,15 @@ def export_notebook(
 ) -> Answer:
     """Example: trihedron export-notebook monday.csv --noise-bound 1e-5 --out monday.ipynb"""
     distinct_files({"the record": record, "--out": out, "--json": json})
-    made = str(library.export_notebook(record, out=out, **options))
-    return answer(made, json, {"schema": "trihedron.notebook/1", "record": str(record), "file": made})
+    file = str(library.export_notebook(record, out=out, **options))
+    return answer(file, json, {"schema": "trihedron.notebook/1", "record": str(record), "file": file})
 
 
 @takes(library.doctor)
 def doctor(*, json: JsonFile = None) -> Answer:
     """Example: trihedron doctor"""
-    found = library.doctor()
-    return answer(found, json, complaint="" if found.works else str(found).split("\n")[0], status=1)
+    state = library.doctor()
+    return answer(state, json, complaint="" if state.works else str(state).split("\n")[0], status=1)
 
 
 def demo(

@@ -38,10 +38,10 @@ def measure(
     # What comes is kept as it comes, and --resume goes on with it.
     with at_once():
         try:
-            done = at_table.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
+            result = at_table.measure(plan, source=source, out=out, noise_bound=noise_bound, **options, progress=True)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted; {out} holds what came, and --resume goes on with it") from None
-    return answer(done, json)
+    return answer(result, json)
 
 
 def hidden(
@@ -124,76 +124,80 @@ def hidden(
         A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects may be hidden
         and are tried beside those of the catalogue.
     """
-    with own_effects.with_effects_of(effects_from) as own:
-        if clean and (effect or mode not in (None, "clean")):
-            raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
-        drawn = {"--mode": mode, "--records": records, "--positions": positions, "--size": size, "--noise": noise}
-        if bench:
-            others = {"--strapdown": strapdown or None, "--baseline": baseline, "--suite": suite, **drawn}
-            _refuse(others | {"--mode": None, "--size": None}, "is not of a whole bench; leave it out with --bench")
+    if clean and (effect or mode not in (None, "clean")):
+        raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
+    drawn = {"--mode": mode, "--records": records, "--positions": positions, "--size": size, "--noise": noise}
+    if bench:
+        of_positions = {"--strapdown": strapdown or None, "--baseline": baseline, "--suite": suite, **drawn}
+        del of_positions["--mode"], of_positions["--size"]
+        _refuse(of_positions, "is not of a whole bench; leave it out with --bench")
+    if strapdown:
+        of_positions = {"--baseline": baseline, "--suite": suite, **drawn}
+        del of_positions["--size"]
+        _refuse(of_positions, "is of records of a table's positions; leave it out with --strapdown")
+    if cases is None and suite is None:
+        _refuse({**drawn, "--out": out}, "is of a suite; give --cases too, as --cases 100")
+        if record is None:
+            example = "moved.csv" if strapdown else "measured.csv"
+            raise InputError(f"hidden: give the file of one record, as {example}, or --cases for a suite")
+        distinct_files({"the record": record, "--answer": secret, "--json": json})
+    else:
+        suites, files = "--cases and --suite of many", " (many have --out)"
         if strapdown:
-            of_a_table = {"--baseline": baseline, "--suite": suite, **drawn, "--size": None}
-            _refuse(of_a_table, "is of records of a table's positions; leave it out with --strapdown")
-        if cases is None and suite is None:
-            _refuse({**drawn, "--out": out}, "is of a suite; give --cases too, as --cases 100")
-            if record is None:
-                example = "moved.csv" if strapdown else "measured.csv"
-                raise InputError(f"hidden: give the file of one record, as {example}, or --cases for a suite")
-            distinct_files({"the record": record, "--answer": secret, "--json": json})
+            suites, files = "--cases of many", ""
+        of_one = {"the record": record, "--answer": secret, "--baseline": baseline}
+        _refuse(of_one, f"is of one record, {suites}; give one of the two{files}")
+        if suite is not None:
+            _refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
+    with own_effects.with_effects_of(effects_from) as own:
+        chosen = mode or ("single" if records in (None, 1) else "pairs")
+        settings: dict[str, Any] = {
+            "mode": "clean" if clean else chosen,
+            "effects": effect,
+            "positions": positions or (12, 100),
+            "noise": noise or "all",
+            "size": size,
+            "strapdown": strapdown,
+            "records": 1 if records is None else records,
+            "own": own,
+            "whole": bench,
+        }
+        if record is not None:
             seed = seed or 0
             trials.check_seed(seed)
             if strapdown or bench:
-                chosen = "clean" if clean else "single"
-                options = trials.Options(chosen, effect, strapdown=strapdown, own=own, whole=bench)
-                case = trials.draw_case(options, seed, seed)
+                case = trials.draw_case(trials.Options(**settings), seed, seed)
             else:
-                chosen = () if clean else effect or None
-                case = trials.draw_alone(seed, effects=chosen, symmetric=baseline == "symmetric")
+                effects = () if clean else effect or None
+                case = trials.draw_alone(seed, effects=effects, symmetric=baseline == "symmetric")
             trials.write_hidden_record(case, record, secret, progress=True)
-            return answer(
-                str(record), json, {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed}
-            )
-        many = (
-            "--cases of many; give one of the two" if strapdown else "--cases and --suite of many; give one of the two"
-        )
-        only = {"the record": record, "--answer": secret, "--baseline": baseline}
-        _refuse(only, f"is of one record, {many}{'' if strapdown else ' (many have --out)'}")
-        if suite is not None:
-            _refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
+            content = {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed}
+            return answer(str(record), json, content)
+        if suite is None:
+            named = trials.NamedSuite(trials.Options(**settings), 100, 0)
+        else:
             named = trials.named_suite(suite)
             named = replace(named, options=replace(named.options, own=own))
-        else:
-            chosen_mode = "clean" if clean else mode or ("single" if records in (None, 1) else "pairs")
-            options = trials.Options(
-                chosen_mode,
-                effect,
-                positions or (12, 100),
-                noise or "all",
-                size,
-                strapdown,
-                1 if records is None else records,
-                own,
-                bench,
-            )
-            named = trials.NamedSuite(options, 100, 0)
-        number, seed = named.cases if cases is None else cases, named.seed if seed is None else seed
-        done = trials.run_suite(named.options, number, seed, records=_records_folder(out), jobs=jobs, progress=True)
-        return answer(done, json, files=() if out is None else reports.write_suite(done, out))
+        folder = None
+        if out is not None:
+            folder = out / "records"
+            made_folder(folder, out)
+        result = trials.run_suite(
+            named.options,
+            named.cases if cases is None else cases,
+            named.seed if seed is None else seed,
+            records=folder,
+            jobs=jobs,
+            progress=True,
+        )
+        return answer(result, json, files=() if out is None else reports.write_suite(result, out))
 
 
-def _refuse(given: Mapping[str, object], why: str) -> None:
+def _refuse(options: Mapping[str, object], why: str) -> None:
     """Refuse the first option that was given."""
-    for name, value in given.items():
+    for name, value in options.items():
         if value is not None:
             raise InputError(f"{name}: {why}")
-
-
-def _records_folder(out: Path | None) -> Path | None:
-    """The folder for a suite's records, made; None where nothing is written."""
-    if out is None:
-        return None
-    made_folder(out / "records", out)
-    return out / "records"
 
 
 @takes(library.run_campaign)
@@ -202,9 +206,9 @@ def campaign(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **
     distinct_files({"the campaign": campaign, "--json": json})
     # What is computed is kept as it comes, and --resume goes on with it.
     with at_once():
-        done = library.run_campaign(campaign, out, **options, progress=True)
-    folder = done.folder or Path()
-    return answer(done, json, files=[folder / "runs", folder / "summary.json", folder / "index.html"])
+        result = library.run_campaign(campaign, out, **options, progress=True)
+    folder = result.folder or Path()
+    return answer(result, json, files=[folder / "runs", folder / "summary.json", folder / "index.html"])
 
 
 def campaign_report(
@@ -275,11 +279,13 @@ def compare(
     """
     distinct_files({"the first": first, "--report": report, "--json": json})
     distinct_files({"the second": second, "--report": report, "--json": json})
-    found = library.compare(first, second, within=within)
+    differences = library.compare(first, second, within=within)
     if report is not None:
-        reports.write_report(report, found)
-    complaint = str(found).split("\n")[0] if within and found.verdict == "different" else ""
-    return answer(found, json, complaint=complaint, status=WORSE)
+        reports.write_report(report, differences)
+    complaint = ""
+    if within and differences.verdict == "different":
+        complaint = str(differences).split("\n")[0]
+    return answer(differences, json, complaint=complaint, status=WORSE)
 
 
 @takes(library.plot)
