@@ -22,23 +22,21 @@ def measure(
     promise: float = 1.02,
     patience_s: float | None = None,
     resume: bool = False,
-    baud: int = 115200,
     serve: bool = False,
     port: int = 0,
     progress: bool = False,
 ) -> "measuring.Measured":
     """Accompany a measurement at the table: which rest is good, what is next, when one can stop, what is wrong.
 
-    Readings are kept as they come, and the rests in them judged; after each the guaranteed errors are computed, and
-    where the readings contradict the model a diagnosis is made beside. It ends where the source does, on the operator's
-    word, or when `patience_s` is over.
+    Readings are kept as they come, and the rests in them judged; after each the guaranteed errors are computed. It ends
+    where the source does, on the operator's word, or when `patience_s` is over; then the positions are diagnosed.
 
     Parameters
     ----------
     plan : path
         Folder or plan.json of `trihedron plan positions N --out`, or a table with alpha_deg and beta_deg.
     source : path
-        Where readings come from: a file that grows, - for standard input, or a serial port (extra `serial`).
+        Where readings come from: a file that grows, or - for standard input.
     out : path
         The raw record (CSV), which grows with what comes; what goes with it is written beside.
     noise_bound : float
@@ -58,8 +56,6 @@ def measure(
         End when nothing has come for so long [s]; by default the operator ends it.
     resume : bool
         Go on with what is there already: a measurement that was interrupted.
-    baud : int
-        Of a serial port.
     serve : bool
         Serve a page, on this machine alone, and say its address.
     port : int
@@ -79,7 +75,7 @@ def measure(
     """
     asked = measuring.Asked(noise_bound, gravity, tuple(channels), promise, dwell_s, patience_s)
     programme = measuring.read_programme(Path(plan), mounting)
-    coming = measuring.source_of(str(source), baud)
+    coming = measuring.source_of(str(source))
     one = measuring.Measurement.begun(programme, asked, Path(out), coming.name, resume=resume)
     views: list[measuring.View] = [live.terminal_of(str(source))] if progress else []
     with ExitStack() as stack:

@@ -33,7 +33,6 @@ EXTRAS = {
     "fast": ("numba", "llvmlite"),
     "native": ("ziglang",),
     "cluster": ("dask", "distributed", "cryptography"),
-    "serial": ("pyserial",),
     "docs": ("mkdocs-material",),
 }
 """What each extra of the package installs."""

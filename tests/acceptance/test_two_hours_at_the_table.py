@@ -45,10 +45,8 @@ def test_memory_is_flat_over_720_000_readings(tmp_path: Path):
     assert one.lines.rows == 720_000
     assert len(one.session.good) == 59
     assert max(used[12:]) < used[11] + 15.0, used
-    one.kept.close()
-    one.diagnosing.close()
+    one.files.close()
     again = Measurement.begun(programme, asked, tmp_path / "m.csv", "the table", resume=True)
     assert again.session.standing == one.session.standing
     assert resident() < used[11] + 40.0
-    again.kept.close()
-    again.diagnosing.close()
+    again.files.close()

@@ -32,7 +32,7 @@ def measure(
 ) -> Answer:
     """Example: trihedron measure plan24 --from growing.csv --out monday.csv --noise-bound 1e-5 --serve
 
-    Example: trihedron measure plan24 --from /dev/ttyUSB0 --out monday.csv --noise-bound 1e-5 --resume
+    Example: trihedron measure plan24 --from growing.csv --out monday.csv --noise-bound 1e-5 --resume
     """
     distinct_files({"the plan": plan, "--from": Path(source), "--out": out, "--json": json})
     # What comes is kept as it comes, and --resume goes on with it.

@@ -20,7 +20,6 @@ from ..measure import Moment, Session, Setting
 from ..reports.measure import (
     against_text,
     angles_text,
-    diagnosis_text,
     next_text,
     present_text,
     promise_text,
@@ -39,6 +38,8 @@ WAIT_S = 10.0
 MOST_WORDS = 16
 """That wait to be heard."""
 ABOVE = 16.0
+LOWEST, HIGHEST = 0.8, 30.0
+"""Guaranteed error over what is promised, at the ends of the picture."""
 POLICY = "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 PLOT = (720.0, 220.0, 44.0, 26.0)
 """Width, height, room on the left and below of the picture."""
@@ -132,7 +133,7 @@ class _Handler(BaseHTTPRequestHandler):
             word = json.loads(self.rfile.read(int(length)))
         except (ValueError, RecursionError):
             return self._answer(400, b"not JSON")
-        if not isinstance(word, dict) or word.get("word") not in ("yes", "repeat", "end"):
+        if not isinstance(word, dict) or word.get("word") not in ("repeat", "end"):
             return self._answer(400, b"no word")
         return self._answer(204 if self.server.of.hear(word) else 503, b"")
 
@@ -185,88 +186,88 @@ def _template() -> "Template":
 
 def page_of(moment: Moment) -> str:
     """What changes on the page, as HTML; whatever texts hold is shown and never run."""
-    session, present, diagnosing = moment.session, moment.present, moment.diagnosing
-    bad = [visit for visit in session.visits if visit.bad]
+    session, present, settings = moment.session, moment.present, moment.session.programme.settings
     last = session.visits[-1] if session.visits else None
+    bad = [visit_text(session, visit) for visit in session.visits if visit.bad and visit is not last]
+    state = present.state
+    if present.why and state != "settling":
+        state = "bad"
     return _template().render(
         shell=False,
         next=next_text(session),
         present=present_text(session, present),
-        state="bad" if present.why and present.state != "settling" else present.state,
+        state=state,
         promise=promise_text(session),
         reached=session.reached and not session.standing.against,
         against=against_text(session),
-        diagnosis=diagnosis_text(diagnosing.found, diagnosing.of, now=len(session.good)),
-        running=diagnosing.running,
-        trouble=moment.trouble or diagnosing.trouble,
+        trouble=moment.trouble,
         silent=int(moment.silent_s),
         source=moment.source,
-        proposals=[
-            (one.why, [angles_text(*setting) for setting in one.settings], {"word": "yes", "proposal": one.word})
-            for one in moment.proposals
-        ],
         last=last and (visit_text(session, last), bool(last.bad)),
-        bad=[visit_text(session, visit) for visit in bad if visit is not last][-8:],
-        done=len(session.settings) - len(session.left),
-        count=len(session.settings),
+        bad=bad[-8:],
+        done=len(settings) - len(session.left),
+        count=len(settings),
         rows=moment.rows,
-        targets=_targets(session),
-        settings=[_row(session, setting) for setting in session.settings],
-        good={visit.number for visit in session.good},
+        targets=[_target(session, symbol, promised) for symbol, promised in session.programme.promised.items()],
+        settings=[_row(session, setting) for setting in settings],
         picture=_picture(session),
         ended=moment.ended,
     )
 
 
-def _targets(session: Session) -> list[tuple[str, str, str, int, bool]]:
+def _target(session: Session, symbol: str, promised: float) -> tuple[str, str, str, int, bool]:
     """Symbol, guaranteed error and promise [σ], their ratio as a part of a bar in percent, whether it is kept."""
-    found = []
-    for name, promised in session.programme.promised.items():
-        error, share = session.standing.errors.get(name), session.share(name)
-        shown = "open" if error is None else upwards(error, 4)
-        part = 100 if share is None else round(100.0 * min(share / 3.0, 1.0))
-        found.append((name, shown, upwards(promised, 4), part, share is not None and share <= session.asked.within))
-    return found
+    error, share = session.standing.errors.get(symbol), session.share(symbol)
+    if error is None or share is None:
+        return symbol, "open", upwards(promised, 4), 100, False
+    part = round(100.0 * min(share / 3.0, 1.0))
+    return symbol, upwards(error, 4), upwards(promised, 4), part, share <= session.asked.within
 
 
-def _row(session: Session, setting: Setting) -> tuple[str, str, str, int | None, str]:
-    """Angles, state, encoder readings, the rest that counts (None: none does), and why it was added."""
-    own = [v for v, number in zip(session.visits, session.setting_of, strict=True) if number == setting.number]
-    good = [v for v in own if not v.bad and v.number not in session.dropped]
-    read = ""
-    if own:
-        average = (good or own)[-1].average
-        read = angles_text(*session.angles_deg(float(average.alpha[0]), float(average.beta[0])))
-    at = angles_text(setting.alpha_deg, setting.beta_deg)
-    return at, session.state_of(setting), read, good[-1].number if good else None, setting.why
+def _row(session: Session, setting: Setting) -> tuple[str, str, str, int | None]:
+    """Angles, state, encoder readings, and the rest that counts (None: none does)."""
+    visits = session.visits_to(setting)
+    good = [visit for visit in visits if session.counts(visit)]
+    readings = ""
+    if visits:
+        readings = angles_text(*session.visit_angles_deg((good or visits)[-1]))
+    number = good[-1].number if good else None
+    return angles_text(setting.alpha_deg, setting.beta_deg), session.state_of(setting), readings, number
 
 
 def _picture(session: Session) -> dict[str, Any]:
     """Lines of the 18 errors over what is promised against the positions that count, in a logarithmic scale."""
     width, height, left, below = PLOT
-    history, top = session.history, 30.0
-    count = max(len(session.settings), len(history), 2)
+    count = max(len(session.programme.settings), len(session.history), 2)
 
-    def x(k: int) -> float:
-        return round(left + (width - left - ABOVE) * (k - 1) / (count - 1), 1)
+    def x(position: int) -> float:
+        return round(left + (width - left - ABOVE) * (position - 1) / (count - 1), 1)
 
     def y(share: float) -> float:
-        part = log(min(max(share, 0.8), top) / 0.8) / log(top / 0.8)
+        part = log(min(max(share, LOWEST), HIGHEST) / LOWEST) / log(HIGHEST / LOWEST)
         return round((height - below - ABOVE) * (1.0 - part) + ABOVE, 1)
 
-    lines = []
-    for name in session.programme.promised:
-        shares = [(k, session.share(name, standing)) for k, standing in enumerate(history, start=1)]
-        lines.append(" ".join(f"{x(k)},{y(share)}" for k, share in shares if share is not None))
-    ticks = [(y(value), digits(value, 2)) for value in (1.0, 2.0, 5.0, 10.0, 30.0)]
-    positions = sorted({1, *range(5, count + 1, 5), count} if count < 60 else {1, count})
+    lines, dots = [], []
+    for symbol in session.programme.promised:
+        points = []
+        for position, standing in enumerate(session.history, start=1):
+            share = session.share(symbol, standing)
+            if share is not None:
+                points.append(f"{x(position)},{y(share)}")
+        if points:
+            lines.append(" ".join(points))
+        if len(points) == 1:
+            dots.append(points[0])
+    marked = {1, count}
+    if count < 60:
+        marked.update(range(5, count + 1, 5))
     return {
         "width": width,
         "height": height,
         "left": left,
         "promise": y(1.0),
-        "lines": [line for line in lines if line],
-        "dots": [line for line in lines if line and " " not in line],
-        "ticks": ticks,
-        "marks": [(x(k), k) for k in positions],
+        "lines": lines,
+        "dots": dots,
+        "ticks": [(y(share), digits(share, 2)) for share in (1.0, 2.0, 5.0, 10.0, 30.0)],
+        "marks": [(x(position), position) for position in sorted(marked)],
     }

@@ -1,5 +1,6 @@
 """A measurement in a terminal: a line for whatever happens, and below them one that says how the table stands."""
 
+import contextlib
 import queue
 import shutil
 import sys
@@ -11,8 +12,6 @@ from typing import Any, TextIO
 from ..measure import Moment
 from ..reports.measure import (
     against_text,
-    angles_text,
-    diagnosis_text,
     next_text,
     present_text,
     promise_text,
@@ -20,7 +19,9 @@ from ..reports.measure import (
     visit_text,
 )
 
-HELP = "type: 1, 2, ... to take up a proposal; r N to repeat rest N; end to end"
+HELP = "type: r N to repeat rest N; end to end"
+LONGEST_LINE = 10_000
+"""Characters of a line where no terminal breaks it."""
 
 
 class Terminal:
@@ -29,42 +30,37 @@ class Terminal:
     def __init__(self, out: TextIO, typed: TextIO | None) -> None:
         self._out, self._tty = out, out.isatty()
         self._words: queue.Queue[str] = queue.Queue()
-        self._said: tuple[Any, ...] = ()
-        self._proposed: list[dict[str, Any]] = []
+        self._printed: list[tuple[int, str]] = []
         self._status = ""
         if typed is not None:
             self._line(HELP)
             threading.Thread(target=self._listen, args=(typed,), daemon=True).start()
 
     def _listen(self, typed: TextIO) -> None:
-        try:
+        with contextlib.suppress(OSError, ValueError):
             for line in typed:
                 self._words.put(line)
-        except (OSError, ValueError):
-            return
 
     def words(self) -> Sequence[Mapping[str, Any]]:
         """What was typed since; what is no word is answered."""
-        found = []
+        words = []
         while not self._words.empty():
             text = self._words.get_nowait().split()
             self._status = ""
             match text:
                 case ["end" | "e" | "q"]:
-                    found.append({"word": "end"})
+                    words.append({"word": "end"})
                 case ["r" | "repeat", number] if number.isdecimal():
-                    found.append({"word": "repeat", "visit": int(number)})
-                case [number] if number.isdecimal() and 1 <= int(number) <= len(self._proposed):
-                    found.append({"word": "yes", "proposal": self._proposed[int(number) - 1]})
+                    words.append({"word": "repeat", "visit": int(number)})
                 case []:
                     pass
                 case _:
                     self._line(HELP)
-        return found
+        return words
 
     def show(self, moment: Moment) -> None:
         """Print what is new, then how the table stands."""
-        session, found = moment.session, moment.diagnosing.found
+        session = moment.session
         if not moment.rows and not self._tty:
             return
         for kind, what in moment.news:
@@ -74,23 +70,23 @@ class Terminal:
                 self._line(f"taken up again: {what} positions are measured")
             elif kind == "refused":
                 self._line(f"left out: {what}")
-            elif kind == "diagnosis" and moment.diagnosing.trouble:
-                self._line(f"diagnosis: {moment.diagnosing.trouble}")
+        # After each good rest these are printed again, though they may be the same.
         counted = len(session.history)
-        told = [(counted, line(session)) for line in (shares_text, promise_text, against_text) if counted]
-        told += [(moment.diagnosing.of, diagnosis_text(found, moment.diagnosing.of))]
-        told += [
-            (0, f"proposal {k}: {one.why}{_where(one.settings)} (type {k} for yes)")
-            for k, one in enumerate(moment.proposals, start=1)
-        ]
-        told.append((0, "" if moment.ended else next_text(session)))
-        for line in told:
-            if line not in self._said and line[1]:
+        lines = []
+        if counted:
+            lines = [(counted, text(session)) for text in (shares_text, promise_text, against_text)]
+        if not moment.ended:
+            lines.append((0, next_text(session)))
+        for line in lines:
+            if line not in self._printed and line[1]:
                 self._line(line[1])
-        self._said = tuple(told)
-        self._proposed = [one.word for one in moment.proposals]
-        silent = f"; nothing has come for {int(moment.silent_s)} s" if moment.silent_s else ""
-        self._stand(f"{present_text(session, moment.present)}{silent}" if not moment.ended else "", moment)
+        self._printed = lines
+        status = ""
+        if not moment.ended:
+            status = present_text(session, moment.present)
+            if moment.silent_s:
+                status += f"; nothing has come for {int(moment.silent_s)} s"
+        self._stand(status, moment)
 
     def _stand(self, status: str, moment: Moment) -> None:
         """The last line, written over where that is possible; else only what is wrong is said, once."""
@@ -104,18 +100,16 @@ class Terminal:
         self._status = status
 
     def _line(self, text: str) -> None:
-        width = shutil.get_terminal_size().columns - 1 if self._tty else 10_000
-        clear = "\r\x1b[2K" if self._tty else ""
-        shown = textwrap.fill("".join(c if c.isprintable() else " " for c in text), width, subsequent_indent="  ")
-        self._out.write(f"{clear}{shown}\n")
+        width, clear = LONGEST_LINE, ""
+        if self._tty:
+            width, clear = shutil.get_terminal_size().columns - 1, "\r\x1b[2K"
+        printable = "".join(character if character.isprintable() else " " for character in text)
+        self._out.write(f"{clear}{textwrap.fill(printable, width, subsequent_indent='  ')}\n")
         self._out.flush()
         self._status = ""
 
 
-def _where(settings: Sequence[tuple[float, float]]) -> str:
-    return f": {'; '.join(angles_text(*setting) for setting in settings)}" if settings else ""
-
-
 def terminal_of(source: str) -> Terminal:
     """The view of this process: words come from standard input, unless readings do."""
-    return Terminal(sys.stderr, None if source == "-" or sys.stdin is None or not sys.stdin.isatty() else sys.stdin)
+    listens = source != "-" and sys.stdin is not None and sys.stdin.isatty()
+    return Terminal(sys.stderr, sys.stdin if listens else None)

@@ -1,14 +1,12 @@
-from .background import Diagnosing as Diagnosing
 from .programme import Setting as Setting
 from .programme import read_programme as read_programme
-from .result import Measured as Measured
 from .run import Measurement as Measurement
 from .run import Moment as Moment
 from .run import View as View
 from .run import carry_out as carry_out
 from .session import Asked as Asked
+from .session import Measured as Measured
 from .session import Session as Session
-from .session import proposals_of as proposals_of
 from .source import source_of as source_of
 from .visits import Present as Present
 from .visits import Visit as Visit

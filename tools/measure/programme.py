@@ -1,6 +1,6 @@
 """Which positions are to be measured, in which order, and what guaranteed errors they promise."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,21 +22,16 @@ SAME_DEG = 1.0
 
 @dataclass(frozen=True)
 class Setting:
-    """A position to set the table to: number, angles [deg], and why it was added where the plan does not have it."""
+    """A position to set the table to: number and angles [deg]."""
 
     number: int
     alpha_deg: float
     beta_deg: float
-    why: str = ""
-
-    def near(self, alpha_deg: float, beta_deg: float) -> bool:
-        """Whether a rest at these angles [deg] is a visit to it, whole turns apart or not."""
-        return self.distance(alpha_deg, beta_deg) <= SAME_DEG
 
     def distance(self, alpha_deg: float, beta_deg: float) -> float:
-        """The larger of the distances of the two angles [deg]."""
-        pairs = ((self.alpha_deg, alpha_deg), (self.beta_deg, beta_deg))
-        return max(abs((mine - other + 180.0) % 360.0 - 180.0) for mine, other in pairs)
+        """The larger of the distances of the two angles [deg], whole turns apart or not."""
+        turned = (self.alpha_deg - alpha_deg, self.beta_deg - beta_deg)
+        return max(abs((angle + 180.0) % 360.0 - 180.0) for angle in turned)
 
 
 @dataclass(frozen=True)
@@ -118,8 +113,3 @@ def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
         (float(request.bounds[0]), float(request.bounds[1])),
         matrices,
     )
-
-
-def inserted(settings: Sequence[Setting], more: Sequence[Setting], before: int) -> tuple[Setting, ...]:
-    """The settings with more of them before that of an index."""
-    return (*settings[:before], *more, *settings[before:])

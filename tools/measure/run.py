@@ -1,26 +1,154 @@
-"""A session carried out: readings taken, kept and judged, views shown what is, the operator's words heard."""
+"""A session carried out: readings are read, kept and judged, views show them and hear the operator's words."""
 
-from collections.abc import Mapping, Sequence
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import monotonic, sleep
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
+from ..diagnosis import Diagnosis, diagnose
 from ..errors import InputError
-from .background import Diagnosing
-from .kept import Kept
+from ..files import LARGEST_TEXT, bytes_of, make_folders, said_writable
+from ..locks import Taken, locked
+from ..records import PositionRecord, read_record, write_record
 from .programme import Programme
-from .readings import Lines, Taken, by_count
-from .result import Measured, measured
-from .session import Asked, Proposal, Session, proposals_of, taken, told
+from .readings import Lines, by_count
+from .session import Asked, Ending, Measured, Session, measured
 from .source import Source
 from .visits import Present, Visit, Watch
 
 PAUSE_S = 0.1
 """Between two looks at a source from which nothing came."""
 SILENT_S = 5.0
-"""A source that has been silent for so long is said to be."""
+"""A source is called silent when nothing has come for so long."""
+PIECE = 1 << 20
+"""Bytes of the record that are read at once."""
+
+
+class Files:
+    """The files of a session: RECORD.csv, an ordinary raw record, and beside it the operator's words and the positions.
+
+    Every line is with the system before the next is read: killed at any moment nothing of it is lost. What a crash cut
+    off within a line is taken away when it is taken up again.
+    """
+
+    def __init__(self, record: Path, header: Mapping[str, Any], *, resume: bool) -> None:
+        if record.suffix.lower() != ".csv":
+            raise InputError(f"--out {record}: is a record; give a name that ends with .csv")
+        self.record = record
+        self.words_file, self.positions_file = self.beside("session.jsonl"), self.beside("positions.csv")
+        self.words: list[dict[str, Any]] = []
+        self._header, self._lock = dict(header), ExitStack()
+        self._file: int | None = None
+        present = [path for path in (record, self.words_file) if path.exists()]
+        if present and not resume:
+            raise InputError(f"{present[0]}: is there already; give another name, or --resume to go on with it")
+        if present:
+            self._take_up()
+
+    def beside(self, ending: str) -> Path:
+        """The name of another file of the session."""
+        return self.record.with_name(f"{self.record.stem}.{ending}")
+
+    def _take_up(self) -> None:
+        if not self.words_file.exists():
+            raise InputError(f"{self.words_file}: no such file: {self.record} is of no session; give another --out")
+        data = bytes_of(self.words_file, most=LARGEST_TEXT)
+        lines = data[: data.rfind(b"\n") + 1].decode("utf-8", "replace").splitlines()
+        try:
+            header, *self.words = map(json.loads, lines)
+            if not all(isinstance(word, dict) and isinstance(word["rows"], int) for word in self.words):
+                raise ValueError
+        except (ValueError, KeyError, RecursionError):
+            raise InputError(f"{self.words_file}: is no file of a session; give another --out") from None
+        for name, value in self._header.items():
+            if not isinstance(header, dict) or header.get(name) != value:
+                option = "plan" if name == "settings" else name
+                raise InputError(f"{self.words_file}: was begun with another {option}; give that, or another --out")
+        self._begin(cut=True)
+
+    def _begin(self, *, cut: bool) -> None:
+        """Open the record, and write down what the session is of; with `cut` take away lines without an end."""
+        with said_writable(self.record):
+            make_folders(self.record.parent)
+            if not cut:
+                try:
+                    self._write(self.words_file, self._header)
+                except BaseException:
+                    self.words_file.unlink(missing_ok=True)
+                    raise
+            try:
+                self._lock.enter_context(locked(self.words_file))
+            except Taken:
+                raise InputError(f"{self.record}: another process measures into it") from None
+            for path in (self.words_file, self.record) if cut else ():
+                if path.exists():
+                    _without_open_line(path)
+            self._file = os.open(
+                self.record, os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o666
+            )
+
+    def replayed(self) -> Iterator[bytes]:
+        """What the record holds, piece by piece."""
+        if self._file is not None:
+            with said_writable(self.record), self.record.open("rb") as file:
+                while piece := file.read(PIECE):
+                    yield piece
+
+    def append(self, lines: bytes) -> None:
+        """Write whole lines to the record."""
+        if self._file is None:
+            self._begin(cut=False)
+        assert self._file is not None
+        with said_writable(self.record):
+            while lines:
+                lines = lines[os.write(self._file, lines) :]
+
+    def tell(self, word: Mapping[str, Any], rows: int) -> None:
+        """Write down a word of the operator's, and after how many rows it came."""
+        if self._file is None:
+            self._begin(cut=False)
+        self._write(self.words_file, {"rows": rows, **word})
+
+    def _write(self, path: Path, content: Mapping[str, Any]) -> None:
+        with said_writable(path), path.open("ab") as file:
+            file.write(json.dumps(content, allow_nan=False).encode() + b"\n")
+
+    def positions(self, record: PositionRecord | None) -> None:
+        """Write the positions so far, and let what was written reach the disk."""
+        if self._file is not None:
+            with said_writable(self.record):
+                os.fsync(self._file)
+        if record is None:
+            self.positions_file.unlink(missing_ok=True)
+        else:
+            about = dict(record.about) | ({"resolution_mps2": repr(record.resolution)} if record.resolution else {})
+            write_record(replace(record, about=about), self.positions_file)
+
+    def close(self) -> None:
+        """Let go of the files."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+        self._lock.close()
+
+
+def _without_open_line(path: Path) -> None:
+    """Cut off what follows the last end of a line."""
+    with path.open("r+b") as file:
+        end = file.seek(0, os.SEEK_END)
+        while end:
+            start = max(end - PIECE, 0)
+            file.seek(start)
+            at = file.read(end - start).rfind(b"\n")
+            if at >= 0:
+                file.truncate(start + at + 1)
+                return
+            end = start
+        file.truncate(0)
 
 
 @dataclass(frozen=True)
@@ -31,9 +159,6 @@ class Moment:
     ----------
     session : Session
     present : Present
-    proposals : tuple of Proposal
-        what the operator may say yes to, by their places in the list
-    diagnosing : Diagnosing
     source : str
         what readings come from
     silent_s : float
@@ -43,14 +168,12 @@ class Moment:
     rows, left_out : int
         readings kept, lines that could be none
     news : tuple of (str, object)
-        what has happened since the moment before: "visit", "word", "diagnosis", "refused", "resumed"
+        what has happened since the moment before: "visit", "word", "refused", "resumed"
     ended : bool
     """
 
     session: Session
     present: Present
-    proposals: tuple[Proposal, ...]
-    diagnosing: Diagnosing
     source: str
     silent_s: float = 0.0
     trouble: str = ""
@@ -68,7 +191,7 @@ class View(Protocol):
         ...
 
     def words(self) -> Sequence[Mapping[str, Any]]:
-        """What the operator has said since: "yes" with the word of the "proposal", "repeat" with its "visit", "end"."""
+        """What the operator has said since: "repeat" with its "visit", or "end"."""
         ...
 
 
@@ -79,10 +202,9 @@ class Measurement:
     Attributes
     ----------
     session : Session
-    kept : Kept
+    files : Files
     lines : Lines
     watch : Watch
-    diagnosing : Diagnosing
     left_out : int
         lines that could be no rows
     news : list
@@ -90,10 +212,9 @@ class Measurement:
     """
 
     session: Session
-    kept: Kept
+    files: Files
     lines: Lines
     watch: Watch
-    diagnosing: Diagnosing
     left_out: int = 0
     trouble: str = ""
     news: list[tuple[str, Any]] = field(default_factory=list)
@@ -101,156 +222,166 @@ class Measurement:
     @staticmethod
     def begun(programme: Programme, asked: Asked, out: Path, source: str, *, resume: bool) -> "Measurement":
         """A new one, or one that is taken up again from its files; `source` is what refusals call the readings."""
-        session = Session.begun(programme, asked, out)
-        kept = Kept(out, session.header(), resume=resume)
+        session = Session(programme, asked, out)
+        files = Files(out, session.header(), resume=resume)
         watch = Watch(asked.noise_bound, asked.gravity, asked.dwell_s, out)
-        one = Measurement(session, kept, Lines(Path(source)), watch, Diagnosing())
-        words, rows = list(kept.words), 0
-        for piece in kept.replayed():
-            found = one.lines.feed(piece)
-            for part in by_count(found.rows, rows, [word["rows"] for word in words]):
-                one._visited(one.watch.take(part, one.lines.resolution))
+        measurement = Measurement(session, files, Lines(Path(source)), watch)
+        measurement._replay()
+        return measurement
+
+    def _replay(self) -> None:
+        """Follow what the files hold: rows, and words where they came between them."""
+        words, rows = list(self.files.words), 0
+        for piece in self.files.replayed():
+            read = self.lines.feed(piece)
+            for part in by_count(read.rows, rows, [word["rows"] for word in words]):
+                self._visited(self.watch.take(part, self.lines.resolution))
                 rows += len(part)
                 while words and words[0]["rows"] <= rows:
-                    one._again(words.pop(0))
+                    self._again(words.pop(0))
         for word in words:
-            one._again(word)
-        if one.lines.header:
-            one.lines.from_the_beginning()
-            one.news = [("resumed", len(one.session.good))]
-            kept.positions(one.session.record())
-        return one
-
-    def feed(self, data: bytes, *, ended: bool = False) -> None:
-        """Take what came from the source: keep it first, then judge it."""
-        found: Taken = self.lines.feed(data, ended=ended)
-        if found.kept:
-            self.kept.append(found.kept)
-        if found.left_out:
-            self.left_out += len(found.left_out)
-            self.trouble = f"{self.left_out} lines were left out, the last: {found.left_out[-1]}"
-            self.news.append(("refused", found.left_out[-1]))
-        visits = self.watch.take(found.rows, self.lines.resolution)
-        self._visited(visits + (self.watch.end() if ended else []))
-        if visits or ended:
-            self.kept.positions(self.session.record())
-
-    def _visited(self, visits: Sequence[Visit]) -> None:
-        for visit in visits:
-            self.session = taken(self.session, visit)
-            self.news.append(("visit", visit))
-
-    def _follow(self, word: Mapping[str, Any]) -> None:
-        self.session = told(self.session, word)
-        self.news.append(("word", word))
+            self._again(word)
+        if self.lines.header:
+            self.lines.from_the_beginning()
+            self.news = [("resumed", len(self.session.good))]
+            self.files.positions(self.session.record())
 
     def _again(self, word: Mapping[str, Any]) -> None:
         """Follow a word that was written down."""
         try:
-            self._follow(word)
+            self.session = self.session.told(word)
         except (InputError, LookupError, TypeError, ValueError):
-            raise InputError(f"{self.kept.words_file}: {dict(word)}: cannot be followed; give another --out") from None
+            raise InputError(f"{self.files.words_file}: {dict(word)}: cannot be followed; give another --out") from None
+
+    def feed(self, data: bytes, *, ended: bool = False) -> None:
+        """Take what came from the source: keep it first, then judge it."""
+        read = self.lines.feed(data, ended=ended)
+        if read.kept:
+            self.files.append(read.kept)
+        if read.left_out:
+            self.left_out += len(read.left_out)
+            self.trouble = f"{self.left_out} lines were left out, the last: {read.left_out[-1]}"
+            self.news.append(("refused", read.left_out[-1]))
+        visits = self.watch.take(read.rows, self.lines.resolution)
+        if ended:
+            visits += self.watch.end()
+        self._visited(visits)
+        if visits or ended:
+            self.files.positions(self.session.record())
+
+    def end(self) -> None:
+        """Let the rest that is going on count."""
+        self._visited(self.watch.end())
+        self.files.positions(self.session.record())
+
+    def _visited(self, visits: Sequence[Visit]) -> None:
+        for visit in visits:
+            self.session = self.session.after(visit)
+            self.news.append(("visit", visit))
 
     def hear(self, word: Mapping[str, Any]) -> bool:
         """Follow a word of the operator's, and write it down; whether it ends the session."""
         if word.get("word") == "end":
             return True
         try:
-            if word.get("word") == "yes":
-                # What was shown may not be proposed any more: then nothing else is taken for it.
-                word = next(one.word for one in self.proposals if one.word == word["proposal"])
-            self._follow(word)
-        except (InputError, LookupError, StopIteration, TypeError, ValueError):
+            self.session = self.session.told(word)
+        except (InputError, LookupError, TypeError, ValueError):
             self.news.append(("refused", f"{dict(word)}: cannot be followed"))
             return False
-        self.kept.tell(word, self.lines.rows)
-        self.kept.positions(self.session.record())
+        self.news.append(("word", word))
+        self.files.tell(word, self.lines.rows)
+        self.files.positions(self.session.record())
         return False
-
-    @property
-    def proposals(self) -> list[Proposal]:
-        """What the last diagnosis asks for, where it is of what counts now."""
-        current = self.diagnosing.of == len(self.session.good)
-        return proposals_of(self.session, self.diagnosing.found) if current or self.diagnosing.running else []
-
-    def diagnose(self) -> None:
-        """Begin a diagnosis where the positions contradict the model, and hear of one that has ended."""
-        if self.diagnosing.ended():
-            self.news.append(("diagnosis", self.diagnosing.found))
-        if self.session.standing.against and self.session.worst is not None and self.diagnosing.wants(self.session):
-            self.diagnosing.start(self.session, self.kept.positions_file, self.kept.beside("diagnosis.html"))
 
     def moment(self, source: Source, silent_s: float, *, ended: bool = False) -> Moment:
         """What is now, for views; the news are told once."""
         news, self.news = tuple(self.news), []
         return Moment(
-            self.session,
-            self.watch.present(),
-            tuple(self.proposals),
-            self.diagnosing,
-            source.name,
-            silent_s if silent_s >= SILENT_S else 0.0,
-            source.trouble or self.trouble,
-            self.lines.rows,
-            self.left_out,
-            news,
-            ended,
+            session=self.session,
+            present=self.watch.present(),
+            source=source.name,
+            silent_s=silent_s if silent_s >= SILENT_S else 0.0,
+            trouble=source.trouble or self.trouble,
+            rows=self.lines.rows,
+            left_out=self.left_out,
+            news=news,
+            ended=ended,
+        )
+
+    def diagnosed(self) -> Diagnosis | None:
+        """Diagnose the positions and write the page beside the record; None where a target is open."""
+        if self.session.worst is None:
+            return None
+        asked, programme = self.session.asked, self.session.programme
+        record = read_record(self.files.positions_file, PositionRecord, channels=asked.channels)
+        diagnosis = diagnose(
+            record,
+            noise_bound=asked.noise_bound,
+            gravity=asked.gravity,
+            baseline=programme.baseline,
+            bounds=programme.bounds,
+            mounting=dict(programme.mounting),
+        )
+        diagnosis.report(self.files.beside("diagnosis.html"), record)
+        return diagnosis
+
+
+def carry_out(measurement: Measurement, source: Source, views: Sequence[View]) -> Measured:
+    """Measure until the source ends, the operator ends it, or nothing has come for so long as there is patience.
+
+    At the end the positions are diagnosed as a whole, and the page is written beside the record. An InputError for a
+    source that gives no readings, or files that cannot be written; what came until then is kept.
+    """
+    with closing(measurement.files), closing(source):
+        ending = _measure(measurement, source, views)
+        if not measurement.lines.rows:
+            trouble = source.trouble.removesuffix(" yet")
+            raise InputError(trouble or f"{source.name}: gave no readings; is it a raw record?")
+        if ending != "source":
+            measurement.end()
+            _show(measurement.moment(source, 0.0, ended=True), views)
+        diagnosis, trouble = None, measurement.session.standing.trouble
+        try:
+            diagnosis = measurement.diagnosed()
+        except InputError as error:
+            trouble = trouble or str(error)
+        positions = measurement.files.positions_file
+        return measured(
+            measurement.session,
+            diagnosis,
+            rows=measurement.lines.rows,
+            left_out=measurement.left_out,
+            ended=ending,
+            positions_file=str(positions) if positions.exists() else None,
+            trouble=trouble,
         )
 
 
-def carry_out(one: Measurement, source: Source, views: Sequence[View]) -> Measured:
-    """Measure until the source ends, the operator ends it, or nothing has come for so long as there is patience.
-
-    At the end the positions are diagnosed as a whole, and the diagnosis is written beside the record. An InputError for
-    a source that gives no readings, or files that cannot be written; what came until then is kept.
-    """
-    with ExitStack() as stack:
-        for ending in (one.kept, one.diagnosing, source):
-            stack.enter_context(closing(ending))
-        ended, last, patience_s = "", monotonic(), one.session.asked.patience_s
-        while not ended:
-            data = source.read()
-            if data is None:
-                one.feed(b"", ended=True)
-                ended = "source"
-            elif data:
-                one.feed(data)
-                last = monotonic()
-            silent = monotonic() - last
-            words = [word for view in views for word in view.words()]
-            if sum(map(one.hear, words)):
-                ended = "operator"
-            elif patience_s is not None and not data and silent >= patience_s:
-                ended = ended or "patience"
-            one.diagnose()
-            moment = one.moment(source, silent, ended=bool(ended))
-            for view in views:
-                view.show(moment)
-            if not data and not ended:
-                sleep(PAUSE_S)
-        return _ended(one, source, views, ended)
+def _measure(measurement: Measurement, source: Source, views: Sequence[View]) -> Ending:
+    """Feed what comes and show each moment; returns what ended it."""
+    last, patience_s = monotonic(), measurement.session.asked.patience_s
+    ending: Ending | None = None
+    while ending is None:
+        data = source.read()
+        if data is None:
+            measurement.feed(b"", ended=True)
+            ending = "source"
+        elif data:
+            measurement.feed(data)
+            last = monotonic()
+        silent_s = monotonic() - last
+        for view in views:
+            for word in view.words():
+                if measurement.hear(word):
+                    ending = "operator"
+        if ending is None and patience_s is not None and not data and silent_s >= patience_s:
+            ending = "patience"
+        _show(measurement.moment(source, silent_s, ended=ending is not None), views)
+        if not data and ending is None:
+            sleep(PAUSE_S)
+    return ending
 
 
-def _ended(
-    one: Measurement, source: Source, views: Sequence[View], ended: Literal["source", "operator", "patience"] | str
-) -> Measured:
-    """The rest that is going on counts; then the diagnosis of all."""
-    if not one.lines.rows:
-        raise InputError(source.trouble.removesuffix(" yet") or f"{source.name}: gave no readings; is it a raw record?")
-    if ended != "source":
-        one._visited(one.watch.end())
-        one.kept.positions(one.session.record())
-    if one.session.worst is not None:
-        if one.diagnosing.wants(one.session):
-            one.diagnosing.start(one.session, one.kept.positions_file, one.kept.beside("diagnosis.html"))
-        while one.diagnosing.running:
-            if one.diagnosing.ended(PAUSE_S):
-                one.news.append(("diagnosis", one.diagnosing.found))
-            moment = one.moment(source, 0.0, ended=True)
-            for view in views:
-                view.show(moment)
-    positions = one.kept.positions_file
-    said = "patience" if ended == "patience" else "source" if ended == "source" else "operator"
-    return measured(
-        one.session, one.diagnosing, one.lines.rows, one.left_out, said, str(positions) if positions.exists() else None
-    )
+def _show(moment: Moment, views: Sequence[View]) -> None:
+    for view in views:
+        view.show(moment)

@@ -1,31 +1,33 @@
-"""A session at the table: what is planned, what is measured, what it says. A fold over visits and the operator's words.
+"""A session at the table: the plan, the rests so far, what they give. A fold over visits and the operator's words.
 
-The same visits and words give the same session, so that one that was killed is taken up again from what was written.
+The same visits and words give the same session, so that one that was killed is taken up again from its files.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ...fmus.parameters import GRAVITIES
 from ..calibration import calibrate
 from ..calibration.calibration import checked_noise_bound
+from ..calibration.result import Number, Size
 from ..diagnosis import Diagnosis
 from ..errors import InputError
 from ..planning import DWELL_S, checked_dwell
 from ..records import PositionRecord
 from ..records.channels import Channels
+from ..result import Result
 from ..rounding import exactly
-from .programme import Programme, Setting, inserted
+from .programme import SAME_DEG, Programme, Setting
 from .visits import Visit, record_of
 
 State = Literal["open", "repeat", "done"]
-MOST_PROPOSED = 4
-"""Positions that are proposed at once, and wait to be measured: those that follow are chosen when these are read."""
+Ending = Literal["source", "operator", "patience"]
 WITHIN = 1.02
 """A guaranteed error this many times what the plan promises keeps the promise: angles are set with errors."""
 
@@ -55,42 +57,36 @@ class Asked:
         ):
             if not least <= value <= most:
                 raise InputError(f"--{name} {exactly(value)}: must be from {exactly(least)} to {exactly(most)}")
-        if self.read.radians or self.read.degrees:
+        if self.channels_read.radians or self.channels_read.degrees:
             raise InputError(
                 "--channels: angles are read in degrees while they are measured; say order and signs alone"
             )
 
     @cached_property
-    def read(self) -> Channels:
+    def channels_read(self) -> Channels:
         """How the channels are read."""
         return Channels.given(self.channels)
 
 
 @dataclass(frozen=True)
 class Standing:
-    """What the good visits give: guaranteed errors [σ] by target, None where open; `against` are readings (position
-    of the record, accelerometer) that prove the model wrong; `trouble` says why nothing could be computed."""
+    """What the good visits give.
+
+    Attributes
+    ----------
+    errors : mapping of str to float or None
+        guaranteed error [σ] of each target; None where it is open
+    radius : float
+    against : tuple of (int, int)
+        readings (position of the record, accelerometer) that prove the model wrong
+    trouble : str
+        why nothing could be computed
+    """
 
     errors: Mapping[str, float | None]
     radius: float = 0.0
     against: tuple[tuple[int, int], ...] = ()
     trouble: str = ""
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """Positions to add, or a visit to repeat, and why: what the operator may say yes to."""
-
-    why: str
-    settings: tuple[tuple[float, float], ...] = ()
-    visit: int | None = None
-
-    @property
-    def word(self) -> dict[str, Any]:
-        """The operator's yes, as it is written down."""
-        if self.visit is not None:
-            return {"word": "repeat", "visit": self.visit}
-        return {"word": "add", "settings": [list(setting) for setting in self.settings], "why": self.why}
 
 
 @dataclass(frozen=True)
@@ -103,8 +99,6 @@ class Session:
     asked : Asked
     path : Path
         of the record
-    settings : tuple of Setting
-        in the order in which they are to be measured, added ones among them
     visits : tuple of Visit
         all rests
     setting_of : tuple of int or None
@@ -118,38 +112,45 @@ class Session:
     programme: Programme
     asked: Asked
     path: Path
-    settings: tuple[Setting, ...]
     visits: tuple[Visit, ...] = ()
     setting_of: tuple[int | None, ...] = ()
     dropped: frozenset[int] = frozenset()
     history: tuple[Standing, ...] = ()
 
-    @staticmethod
-    def begun(programme: Programme, asked: Asked, path: Path) -> "Session":
-        """A session in which nothing is measured yet."""
-        return Session(programme, asked, path, programme.settings)
+    def counts(self, visit: Visit) -> bool:
+        """Whether a visit is good, and is not to be repeated."""
+        return not visit.bad and visit.number not in self.dropped
 
     @property
     def good(self) -> list[Visit]:
         """The visits that count, in the order of time."""
-        return [visit for visit in self.visits if not visit.bad and visit.number not in self.dropped]
+        return [visit for visit in self.visits if self.counts(visit)]
 
     def angles_deg(self, alpha: float, beta: float) -> tuple[float, float]:
         """Angles of the table from encoder readings [rad], by the channels [deg]."""
-        read = self.asked.read
-        return read.alpha * float(np.degrees(alpha)), read.beta * float(np.degrees(beta))
+        channels = self.asked.channels_read
+        return channels.alpha * float(np.degrees(alpha)), channels.beta * float(np.degrees(beta))
+
+    def visit_angles_deg(self, visit: Visit) -> tuple[float, float]:
+        """Angles of the table at a visit [deg]."""
+        return self.angles_deg(float(visit.average.alpha[0]), float(visit.average.beta[0]))
+
+    def visits_to(self, setting: Setting) -> list[Visit]:
+        """The visits to a setting."""
+        numbered = zip(self.visits, self.setting_of, strict=True)
+        return [visit for visit, number in numbered if number == setting.number]
 
     def state_of(self, setting: Setting) -> State:
         """Whether a setting is measured, to be repeated, or open."""
-        own = [v for v, number in zip(self.visits, self.setting_of, strict=True) if number == setting.number]
-        if any(not visit.bad and visit.number not in self.dropped for visit in own):
+        visits = self.visits_to(setting)
+        if any(map(self.counts, visits)):
             return "done"
-        return "repeat" if own else "open"
+        return "repeat" if visits else "open"
 
     @property
     def left(self) -> list[Setting]:
         """The settings that are not done, in their order."""
-        return [setting for setting in self.settings if self.state_of(setting) != "done"]
+        return [setting for setting in self.programme.settings if self.state_of(setting) != "done"]
 
     @property
     def standing(self) -> Standing:
@@ -164,9 +165,13 @@ class Session:
     @property
     def worst(self) -> float | None:
         """The largest of these; None where one is open."""
-        shares = [self.share(symbol) for symbol in self.programme.promised]
-        known = [share for share in shares if share is not None]
-        return max(known) if len(known) == len(shares) else None
+        largest = 0.0
+        for symbol in self.programme.promised:
+            share = self.share(symbol)
+            if share is None:
+                return None
+            largest = max(largest, share)
+        return largest
 
     @property
     def reached(self) -> bool:
@@ -190,49 +195,39 @@ class Session:
             "dwell_s": self.asked.dwell_s,
         }
 
+    def after(self, visit: Visit) -> "Session":
+        """The session after a visit: it belongs to the nearest setting, an open one before a measured one."""
+        angles = self.visit_angles_deg(visit)
+        near = [setting for setting in self.programme.settings if setting.distance(*angles) <= SAME_DEG]
+        unmeasured = [setting for setting in near if self.state_of(setting) != "done"]
+        nearest = min(unmeasured or near, key=lambda s: (round(s.distance(*angles), 2), s.number), default=None)
+        number = None if nearest is None else nearest.number
+        session = replace(self, visits=(*self.visits, visit), setting_of=(*self.setting_of, number))
+        return session if visit.bad else session._judged()
 
-def taken(session: Session, visit: Visit) -> Session:
-    """The session after a visit."""
-    at = session.angles_deg(float(visit.average.alpha[0]), float(visit.average.beta[0]))
-    near = [setting for setting in session.settings if setting.near(*at)]
-    open_ = [setting for setting in near if session.state_of(setting) != "done"]
-    chosen = min(open_ or near, key=lambda setting: (round(setting.distance(*at), 2), setting.number), default=None)
-    number = None if chosen is None else chosen.number
-    after = replace(session, visits=(*session.visits, visit), setting_of=(*session.setting_of, number))
-    return after if visit.bad else _judged(after)
+    def told(self, word: Mapping[str, Any]) -> "Session":
+        """The session after a word of the operator's; an InputError for one that cannot be followed."""
+        if word["word"] != "repeat":
+            raise InputError(f"{word['word']}: is no word; repeat is one")
+        number = word["visit"]
+        if number not in [visit.number for visit in self.good]:
+            raise InputError(f"repeat {number}: no good rest has this number")
+        return replace(self, dropped=self.dropped | {number})._judged()
 
-
-def told(session: Session, word: Mapping[str, Any]) -> Session:
-    """The session after a word of the operator's; an InputError for one that cannot be followed."""
-    if word["word"] == "repeat":
-        visit = word["visit"]
-        if visit not in [one.number for one in session.good]:
-            raise InputError(f"repeat {visit}: no good rest has this number")
-        return _judged(replace(session, dropped=session.dropped | {visit}))
-    if word["word"] != "add":
-        raise InputError(f"{word['word']}: is no word; add or repeat")
-    first = max((setting.number for setting in session.settings), default=0) + 1
-    more = [
-        Setting(first + k, float(a), float(b), str(word.get("why", ""))) for k, (a, b) in enumerate(word["settings"])
-    ]
-    done = [session.state_of(setting) != "open" for setting in session.settings]
-    before = next((k for k in range(len(done), 0, -1) if done[k - 1]), 0)
-    return replace(session, settings=inserted(session.settings, more, before))
-
-
-def _judged(session: Session) -> Session:
-    record = session.record()
-    if record is None:
-        return replace(session, history=(*session.history, Standing(dict.fromkeys(session.programme.promised))))
-    return replace(session, history=(*session.history, standing_of(session, record)))
+    def _judged(self) -> "Session":
+        record = self.record()
+        standing = Standing(dict.fromkeys(self.programme.promised))
+        if record is not None:
+            standing = standing_of(self, record)
+        return replace(self, history=(*self.history, standing))
 
 
 def standing_of(session: Session, record: PositionRecord) -> Standing:
-    """What `trihedron calibrate` says of the positions so far."""
+    """What `trihedron calibrate` finds in the positions so far."""
     programme, asked = session.programme, session.asked
     try:
-        found = calibrate(
-            record.read_with(asked.read) if asked.channels else record,
+        calibration = calibrate(
+            record.read_with(asked.channels_read) if asked.channels else record,
             noise_bound=asked.noise_bound,
             gravity=asked.gravity,
             baseline=programme.baseline,
@@ -241,37 +236,118 @@ def standing_of(session: Session, record: PositionRecord) -> Standing:
             mounting=dict(programme.mounting),
         )
     except InputError as error:
-        before = session.standing
-        return Standing(before.errors, trouble=str(error).removeprefix(f"{record.path}: "))
-    errors = {e.symbol: e.guaranteed_error for e in found.parameters}
-    return Standing(
-        {
-            name: None if (error := errors.get(name)) is None else error / asked.noise_bound
-            for name in programme.promised
-        },
-        found.radius,
-        tuple((one.position, one.accelerometer) for one in found.witness),
+        return Standing(session.standing.errors, trouble=str(error).removeprefix(f"{record.path}: "))
+    errors: dict[str, float | None] = dict.fromkeys(programme.promised)
+    for estimate in calibration.parameters:
+        if estimate.symbol in errors and estimate.guaranteed_error is not None:
+            errors[estimate.symbol] = estimate.guaranteed_error / asked.noise_bound
+    witness = tuple((reading.position, reading.accelerometer) for reading in calibration.witness)
+    return Standing(errors, calibration.radius, witness)
+
+
+class MeasuredPosition(Result):
+    """A rest: its number, the position of the plan (None: of none), encoder readings [deg], lines of the record, and
+    why it does not count."""
+
+    rest: int
+    position: int | None
+    alpha_deg: Number
+    beta_deg: Number
+    rows: tuple[int, int]
+    counts: bool
+    why: str
+
+
+class MeasuredTarget(Result):
+    """A target's guaranteed error and what the plan promises; None where the positions leave it open."""
+
+    symbol: str
+    guaranteed_error: Size | None
+    promised: Size
+
+
+class Measured(Result):
+    """A session at the table.
+
+    Attributes
+    ----------
+    record, positions_file : str
+        the raw record; the positions that count
+    rows, left_out : int
+        readings in the record; lines that could be none
+    planned, done : int
+        positions of the plan, and how many of them are measured
+    noise_bound : float
+        σ
+    promise_reached : bool
+    targets : tuple of MeasuredTarget
+    rests : tuple of MeasuredPosition
+    falsified : bool
+        whether the positions contradict the model
+    verdict : str or None
+        of the diagnosis at the end; None where there was none
+    causes : tuple of str
+        what it names
+    diagnosed : int
+        positions that it is of
+    ended : {"source", "operator", "patience"}
+        what ended the session
+    """
+
+    schema_: Literal["trihedron.measure/1"] = Field(default="trihedron.measure/1", alias="schema")
+    record: str
+    positions_file: str | None
+    rows: int
+    left_out: int
+    planned: int
+    done: int
+    noise_bound: Annotated[float, Field(gt=0.0)]
+    promise_reached: bool
+    targets: tuple[MeasuredTarget, ...]
+    rests: tuple[MeasuredPosition, ...]
+    falsified: bool
+    verdict: str | None
+    causes: tuple[str, ...]
+    diagnosed: int
+    ended: Ending
+    trouble: str = ""
+
+
+def measured(session: Session, diagnosis: Diagnosis | None, **counted: Any) -> Measured:
+    """The result of a session that has ended; `counted` are fields that the session does not know."""
+    standing, sigma = session.standing, session.asked.noise_bound
+    rests = []
+    for visit, setting in zip(session.visits, session.setting_of, strict=True):
+        alpha, beta = session.visit_angles_deg(visit)
+        why = visit.bad or ("repeated on the operator's word" if visit.number in session.dropped else "")
+        rest = MeasuredPosition(
+            rest=visit.number,
+            position=setting,
+            alpha_deg=alpha,
+            beta_deg=beta,
+            rows=(visit.first_row, visit.last_row),
+            counts=not why,
+            why=why,
+        )
+        rests.append(rest)
+    targets = []
+    for symbol, promised in session.programme.promised.items():
+        error = standing.errors.get(symbol)
+        guaranteed = None if error is None else sigma * error
+        targets.append(MeasuredTarget(symbol=symbol, guaranteed_error=guaranteed, promised=sigma * promised))
+    planned = len(session.programme.settings)
+    causes = diagnosis.causes if diagnosis is not None and diagnosis.verdict == "explained" else ()
+    return Measured(
+        record=str(session.path),
+        planned=planned,
+        done=planned - len(session.left),
+        noise_bound=sigma,
+        promise_reached=session.reached,
+        targets=tuple(targets),
+        rests=tuple(rests),
+        falsified=bool(standing.against),
+        verdict=None if diagnosis is None else diagnosis.verdict,
+        causes=tuple(cause.place.title for cause in causes),
+        diagnosed=0 if diagnosis is None else len(session.good),
+        **counted,
     )
-
-
-def proposals_of(session: Session, diagnosis: Diagnosis | None) -> list[Proposal]:
-    """What a diagnosis of the good visits asks for, of what is neither planned nor measured already."""
-    found: list[Proposal] = []
-    if diagnosis is None:
-        return found
-    for cause in (cause for some in (diagnosis.causes, *(diagnosis.alternatives or ())) for cause in some):
-        if cause.place.effect == "outlier":
-            position = int(cause.place.where.removeprefix("position-"))
-            if position <= len(session.good):
-                number = session.good[position - 1].number
-                said = f"one reading of rest {number} is unlike all others: repeat it"
-                found += [] if any(one.visit == number for one in found) else [Proposal(said, visit=number)]
-    asked = diagnosis.next_positions or ()
-    angles = [(float(setting["alpha_deg"]), float(setting["beta_deg"])) for setting in asked]
-    new = [k for k, at in enumerate(angles) if not any(setting.near(*at) for setting in session.left)][:MOST_PROPOSED]
-    if new and sum(bool(setting.why) for setting in session.left) < MOST_PROPOSED:
-        names = list(dict.fromkeys(name for k in new for name in asked[k].get("separates", ())))
-        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-        why = f"tells apart {', '.join(names[:3])}{more}" if names else "tells more of what is wrong"
-        found.append(Proposal(why, tuple(angles[k] for k in new)))
-    return found

@@ -1,4 +1,4 @@
-"""Where readings come from: a file that grows, standard input, a serial port. Asked, each gives what has come since."""
+"""Where readings come from: a file that grows, standard input or a named pipe."""
 
 import os
 import queue
@@ -6,7 +6,7 @@ import stat
 import sys
 import threading
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import BinaryIO, Protocol
 
 from ..errors import InputError, reason
 
@@ -98,70 +98,18 @@ class Stream:
             self._file.close()
 
 
-class SerialPort:
-    """A serial port, by pyserial; one that is lost is opened again. Its first line is left out: a part, maybe."""
-
-    def __init__(self, name: str, baud: int) -> None:
-        try:
-            import serial
-        except ImportError:
-            said = 'a serial port needs pyserial: python -m pip install "trihedron[serial]"'
-            raise InputError(f"--from {name}: {said}") from None
-        self.name, self.trouble = name, ""
-        self._serial: Any = serial
-        self._baud, self._whole = baud, False
-        self._port: Any = None
-        self._open(first=True)
-
-    def _open(self, *, first: bool) -> None:
-        try:
-            self._port, self._whole = self._serial.Serial(self.name, self._baud, timeout=0), False
-            self.trouble = ""
-        except (self._serial.SerialException, OSError, ValueError) as error:
-            if first:
-                raise InputError(f"--from {self.name}: cannot be opened ({error})") from error
-            self.trouble = f"{self.name}: is lost ({error}); it is tried again"
-
-    def read(self) -> bytes | None:
-        if self._port is None:
-            self._open(first=False)
-            return b""
-        try:
-            data = self._port.read(MOST_BYTES)
-        except (self._serial.SerialException, OSError) as error:
-            self.trouble = f"{self.name}: is lost ({error}); it is tried again"
-            self._port.close()
-            self._port = None
-            return b"\n"
-        if not self._whole and data:
-            _, newline, data = data.partition(b"\n")
-            self._whole = bool(newline)
-        return data
-
-    def close(self) -> None:
-        if self._port is not None:
-            self._port.close()
-
-
-def source_of(name: str, baud: int) -> Source:
-    """The source that `--from` names: - is standard input, a device or COMn a serial port, all else a growing file."""
+def source_of(name: str) -> Source:
+    """The source that `--from` names: - is standard input, all else a growing file or a named pipe."""
     if name == "-":
         return Stream(sys.stdin.buffer, "standard input")
     path = Path(name)
-    if not 50 <= baud <= 50_000_000:
-        raise InputError(f"--baud {baud}: must be from 50 to 50000000")
-    if name.upper().startswith("COM") and name[3:].isdigit():
-        return SerialPort(name, baud)
     try:
         mode = path.stat().st_mode
     except OSError:
-        if str(path).startswith("/dev/"):
-            raise InputError(f"--from {name}: no such device") from None
         if not path.absolute().parent.is_dir():
             raise InputError(f"--from {name}: there is no folder {path.parent}") from None
         return GrowingFile(path)
     if stat.S_ISCHR(mode):
-        return SerialPort(name, baud)
-    if stat.S_ISFIFO(mode):
-        return Stream(path.open("rb", buffering=0), name)
-    return GrowingFile(path)
+        said = "is a device; pipe what it sends into `trihedron measure ... --from -`, or let a logger write a file"
+        raise InputError(f"--from {name}: {said}")
+    return Stream(path.open("rb", buffering=0), name) if stat.S_ISFIFO(mode) else GrowingFile(path)

@@ -1,8 +1,5 @@
 """What a measurement at the table says, while it is made and when it has ended: sentences for every view."""
 
-from collections.abc import Sequence
-
-from ..diagnosis import Diagnosis
 from ..measure import Measured, Present, Session, Setting, Visit
 from ..rounding import digits, exactly, residual, upwards
 
@@ -14,8 +11,8 @@ def angles_text(alpha_deg: float, beta_deg: float) -> str:
 
 def setting_text(session: Session, setting: Setting) -> str:
     """A position of the plan with its number in the order of measurement, of how many."""
-    number = [one.number for one in session.settings].index(setting.number) + 1
-    return f"position {number} of {len(session.settings)}: {angles_text(setting.alpha_deg, setting.beta_deg)}"
+    number = [one.number for one in session.programme.settings].index(setting.number) + 1
+    return f"position {number} of {len(session.programme.settings)}: {angles_text(setting.alpha_deg, setting.beta_deg)}"
 
 
 def next_text(session: Session) -> str:
@@ -43,7 +40,11 @@ def promise_text(session: Session) -> str:
         name = max(session.programme.promised, key=lambda target: session.share(target) or 0.0)
         return f"the guaranteed errors are up to {upwards(worst, 3)} times what is promised ({name})"
     if standing.against:
-        return "the promised errors are reached, but the readings contradict the model: measure on until it is told why"
+        record = session.path.with_suffix(".positions.csv")
+        return (
+            "the promised errors are reached, but the readings contradict the model: measure on; "
+            f"trihedron diagnose {record} --noise-bound {exactly(session.asked.noise_bound)} looks for the cause"
+        )
     return "the promise is reached: every guaranteed error is as planned; you can stop"
 
 
@@ -85,9 +86,9 @@ def present_text(session: Session, present: Present) -> str:
 
 def visit_text(session: Session, visit: Visit) -> str:
     """What became of a rest."""
-    at = angles_text(*session.angles_deg(*(float(angle[0]) for angle in (visit.average.alpha, visit.average.beta))))
+    at = angles_text(*session.visit_angles_deg(visit))
     number = session.setting_of[visit.number - 1]
-    setting = next((one for one in session.settings if one.number == number), None)
+    setting = next((one for one in session.programme.settings if one.number == number), None)
     of = "of no position of the plan" if setting is None else setting_text(session, setting).partition(":")[0]
     rows = f"rows {visit.first_row} to {visit.last_row}"
     if visit.bad:
@@ -99,31 +100,9 @@ def visit_text(session: Session, visit: Visit) -> str:
     )
 
 
-def cause_titles(causes: Sequence[object]) -> str:
-    """The causes of a set in words."""
-    return " and ".join(cause.place.title for cause in causes)  # type: ignore[attr-defined]
-
-
-def diagnosis_text(found: Diagnosis | None, of: int, *, now: int | None = None) -> str:
-    """What the diagnosis of so many positions says; `now` are measured."""
-    if found is None:
-        return ""
-    measured = f"diagnosis of {of} positions" + (f" ({now} are measured)" if now not in (None, of) else "")
-    if found.verdict == "explained":
-        return f"{measured}: the cause is {cause_titles(found.causes)}"
-    if found.verdict == "ambiguous":
-        sets = [cause_titles(one) for one in (found.causes, *(found.alternatives or ())) if one]
-        shown = " or ".join(sets[:4]) + (f", or {len(sets) - 4} more" if len(sets) > 4 else "")
-        return f"{measured}: ambiguous: {shown}"
-    if found.verdict == "unexplained":
-        return f"{measured}: the model is wrong, and nothing in the catalogue explains it for sure"
-    return f"{measured}: {found.verdict}"
-
-
 def measured_lines(result: Measured) -> list[str]:
     """What a session came to: positions, promise, rests that do not count, verdict, files."""
-    added = f" ({result.added} of them added)" if result.added else ""
-    lines = [f"{result.done} of {result.planned + result.added} positions measured{added}, {result.rows} readings"]
+    lines = [f"{result.done} of {result.planned} positions measured, {result.rows} readings"]
     if result.left_out:
         lines.append(f"{result.left_out} lines were left out: they are no rows of a record")
     lines += [f"rest {one.rest} does not count: {one.why}" for one in result.rests if not one.counts]

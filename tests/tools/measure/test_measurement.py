@@ -1,7 +1,10 @@
 """A session at a simulated table, fed piece by piece: the record, the rests, the promise; killed and taken up again."""
 
 import json
+import os
 import random
+import sys
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,9 +13,9 @@ import pytest
 
 from simulated_table import HEADER, SimulatedTable, text_of
 from trihedron.tools.errors import InputError
-from trihedron.tools.measure import Asked, Measurement, Session, read_programme
+from trihedron.tools.measure import Asked, Measurement, Session, read_programme, source_of
 from trihedron.tools.measure.programme import Programme
-from trihedron.tools.measure.session import Proposal
+from trihedron.tools.measure.source import Source
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.reports.measure import promise_text, visit_text
 
@@ -49,16 +52,20 @@ def begun(programme: Programme, out: Path, *, resume: bool = False, **asked) -> 
     return Measurement.begun(programme, Asked(SIGMA, dwell_s=5.0, **asked), out, "growing.csv", resume=resume)
 
 
-def fed(one: Measurement, data: bytes, pieces: random.Random | None = None) -> Session:
+def closed(measurement: Measurement) -> Session:
+    """The session of a measurement whose process is gone."""
+    measurement.files.close()
+    return measurement.session
+
+
+def fed(measurement: Measurement, data: bytes, pieces: random.Random | None = None) -> Session:
     """Feed data, in pieces of any length, and end."""
     while data:
         size = len(data) if pieces is None else pieces.randrange(1, 20_000)
-        one.feed(data[:size])
+        measurement.feed(data[:size])
         data = data[size:]
-    one.feed(b"", ended=True)
-    one.kept.close()
-    one.diagnosing.close()
-    return one.session
+    measurement.feed(b"", ended=True)
+    return closed(measurement)
 
 
 @pytest.fixture(scope="module")
@@ -113,13 +120,11 @@ def test_pieces_and_a_kill_at_any_byte_change_nothing(seed: int, whole: Session,
         one.feed(sent[:7000])
         sent = sent[7000:]
     # the process is gone; what it had begun to write may end anywhere
-    one.kept.close()
-    one.diagnosing.close()
+    closed(one)
     cut = data[: data.rfind(b"\n", 0, at) + 1]
     assert out.read_bytes() == cut
     out.write_bytes(cut[: len(cut) - draw.randrange(0, 60)])
-    again = begun(programme, out, resume=True)
-    session = fed(again, data, draw)
+    session = fed(begun(programme, out, resume=True), data, draw)
     # the comment may stand before a row that was passed over
     told = [line for line in data.splitlines() if not line.startswith(b"#")]
     assert [line for line in out.read_bytes().splitlines() if not line.startswith(b"#")] == told
@@ -128,26 +133,21 @@ def test_pieces_and_a_kill_at_any_byte_change_nothing(seed: int, whole: Session,
     assert session.standing.errors == whole.standing.errors
 
 
-def test_words_are_written_and_followed_again(whole: Session, growing: Path, programme, tmp_path):
-    one = begun(programme, tmp_path / "m.csv")
-    one.feed(growing.read_bytes())
-    assert not one.hear({"word": "repeat", "visit": 2})
-    assert not one.hear({"word": "repeat", "visit": 4}), "a bad rest is repeated anyway"
-    one._follow(word := {"word": "add", "settings": [[90.0, 0.0], [10.0, 300.0]], "why": "tells apart a, b"})
-    one.kept.tell(word, one.lines.rows)
-    one.kept.close()
-    one.diagnosing.close()
-    before = one.session
-    assert before.state_of(before.settings[1]) == "repeat"
-    assert [setting.number for setting in before.left] == [2, 13, 14, 12], "the table is at the twelfth still"
-    said = [json.loads(line) for line in (tmp_path / "m.session.jsonl").read_text(encoding="utf-8").splitlines()]
-    assert [line.get("word") for line in said] == [None, "repeat", "add"]
-    again = begun(programme, tmp_path / "m.csv", resume=True)
-    again.kept.close()
-    again.diagnosing.close()
-    assert again.session.settings == before.settings
-    assert again.session.dropped == before.dropped == frozenset({2})
-    assert again.session.standing == before.standing
+def test_words_are_written_and_followed_again(growing: Path, programme, tmp_path):
+    measurement = begun(programme, tmp_path / "m.csv")
+    measurement.feed(growing.read_bytes())
+    assert not measurement.hear({"word": "repeat", "visit": 2})
+    for refused in ({"word": "repeat", "visit": 4}, {"word": "repeat"}, {"word": "add", "settings": []}):
+        assert not measurement.hear(refused), "a bad rest is repeated anyway"
+        assert measurement.news.pop()[0] == "refused"
+    before = closed(measurement)
+    assert before.state_of(before.programme.settings[1]) == "repeat"
+    assert [setting.number for setting in before.left] == [2, 12], "the table is at the twelfth still"
+    lines = (tmp_path / "m.session.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line).get("word") for line in lines] == [None, "repeat"]
+    again = closed(begun(programme, tmp_path / "m.csv", resume=True))
+    assert again.dropped == before.dropped == frozenset({2})
+    assert again.standing == before.standing
 
 
 def test_what_is_no_row_is_left_out_and_counted(growing: Path, programme, tmp_path):
@@ -183,7 +183,6 @@ def test_another_table_is_refused_and_nothing_is_written(data: bytes, said: str,
     one = begun(programme, tmp_path / "m.csv")
     with pytest.raises(InputError, match=said):
         one.feed(data)
-    one.diagnosing.close()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -215,8 +214,7 @@ def test_another_plan_or_another_process_is_refused(growing, programme, tmp_path
         begun(programme, tmp_path / "m.csv")
     with pytest.raises(InputError, match="another process"):
         begun(programme, tmp_path / "m.csv", resume=True)
-    one.kept.close()
-    one.diagnosing.close()
+    closed(one)
     (tmp_path / "other.csv").write_text(
         "alpha_deg,beta_deg\n" + "".join(f"{a + 1},{b}\n" for a, b in POSITIONS), encoding="utf-8"
     )
@@ -224,22 +222,6 @@ def test_another_plan_or_another_process_is_refused(growing, programme, tmp_path
         begun(read_programme(tmp_path / "other.csv"), tmp_path / "m.csv", resume=True)
     with pytest.raises(InputError, match="another gravity"):
         begun(programme, tmp_path / "m.csv", resume=True, gravity=9.81)
-
-
-def test_a_yes_is_to_what_was_shown_and_to_nothing_else(programme, tmp_path, monkeypatch):
-    """Between the look at a proposal and the yes another diagnosis may have ended."""
-    shown, now = Proposal("a", ((10.0, 20.0),)), Proposal("b", ((30.0, 40.0),))
-    monkeypatch.setattr(Measurement, "proposals", property(lambda self: [now]))
-    one = begun(programme, tmp_path / "m.csv")
-    planned = one.session.settings
-    for word in (shown.word, 0, -1, None):
-        assert not one.hear({"word": "yes", "proposal": word})
-        assert one.session.settings == planned
-        assert one.news.pop()[0] == "refused"
-    one.hear(json.loads(json.dumps({"word": "yes", "proposal": now.word})))
-    one.kept.close()
-    one.diagnosing.close()
-    assert [(s.alpha_deg, s.beta_deg) for s in one.session.settings if s.why] == [(30.0, 40.0)]
 
 
 def test_positions_that_are_all_to_be_repeated_leave_no_file_of_positions(programme, tmp_path):
@@ -250,8 +232,7 @@ def test_positions_that_are_all_to_be_repeated_leave_no_file_of_positions(progra
     one.feed(table.file.read_bytes())
     assert (tmp_path / "m.positions.csv").exists()
     one.hear({"word": "repeat", "visit": 1})
-    one.kept.close()
-    one.diagnosing.close()
+    closed(one)
     assert not (tmp_path / "m.positions.csv").exists()
 
 
@@ -259,8 +240,7 @@ def test_positions_that_are_all_to_be_repeated_leave_no_file_of_positions(progra
 def test_a_word_that_cannot_be_followed_again_is_refused_in_a_line(word: str, growing, programme, tmp_path):
     one = begun(programme, tmp_path / "m.csv")
     one.feed(growing.read_bytes()[:5000])
-    one.kept.close()
-    one.diagnosing.close()
+    closed(one)
     with (tmp_path / "m.session.jsonl").open("a", encoding="utf-8") as file:
         file.write(f'{{"rows": 3, {word}}}\n')
     with pytest.raises(InputError, match=r"m\.session\.jsonl: .* cannot be followed"):
@@ -272,3 +252,54 @@ def test_positions_that_determine_nothing_are_no_plan(tmp_path):
     path.write_text("alpha_deg,beta_deg\n20,25\n65,145\n", encoding="utf-8")
     with pytest.raises(InputError, match="its 2 positions do not determine X1"):
         read_programme(path)
+
+
+def all_of(source: Source, size: int) -> bytes:
+    """So many bytes, as they come."""
+    data, ends = b"", time.monotonic() + 20.0
+    while len(data) < size and time.monotonic() < ends:
+        data += source.read() or b""
+    return data
+
+
+def test_a_file_may_come_later_and_grow_but_not_shrink(tmp_path: Path):
+    file = tmp_path / "later.csv"
+    source = source_of(str(file))
+    assert source.read() == b""
+    assert source.trouble.endswith("later.csv: no such file yet")
+    file.write_bytes(b"one\ntw")
+    assert source.read() == b"one\ntw"
+    assert source.trouble == ""
+    with file.open("ab") as grown:
+        grown.write(b"o\n")
+    assert [source.read(), source.read()] == [b"o\n", b""]
+    file.write_bytes(b"new\n")
+    with pytest.raises(InputError, match="has become shorter"):
+        source.read()
+    source.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe with a name")
+def test_a_pipe_with_a_name_is_read_to_its_end(tmp_path: Path):
+    os.mkfifo(tmp_path / "pipe")
+    # Whoever reads waits for whoever writes, unless one does both.
+    write = os.open(tmp_path / "pipe", os.O_RDWR)
+    source = source_of(str(tmp_path / "pipe"))
+    assert source.read() == b""
+    os.write(write, b"a,b\n")
+    assert all_of(source, 4) == b"a,b\n"
+    os.close(write)
+    ends = time.monotonic() + 20.0
+    while source.read() is not None:
+        assert time.monotonic() < ends
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("none/x.csv", "there is no folder"), ("/dev/null", "is a device"), (".", "is not a regular file")],
+)
+def test_what_is_no_source_is_refused(name: str, message: str, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=message):
+        source_of(name).read()
