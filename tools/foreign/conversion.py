@@ -29,7 +29,7 @@ from .layout import COMMENT
 from .mapping import OPEN
 from .names import DATE, SAMPLE, TIMES
 from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
-from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Understanding, reading
+from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Table
 from .units import DEGREE, TIME, known_unit, unit_of
 
 DIGITS_OF = 2000
@@ -39,6 +39,8 @@ MOST_LEFT_OUT = 0.2
 DAY = 86400.0
 EPOCH = 1e8
 """Times above that many seconds count from long ago: the first row is taken off, whose digits doubles would lose."""
+RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
+"""Unit in the names of columns -> the columns whose last digit is looked at."""
 
 
 @dataclass
@@ -63,9 +65,9 @@ class Conversion:
         standard error of a mean of them, pooled over the rests [m/s²]
     """
 
-    numbers: dict[str, NDArray[np.float64]]
-    names: list[str]
-    row: NDArray[np.int_]
+    numbers: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    names: list[str] = field(default_factory=list)
+    row: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     left_out: dict[str, list[int]] = field(default_factory=dict)
     resolution: dict[str, float] = field(default_factory=dict)
     readings: NDArray[np.int_] | None = None
@@ -73,190 +75,178 @@ class Conversion:
     notes: list[str] = field(default_factory=list)
 
 
-def converted(found: Understanding) -> Conversion:
+def converted(table: Table) -> Conversion:
     """The rows of a sheet that is understood as columns, nothing where they bring up another question.
 
     An InputError names the row and column that cannot be.
     """
-    texts, lines, left_out = _texts(found)
-    if found.questions:
-        return Conversion({}, [], np.zeros(0, dtype=np.int64), left_out)
+    texts, lines, left_out = _texts(table)
+    if table.questions:
+        return Conversion(left_out=left_out)
     if not lines:
-        raise InputError(f"{found.sheet.path}: no row has all that a {found.kind.name} needs")
+        raise InputError(f"{table.sheet.path}: no row has all that a {table.kind.name} needs")
     numbers: dict[str, NDArray[np.float64]] = {}
-    for column, taken in found.taken.items():
-        if column in (MOUNTING, DATE):
-            continue
-        if taken.form == NAME:
-            numbers[column] = np.cumsum(
-                [k == 0 or text != texts[column][k - 1] for k, text in enumerate(texts[column])]
-            )
-            continue
+    for column, origin in table.origins.items():
         if column == TIMES:
-            numbers[column] = _times(found, texts, lines)
-            continue
-        values, unit = _values(found, column, texts[column], lines), taken.unit
-        values = (values - taken.offset) * taken.sign
-        # Units of angles give degrees; of all columns those of increments alone are in radians.
-        size = DEGREE if column in INCREMENT else 1.0
-        numbers[column] = values if unit is None else values * (unit.factor * size) + unit.offset
+            numbers[TIMES] = _times(table, texts, lines)
+        elif origin.form == NAME and column != MOUNTING:
+            changes = [before != text for before, text in zip(texts[column], texts[column][1:], strict=False)]
+            numbers[column] = np.cumsum([True, *changes])
+        elif column not in (MOUNTING, DATE):
+            values = (_values(table, column, texts[column], lines) - origin.offset) * origin.sign
+            # Units of angles give degrees; of all columns those of increments alone are in radians.
+            size = DEGREE if column in INCREMENT else 1.0
+            unit = origin.unit
+            numbers[column] = values if unit is None else values * (unit.factor * size) + unit.offset
     if TIMES not in numbers:
-        unit = unit_of(found.given.units.get(TIME) or found.sheet.stated.time or "1 s")
+        unit = unit_of(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s")
         numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * (unit.factor if unit is not None else 1.0)
-    if QUATERNION[0] in numbers and found.mapping.attitude == "reference to body":
-        numbers |= {column: -numbers[column] for column in QUATERNION[1:]}
-    made = Conversion(numbers, [text.strip() for text in texts.get(MOUNTING, [])], np.array(lines), left_out)
-    made.resolution = _resolutions(found, texts)
-    if found.kind is POSITION:
-        _average(found, made)
-    return made
+    if QUATERNION[0] in numbers and table.whole_mapping.attitude == "reference to body":
+        for column in QUATERNION[1:]:
+            numbers[column] = -numbers[column]
+    mountings = [text.strip() for text in texts.get(MOUNTING, [])]
+    conversion = Conversion(numbers, mountings, np.array(lines), left_out, _resolutions(table, texts))
+    if table.kind is POSITION:
+        _average(table, conversion)
+    return conversion
 
 
-def _texts(found: Understanding) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
-    """The texts of the columns taken, row by row, and their lines; rows without a number are left out, by reason."""
-    layout, also = found.layout, found.given.missing
-    columns = list(found.taken)
+def _texts(table: Table) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
+    """The texts of the columns, row by row, and their lines; rows without a number are left out, by reason."""
+    missing, marked, origins = table.mapping.missing, table.is_marked, table.origins
     # readings side by side are rows of their own, with all else alike
-    every = [(taken.field, *taken.beside) for taken in found.taken.values()]
-    turns = [[fields[k % len(fields)] for fields in every] for k in range(max(map(len, every), default=1))]
-    numeric = [column for column, taken in found.taken.items() if taken.form == NUMBER]
+    places = [[field.place for field in (origin.field, *origin.beside)] for origin in origins.values()]
+    turns = []
+    for k in range(max(map(len, places), default=1)):
+        turns.append([beside[k % len(beside)] for beside in places])
+    needed = [(k, column) for k, column in enumerate(origins) if column not in QUATERNION]
+    numeric = [(k, column) for k, column in enumerate(origins) if origins[column].form == NUMBER]
     rows: list[list[str]] = []
     lines: list[int] = []
     left_out: dict[str, list[int]] = {}
     empty: dict[str, int] = {}
-    read = found.sheet.rows(layout.first, layout.last or None)
-    marked = found.is_marked
-    for line, row, places in ((line, row, places) for line, row in read for places in turns):
-        if not marked and row[0].lstrip().startswith(COMMENT) and not is_missing(row[0], also):
-            left_out.setdefault("comments", []).append(line)
-            continue
-        try:
-            cells = [row[place] for place in places]
-        except IndexError:
-            cells = [row[place] if place < len(row) else "" for place in places]
-        # what ends with a digit is not missing
-        if also or not all(text[-1:].isdigit() for text in cells):
-            named = dict(zip(columns, cells, strict=True))
-            missing = [c for c, text in named.items() if is_missing(text, also) and c not in QUATERNION]
-            if missing:
-                left_out.setdefault("a number is missing", []).append(line)
-                for column in missing:
-                    empty[column] = empty.get(column, 0) + 1
+    for line, row in table.sheet.rows(table.layout.first, table.layout.last or None):
+        is_comment = not marked and row[0].lstrip().startswith(COMMENT) and not is_missing(row[0], missing)
+        for turn in turns:
+            if is_comment:
+                left_out.setdefault("comments", []).append(line)
                 continue
-            if all(reading(found, column, named[column]) is None for column in numeric):
-                left_out.setdefault("words, no numbers", []).append(line)
-                continue
-        lines.append(line)
-        rows.append(cells)
-    texts = dict(zip(columns, map(list, zip(*rows, strict=True)), strict=True)) if rows else {c: [] for c in columns}
+            cells = [row[place] if place < len(row) else "" for place in turn]
+            # what ends with a digit is not missing
+            if missing or not all(text[-1:].isdigit() for text in cells):
+                lacking = [column for k, column in needed if is_missing(cells[k], missing)]
+                if lacking:
+                    left_out.setdefault("a number is missing", []).append(line)
+                    for column in lacking:
+                        empty[column] = empty.get(column, 0) + 1
+                    continue
+                if all(table.reading(column, cells[k]) is None for k, column in numeric):
+                    left_out.setdefault("words, no numbers", []).append(line)
+                    continue
+            lines.append(line)
+            rows.append(cells)
+    columns = map(list, zip(*rows, strict=True)) if rows else [[] for _ in origins]
+    texts = dict(zip(origins, columns, strict=True))
     count = len(lines) + sum(map(len, left_out.values()))
-    if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and found.given.incomplete in ("", OPEN):
-        worst = max(empty, key=lambda column: empty[column])
-        why = f"{empty[worst]} of {count} rows have no number in {found.taken[worst].said!r}"
-        if worst in (*found.kind.optional, DATE):
-            found.ask(f"columns.{worst}", ("none",), f"{why}; --set 'incomplete=leave out' leaves out the rows")
-        else:
-            found.ask("incomplete", ("leave out",), why)
+    if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and table.mapping.incomplete in ("", OPEN):
+        _ask_of_gaps(table, empty, count)
         return texts, [], left_out
     return texts, lines, left_out
 
 
-def _values(found: Understanding, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
-    """The numbers of a column's cells (N,), in the file's unit."""
-    _refuse_units(found, column, texts, lines)
-    plain = None if column in QUATERNION else numbers_of(texts, found.decimal)
-    if plain is not None:
-        return np.array(plain)
-    return np.array([_value(found, column, text, line) for text, line in zip(texts, lines, strict=True)])
+def _ask_of_gaps(table: Table, empty: dict[str, int], count: int) -> None:
+    """Ask what to do with many rows without a number, by the column that lacks most of them."""
+    worst = max(empty, key=lambda column: empty[column])
+    why = f"{empty[worst]} of {count} rows have no number in {table.origins[worst].name!r}"
+    if worst in (*table.kind.optional, DATE):
+        table.ask(f"columns.{worst}", ("none",), f"{why}; --set 'incomplete=leave out' leaves out the rows")
+    else:
+        table.ask("incomplete", ("leave out",), why)
 
 
-def _refuse_units(found: Understanding, column: str, texts: list[str], lines: Sequence[int]) -> None:
-    """Refuse numbers of a column behind which different units stand, or another than in its head."""
-    head, taken = found.layout.headings[found.taken[column].field], found.taken[column]
-    first = known_unit(head.unit)
+def _values(table: Table, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
+    """The numbers of a column's cells (N,), in the file's unit; an InputError where one is none, or in another unit."""
+    origin, at = table.origins[column], f"{table.sheet.path}: row"
+    first = origin.field.unit
     for text, line in zip(texts, lines, strict=True):
-        if text[-1:].isdigit() or found.value(text) is None:
+        if text[-1:].isdigit() or table.value(text) is None:
             continue
         unit = known_unit(unit_behind(text))
         if first is not None and unit is not None and unit != first:
-            what = f"{quoted(text.strip())} is in another unit than {taken.said!r} or the rows before"
-            raise InputError(f"{found.sheet.path}: row {line}: {what}; one unit for a column is needed")
+            what = f"{quoted(text.strip())} is in another unit than {origin.name!r} or the rows before"
+            raise InputError(f"{at} {line}: {what}; one unit for a column is needed")
         first = first or unit
+    plain = None if column in QUATERNION else numbers_of(texts, table.decimal)
+    if plain is not None:
+        return np.array(plain)
+    values = []
+    for text, line in zip(texts, lines, strict=True):
+        value = table.reading(column, text)
+        if column in QUATERNION and is_missing(text):
+            value = np.nan
+        if value is None:
+            what = f"{quoted(text.strip())} is no number with decimal {table.decimal!r}"
+            hint = "--set missing=TEXT leaves such rows out"
+            raise InputError(f"{at} {line}, column {origin.name!r}: {what}; {hint}")
+        values.append(value)
+    return np.array(values)
 
 
-def _value(found: Understanding, column: str, text: str, line: int) -> float:
-    """The number of a cell; an InputError where it is none."""
-    if column in QUATERNION and is_missing(text):
-        return np.nan
-    value = found.value(text) if column not in ANGLES else reading(found, column, text)
-    if value is None:
-        said = found.taken[column].said
-        what = f"{quoted(text.strip())} is no number with decimal {found.decimal!r}"
-        raise InputError(
-            f"{found.sheet.path}: row {line}, column {said!r}: {what}; --set missing=TEXT leaves such rows out"
-        )
-    return value
-
-
-def _times(found: Understanding, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
+def _times(table: Table, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
     """Times [s]: as written where they are numbers, else from the first row on."""
-    taken = found.taken[TIMES]
-    form, order = found.mapping.clock, found.mapping.dates or "day-first"
-    if taken.form == NUMBER:
-        assert taken.unit is not None
-        values = _values(found, TIMES, texts[TIMES], lines)
-        if np.abs(values * taken.unit.factor).max() > EPOCH:
+    origin = table.origins[TIMES]
+    if origin.form == NUMBER:
+        assert origin.unit is not None
+        values = _values(table, TIMES, texts[TIMES], lines)
+        if np.abs(values * origin.unit.factor).max() > EPOCH:
             values = values - values[0]
-            found.notes.append("times count from the first row")
-        return values * taken.unit.factor
-    read = clock if taken.form == CLOCK else moment
-    values = np.zeros(len(lines))
-    for k, (text, line) in enumerate(zip(texts[TIMES], lines, strict=True)):
-        at = clock(text, form) if read is clock else moment(text, order, form)
-        if at is not None and DATE in texts:
-            on = moment(texts[DATE][k], order)
-            at = None if on is None else at + on
-        if at is None:
-            shown = quoted(text.strip())
-            raise InputError(
-                f"{found.sheet.path}: row {line}, column {taken.said!r}: {shown} is no time like those before"
-            )
-        values[k] = at
-    found.notes.append("times count from the first row")
-    values = values - values[0]
-    if taken.form == CLOCK and DATE not in texts:
-        steps = np.diff(values, prepend=values[0])
-        nights = np.cumsum(steps < -0.5 * DAY)
+            table.notes.append("times count from the first row")
+        return values * origin.unit.factor
+    mapping = table.whole_mapping
+    order = mapping.dates or "day-first"
+    dates = texts.get(DATE, [""] * len(lines))
+    seconds = []
+    for text, date, line in zip(texts[TIMES], dates, lines, strict=True):
+        at = clock(text, mapping.clock) if origin.form == CLOCK else moment(text, order, mapping.clock)
+        midnight = moment(date, order) if DATE in texts else 0.0
+        if at is None or midnight is None:
+            what = f"column {origin.name!r}: {quoted(text.strip())} is no time like those before"
+            raise InputError(f"{table.sheet.path}: row {line}, {what}")
+        seconds.append(at + midnight)
+    table.notes.append("times count from the first row")
+    values = np.array(seconds) - seconds[0]
+    if origin.form == CLOCK and DATE not in texts:
+        nights = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * DAY)
         if nights.any():
-            found.notes.append(f"midnight passes {int(nights[-1])} time{'s' if nights[-1] > 1 else ''}")
+            table.notes.append(f"midnight passes {int(nights[-1])} time{'s' if nights[-1] > 1 else ''}")
         values = values + DAY * nights
     return values
 
 
-def _resolutions(found: Understanding, texts: dict[str, list[str]]) -> dict[str, float]:
+def _resolutions(table: Table, texts: dict[str, list[str]]) -> dict[str, float]:
     """Half a last digit of what was written, in the record's units, by the unit in their names."""
-    groups = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
-    result = {}
-    for name, columns in groups.items():
-        sizes = [_resolution(found, column, texts[column]) for column in columns if column in found.taken]
-        if sizes and max(sizes) > 0.0:
-            result[name] = max(sizes)
-    return result
+    resolutions = {}
+    for unit, columns in RESOLUTIONS.items():
+        largest = max((_resolution(table, column, texts[column]) for column in columns if column in texts), default=0.0)
+        if largest > 0.0:
+            resolutions[unit] = largest
+    return resolutions
 
 
-def _resolution(found: Understanding, column: str, texts: Sequence[str]) -> float:
-    unit = found.taken[column].unit
-    factor = unit.factor if unit is not None else 1.0
-    some = [bare(text).replace("−", "-") for text in islice(texts, DIGITS_OF)]
-    values = [found.value(text) for text in some]
-    if any(value is None for value in values):
+def _resolution(table: Table, column: str, texts: Sequence[str]) -> float:
+    unit = table.origins[column].unit
+    first = [bare(text).replace("−", "-") for text in islice(texts, DIGITS_OF)]
+    if any(table.value(text) is None for text in first):
         # seconds of an arc, or minutes where there are none
-        decimals = [len(text.rstrip("\"″”s'′ ").replace(",", ".").partition(".")[2]) for text in some]
-        parts = [len([p for p in sexagesimal_parts(text) if p]) for text in some]
-        return 0.5 * 10.0 ** -max(decimals, default=0) / 60.0 ** (max(parts, default=1) - 1)
-    plain = ["".join(c for c in text if c not in BLANKS + found.thousands).replace(found.decimal, ".") for text in some]
-    digits = max(map(significant_digits, plain), default=0)
-    return written_resolution(max(abs(value) for value in values if value is not None), digits) * factor
+        decimals = parts = 0
+        for text in first:
+            decimals = max(decimals, len(text.rstrip("\"″”s'′ ").replace(",", ".").partition(".")[2]))
+            parts = max(parts, len(sexagesimal_parts(text)))
+        return 0.5 * 10.0**-decimals / 60.0 ** (parts - 1)
+    unmarked = str.maketrans(table.decimal, ".", BLANKS + table.thousands)
+    digits = max((significant_digits(text.translate(unmarked)) for text in first), default=0)
+    largest = max(abs(table.value(text) or 0.0) for text in first)
+    return written_resolution(largest, digits) * (unit.factor if unit is not None else 1.0)
 
 
 def sexagesimal_parts(text: str) -> list[str]:
@@ -266,31 +256,34 @@ def sexagesimal_parts(text: str) -> list[str]:
     return "".join(c if c.isdigit() or c in ".," else " " for c in text).split()
 
 
-def _average(found: Understanding, made: Conversion) -> None:
+def _average(table: Table, conversion: Conversion) -> None:
     """One row for each rest: rows that follow one another with the same number, or at the same angles, are averaged."""
-    numbers, count = made.numbers, len(made.row)
-    numbered = "position" in numbers
-    rows = np.diff(made.row, prepend=-1) != 0
-    if numbered:
-        new = rows if found.given.readings == "each" else np.diff(numbers["position"], prepend=np.nan) != 0.0
-    elif found.given.readings == "average":
+    numbers = conversion.numbers
+    numbered, readings = "position" in numbers, table.mapping.readings
+    if numbered and readings != "each":
+        new = np.diff(numbers["position"], prepend=np.nan) != 0.0
+    elif readings == "average" and not numbered:
         new = _moved(numbers)
     else:
-        new = rows
+        new = np.diff(conversion.row, prepend=-1) != 0
     begins = np.flatnonzero(new)
-    sizes = np.diff(np.append(begins, count))
-    if numbered:
-        _refuse_moves(found, made, new)
+    sizes = np.diff(np.append(begins, len(new)))
+    wrong = np.flatnonzero(_moved(numbers) & ~new)
+    if numbered and len(wrong):
+        line = int(conversion.row[wrong[0]])
+        what = "the angles differ from the row before, which has the same number of a position"
+        raise InputError(f"{table.sheet.path}: row {line}: {what}; --set readings=each takes every row for a rest")
     means = {name: _means(name, values, begins, sizes) for name, values in numbers.items()}
-    kept = means.get("position", np.zeros(0))
-    if not numbered or np.any(np.diff(kept) <= 0) or np.any((kept < 1) | (kept != np.floor(kept))):
+    positions = means.get("position", np.zeros(1))
+    if np.any(np.diff(positions) <= 0) or np.any((positions < 1) | (positions != np.floor(positions))):
         means["position"] = np.arange(1.0, len(begins) + 1)
-        made.notes.append("positions are numbered in the order of the rows")
+        conversion.notes.append("positions are numbered in the order of the rows")
     if sizes.max() > 1:
-        made.readings = sizes
-        made.scatter = _scatter(numbers, means, sizes)
-    made.numbers = means
-    made.row, made.names = made.row[begins], [made.names[k] for k in begins] if made.names else []
+        conversion.readings = sizes
+        conversion.scatter = _scatter(numbers, means, sizes)
+    conversion.numbers, conversion.row = means, conversion.row[begins]
+    if conversion.names:
+        conversion.names = [conversion.names[k] for k in begins]
 
 
 def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
@@ -301,15 +294,6 @@ def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
         steps = (np.diff(numbers[name]) + 180.0) % 360.0 - 180.0
         moved[1:] |= np.abs(steps) > STANDING_DEG
     return moved
-
-
-def _refuse_moves(found: Understanding, made: Conversion, new: NDArray[np.bool_]) -> None:
-    """Refuse readings of one number whose angles differ: they are no readings of one rest."""
-    wrong = np.flatnonzero(_moved(made.numbers) & ~new)
-    if len(wrong):
-        line = int(made.row[wrong[0]])
-        what = "the angles differ from the row before, which has the same number of a position"
-        raise InputError(f"{found.sheet.path}: row {line}: {what}; --set readings=each takes every row for a rest")
 
 
 def _means(
@@ -333,31 +317,36 @@ def _scatter(
     return np.sqrt(squares / np.sum(sizes - 1) * np.mean(1.0 / sizes))
 
 
-def record_columns(found: Understanding, made: Conversion) -> Columns:
+def record_columns(table: Table, conversion: Conversion) -> Columns:
     """The columns as a record's; the first that no record of its kind could have is refused, with the file's row."""
-    kind = found.kind
-    present = tuple(name for name in kind.known if name in made.numbers or (name == MOUNTING and made.names))
-    sizes = made.resolution
+    numbers, kind, sizes = conversion.numbers, table.kind, conversion.resolution
+    present = [name for name in kind.known if name in numbers or (name == MOUNTING and conversion.names)]
     columns = with_force(
         Columns(
-            found.sheet.path,
-            Layout(kind, present, ()),
-            {name: made.numbers[name] for name in present if name != MOUNTING},
-            tuple(made.names) if MOUNTING in present else None,
-            made.row,
+            table.sheet.path,
+            Layout(kind, tuple(present), ()),
+            {name: numbers[name] for name in present if name != MOUNTING},
+            tuple(conversion.names) if MOUNTING in present else None,
+            conversion.row,
             sizes.get("mps2", 0.0),
             sizes.get("deg", 0.0),
             sizes.get("degC", 0.0),
-            Comments(scatter=() if made.scatter is None else tuple(made.scatter.tolist())),
+            Comments(scatter=() if conversion.scatter is None else tuple(conversion.scatter.tolist())),
         )
     )
     for fault in faults(columns):
-        hint = "; --set units.force=UNIT says what readings are in" if "gravity" in fault.what else ""
-        if fault.column == TIMES and "repeats" in fault.what:
-            hint = "; where times are written too coarsely: --set columns.time_s=none and "
-            hint += "--set time=order" if kind is POSITION else "--set 'units.time=100 Hz'"
-        counted = TIMES in found.taken and found.layout.headings[found.taken[TIMES].field].column == SAMPLE
-        if fault.column == TIMES and counted:
-            hint = "; where the counter begins again or stands: --set columns.sample=none and --set 'units.time=100 Hz'"
-        raise RecordError(fault.path, fault.row, fault.column, fault.what + hint)
+        raise RecordError(fault.path, fault.row, fault.column, fault.what + _hint(table, fault))
     return columns
+
+
+def _hint(table: Table, fault: RecordError) -> str:
+    """What helps against a fault of a column: another unit, or times that are not taken from their column."""
+    if fault.column == TIMES:
+        origin = table.origins.get(TIMES)
+        if origin is not None and origin.field.head.column == SAMPLE:
+            coarse = "; where the counter begins again or stands: --set columns.sample=none and "
+            return f"{coarse}--set 'units.time=100 Hz'"
+        if "repeats" in fault.what:
+            instead = "--set time=order" if table.kind is POSITION else "--set 'units.time=100 Hz'"
+            return f"; where times are written too coarsely: --set columns.time_s=none and {instead}"
+    return "; --set units.force=UNIT says what readings are in" if "gravity" in fault.what else ""

@@ -11,19 +11,29 @@ from ..errors import InputError
 from ..files import at_once, bytes_of, is_workbook, ordinary_file, together, write_text
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
 from ..records.columns import FORCE, VELOCITY
-from ..records.comments import RESOLUTION, SCATTER
+from ..records.comments import SCATTER
 from ..records.read import record_of
 from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
 from .deciding import understood
-from .layout import has_table
+from .layout import has_table, upright
 from .mapping import OPEN, Mapping, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
-from .shape import upright
-from .sheet import LARGEST, Sheet, decoded, is_labview, labview_sheet, lines_of, refuse_other, text_sheet, unpacked
-from .understanding import Understanding
-from .workbook import sheet_of_workbook, workbook_sheets
+from .sheet import (
+    LARGEST,
+    Sheet,
+    decoded,
+    is_labview,
+    labview_sheet,
+    lines_of,
+    refuse_other,
+    sheet_of_workbook,
+    text_sheet,
+    unpacked,
+    workbook_sheets,
+)
+from .understanding import Table
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -32,8 +42,6 @@ SHOWN = 3
 """First rows that are shown as understood."""
 LISTED = 8
 """Lines of rows left out that are named."""
-_OWN = {"mps2": "resolution_mps2", "deg": "resolution_deg", "degC": "resolution_degC"}
-assert set(_OWN.values()) == set(RESOLUTION)
 
 
 class ImportedColumn(Result):
@@ -46,7 +54,7 @@ class ImportedColumn(Result):
 
 
 class Imported(Result):
-    """What became of a file from elsewhere: schema trihedron.import/1.
+    """A record made of a file from elsewhere: schema trihedron.import/1.
 
     Attributes
     ----------
@@ -107,38 +115,36 @@ def import_record(
     beside = None if out is None else mapping_beside(out)
     for path in (out, beside):
         ordinary_file(None, path)
-    if beside is not None and (mapping is None or mapping.resolve() != beside.resolve()):
+    is_own = mapping is not None and beside is not None and mapping.resolve() == beside.resolve()
+    if beside is not None and not is_own:
         refuse_edited(beside)
     answers = {printable(key): printable(text) for key, text in (answers or {}).items()}
-    given = with_answers({} if mapping is None else read_mapping(mapping), answers)
-    sheets = sheets_of(file, given)
-    found = understood(sheets[0], given)
+    filled = with_answers({} if mapping is None else read_mapping(mapping), answers)
+    sheets = sheets_of(file, filled)
+    table = understood(sheets[0], filled)
     if len(sheets) > 1:
-        found.ask("sheet", [sheet.name for sheet in sheets], "tables stand in several sheets")
-    if not found.questions:
-        made = converted(found)
-    if found.questions:
-        raise _asked(found, file, mapping, beside)
-    columns = record_columns(found, made)
-    about = _about(found, made, file)
-    record = replace(record_of(columns), about=about)
-    kept = mapping is not None and beside is not None and mapping.resolve() == beside.resolve() and not answers
+        table.ask("sheet", [sheet.name for sheet in sheets], "tables stand in several sheets")
+    conversion = Conversion() if table.questions else converted(table)
+    if table.questions:
+        raise _questions(table, file, beside, is_own=is_own)
+    columns = record_columns(table, conversion)
+    record = replace(record_of(columns), about=_about(table, conversion, file))
     with together():
         if out is not None:
             write_record(record, out)
-        if beside is not None and not kept:
-            write_text(beside, text_of(found.mapping, (), _first_rows_said(found)))
-    return _imported(found, made, record, (file, out, beside))
+        if beside is not None and (answers or not is_own):
+            write_text(beside, text_of(table.whole_mapping, (), _first_rows_as_written(table)))
+    return _imported(table, conversion, record, (file, out, beside))
 
 
 def mapping_beside(out: Path) -> Path:
-    """Where the mapping of a record stands."""
+    """The path of the mapping of a record."""
     if out.suffix.lower() != ".csv":
         raise InputError(f"--out {out}: records are written as CSV; give a name that ends with .csv")
     return out.with_name(f"{out.stem}.import.toml")
 
 
-def sheets_of(file: Path, given: Mapping) -> list[Sheet]:
+def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     """The sheets of a file that may be meant: a text is one, of a workbook that which is given or all with a table."""
     data = bytes_of(file, "a measured file is needed", most=LARGEST)
     if not data:
@@ -146,117 +152,123 @@ def sheets_of(file: Path, given: Mapping) -> list[Sheet]:
     data = unpacked(file, data)
     if not is_workbook(data):
         refuse_other(file, data)
-        text, encoding = decoded(file, data, given.encoding)
+        text, encoding = decoded(file, data, mapping.encoding)
         lines = lines_of(file, text)
         if is_labview(lines):
             return [labview_sheet(file, lines, encoding)]
-        return [upright(text_sheet(file, lines, encoding, given.separator))]
+        return [upright(text_sheet(file, lines, encoding, mapping.separator))]
     sheets = [upright(sheet) for sheet in workbook_sheets(file, data)]
-    if given.sheet not in ("", OPEN):
-        return [sheet_of_workbook(sheets, file, given.sheet)]
-    tables = [sheet for sheet in sheets if has_table(sheet, given)]
+    if mapping.sheet not in ("", OPEN):
+        return [sheet_of_workbook(sheets, file, mapping.sheet)]
+    tables = [sheet for sheet in sheets if has_table(sheet, mapping)]
     if not tables:
         raise InputError(f"{file}: no sheet has rows of at least three numbers; a table of measured data is needed")
     return tables
 
 
-def _asked(found: Understanding, file: Path, mapping: Path | None, beside: Path | None) -> InputError:
-    """What has to be said, in one line; the mapping to fill in is written, where there is a place for it."""
-    count = len(found.questions)
-    things = "one thing is" if count == 1 else f"{count} things are"
-    said = printable(f"{file}: {things} not known: " + "; ".join(map(str, found.questions)))
+def _questions(table: Table, file: Path, beside: Path | None, *, is_own: bool) -> InputError:
+    """The questions of a table in one line; the mapping to fill in is written, unless a person gave that file."""
+    count = len(table.questions)
+    unknown = "one thing is" if count == 1 else f"{count} things are"
+    what = printable(f"{file}: {unknown} not known: " + "; ".join(map(str, table.questions)))
     if beside is None:
-        return InputError(said)
-    if mapping is None or mapping.resolve() != beside.resolve():
+        return InputError(what)
+    if not is_own:
         with at_once():
-            write_text(beside, text_of(found.mapping, found.questions, _first_rows_said(found)))
-        said += f"; or fill in {beside} and give --mapping {shell_word(str(beside))}"
-    return InputError(said)
+            write_text(beside, text_of(table.whole_mapping, table.questions, _first_rows_as_written(table)))
+        what += f"; or fill in {beside} and give --mapping {shell_word(str(beside))}"
+    return InputError(what)
 
 
-def _first_rows_said(found: Understanding) -> list[str]:
+def _first_rows_as_written(table: Table) -> list[str]:
     """The names and the first rows of the file, for the end of a mapping."""
-    names = " | ".join(head.text for head in found.layout.headings)
-    rows = [" | ".join(texts) for _, texts in found.looked_at[:SHOWN]]
-    lines = [f"{found.sheet.path.name}, {found.sheet.about}; its first rows:", names, *rows]
+    names = [head.text for head in table.layout.headings]
+    lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:", " | ".join(names)]
+    lines += [" | ".join(texts) for _, texts in table.rows[:SHOWN]]
     return [printable(line)[:200] for line in lines]
 
 
-def _about(found: Understanding, made: Conversion, file: Path) -> dict[str, str]:
-    """The comment lines of the record: what the file says of itself, and what its numbers cannot say any more."""
-    own: dict[str, str] = {_OWN[name]: upwards(size, 3) for name, size in made.resolution.items()}
-    if made.readings is not None and made.scatter is not None:
-        own["readings averaged"] = _span(int(made.readings.min()), int(made.readings.max()))
-        own[SCATTER] = " ".join(upwards(float(value), 4) for value in made.scatter)
-    if VELOCITY[0] in made.numbers and FORCE[0] not in made.numbers:
-        own["f1_mps2 to f3_mps2"] = "means of dv1_mps to dv3_mps over the intervals beside a row"
-    return {"imported from": file.name, **found.layout.remarks, **own}
+def _about(table: Table, conversion: Conversion, file: Path) -> dict[str, str]:
+    """The comment lines of the record: the file's remarks, and what its numbers cannot say any more."""
+    about = {"imported from": file.name, **table.layout.remarks}
+    for unit, size in conversion.resolution.items():
+        about[f"resolution_{unit}"] = upwards(size, 3)
+    if conversion.scatter is not None:
+        about["readings averaged"] = _range_of_readings(conversion)
+        about[SCATTER] = " ".join(upwards(error, 4) for error in conversion.scatter.tolist())
+    if VELOCITY[0] in conversion.numbers and FORCE[0] not in conversion.numbers:
+        about["f1_mps2 to f3_mps2"] = "means of dv1_mps to dv3_mps over the intervals beside a row"
+    return about
 
 
-def _span(low: int, high: int) -> str:
+def _range_of_readings(conversion: Conversion) -> str:
+    """The fewest and the most readings of a rest."""
+    assert conversion.readings is not None
+    low, high = int(conversion.readings.min()), int(conversion.readings.max())
     return str(low) if low == high else f"{low} to {high}"
 
 
 def _imported(
-    found: Understanding,
-    made: Conversion,
+    table: Table,
+    conversion: Conversion,
     record: PositionRecord | RawRecord | StrapdownRecord,
     files: tuple[Path, Path | None, Path | None],
 ) -> Imported:
-    file, out, beside = files
-    table = record.columns()
-    layout, mapping = found.layout, found.mapping
+    file, out, beside = (None if path is None else str(path) for path in files)
+    layout, columns = table.layout, record.columns()
     lines = f"names in row {layout.names}" if layout.names else "no names"
     lines += f", units in row {layout.units}" if layout.units else ""
-    units = {**mapping.units}
-    columns = []
-    for column, taken in found.taken.items():
-        source = mapping.of(column)
-        quantity = taken.unit.quantity if taken.unit is not None else ""
-        unit = (source.unit if source else "") or layout.headings[taken.field].unit or units.get(quantity, "")
-        unit = units.get(quantity, unit) if quantity in found.given.units and not (source and source.unit) else unit
-        columns.append(
-            ImportedColumn(
-                column=column if column != DATE else "time_s",
-                source=taken.said + (f" and {len(taken.beside)} beside it" if taken.beside else ""),
-                unit=unit,
-                sign=-1 if taken.sign < 0 else 1,
-            )
-        )
-    left = [f"column {name!r}" for name in found.left_out]
-    for why, rows in made.left_out.items():
+    left_out = [f"column {field.head.text!r}" for field in table.free_fields if field.head.text]
+    for why, rows in conversion.left_out.items():
         shown = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
-        left.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} ({why}): {shown}")
+        left_out.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} ({why}): {shown}")
     if layout.last:
-        left.append(f"what stands below row {layout.last}")
-    notes = [*found.notes, *made.notes]
-    scatter = None
-    readings = len(made.row)
-    if made.readings is not None and made.scatter is not None:
-        readings = int(made.readings.sum())
-        scatter = tuple(float(value) for value in made.scatter)
-        each = _span(int(made.readings.min()), int(made.readings.max()))
+        left_out.append(f"what stands below row {layout.last}")
+    notes = table.notes + conversion.notes
+    scatter, readings = None, len(conversion.row)
+    if conversion.readings is not None and conversion.scatter is not None:
+        readings = int(conversion.readings.sum())
+        scatter = tuple(conversion.scatter.tolist())
         notes.append(
-            f"{each} readings averaged in each row, a mean's standard error {upwards(float(made.scatter.max()))} m/s²: "
-            "the noise bound's evidence where --noise-bound is not given"
+            f"{_range_of_readings(conversion)} readings averaged in each row, a mean's standard error "
+            f"{upwards(max(scatter))} m/s²: the noise bound's evidence where --noise-bound is not given"
         )
-    first = [
-        {name: (values[k] if isinstance(values[k], str) else float(values[k])) for name, values in table.items()}
-        for k in range(min(SHOWN, len(record)))
-    ]
+    first_rows = []
+    for k in range(min(SHOWN, len(record))):
+        row = {name: values[k] for name, values in columns.items()}
+        first_rows.append({name: value if isinstance(value, str) else float(value) for name, value in row.items()})
     return Imported(
         file=str(file),
         kind=record.word,
-        record_file=None if out is None else str(out),
-        mapping_file=None if beside is None else str(beside),
+        record_file=out,
+        mapping_file=beside,
         rows=len(record),
         readings=readings,
-        written_as=f"{found.sheet.about}, decimal {found.decimal!r}, {lines}, data from row {layout.first}",
-        columns=tuple(columns),
-        left_out=tuple(left),
+        written_as=f"{table.sheet.about}, decimal {table.decimal!r}, {lines}, data from row {layout.first}",
+        columns=tuple(_imported_column(table, column) for column in table.origins),
+        left_out=tuple(left_out),
         notes=tuple(notes),
-        about=dict(found.layout.remarks),
+        about=dict(layout.remarks),
         scatter_mps2=scatter,  # type: ignore[arg-type]
-        first_rows=tuple(first),
+        first_rows=tuple(first_rows),
         record=record,
+    )
+
+
+def _imported_column(table: Table, column: str) -> ImportedColumn:
+    """A column of the record as the file has it; the unit is the column's own, that of its quantity, or its head's."""
+    origin, source = table.origins[column], table.mapping.of(column)
+    quantity = origin.unit.quantity if origin.unit is not None else ""
+    by_quantity = table.whole_mapping.units.get(quantity, "")
+    unit = origin.field.head.unit or by_quantity
+    if quantity in table.mapping.units:
+        unit = by_quantity
+    if source and source.unit:
+        unit = source.unit
+    beside = f" and {len(origin.beside)} beside it" if origin.beside else ""
+    return ImportedColumn(
+        column="time_s" if column == DATE else column,
+        source=origin.name + beside,
+        unit=unit,
+        sign=origin.sign,
     )

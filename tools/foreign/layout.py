@@ -1,15 +1,20 @@
-"""Where the table stands in a sheet: lines of names and units, first and last row of data, what stands around it."""
+"""Where the table stands in a sheet: lines of names and units, first and last row of data, lines around it.
+
+Tables of two other shapes are made upright first: a column for each position, and a block with a heading for each rest.
+"""
 
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice, pairwise
 
 from ..errors import InputError
+from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
-from .names import Heading, from_one, heading, is_unit_row, joined, of_name
+from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined, of_name
 from .numbers import bare, has_degree_mark, is_missing, number, unit_behind
-from .sheet import LOOKED_AT, Row, Sheet, is_data, is_value
+from .sheet import LOOKED_AT, Row, Sheet, cell, is_data, is_value, is_word
 from .units import known_unit
 
 TAIL = 300
@@ -20,6 +25,14 @@ MOST_REMARKS = 60
 """Lines around the table that are kept."""
 LONGEST_REMARK = 300
 """Characters of such a line that are kept."""
+OF_A_REST = (POSITION, *ANGLES, TEMPERATURE, TIMES, DATE)
+"""Columns that the heading of a block may state for a rest."""
+LEAST_BLOCKS = 2
+"""Fewer headings with angles are lines around a table."""
+_PAIR = re.compile(
+    r"(?P<name>[^\W\d_][^=:,;\d]*?)\s*[=:]?\s*(?P<value>[+-]?\d+(?:[.,]\d+)?)"
+    r"(?:\s*(?P<unit>°C?|(?:deg|degC|rad|mrad|gon|arcmin|arcsec|C|K|s|ms|min|h)\b))?(?![\w.,°'′:]*\s?[\d'′\"])"
+)
 
 
 @dataclass(frozen=True)
@@ -39,53 +52,54 @@ class Layout:
     remarks: dict[str, str]
 
 
-def layout_of(sheet: Sheet, given: Mapping) -> Layout:
+def layout_of(sheet: Sheet, mapping: Mapping) -> Layout:
     """Find the table of a sheet; an InputError where there is none."""
-    head = [row for _, row in zip(range(LOOKED_AT), sheet.rows(), strict=False)]
-    first = _first_data(sheet, head, given)
+    head = list(islice(sheet.rows(), LOOKED_AT))
+    first = _first_data(sheet, head, mapping)
     above = [row for row in head if row[0] < first]
-    data = [row for row in head if row[0] >= first]
+    data = head[len(above) :]
     width = Counter(_width(texts) for _, texts in data).most_common(1)[0][0]
-    units, names = given.units_row, given.names
+    units, names = mapping.units_row, mapping.names
     if units < 0:
         units = above[-1][0] if above and is_unit_row(above[-1][1]) else 0
     if names < 0:
         names = sheet.stated.header_row or _names_row(above, units, width)
-    texts = dict(above)
+    lines = dict(above)
     for key, line in (("names", names), ("units_row", units)):
-        if line > 0 and line not in texts:
+        if line > 0 and line not in lines:
             raise InputError(f"{sheet.path}: {key} = {line}: is no row above the data, which begin in row {first}")
-    named = texts.get(names, [])
-    fields = max(len(row) for _, row in data)
+    named = lines.get(names, [])
+    fields = max(len(texts) for _, texts in data)
     if len(named) == fields + 1 and named[0].strip() in COMMENT:
         if sheet.separator != "blanks":
             _refuse_fields(sheet, (names, len(named)), (first, fields))
         named = named[1:]
-    if given.names < 0 and sheet.separator == "blanks" and len(named) > width:
+    if mapping.names < 0 and sheet.separator == "blanks" and len(named) > width:
         # words of a sentence: which stands over which field cannot be known
         names, named = 0, []
     if names and len(named) < width:
         _refuse_fields(sheet, (names, len(named)), (first, width))
     count = max(width, _width(named))
-    named = (named + [""] * count)[:count]
-    under = (list(texts.get(units) or sheet.stated.units) + [""] * count)[:count]
-    under = [unit if unit.strip() else _unit_in(data, place) for place, unit in enumerate(under)]
-    groups = _groups(texts.get(names - 1, []), count)
-    headings = from_one([_heading(*head) for head in zip(groups, named, under, strict=True)])
-    last = given.last or _last_data(sheet, first)
-    inside = {names, units}
-    if any(found.text not in ("", " ".join(name.split())) for found, name in zip(headings, named, strict=True)):
-        inside.add(names - 1)
+    under = lines.get(units) or sheet.stated.units
+    groups = _groups(lines.get(names - 1, []), count)
+    headings, in_two_lines = [], False
+    for place in range(count):
+        unit = cell(under, place)
+        name = cell(named, place)
+        headings.append(_heading(groups[place], name, unit if unit.strip() else _unit_in(data, place)))
+        in_two_lines |= headings[-1].text not in ("", " ".join(name.split()))
+    inside = {names, units, names - 1} if in_two_lines else {names, units}
     around = [row for row in above if row[0] not in inside]
+    last = mapping.last or _last_data(sheet, first)
     if last:
         around += sheet.rows(last + 1)
-    return Layout(names, units, first, last, headings, data, remarks_of(around))
+    return Layout(names, units, first, last, from_one(headings), data, remarks_of(around))
 
 
-def has_table(sheet: Sheet, given: Mapping) -> bool:
+def has_table(sheet: Sheet, mapping: Mapping) -> bool:
     """Whether a sheet has rows of data."""
     try:
-        _first_data(sheet, [row for _, row in zip(range(LOOKED_AT), sheet.rows(), strict=False)], given)
+        _first_data(sheet, list(islice(sheet.rows(), LOOKED_AT)), mapping)
     except InputError:
         return False
     return True
@@ -96,60 +110,61 @@ def _width(texts: Sequence[str]) -> int:
     return max((k for k, text in enumerate(texts, 1) if text.strip()), default=0)
 
 
-def _first_data(sheet: Sheet, head: Sequence[Row], given: Mapping) -> int:
+def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
     """The first row of the longest stretch of data."""
-    stated = given.first if given.first > 0 else sheet.stated.first_row
+    stated = mapping.first if mapping.first > 0 else sheet.stated.first_row
+    lines = [line for line, _ in head]
     if stated:
-        if not any(line >= stated for line, _ in head):
+        at = next((line for line in lines if line >= stated), 0)
+        if not at:
             raise InputError(f"{sheet.path}: first = {stated}: there are no rows from there on")
-        return next(line for line, _ in head if line >= stated)
-    best, begin, length = (0, 0), 0, 0
-    for line, texts in [*head, (0, [])]:
+        return at
+    longest, begin, length, at = 0, 0, 0, 0
+    for place, (_, texts) in enumerate([*head, (0, [])]):
         if is_data(texts):
-            begin, length = (line, 1) if not length else (begin, length + 1)
-        elif sum(is_missing(text) for text in texts) < len(texts) or not texts:
-            best, length = max(best, (length, -begin)), 0
-    if not best[0]:
+            begin = begin if length else place
+            length += 1
+        elif not texts or not all(map(is_missing, texts)):
+            if length > longest:
+                longest, at = length, begin
+            length = 0
+    if not longest:
         raise InputError(f"{sheet.path}: has no rows of at least three numbers; a table of measured data is needed")
-    begin = -best[1]
-    first, second, *_ = [*(texts for line, texts in head if line >= begin), [], []]
-    words = [not is_missing(text) and not is_value(text) for text in first]
-    if sum(word and is_value(text) for word, text in zip(words, second, strict=False)) > 1:
-        # names of which most are numbers
-        return next(line for line, _ in head if line > begin)
-    return begin
+    first, second = head[at][1], head[at + 1][1] if at + 1 < len(head) else []
+    names = [is_word(name) and is_value(below) for name, below in zip(first, second, strict=False)]
+    # names of which most are numbers
+    return lines[at + 1] if sum(names) > 1 else lines[at]
 
 
 def _names_row(above: Sequence[Row], units: int, width: int) -> int:
     """The nearest row above the data that has names: two thirds as many words as there are fields; 0 without one."""
-    for line, texts in reversed(above):
-        if line == units:
-            continue
-        over = next((cells for row, cells in above if row == line - 1), []) + [""] * len(texts)
-        words = [not is_missing(text) and not is_value(text) for text in texts]
+    lines = dict(above)
+    line = next((line for line in reversed(lines) if line != units), 0)
+    over = lines.get(line - 1, [])
+    words = names = 0
+    for place, text in enumerate(lines.get(line, [])):
+        words += is_word(text)
         # names may stand in two lines, each of which is short
-        both = [word or not is_missing(text) for word, text in zip(words, over, strict=False)]
-        return line if sum(words) >= 3 and sum(both) >= width // 2 else 0
-    return 0
+        names += is_word(text) or not is_missing(cell(over, place))
+    return line if words >= 3 and names >= width // 2 else 0
 
 
 def _groups(above: Sequence[str], count: int) -> list[str]:
-    """What stands over each field in the line above the names, to the right as far as that is empty there.
+    """Texts of the line above the names over each field, to the right as far as that line is empty.
 
     A single text at the left is a title, and no name of columns.
     """
     texts = [text.strip() for text in above]
     if sum(map(bool, texts)) < 2 and not any(texts[1:]):
         return [""] * count
-    groups, group = list[str](), ""
-    for text in (texts + [""] * count)[:count]:
-        group = text or group
-        groups.append(group)
+    groups = list[str]()
+    for place in range(count):
+        groups.append(cell(texts, place) or (groups[-1] if groups else ""))
     return groups
 
 
 def _heading(group: str, text: str, unit: str) -> Heading:
-    """What the head of a column says, with what stands over it, and the unit from the row of units."""
+    """The head of a column, with the text above it, and the unit from the row of units."""
     own = _with_unit(heading(text), unit)
     if not group:
         return own
@@ -157,24 +172,25 @@ def _heading(group: str, text: str, unit: str) -> Heading:
     return whole if whole.column or (whole.numbered and not own.column) else own
 
 
-def _with_unit(found: Heading, unit: str) -> Heading:
-    if not unit.strip() or unit.strip() in ("-", "--", "#") or found.unit:
-        return found
+def _with_unit(head: Heading, unit: str) -> Heading:
+    """A head with the text below it: its unit, or the second line of its name ("x [g]" below "Acc")."""
+    unit = unit.strip()
+    if not unit or unit in NOTHING or head.unit:
+        return head
     if known_unit(unit) is None:
-        # a second line of the name: "x [g]" below "Acc"
-        whole = heading(joined(found.text, unit))
-        if whole.column or whole.numbered:
+        whole = heading(joined(head.text, unit))
+        if whole.means_column:
             return whole
-    said = of_name(found.text, found.name, unit.strip())
-    return said if said.column or said.numbered or not found.column else replace(found, unit=unit.strip())
+    with_unit = of_name(head.text, head.name, unit)
+    return with_unit if with_unit.means_column or not head.column else replace(head, unit=unit)
 
 
 def _unit_in(data: Sequence[Row], place: int) -> str:
     """The unit behind the first number of a column; "" where there is none."""
-    cells = (texts[place] for _, texts in data if place < len(texts))
-    text = next((text for text in cells if not is_missing(text)), "")
-    written = not has_degree_mark(text) and any(number(bare(text), mark) is not None for mark in ".,")
-    unit = unit_behind(text) if written else ""
+    text = next((cell(texts, place) for _, texts in data if not is_missing(cell(texts, place))), "")
+    if has_degree_mark(text) or (number(bare(text), ".") is None and number(bare(text), ",") is None):
+        return ""
+    unit = unit_behind(text)
     return unit if known_unit(unit) else ""
 
 
@@ -192,40 +208,128 @@ def _last_data(sheet: Sheet, first: int) -> int:
     count = len(sheet.cells if sheet.cells is not None else sheet.lines)
     tail = list(sheet.rows(max(first, count - TAIL)))
     data = [line for line, texts in tail if is_data(texts)]
-    return data[-1] if data and tail and data[-1] != tail[-1][0] else 0
+    return data[-1] if data and data[-1] != tail[-1][0] else 0
 
 
 def remarks_of(rows: Sequence[Row]) -> dict[str, str]:
     """The lines around a table as key and text: "Serial number: A-17", "Operator;Meier"; others are remarks."""
-    found: dict[str, str] = {}
-
-    def keep(key: str, text: str) -> None:
-        name, count = key, 1
-        while name in found:
-            count += 1
-            name = f"{key} {count}"
-        found[name] = text
-
+    remarks: dict[str, str] = {}
     for _, texts in rows[:MOST_REMARKS]:
         parts = [part for part in map(_printable, texts) if part]
-        keyed = [pair for pair in map(_keyed, parts) if pair]
-        key = parts[0].rstrip(":= ") if parts else ""
-        if parts and len(keyed) == len(parts):
-            for pair in keyed:
-                keep(*pair)
-        elif len(parts) > 1 and key and not key[0].isdigit() and ":" not in key:
-            keep(key, ", ".join(parts[1:]))
-        elif parts:
-            keep("remark", " ".join(parts))
-    return found
-
-
-def _keyed(text: str) -> tuple[str, str] | None:
-    """Key and text of "key: value" or "key = value"."""
-    found = re.fullmatch(r"([^\W\d][^:=]{0,60}?)\s*(?:[:=])\s*(\S.*)", text)
-    return (found[1], found[2]) if found else None
+        pairs = [re.fullmatch(r"([^\W\d][^:=]{0,60}?)\s*(?:[:=])\s*(\S.*)", part) for part in parts]
+        keyed = [pair.groups() for pair in pairs if pair]
+        if len(keyed) < len(parts):
+            key = parts[0].rstrip(":= ")
+            is_key = len(parts) > 1 and key and not key[0].isdigit() and ":" not in key
+            keyed = [(key, ", ".join(parts[1:])) if is_key else ("remark", " ".join(parts))]
+        for key, text in keyed:
+            name, count = key, 1
+            while name in remarks:
+                count += 1
+                name = f"{key} {count}"
+            remarks[name] = text
+    return remarks
 
 
 def _printable(text: str) -> str:
-    text = " ".join(printable(text).split()).lstrip("# ")
-    return text[:LONGEST_REMARK]
+    return " ".join(printable(text).split()).lstrip("# ")[:LONGEST_REMARK]
+
+
+def upright(sheet: Sheet) -> Sheet:
+    """A sheet with a row for each reading, whatever its shape; one that has such rows as it is.
+
+    In one with a block for each rest rows keep their lines; one that lies on its side has its columns as rows.
+    """
+    head = list(islice(sheet.rows(), LOOKED_AT))
+    if len(head) < LOOKED_AT:
+        return _turned(sheet, head) or _flat(sheet, head) or sheet
+    return (_flat(sheet, head) and _flat(sheet, list(sheet.rows()))) or sheet
+
+
+def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
+    """A table with names at the left and a column for each position, turned; None where it is none."""
+    row_of: dict[str, int] = {}
+    for k, (_, texts) in enumerate(rows):
+        filled = [text for text in texts if text.strip()]
+        column = "" if is_value(filled[0]) else heading(filled[0]).column
+        if column and sum(map(is_value, filled)) + 3 > len(filled) > 2:
+            if column in row_of:
+                return None
+            row_of[column] = k
+    if not {*FORCE, *ANGLES} <= row_of.keys():
+        return None
+    first, last = min(row_of.values()), max(row_of.values())
+    texts_of = [texts for _, texts in rows]
+    inside = texts_of[first : last + 1]
+    filled_places = [place for texts in inside for place, text in enumerate(texts) if text.strip()]
+    columns = [[cell(texts, place) for texts in inside] for place in range(min(filled_places), max(map(len, inside)))]
+    cells = texts_of[:first] + texts_of[last + 1 :] + [[]] + columns
+    return replace(sheet, cells=cells, shape="a column for each position, turned")
+
+
+def _flat(sheet: Sheet, rows: list[Row]) -> Sheet | None:
+    """A table in blocks, each with a heading that says the angles, as one; None where it is none.
+
+    An InputError where a block has no heading: nothing says to which rest its readings belong.
+    """
+    readings: list[tuple[int, dict[str, tuple[str, str]], list[str]]] = []
+    rest: dict[str, tuple[str, str]] = {}
+    names, title, blocks, before, unheaded, is_inside = [""], 0, 0, 0, 0, False
+    for line, texts in rows:
+        measured = is_data(texts)
+        pairs = {} if measured else _pairs(texts)
+        if is_inside and (not measured or line > before + 1):
+            # a block ends, and its heading does not hold below
+            rest, is_inside = {}, False
+        if pairs:
+            rest |= pairs
+            title = title or line
+        elif measured and rest:
+            blocks += not is_inside
+            is_inside = True
+            readings.append((line, {POSITION: ("Position", str(blocks))} | rest, texts))
+        elif measured:
+            unheaded = unheaded or line
+        elif title and sum(bool(text.strip()) and not is_value(text) for text in texts) > 2:
+            names = texts
+        before = line
+    if blocks < LEAST_BLOCKS or any(heading(name).column in ANGLES for name in names):
+        return None
+    name_of = _names_of(readings[0][1])
+    if not {*ANGLES} <= name_of.keys():
+        return None
+    for line, rest, _ in readings:
+        if _names_of(rest) != name_of:
+            what = f"row {line}: its heading says other things than those before; say the same in all"
+            raise InputError(f"{sheet.path}: {what}")
+    if unheaded:
+        raise InputError(f"{sheet.path}: row {unheaded}: readings below no heading that says their angles")
+    cells: list[list[str]] = [[] for _ in range(readings[-1][0])]
+    for line, texts in rows:
+        if line < title:
+            cells[line - 1] = texts
+    width = max(len(texts) for _, _, texts in readings)
+    cells[readings[0][0] - 2] = [*name_of.values(), *names] + [""] * (width - len(names))
+    for line, rest, texts in readings:
+        cells[line - 1] = [value for _, value in rest.values()] + texts
+    return replace(sheet, cells=cells, shape="a block for each rest")
+
+
+def _names_of(rest: dict[str, tuple[str, str]]) -> dict[str, str]:
+    return {column: name for column, (name, _) in rest.items()}
+
+
+def _pairs(texts: list[str]) -> dict[str, tuple[str, str]]:
+    """Column of the record -> name, with its unit, and value: of "alpha = 20 deg" or "alpha [°];20"."""
+    column_of: dict[str, tuple[str, str]] = {}
+    cells = [" ".join(text.split()) for text in texts if text.strip()]
+    for text, behind in pairwise([*cells, ""]):
+        pairs = [pair.group("name", "value", "unit") for pair in _PAIR.finditer(text)]
+        if not pairs and is_value(behind):
+            pairs = [(text.rstrip(":= "), behind, "")]
+        for name, value, unit in pairs:
+            head = heading(name)
+            if head.column in OF_A_REST:
+                with_unit = f"{name} [{unit}]" if unit and not head.unit and known_unit(unit) else name
+                column_of.setdefault(head.column, (with_unit, value))
+    return column_of

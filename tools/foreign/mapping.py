@@ -108,10 +108,10 @@ class Mapping(Section):
 
     def of(self, column: str) -> Source | None:
         """Where a column is taken from; None where that is not said."""
-        given = self.columns.get(column)
-        if given is None or given == OPEN:
-            return None
-        return Source.model_validate({"from": given}) if isinstance(given, str) else given
+        source = self.columns.get(column)
+        if isinstance(source, str):
+            return None if source == OPEN else Source.model_validate({"from": source})
+        return source
 
 
 @dataclass(frozen=True)
@@ -147,78 +147,72 @@ def read_mapping(path: Path) -> dict[str, Any]:
     return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
 
 
-def with_answers(given: AnyMapping[str, Any], answers: AnyMapping[str, str]) -> Mapping:
+def with_answers(content: AnyMapping[str, Any], answers: AnyMapping[str, str]) -> Mapping:
     """A mapping with answers put in: dotted key -> text; an InputError names the answer that cannot be."""
-    content = json.loads(json.dumps(dict(given)))
+    filled = json.loads(json.dumps(dict(content)))
     for key, text in answers.items():
+        option = f"--set {key}={text}"
+        name, _, inner = key.partition(".")
         value: Any = text
-        name, *inner = key.split(".", 1)
         try:
-            if name in ("names", "units_row", "first", "last"):
+            if name in ("names", "units_row", "first", "last") or inner.endswith(".sign"):
                 value = int(text)
             elif name == "missing":
-                value = [*content.get("missing", []), *text.split(",")]
-            elif inner and inner[0].endswith(".sign"):
-                value = int(text)
-            elif inner and inner[0].endswith(".offset"):
+                value = filled.get("missing", []) + text.split(",")
+            elif inner.endswith(".offset"):
                 value = float(text)
         except ValueError as error:
-            raise InputError(f"--set {key}={text}: a number is needed") from error
-        _put(content, name, inner[0] if inner else "", value, f"--set {key}={text}")
-        checked_sections(content, Mapping, f"--set {key}={text}")
-    return checked_sections(content, Mapping)
+            raise InputError(f"{option}: a number is needed") from error
+        if name in ("units", "columns"):
+            _put_inside(filled.setdefault(name, {}), name, inner, value, option)
+        elif inner:
+            raise InputError(f"{option}: unknown key; {name} has none inside")
+        else:
+            filled[name] = value
+        checked_sections(filled, Mapping, option)
+    return checked_sections(filled, Mapping)
 
 
-def _put(content: dict[str, Any], name: str, inner: str, value: Any, said: str) -> None:
-    """Set `name`, `name.key` or `columns.key.field` of a mapping."""
-    if name not in ("units", "columns"):
-        if inner:
-            raise InputError(f"{said}: unknown key; {name} has none inside")
-        content[name] = value
-        return
+def _put_inside(section: dict[str, Any], name: str, inner: str, value: Any, option: str) -> None:
+    """Set `key` or `key.part` of the units or columns of a mapping."""
     if not inner:
-        raise InputError(f"{said}: say which of the {name}, as {name}.{'force' if name == 'units' else 'f1_mps2'}")
-    section = content.setdefault(name, {})
+        example = {"units": "force", "columns": "f1_mps2"}[name]
+        raise InputError(f"{option}: say which of the {name}, as {name}.{example}")
     key, _, part = inner.partition(".")
-    if not part:
-        kept = section.get(key)
-        section[key] = {**kept, "from": value} if isinstance(kept, dict) else value
-        return
-    source = section.get(key, OPEN)
-    section[key] = {**(source if isinstance(source, dict) else {"from": source}), part: value}
+    before = section.get(key, OPEN)
+    source = before if isinstance(before, dict) else {"from": before}
+    if part:
+        section[key] = source | {part: value}
+    elif isinstance(before, dict):
+        section[key] = source | {"from": value}
+    else:
+        section[key] = value
 
 
 def text_of(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str]) -> str:
-    """A mapping as the text of its file: what is open with its answers, `notes` as comments at the end."""
-    asked = {question.key: question for question in questions}
-    lines = ["# What a file means to Trihedron: edit what is wrong, and use it again with --mapping.", *_asked(asked)]
-    plain = mapping.as_written()
-    written: list[str] = []
-
-    def entry(key: str, value: Any, full: str) -> None:
-        answer = asked.get(full)
-        if answer is None and (value in ("", [], -1) or (key, value) == ("last", 0)):
-            return
-        said = f"  # {' or '.join(answer.answers)}: {answer.why}" if answer else ""
-        written.append(f"{_key(key)} = {_value(OPEN if answer else value)}{said}")
-
-    for key, value in plain.items():
-        if key not in ("units", "columns"):
-            entry(key, value, key)
-    for section in ("units", "columns"):
-        open_keys = [key.partition(".")[2] for key in asked if key.startswith(f"{section}.")]
-        inside = {**plain[section], **{key: OPEN for key in open_keys if key not in plain[section]}}
-        if inside:
-            written += ["", f"[{section}]"]
-        for key, value in inside.items():
-            entry(key, value, f"{section}.{key}")
-    lines += [*written, "", *(f"# {note}" for note in notes)]
+    """A mapping as the text of its file: open keys with their answers, `notes` as comments at the end."""
+    open_keys = {question.key: question for question in questions}
+    lines = ["# What a file means to Trihedron: edit what is wrong, and use it again with --mapping."]
+    if questions:
+        lines.append(f'# Fill in the {len(open_keys)} line{"s" if len(open_keys) > 1 else ""} with "?".')
+    sections = mapping.as_written()
+    units, columns = sections.pop("units"), sections.pop("columns")
+    for prefix, section in (("", sections), ("units", units), ("columns", columns)):
+        if prefix:
+            inside = (key.partition(".")[2] for key in open_keys if key.startswith(f"{prefix}."))
+            section = section | dict.fromkeys((key for key in inside if key not in section), OPEN)
+            if section:
+                lines += ["", f"[{prefix}]"]
+        for key, value in section.items():
+            question = open_keys.get(f"{prefix}.{key}" if prefix else key)
+            if question is not None:
+                lines.append(f"{_key(key)} = {_value(OPEN)}  # {' or '.join(question.answers)}: {question.why}")
+            elif value not in ("", [], -1) and (key, value) != ("last", 0):
+                lines.append(f"{_key(key)} = {_value(value)}")
+    lines.append("")
+    lines += [f"# {note}" for note in notes]
     text = "\n".join(lines).rstrip() + "\n"
     return f"{text}{_MARK}{sha256(text.encode()).hexdigest()[:16]}\n"
-
-
-def _asked(asked: AnyMapping[str, Question]) -> list[str]:
-    return [f'# Fill in the {len(asked)} line{"s" if len(asked) > 1 else ""} with "?".'] if asked else []
 
 
 def _key(name: str) -> str:
@@ -228,10 +222,10 @@ def _key(name: str) -> str:
 def _value(value: Any) -> str:
     """A value as TOML has it."""
     if isinstance(value, AnyMapping):
-        given = {k: v for k, v in value.items() if (k, v) not in _USUAL}
-        if list(given) == ["from"]:
-            return _value(given["from"])
-        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in given.items()) + " }"
+        fields = {key: inner for key, inner in value.items() if (key, inner) not in _USUAL}
+        if list(fields) == ["from"]:
+            return _value(fields["from"])
+        return "{ " + ", ".join(f"{key} = {_value(inner)}" for key, inner in fields.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_value, value)) + "]"
     # TOML and JSON write strings and numbers alike, but for one character

@@ -1,7 +1,7 @@
 """Numbers, angles, dates and times of day as laboratories write them, and what their marks prove.
 
-"1,234" may be one and a bit or a thousand and a bit, "01.02.2026" February or January: what is read here says what each
-text proves, and never what is likelier.
+"1,234" may be one and a bit or a thousand and a bit, "01.02.2026" February or January: each text counts for what it
+proves, and never for what is likelier.
 """
 
 import math
@@ -13,7 +13,7 @@ from datetime import UTC, date, datetime
 MISSING = frozenset(
     ("", "n/a", "#n/a", "n.a.", "na", "nan", "#nv", "#na", "k.a.", "null", "none", "-", "--", "---", "–", "—", "...")
 )
-"""What stands in a cell where nothing was measured, in small letters."""
+"""Texts of a cell where nothing was measured, in small letters."""
 BLANKS = "\u00a0\u2009\u202f '’"
 """Marks between groups of three digits that can be nothing else."""
 
@@ -31,17 +31,18 @@ _NAMED = re.compile(r"(\d{1,2})[. -]+([^\W\d_]{3,9})[. -]+(\d{4}|\d{2})|([^\W\d_
 _WEEKDAY = re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun|mo|di|mi|do|fr|sa|so)[a-z]{0,7}\.?,? +(?=\w)", re.IGNORECASE)
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T ](\d\d)(\d\d)(\d\d(?:[.,]\d+)?)")
 _YEAR_LAST = re.compile(r"([^\W\d_]{3,9}) +(\d{1,2}) +(\S+:\S+) +(\d{4})")
+_BEFORE_CLOCK = re.compile(r"(?<=\d)[T\s,;]+(?=\d+:)")
 MONTHS = ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
 ORDERS = {"day-first": (2, 1, 0), "month-first": (2, 0, 1), "year-first": (0, 1, 2)}
-"""Where year, month and day stand in a date of three numbers."""
+"""Places of year, month and day in a date of three numbers."""
 
 
 class Typed(str):
-    """The text of a number that was kept as one, in a cell of a workbook: nothing of it is doubtful."""
+    """The text of a number from a cell of a workbook that holds a number: its marks are beyond doubt."""
 
 
 def is_missing(text: str, also: Iterable[str] = ()) -> bool:
-    """Whether a cell says that nothing was measured; `also`: other texts that say so."""
+    """Whether a cell says that nothing was measured; `also`: further texts that say so."""
     if text[:1].isdigit() and not also:
         return False
     return text.strip().casefold() in MISSING or text.strip() in also
@@ -49,7 +50,7 @@ def is_missing(text: str, also: Iterable[str] = ()) -> bool:
 
 @dataclass
 class Marks:
-    """What the numbers of a file prove of its decimal mark and that between thousands, each with a cell that does."""
+    """Decimal marks and marks between thousands that the numbers of a file prove, each with a cell that does."""
 
     decimal: dict[str, str] = field(default_factory=dict)
     thousands: dict[str, str] = field(default_factory=dict)
@@ -60,10 +61,10 @@ class Marks:
         if isinstance(text, Typed):
             return
         text = text.strip().replace("−", "-")
-        if not ("," in text or "." in text or any(mark in text for mark in BLANKS)) or not _NUMERIC.fullmatch(text):
+        if not _NUMERIC.fullmatch(text):
             return
-        digits, exponent = re.fullmatch(r"([^eE]*)(.*)", text.lstrip("+-")).groups()  # type: ignore[union-attr]
-        points = [mark for mark in digits if mark in ".,"]
+        digits, exponent, _ = re.split(r"([eE].*|$)", text.lstrip("+-"), maxsplit=1)
+        points = re.findall(r"[.,]", digits)
         if len(set(points)) == 2:
             if points.count(points[-1]) == 1:
                 self.decimal.setdefault(points[-1], text)
@@ -73,7 +74,8 @@ class Marks:
         elif points:
             before, _, after = digits.partition(points[0])
             grouped = 1 <= len(before) <= 3 and before[0] != "0" and len(after) == 3 and not exponent
-            (self.doubtful if grouped and before.isdigit() else self.decimal).setdefault(points[0], text)
+            proof = self.doubtful if grouped and before.isdigit() else self.decimal
+            proof.setdefault(points[0], text)
 
 
 def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
@@ -83,35 +85,38 @@ def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
     """
     if isinstance(text, Typed):
         return float(text)
-    plain = text if decimal == "." else text.replace(",", ".") if "." not in text else ""
+    plain = _with_point(text, decimal)
     if _PLAIN.fullmatch(plain):
         return float(plain)
     text = re.sub(r"^([+-]) (?=[\d.,])", r"\1", text.strip().replace("−", "-"))
-    if "d" in text or "D" in text:
-        # as Fortran writes exponents
-        text = re.sub(r"(?<=[\d.,])[dD](?=[+-]?\d{1,3}$)", "e", text)
+    # as Fortran writes exponents
+    text = re.sub(r"(?<=[\d.,])[dD](?=[+-]?\d{1,3}$)", "e", text)
     between = BLANKS + thousands
     if any(mark in text for mark in between):
-        whole, mark, rest = text.partition(decimal)
+        whole, mark, fraction = text.partition(decimal)
         if not re.fullmatch(rf"[+-]?(?:\d*|[1-9]\d{{0,2}}(?:([{re.escape(between)}])\d{{3}}(?:\1\d{{3}})*))", whole):
             return None
-        text = re.sub(f"[{re.escape(between)}]", "", whole) + mark + rest
-    if decimal != ".":
-        if "." in text:
-            return None
-        text = text.replace(decimal, ".")
-    if not text.isascii() or not _PLAIN.fullmatch(text):
+        text = re.sub(f"[{re.escape(between)}]", "", whole) + mark + fraction
+    text = _with_point(text, decimal)
+    if not _PLAIN.fullmatch(text):
         return None
     value = float(text)
     return value if math.isfinite(value) else None
 
 
+def _with_point(text: str, decimal: str) -> str:
+    """A number with a decimal point; "" where it has a point that is no decimal mark."""
+    if decimal == ".":
+        return text
+    return "" if "." in text else text.replace(decimal, ".")
+
+
 def numbers_of(texts: list[str], decimal: str) -> list[float] | None:
-    """All texts as numbers, where all are written plainly; None where one may not be, or may be none."""
+    """Convert texts that are all written plainly; None where one may not be, or may be none."""
     if not set("".join(texts)) <= set("0123456789+-eE " + decimal):
         return None
     try:
-        values = [float(text) for text in texts] if decimal == "." else [float(t.replace(decimal, ".")) for t in texts]
+        values = [float(text.replace(decimal, ".")) for text in texts]
     except ValueError:
         return None
     return values if all(map(math.isfinite, values)) else None
@@ -119,14 +124,14 @@ def numbers_of(texts: list[str], decimal: str) -> list[float] | None:
 
 def sexagesimal(text: str) -> float | None:
     """Degrees of 12°34'56", 12:34:56, 12 34.5; None for what is no such angle."""
-    found = _DEGREES.fullmatch(text.strip().replace("−", "-"))
-    if found is None:
+    angle = _DEGREES.fullmatch(text.strip().replace("−", "-"))
+    if angle is None:
         return None
-    minutes, seconds = float(found["min"].replace(",", ".")), float((found["sec"] or "0").replace(",", "."))
-    if minutes >= 60.0 or seconds >= 60.0 or (found["sec"] and not minutes.is_integer()):
+    minutes, seconds = float(angle["min"].replace(",", ".")), float((angle["sec"] or "0").replace(",", "."))
+    if minutes >= 60.0 or seconds >= 60.0 or (angle["sec"] and not minutes.is_integer()):
         return None
-    value = float(found["deg"]) + minutes / 60.0 + seconds / 3600.0
-    return -value if found["sign"] == "-" else value
+    value = float(angle["deg"]) + minutes / 60.0 + seconds / 3600.0
+    return -value if angle["sign"] == "-" else value
 
 
 def bare(text: str) -> str:
@@ -146,29 +151,32 @@ def has_degree_mark(text: str) -> bool:
 
 def clock(text: str, form: str = "") -> float | None:
     """Seconds of a time of day, "10:15:30,5 pm"; of two parts only where `form`, h:m or m:s, says what they are."""
-    short = _MINUTES.fullmatch(text.strip())
+    text = text.strip()
+    short, time = _MINUTES.fullmatch(text), _CLOCK.fullmatch(text)
     if short:
         # only seconds have decimals
-        seconds = float(short[2].replace(",", "."))
-        return int(short[1]) * 60.0 + seconds if seconds < 60.0 else None
-    found = _CLOCK.fullmatch(text.strip())
-    if found is None:
+        return _seconds("0", short[1], short[2], most=1000)
+    if time is None:
         return None
-    first, second, third, half = found.groups()
+    first, second, third, half = time.groups()
     if third is None:
         if form == "m:s":
-            return int(first) * 60.0 + int(second) if int(second) < 60 else None
+            return _seconds("0", first, second, most=1000)
         if form != "h:m" and not half:
             return None
-    seconds = float((third or "0").replace(",", ".").replace(":", "."))
-    if int(second) >= 60 or seconds >= 60.0:
-        return None
-    hours = int(first)
     if half:
-        if not 1 <= hours <= 12:
+        if not 1 <= int(first) <= 12:
             return None
-        hours = hours % 12 + (12 if half.lower() == "pm" else 0)
-    return hours * 3600.0 + int(second) * 60.0 + seconds
+        first = str(int(first) % 12 + 12 * (half.lower() == "pm"))
+    return _seconds(first, second, third or "0", most=60)
+
+
+def _seconds(hours: str, minutes: str, seconds: str, most: int) -> float | None:
+    """Seconds of hours, minutes below `most`, and seconds below 60; None where these are more."""
+    last = float(seconds.replace(",", ".").replace(":", "."))
+    if int(minutes) >= most or last >= 60.0:
+        return None
+    return int(hours) * 3600.0 + int(minutes) * 60.0 + last
 
 
 def is_clock(text: str) -> bool:
@@ -178,8 +186,8 @@ def is_clock(text: str) -> bool:
 
 def two_parts(text: str) -> bool:
     """Whether a time of day has two parts, of which nothing says whether they are h:m or m:s."""
-    found = _CLOCK.fullmatch(text.strip())
-    return found is not None and found[3] is None and not found[4]
+    time = _CLOCK.fullmatch(text.strip())
+    return time is not None and time[3] is None and not time[4]
 
 
 def day(text: str, order: str) -> date | None:
@@ -189,26 +197,24 @@ def day(text: str, order: str) -> date | None:
     if named:
         name = (named[2] or named[4])[:3].casefold()
         month = next((k for k, names in enumerate(MONTHS, 1) if name in names.split()), 0)
-        return _date(_full_year(named[3] or named[6]), month, int(named[1] or named[5]))
-    found = _DATE.fullmatch(text)
-    if found is None:
+        return _date(named[3] or named[6], month, named[1] or named[5])
+    numbers = _DATE.fullmatch(text)
+    if numbers is None:
         return None
-    parts = (found[1], found[3], found[4])
+    parts = (numbers[1], numbers[3], numbers[4])
     if len(parts[0]) == 4:
         order = "year-first"
     elif len(parts[2]) == 4 and order == "year-first":
         return None
-    year, month, on = (parts[k] for k in ORDERS[order])
-    return _date(_full_year(year), int(month), int(on))
+    year, month, on = ORDERS[order]
+    return _date(parts[year], int(parts[month]), parts[on])
 
 
-def _full_year(text: str) -> int:
-    return int(text) + (2000 if len(text) <= 2 else 0)
-
-
-def _date(year: int, month: int, on: int) -> date | None:
+def _date(year: str, month: int, on: str) -> date | None:
+    """A day, with two digits of the year or four; None where there is no such day."""
+    century = 2000 if len(year) <= 2 else 0
     try:
-        return date(year, month, on)
+        return date(int(year) + century, month, int(on))
     except ValueError:
         return None
 
@@ -229,29 +235,25 @@ def _spelled(text: str) -> str:
 def moment(text: str, order: str, form: str = "") -> float | None:
     """Seconds since the year 2020 began of a date, or of a date and time in one cell; None where it is neither."""
     text = _spelled(text)
-    at = day(text, order)
-    if at is not None:
-        return since(at)
-    parts = re.split(r"(?<=\d)[T\s,;]+(?=\d+:)", text.rstrip("Z"), maxsplit=1) if "T" in text or " " in text else []
-    if len(parts) == 2:
-        on, seconds = day(parts[0], order), clock(parts[1], form)
-        if on is not None and seconds is not None:
-            return since(on) + seconds
-    try:
-        read = datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    if read.tzinfo is not None:
-        read = read.astimezone(UTC)
-    return since(read) + read.hour * 3600.0 + read.minute * 60.0 + read.second + read.microsecond * 1e-6
-
-
-def since(on: date) -> float:
-    """Seconds from the beginning of the year 2020 to that of a day: few enough digits for microseconds."""
-    return (on.toordinal() - date(2020, 1, 1).toordinal()) * 86400.0
+    on, seconds = day(text, order), 0.0
+    if on is None and ("T" in text or " " in text):
+        parts = _BEFORE_CLOCK.split(text.rstrip("Z"), maxsplit=1)
+        if len(parts) == 2:
+            on, seconds = day(parts[0], order), clock(parts[1], form)
+    if on is None or seconds is None:
+        try:
+            instant = datetime.fromisoformat(text)
+        except ValueError:
+            return None
+        if instant.tzinfo is not None:
+            instant = instant.astimezone(UTC)
+        on = instant
+        seconds = instant.hour * 3600.0 + instant.minute * 60.0 + instant.second + instant.microsecond * 1e-6
+    # few enough digits for microseconds
+    return (on.toordinal() - date(2020, 1, 1).toordinal()) * 86400.0 + seconds
 
 
 def date_of(text: str) -> str | None:
     """The part of a cell that is a date of three numbers or with a month's name; None where there is none."""
-    first = re.split(r"(?<=\d)[T\s,;]+(?=\d+:)", _spelled(text), maxsplit=1)[0]
+    first = _BEFORE_CLOCK.split(_spelled(text), maxsplit=1)[0]
     return first if any(day(first, order) is not None for order in ORDERS) else None

@@ -1,20 +1,26 @@
-"""A file from elsewhere as rows of texts: what is read of it before anything is understood.
+"""Files from elsewhere as rows of texts: text with separators, LabVIEW measurement files, workbooks.
 
 A sheet knows how it was written as far as the file says so itself (a marker of its encoding, a header of LabVIEW).
+Calamine (in Rust) reads workbooks in another process. It is not trusted to end well with a corrupt or a malicious one:
+it gets a ZIP archive of nothing but the parts that a table needs, and no more memory than tables take.
 """
 
 import csv
+import io
+import json
 import re
+import subprocess
+import sys
+import zipfile
 import zlib
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..records.read import PACKED
-from .numbers import bare, date_of, has_degree_mark, is_clock, is_missing, number
+from .numbers import Typed, bare, date_of, has_degree_mark, is_clock, is_missing, number
 
 LARGEST = 400_000_000
 """Bytes of a file that is read."""
@@ -51,6 +57,66 @@ LABVIEW = "LabVIEW Measurement"
 END_OF_HEADER = "***End_of_Header***"
 KEPT_OF_HEADER = ("Operator", "Project", "Description", "Date", "Time", "Notes")
 """What of a header of LabVIEW is about the measurement; the rest is about the file."""
+MOST_MEMBERS = 5000
+"""Parts of a workbook."""
+MOST_BYTES = 400_000_000
+"""Bytes of the parts of a workbook that a table needs, unpacked."""
+MOST_CELLS = 8_000_000
+"""Cells of a sheet: rows times columns up to its last. All rows that a sheet can have, of seven columns, are fewer."""
+MEMORY = 5 << 29
+"""Bytes that the process that reads a workbook may take, where the system can limit it: so many cells take half."""
+NEEDED = re.compile(
+    r"\[Content_Types\]\.xml|_rels/.*|xl/(workbook|styles|sharedStrings)\.(xml|bin)|xl/(_rels|worksheets)/.*"
+    r"|mimetype|content\.xml|styles\.xml|META-INF/manifest\.xml"
+)
+"""Parts that hold tables: no pictures, no macros, no links."""
+
+_REFERENCE = re.compile(rb'<(?:\w+:)?(?:c|row)\b[^>]*?\br="([A-Za-z]{0,3})(\d{1,10})"')
+_READ = f"""
+import io, json, sys
+from datetime import date, datetime, time, timedelta
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))
+except (ImportError, ValueError, OSError):
+    pass
+try:
+    from python_calamine import CalamineWorkbook
+except ImportError:
+    print("python-calamine is not installed, which reads workbooks: pip install python-calamine")
+    sys.exit(3)
+
+def text_of(value):
+    if isinstance(value, bool):
+        return str(value)
+    if isinstance(value, (int, float)):
+        return float(value)
+    if isinstance(value, timedelta):
+        seconds = value.total_seconds()
+        return f"{{int(seconds // 3600)}}:{{int(seconds // 60) % 60:02d}}:{{seconds % 60:09.6f}}"
+    return value.isoformat() if isinstance(value, (date, datetime, time)) else str(value)
+
+try:
+    book = CalamineWorkbook.from_filelike(io.BytesIO(sys.stdin.buffer.read()))
+    for name in book.sheet_names:
+        try:
+            sheet = book.get_sheet_by_name(name)
+        except Exception:
+            continue
+        if sheet.height * sheet.width > {MOST_CELLS}:
+            size = f"{{sheet.height}} rows of {{sheet.width}} columns"
+            print(f"sheet {{name!r}} has {{size}}; at most {MOST_CELLS} cells are read")
+            sys.exit(3)
+        rows = [[text_of(value) for value in row] for row in sheet.to_python(skip_empty_area=False)]
+        sys.stdout.write(json.dumps([name, rows]) + "\\n")
+except BaseException as error:
+    if isinstance(error, SystemExit):
+        raise
+    reason = (str(error).strip() or type(error).__name__).splitlines()[0][:120]
+    print(f"is no readable workbook, .xlsx, .xlsb, .xls or .ods ({{reason}})")
+    sys.exit(3)
+"""
+
 Row = tuple[int, list[str]]
 """A row: its line, as an editor counts, and its texts."""
 
@@ -129,24 +195,28 @@ class Sheet:
         return f"{self.encoding}, {between} between fields{shape}"
 
 
-def is_value(text: str, decimal: str = "") -> bool:
-    """Whether a text is a number, with either decimal mark where none is given, an angle, a time or a date."""
+def cell(texts: Sequence[str], place: int) -> str:
+    """The text of a field of a row; "" where the row is shorter."""
+    return texts[place] if place < len(texts) else ""
+
+
+def is_value(text: str) -> bool:
+    """Whether a text is a number with either decimal mark, an angle, a time or a date."""
     if not any(map(str.isdigit, text)):
         return False
-    marks = (decimal,) if decimal else (".", ",")
-    if any(number(text, mark, "".join({".", ","} - {mark})) is not None for mark in marks):
+    if number(text, ".", ",") is not None or number(text, ",", ".") is not None:
         return True
     return is_clock(text) or has_degree_mark(text) or date_of(text) is not None
 
 
-def value_cells(texts: Sequence[str]) -> int:
-    """How many cells of a row hold values."""
-    return sum(is_value(text) or is_value(bare(text)) for text in texts)
+def is_word(text: str) -> bool:
+    """Whether a text is neither a value nor a sign that nothing was measured."""
+    return not is_missing(text) and not is_value(text)
 
 
 def is_data(texts: Sequence[str]) -> bool:
     """Whether a row holds measured numbers: three at least, and more of them than of words."""
-    values = value_cells(texts)
+    values = sum(is_value(text) or is_value(bare(text)) for text in texts)
     words = sum(not is_missing(text) for text in texts) - values
     return values >= FEWEST_NUMBERS and values > words
 
@@ -174,16 +244,16 @@ def unpacked(path: Path, data: bytes) -> bytes:
 def refuse_other(path: Path, data: bytes) -> None:
     """Refuse a file that is no text with a table, by what it begins with, and say what would be right."""
     begins = data[:1000].removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
-    for pattern, said in OTHERS.items():
+    for pattern, what in OTHERS.items():
         if re.match(pattern, begins):
-            raise InputError(f"{path}: {said}")
+            raise InputError(f"{path}: {what}")
 
 
 def decoded(path: Path, data: bytes, encoding: str = "") -> tuple[str, str]:
     """Text and encoding of a file: by its marker, as UTF-8 where it is that, as Windows writes it where it is not."""
     for mark, name in MARKERS.items():
-        if data.startswith(mark) and not encoding:
-            return _decoded(path, data, name), name
+        if data.startswith(mark):
+            encoding = encoding or name
     if encoding:
         return _decoded(path, data, encoding), encoding
     if 0 not in data.rstrip(b"\0"):
@@ -230,38 +300,39 @@ def text_sheet(path: Path, lines: list[str], encoding: str, separator: str = "")
         if separator not in SEPARATORS:
             raise InputError(f"--set separator={separator}: must be one of {' '.join(SEPARATORS)}")
         return replace(sheet, separator=separator)
-    hint = re.fullmatch(r"sep=(.)", lines[0].strip(), re.IGNORECASE) if lines[0].strip() else None
-    named = next((name for name, mark in SEPARATORS.items() if hint and mark == hint[1]), "")
-    if lines[0].lower() == "sep=\t":
-        named = "tab"
-    if named:
-        # the line is Excel's alone
-        return replace(sheet, lines=["", *lines[1:]], separator=named)
-    worth: dict[str, tuple[int, int]] = {}
+    hint = lines[0].lower()
+    if hint != "sep=\t":
+        hint = hint.strip()
+    for name, mark in SEPARATORS.items():
+        if hint == f"sep={mark}":
+            # the line is Excel's alone
+            return replace(sheet, lines=["", *lines[1:]], separator=name)
+    best = (0, 0)
     for count in (TRIED, LOOKED_AT):
-        worth = {name: _worth(replace(sheet, lines=lines[:count], separator=name)) for name in SEPARATORS}
-        if max(worth.values())[0]:
+        for name in SEPARATORS:
+            worth = _worth(replace(sheet, lines=lines[:count], separator=name))
+            if not separator or worth > best:
+                separator, best = name, worth
+        if best[0]:
             break
-    return replace(sheet, separator=max(worth, key=lambda name: worth[name]))
+    return replace(sheet, separator=separator)
 
 
 def _worth(sheet: Sheet) -> tuple[int, int]:
     """Rows of data that a separator makes, all of the width that most have; the fewer words in them the better."""
+    words: dict[int, list[int]] = {}
     try:
-        rows = [texts for _, texts in sheet.rows() if is_data(texts)]
+        for _, texts in sheet.rows():
+            if is_data(texts):
+                words.setdefault(len(texts), []).append(sum(map(is_word, texts)))
     except InputError:
         return 0, 0
-    widths = Counter(len(texts) for texts in rows)
-    width = widths.most_common(1)[0][0] if rows else 0
-    whole = [texts for texts in rows if len(texts) == width]
-    return len(whole), -sum(not is_missing(text) and not is_value(text) for texts in whole for text in texts)
-
-
-# LabVIEW's measurement files (.lvm): a header says separator, decimal mark, units and period
+    most = max(words.values(), key=len, default=[])
+    return len(most), -sum(most)
 
 
 def is_labview(lines: list[str]) -> bool:
-    """Whether lines of text are a measurement file."""
+    """Whether lines of text are a LabVIEW measurement file (.lvm): a header says separator, marks, units and period."""
     return lines[0].strip().startswith(LABVIEW)
 
 
@@ -269,38 +340,103 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
     """A measurement file as a sheet that knows what its header says; an InputError where that says no table."""
     ends = [line for line, text in enumerate(lines, 1) if text.strip().startswith(END_OF_HEADER)]
     if len(ends) != 2:
-        what = "no end of its header" if not ends else f"{len(ends) - 1} parts with a header; one is read"
+        what = f"{len(ends) - 1} parts with a header; one is read" if ends else "no end of its header"
         raise InputError(f"{path}: is a LabVIEW measurement file with {what}")
-    separator = "," if any(text.strip() == "Separator,Comma" for text in lines[: ends[0]]) else "\t"
-    rows = [text.split(separator) for text in lines[: ends[1]]]
+    of_file, of_table = ends
+    stripped = [text.strip() for text in lines[:of_file]]
+    separator, mark = (",", ",") if "Separator,Comma" in stripped else ("tab", "\t")
     header: dict[str, list[str]] = {}
-    for cells in rows:
-        header.setdefault(cells[0].strip(), [cell.strip() for cell in cells[1:]])
-    decimal = _first_behind(header, "Decimal_Separator") or "."
+    for text in lines[:of_table]:
+        key, *cells = [cell.strip() for cell in text.split(mark)]
+        header.setdefault(key, cells)
+    first = {key: cells[0] for key, cells in header.items() if cells}
+    decimal = first.get("Decimal_Separator") or "."
     if decimal not in (".", ","):
         raise InputError(f"{path}: Decimal_Separator {decimal!r}: is neither a point nor a comma")
-    names = next((line for line, text in enumerate(lines[ends[1] :], ends[1] + 1) if text.strip()), 0)
-    seconds = _first_behind(header, "X_Dimension") in ("", "Time")
-    period = number(_first_behind(header, "Delta_X"), decimal)
-    kept = [
-        text if any(text.startswith(f"{key}{separator}") for key in KEPT_OF_HEADER) else "" for text in lines[: ends[0]]
-    ]
+    body = lines[of_table:]
+    names = next((line for line, text in enumerate(body, of_table + 1) if text.strip()), 0)
+    seconds = first.get("X_Dimension", "") in ("", "Time")
+    period = number(first.get("Delta_X", ""), decimal)
+    is_periodic = seconds and period and first.get("X_Columns") == "No"
     stated = Stated(
         decimal=decimal,
         header_row=names,
         units=("s" if seconds else "", *header.get("Y_Unit_Label", ())),
         first_row=names + 1,
-        time=f"{period!r} s" if seconds and period and _first_behind(header, "X_Columns") == "No" else "",
+        time=f"{period!r} s" if is_periodic else "",
     )
-    return Sheet(
-        path,
-        [*kept, *[""] * (ends[1] - ends[0]), *lines[ends[1] :]],
-        encoding=encoding,
-        separator="tab" if separator == "\t" else ",",
-        stated=stated,
-    )
+    remarks = [""] * of_table
+    for line, text in enumerate(lines[:of_file]):
+        if text.split(mark)[0] in KEPT_OF_HEADER and mark in text:
+            remarks[line] = text
+    return Sheet(path, remarks + body, encoding=encoding, separator=separator, stated=stated)
 
 
-def _first_behind(header: dict[str, list[str]], key: str) -> str:
-    """The first text behind a key; "" where there is none."""
-    return next(iter(header.get(key, ())), "")
+def workbook_sheets(path: Path, data: bytes) -> list[Sheet]:
+    """The sheets of a workbook, in their order, those of charts left out; an InputError where it cannot be read."""
+    if data.startswith(b"PK"):
+        data = _repacked(path, data)
+    reader = subprocess.run([sys.executable, "-I", "-c", _READ], input=data, capture_output=True, check=False)
+    lines = reader.stdout.decode("utf-8", "replace").splitlines()
+    if reader.returncode:
+        what = lines[-1] if reader.returncode == 3 and lines else "is no readable workbook, or too large a one"
+        raise InputError(f"{path}: {what}")
+    return [Sheet(path, cells=_cells(rows), name=name) for name, rows in map(json.loads, lines)]
+
+
+def sheet_of_workbook(sheets: list[Sheet], path: Path, name: str) -> Sheet:
+    """The sheet of a name; an InputError where there is none."""
+    names = [sheet.name for sheet in sheets]
+    if name not in names:
+        raise InputError(f"{path}: sheet {name!r} is not there; {nearest(name, names)}")
+    return sheets[names.index(name)]
+
+
+def _cells(rows: list[list[str | float]]) -> list[list[str]]:
+    """Texts of cells; numbers remember that they were such."""
+    return [[value if isinstance(value, str) else Typed(repr(value)) for value in row] for row in rows]
+
+
+def _repacked(path: Path, data: bytes) -> bytes:
+    """An archive of the parts that a table needs, none of which is larger than it says, or declares entities."""
+    packed = io.BytesIO()
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(packed, "w") as alone:
+            members = archive.infolist()
+            names = [member.filename for member in members]
+            if len(names) > MOST_MEMBERS or len(set(names)) < len(names):
+                raise InputError(f"{path}: has more than {MOST_MEMBERS} parts, or one twice; not read")
+            needed = [member for member in members if NEEDED.fullmatch(member.filename)]
+            for member in needed:
+                if ".." in member.filename.split("/") or "\\" in member.filename:
+                    raise InputError(f"{path}: part {member.filename!r} would leave the archive; not read")
+            if sum(member.file_size for member in needed) > MOST_BYTES:
+                raise InputError(f"{path}: unpacks to more than {MOST_BYTES} bytes; not read")
+            for member in needed:
+                content = archive.read(member)
+                _refuse_content(path, member.filename, content)
+                alone.writestr(member.filename, content)
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, OSError) as error:
+        raise InputError(f"{path}: is no readable workbook ({error})") from error
+    return packed.getvalue()
+
+
+def _refuse_content(path: Path, name: str, content: bytes) -> None:
+    """Refuse XML that declares a document type, and a sheet that has cells far away: it would be held whole."""
+    if name.endswith(".bin"):
+        # cells far away in these meet the limit of memory
+        return
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError(f"{path}: {name} declares a DOCTYPE, or is not UTF-8; not read")
+    if not name.startswith("xl/worksheets/"):
+        return
+    rows, columns = 1, 1
+    for reference in _REFERENCE.finditer(content):
+        rows = max(rows, int(reference[2]))
+        place = 0
+        for letter in reference[1].upper():
+            place = 26 * place + letter - 64
+        columns = max(columns, place)
+    if rows * columns > MOST_CELLS:
+        what = f"{name} has cells up to row {rows} and column {columns}; at most {MOST_CELLS} cells are read"
+        raise InputError(f"{path}: {what}")

@@ -1,100 +1,264 @@
-"""A sheet as far as it is understood: each column's place, unit and form; and what a person has to say."""
+"""A sheet as far as it is understood: each column's place, unit and form; and the questions to a person."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
 
-from ..records.columns import ANGLES, POSITION, Kind
+from ..errors import InputError
+from ..records.columns import ANGLES, FORCE, POSITION, Kind
 from .layout import COMMENT, Layout
-from .mapping import Mapping, Question
-from .numbers import bare, is_missing, number, sexagesimal
-from .sheet import Sheet
-from .units import Unit
+from .mapping import OPEN, Mapping, Question
+from .names import QUANTITY_OF, SAMPLE, TIMES, Heading
+from .numbers import bare, is_missing, number, sexagesimal, unit_behind
+from .sheet import Row, Sheet, cell
+from .units import COUNTS, DOUBTFUL, EXAMPLES, QUANTITIES, TIME, Unit, known_unit, of_converter, unit_of, written
 
 STANDING_DEG = 0.5
 """Rows whose angles differ by no more may have been taken at one rest [deg]."""
 CLOCK, MOMENT, NUMBER, NAME = "clock", "moment", "number", "name"
 """Forms of a column: times of day, dates, numbers and angles, names."""
+SENSITIVITIES = {
+    "force": ("0.5 g", "16384 LSB/g"),
+    "rate": ("0.01 (deg/s)", "131 LSB/(deg/s)"),
+    "angle": ("0.01 deg", ""),
+    "velocity": ("0.001 m/s", ""),
+    "time": ("0.001 s", ""),
+    "temperature": ("0.01 degC", ""),
+}
+"""Quantity -> an example of one volt or count, and a sensitivity as data sheets say it."""
+DAYS = (30_000.0, 80_000.0)
+"""Times between these may be dates as a workbook counts them: days since 1900."""
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A field of the rows: its place from 0, its head, and its rows that were looked at."""
+
+    place: int
+    head: Heading
+    rows: list[Row]
+    missing: Sequence[str]
+
+    @property
+    def label(self) -> str:
+        """The head, or the number from 1 where it has none."""
+        return self.head.text or str(self.place + 1)
+
+    @cached_property
+    def cells(self) -> list[tuple[int, str]]:
+        """Line and text of each cell; missing ones are left out."""
+        cells = [(line, cell(texts, self.place).strip()) for line, texts in self.rows]
+        return [(line, text) for line, text in cells if not is_missing(text, self.missing)]
+
+    @cached_property
+    def texts(self) -> list[str]:
+        """The texts of the cells."""
+        return [text for _, text in self.cells]
+
+    @cached_property
+    def unit(self) -> Unit | None:
+        """The unit that the head states."""
+        return known_unit(self.head.unit)
+
+    @property
+    def quantity(self) -> str:
+        """The quantity of that unit; "" where there is none."""
+        return self.unit.quantity if self.unit else ""
 
 
 @dataclass(frozen=True)
-class Taken:
+class Origin:
     """How a column of the record comes from a field of a row: sign × (number - offset), in a unit.
 
     `beside` are the fields of further readings of the same rest.
     """
 
-    field: int
+    field: Field
     form: str = NUMBER
     unit: Unit | None = None
-    sign: int = 1
+    sign: Literal[1, -1] = 1
     offset: float = 0.0
-    said: str = ""
-    beside: tuple[int, ...] = ()
+    beside: tuple[Field, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The column's head in words for a person."""
+        return self.field.head.text or f"field {self.field.place + 1}"
 
 
 @dataclass
-class Understanding:
-    """A sheet, its layout, the mapping as far as it is known, and what is asked.
+class Table:
+    """A sheet, its layout, the mapping as far as a person gave it, and all that is settled or asked beyond that.
 
-    `taken` is by column of the record, and so is `beside`: fields of further readings of a rest.
+    `origins` is by column of the record, and so is `beside`: fields of further readings of a rest.
     """
 
     sheet: Sheet
     layout: Layout
-    given: Mapping
-    taken: dict[str, Taken] = field(default_factory=dict)
+    mapping: Mapping
+    origins: dict[str, Origin] = field(default_factory=dict)
     questions: list[Question] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     kind: Kind = POSITION
     decimal: str = "."
     thousands: str = ""
     settled: dict[str, object] = field(default_factory=dict)
-    beside: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    beside: dict[str, tuple[Field, ...]] = field(default_factory=dict)
 
-    def ask(self, key: str, answers: Sequence[str], why: str) -> None:
-        """Ask once for a key of the mapping."""
-        if all(question.key != key for question in self.questions):
-            self.questions.append(Question(key, tuple(answers), why))
-
-    def cells(self, place: int) -> list[tuple[int, str]]:
-        """Line and text of a field in the rows looked at, what is missing left out."""
-        rows = ((line, texts[place].strip()) for line, texts in self.looked_at if place < len(texts))
-        return [(line, text) for line, text in rows if not is_missing(text, self.given.missing)]
-
-    @property
-    def looked_at(self) -> list[tuple[int, list[str]]]:
+    @cached_property
+    def rows(self) -> list[Row]:
         """The first rows of data."""
         last = self.layout.last
         return [row for row in self.layout.looked_at if not last or row[0] <= last]
 
-    @property
+    @cached_property
+    def fields(self) -> list[Field]:
+        """The fields of the rows, in their order."""
+        missing = self.mapping.missing
+        return [Field(place, head, self.rows, missing) for place, head in enumerate(self.layout.headings)]
+
+    @cached_property
     def is_marked(self) -> bool:
         """Whether most rows begin with the mark of a comment: then it is none."""
-        rows = [bool(texts) and texts[0].lstrip().startswith(COMMENT) for _, texts in self.looked_at]
-        return 2 * sum(rows) > len(rows)
+        marked = sum(bool(texts) and texts[0].lstrip().startswith(COMMENT) for _, texts in self.rows)
+        return 2 * marked > len(self.rows)
+
+    @property
+    def whole_mapping(self) -> Mapping:
+        """The mapping with all that is settled filled in."""
+        return Mapping.model_validate({**self.mapping.model_dump(by_alias=True), **self.settled})
+
+    @property
+    def free_fields(self) -> list[Field]:
+        """Fields that no column of the record comes from."""
+        used = set[Field]()
+        for origin in self.origins.values():
+            used |= {origin.field, *origin.beside}
+        return [field for field in self.fields if field not in used]
+
+    def ask(self, key: str, answers: Sequence[str], why: str) -> None:
+        """Ask once for a key of the mapping."""
+        if not self.is_asked(key):
+            self.questions.append(Question(key, tuple(answers), why))
+
+    def is_asked(self, *keys: str) -> bool:
+        """Whether one of these keys is asked for."""
+        return any(question.key in keys for question in self.questions)
 
     def value(self, text: str) -> float | None:
         """A number as this file writes it."""
-        found = number(text, self.decimal, self.thousands)
-        return number(bare(text), self.decimal, self.thousands) if found is None else found
+        value = number(text, self.decimal, self.thousands)
+        return number(bare(text), self.decimal, self.thousands) if value is None else value
 
-    @property
-    def mapping(self) -> Mapping:
-        """The mapping with all that is settled filled in."""
-        return Mapping.model_validate({**self.given.model_dump(by_alias=True), **self.settled})
-
-    @property
-    def left_out(self) -> list[str]:
-        """Names of the columns that are not taken."""
-        used = {place for taken in self.taken.values() for place in (taken.field, *taken.beside)}
-        return [h.text for place, h in enumerate(self.layout.headings) if place not in used and h.text]
-
-
-def reading(found: Understanding, column: str, text: str) -> float | None:
-    """The number of a cell in the file's unit, of an angle also from degrees and minutes; None where it is none."""
-    value = found.value(text)
-    if value is None and column in ANGLES:
+    def reading(self, column: str, text: str) -> float | None:
+        """The number of a cell in the file's unit, of an angle also from degrees and minutes; None where it is none."""
+        value = self.value(text)
+        if value is not None or column not in ANGLES:
+            return value
         degrees = sexagesimal(text)
-        unit = found.taken[column].unit
+        unit = self.origins[column].unit
         return degrees if degrees is None or unit is None else (degrees - unit.offset) / unit.factor
-    return value
+
+
+def decide_units(table: Table) -> None:
+    """The unit of each column: as given for it, as given for its quantity, as its head says, or asked."""
+    units = table.mapping.units
+    agreed: dict[str, set[str]] = {}
+    for key in units:
+        if key not in QUANTITIES:
+            raise InputError(f"units.{key}: is no quantity; {', '.join(QUANTITIES)}")
+    for column, origin in table.origins.items():
+        quantity = QUANTITY_OF.get(column)
+        if quantity is None or origin.form in (CLOCK, MOMENT):
+            continue
+        if all(table.reading(column, text) is None for text in origin.field.texts):
+            # it is asked which column is meant
+            continue
+        counts_samples = column == TIMES and origin.field.head.column == SAMPLE
+        unit, text = _unit(table, SAMPLE if counts_samples else column, origin)
+        if unit is not None:
+            table.origins[column] = replace(origin, unit=unit)
+            agreed.setdefault(quantity, set()).add(text)
+    stated = {field.quantity for field in table.fields}
+    for question in list(table.questions):
+        quantity = QUANTITY_OF.get(question.key.removeprefix("columns."), "")
+        if quantity and quantity not in stated and quantity not in agreed and quantity not in units:
+            _ask_for_unit(table, quantity)
+    table.settled["units"] = {quantity: min(texts) for quantity, texts in agreed.items() if len(texts) == 1}
+    table.settled["units"] |= {quantity: text for quantity, text in units.items() if text != OPEN}
+
+
+def _ask_for_unit(table: Table, quantity: str) -> None:
+    """Ask for the unit of a quantity whose columns are not known; a free field may hold a converter's output."""
+    used = {origin.field for origin in table.origins.values()}
+    for free in table.fields:
+        if free not in used and free.unit and free.unit.raw:
+            raw = free.head.unit
+            table.ask(f"units.{quantity}", (sensitivity(quantity, raw),), f"what one {raw} is, as here")
+            return
+    table.ask(f"units.{quantity}", EXAMPLES[quantity][:3], f"no unit of {quantity} is written")
+
+
+def _unit(table: Table, column: str, origin: Origin) -> tuple[Unit | None, str]:
+    """The unit of a column and its text; None where it has to be asked for."""
+    quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
+    source = table.mapping.of(column)
+    own_unit = source.unit if source else ""
+    key = f"columns.{column}.unit" if own_unit else f"units.{quantity}"
+    text = head.unit or next(filter(None, map(unit_behind, texts)), "")
+    doubtful = DOUBTFUL.get(written(text).lower(), ())
+    stated = None if doubtful else known_unit(text)
+    is_raw = stated is not None and stated.raw
+    answer = own_unit or table.mapping.units.get(quantity, "")
+    if answer not in ("", OPEN):
+        unit = unit_of(answer)
+        if unit is not None and unit.per is not None:
+            unit = of_converter(unit, stated if is_raw else None)
+        if unit is None or unit.raw or unit.quantity != quantity:
+            examples = f"{', '.join(EXAMPLES[quantity])} or '16384 LSB/g'"
+            raise InputError(f"{key} = {answer!r}: is no unit of {quantity}; as {examples}")
+        return unit, answer
+    if stated is not None and stated.quantity == quantity:
+        return stated, text
+    if column in ANGLES and texts and all(table.value(t) is None and sexagesimal(t) is not None for t in texts):
+        return known_unit("deg"), "deg"
+    answers: Sequence[str] = EXAMPLES[quantity][:3]
+    if is_raw:
+        answers, why = (sensitivity(quantity, text),), f"{head.text!r} is in {text}: what one {text} is, as here"
+    elif doubtful:
+        answers, why = doubtful, f"what {text!r} of {head.text!r} is"
+    elif text and text != head.text:
+        why = f"{text!r} of {head.text!r} is no unit of {quantity} that is known"
+    elif column == SAMPLE:
+        answers, why = ("100 Hz",), f"{head.text!r} counts samples: at which rate"
+    else:
+        values = [value for value in map(table.value, texts) if value is not None]
+        # as a workbook counts days since 1900
+        if quantity == TIME and values and DAYS[0] < min(values) and max(values) < DAYS[1]:
+            answers = ("d", "s", "ms")
+        size = _size(table) if quantity == "force" else ""
+        why = f"no unit of {head.text or origin.name!r}{size} is written"
+    table.ask(key, answers, why)
+    return None, ""
+
+
+def sensitivity(quantity: str, text: str) -> str:
+    """An example of one volt or count of a quantity; `text` is the converter's unit."""
+    volt, count = SENSITIVITIES[quantity]
+    unit = known_unit(text)
+    if count and unit is not None and unit.quantity == COUNTS:
+        return count.replace("LSB", written(text))
+    return f"{volt}/{written(text)}"
+
+
+def _size(table: Table) -> str:
+    """The median size of the specific forces, by which a person knows their unit."""
+    fields = [table.origins[column].field for column in FORCE if column in table.origins]
+    squares = []
+    for _, texts in table.rows:
+        cells = (cell(texts, field.place) for field in fields)
+        values = [value for value in map(table.value, cells) if value is not None]
+        if len(values) == 3:
+            squares.append(sum(value * value for value in values))
+    return f", |f| about {sorted(squares)[len(squares) // 2] ** 0.5:.4g}," if squares else ""

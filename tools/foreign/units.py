@@ -14,7 +14,7 @@ from ...fmus.units import STANDARD_GRAVITY
 FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE = "force", "rate", "angle", "velocity", "time", "temperature"
 VOLTAGE, COUNTS = "voltage", "counts"
 QUANTITIES = (FORCE, RATE, ANGLE, VELOCITY, TIME, TEMPERATURE)
-"""What a mapping has units of."""
+"""Quantities that a mapping has units of."""
 DEGREE = math.pi / 180.0
 
 
@@ -36,61 +36,54 @@ class Unit:
         return self.quantity in (VOLTAGE, COUNTS)
 
 
-def _table(quantity: str, **factors: tuple[float, str]) -> dict[str, Unit]:
-    return {name: Unit(quantity, factor) for factor, names in factors.values() for name in names.split()}
-
-
-KNOWN: dict[str, Unit] = {
-    **_table(
-        FORCE,
-        si=(1.0, "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss м/с2"),
-        g=(STANDARD_GRAVITY, "g G g0 gn"),
-        mg=(1e-3 * STANDARD_GRAVITY, "mg mG milli-g"),
-        ug=(1e-6 * STANDARD_GRAVITY, "ug uG"),
-        cm=(1e-2, "cm/s2 Gal"),
-        mm=(1e-3, "mm/s2"),
-        mgal=(1e-5, "mGal"),
-        feet=(0.3048, "ft/s2"),
-    ),
-    **_table(
-        RATE,
-        rad=(1.0, "rad/s radps rad/sec rads-1 рад/с"),
-        mrad=(1e-3, "mrad/s"),
-        deg=(DEGREE, "deg/s degps dps degs-1 deg/sec град/с"),
-        mdps=(1e-3 * DEGREE, "mdps mdeg/s"),
-        hour=(DEGREE / 3600.0, "deg/h deg/hr degh-1 dph град/ч"),
-        turns=(2.0 * math.pi / 60.0, "rpm"),
-    ),
-    **_table(
-        ANGLE,
-        deg=(1.0, "deg degree degrees град"),
-        rad=(1.0 / DEGREE, "rad radian radians рад"),
-        mrad=(1e-3 / DEGREE, "mrad"),
-        urad=(1e-6 / DEGREE, "urad"),
-        minutes=(1.0 / 60.0, "arcmin ' ′"),
-        seconds=(1.0 / 3600.0, "arcsec \" ″ ''"),
-        gon=(0.9, "gon"),
-        turn=(360.0, "turn turns rev"),
-    ),
-    **_table(VELOCITY, si=(1.0, "m/s ms-1 mps м/с"), mm=(1e-3, "mm/s"), cm=(1e-2, "cm/s"), feet=(0.3048, "ft/s")),
-    **_table(
-        TIME,
-        s=(1.0, "s sec second seconds sek sekunden с"),
-        ms=(1e-3, "ms msec мс"),
-        us=(1e-6, "us usec мкс"),
-        ns=(1e-9, "ns"),
-        minute=(60.0, "min minutes minuten мин"),
-        hour=(3600.0, "h hr hours ч"),
-        day=(86400.0, "d day days"),
-    ),
-    **_table(VOLTAGE, v=(1.0, "V volt volts В"), mv=(1e-3, "mV мВ"), uv=(1e-6, "uV")),
-    **_table(COUNTS, one=(1.0, "LSB lsb counts count cnt cts digit digits raw inc adc")),
-    **dict.fromkeys(("degC", "C", "celsius", "degcelsius"), Unit(TEMPERATURE, 1.0)),
-    **dict.fromkeys(("K", "kelvin"), Unit(TEMPERATURE, 1.0, -273.15)),
-    **dict.fromkeys(("degF", "F", "fahrenheit"), Unit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0)),
+_NAMES = {
+    Unit(FORCE, 1.0): "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss м/с2",
+    Unit(FORCE, STANDARD_GRAVITY): "g G g0 gn",
+    Unit(FORCE, 1e-3 * STANDARD_GRAVITY): "mg mG milli-g",
+    Unit(FORCE, 1e-6 * STANDARD_GRAVITY): "ug uG",
+    Unit(FORCE, 1e-2): "cm/s2 Gal",
+    Unit(FORCE, 1e-3): "mm/s2",
+    Unit(FORCE, 1e-5): "mGal",
+    Unit(FORCE, 0.3048): "ft/s2",
+    Unit(RATE, 1.0): "rad/s radps rad/sec rads-1 рад/с",
+    Unit(RATE, 1e-3): "mrad/s",
+    Unit(RATE, DEGREE): "deg/s degps dps degs-1 deg/sec град/с",
+    Unit(RATE, 1e-3 * DEGREE): "mdps mdeg/s",
+    Unit(RATE, DEGREE / 3600.0): "deg/h deg/hr degh-1 dph град/ч",
+    Unit(RATE, 2.0 * math.pi / 60.0): "rpm",
+    Unit(ANGLE, 1.0): "deg degree degrees град",
+    Unit(ANGLE, 1.0 / DEGREE): "rad radian radians рад",
+    Unit(ANGLE, 1e-3 / DEGREE): "mrad",
+    Unit(ANGLE, 1e-6 / DEGREE): "urad",
+    Unit(ANGLE, 1.0 / 60.0): "arcmin ' ′",
+    Unit(ANGLE, 1.0 / 3600.0): "arcsec \" ″ ''",
+    Unit(ANGLE, 0.9): "gon",
+    Unit(ANGLE, 360.0): "turn turns rev",
+    Unit(VELOCITY, 1.0): "m/s ms-1 mps м/с",
+    Unit(VELOCITY, 1e-3): "mm/s",
+    Unit(VELOCITY, 1e-2): "cm/s",
+    Unit(VELOCITY, 0.3048): "ft/s",
+    Unit(TIME, 1.0): "s sec second seconds sek sekunden с",
+    Unit(TIME, 1e-3): "ms msec мс",
+    Unit(TIME, 1e-6): "us usec мкс",
+    Unit(TIME, 1e-9): "ns",
+    Unit(TIME, 60.0): "min minutes minuten мин",
+    Unit(TIME, 3600.0): "h hr hours ч",
+    Unit(TIME, 86400.0): "d day days",
+    Unit(VOLTAGE, 1.0): "V volt volts В",
+    Unit(VOLTAGE, 1e-3): "mV мВ",
+    Unit(VOLTAGE, 1e-6): "uV",
+    Unit(COUNTS, 1.0): "LSB lsb counts count cnt cts digit digits raw inc adc",
+    Unit(TEMPERATURE, 1.0): "degC C celsius degcelsius",
+    Unit(TEMPERATURE, 1.0, -273.15): "K kelvin",
+    Unit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0): "degF F fahrenheit",
 }
-DOUBTFUL = {"grad": "deg or gon", "grad/s": "deg/s"}
-"""Words that mean one thing in one language and another in another, with what they may mean."""
+KNOWN: dict[str, Unit] = {}
+"""Name of a unit -> the unit."""
+for _unit, _names in _NAMES.items():
+    KNOWN |= dict.fromkeys(_names.split(), _unit)
+DOUBTFUL = {"grad": ("deg", "gon"), "grad/s": ("deg/s",)}
+"""Words that differ in meaning between languages, and the units that they may mean."""
 EXAMPLES = {
     FORCE: ("g", "m/s2", "mg", "ug"),
     RATE: ("deg/s", "rad/s", "deg/h"),
@@ -125,18 +118,18 @@ def unit_of(text: str) -> Unit | None:
     simple = known_unit(text)
     if simple is not None:
         return simple
-    found = _SPLIT.match(written(text))
-    number = _fraction(found["number"]) if found else None
-    if found is None or number is None:
+    split = _SPLIT.match(written(text))
+    number = _fraction(split["number"]) if split else None
+    if split is None or number is None:
         return None
-    name = found["unit"]
+    name = split["unit"]
     if name.lower() == "hz":
         return Unit(TIME, 1.0 / number)
     whole = known_unit(name)
     if whole is not None:
         return None if whole.offset else replace(whole, factor=number * whole.factor)
-    for at in (place for place, mark in enumerate(name) if mark == "/"):
-        above, below = known_unit(name[:at]), known_unit(name[at + 1 :])
+    for slash in re.finditer("/", name):
+        above, below = known_unit(name[: slash.start()]), known_unit(name[slash.end() :])
         if above is None or below is None or above.raw == below.raw or above.offset or below.offset:
             continue
         if below.raw:

@@ -11,7 +11,7 @@ import pytest
 import trihedron as th
 from laboratory_files import Bench
 from trihedron.tools import cli
-from trihedron.tools.foreign import workbook
+from trihedron.tools.foreign import sheet
 
 pytest.importorskip("python_calamine", reason="python-calamine is not installed")
 pytest.importorskip("xlsxwriter", reason="xlsxwriter is not installed")
@@ -105,7 +105,7 @@ HOSTILE = {
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_workbook_that_nobody_should_open_is_refused_in_one_line(name: str, tmp_path: Path, monkeypatch, capsys):
-    monkeypatch.setattr(workbook, "MOST_BYTES", 2_000_000)
+    monkeypatch.setattr(sheet, "MOST_BYTES", 2_000_000)
     content, said = HOSTILE[name]
     path = tmp_path / "lab.xlsx"
     path.write_bytes(content)
