@@ -3,9 +3,10 @@
 Nothing here knows the product: numbers are written by Python's own formatting, and every factor is spelled out again.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
 
@@ -44,8 +45,18 @@ class LabFile:
     grain: float = 6e-9
 
 
-def fixed(decimals: int, mark: str = ".") -> Callable[[float], str]:
-    return lambda value: f"{value:.{decimals}f}".replace(".", mark)
+FORCES = {
+    "m/s2": (1.0, 9),
+    "g": (1.0 / G, 11),
+    "mg": (1e3 / G, 8),
+    "µg": (1e6 / G, 5),
+    "V": (0.25 / G, 11),
+    "counts": (1e7 / G, 2),
+}
+"""Units of specific force: factor, and the decimals that are written."""
+OWN = "position;time_s;alpha_deg;beta_deg;f1_mps2;f2_mps2;f3_mps2".split(";")
+GERMAN = "Nr.;Zeit [s];Außenwinkel [°];Innenwinkel [°];ax [g];ay [g];az [g]".split(";")
+PLAIN = "No;t [s];alpha [deg];beta [deg];acc x [m/s²];acc y [m/s²];acc z [m/s²]".split(";")
 
 
 def table(
@@ -68,20 +79,26 @@ def table(
 
 
 def numbers(values: np.ndarray, decimals: int, mark: str = ".") -> list[str]:
-    return [fixed(decimals, mark)(float(value)) for value in values]
+    return [f"{value:.{decimals}f}".replace(".", mark) for value in values.tolist()]
 
 
-def bench_columns(
-    bench: Bench, *, scale: float = 1.0, decimals: int = 9, mark: str = ".", angle: int = 4
-) -> list[list[str]]:
+def texts_of(bench: Bench, mark: str = ".", scale: float = 1.0, decimals: int = 9) -> dict[str, list[str]]:
     """Number, time, angles and readings (times `scale`) as texts."""
-    return [
-        [str(k) for k in range(1, len(bench.time) + 1)],
-        numbers(bench.time, 1, mark),
-        numbers(bench.alpha, angle, mark),
-        numbers(bench.beta, angle, mark),
-        *(numbers(bench.force[:, axis] * scale, decimals, mark) for axis in range(3)),
-    ]
+    x, y, z = (bench.force * scale).T
+    return {
+        "no": [str(k) for k in range(1, len(bench.time) + 1)],
+        "t": numbers(bench.time, 1, mark),
+        "alpha": numbers(bench.alpha, 4, mark),
+        "beta": numbers(bench.beta, 4, mark),
+        "x": numbers(x, decimals, mark),
+        "y": numbers(y, decimals, mark),
+        "z": numbers(z, decimals, mark),
+    }
+
+
+def bench_columns(bench: Bench, *, scale: float = 1.0, decimals: int = 9, mark: str = ".") -> list[list[str]]:
+    """The columns of `texts_of` in their order."""
+    return list(texts_of(bench, mark, scale, decimals).values())
 
 
 def arc(value: float, mark: str = ".", form: str = "{s}{d}°{m:02d}'{t}\"") -> str:
@@ -97,249 +114,192 @@ def clock(seconds: float, form: str) -> str:
     return (START + timedelta(seconds=float(seconds))).strftime(form)
 
 
-OWN = ("position", "time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2")
-GERMAN = ("Nr.", "Zeit [s]", "Außenwinkel [°]", "Innenwinkel [°]", "ax [g]", "ay [g]", "az [g]")
-PLAIN = ("No", "t [s]", "alpha [deg]", "beta [deg]", "acc x [m/s²]", "acc y [m/s²]", "acc z [m/s²]")
+def clocks(seconds: np.ndarray, form: str) -> list[str]:
+    return [clock(second, form) for second in seconds]
+
+
+def in_form(texts: Sequence[str], form: str) -> list[str]:
+    return [form.format(text) for text in texts]
+
+
+def grouped(texts: Sequence[str], between: str, mark: str) -> list[str]:
+    """Numbers with a mark between thousands."""
+    marks = str.maketrans(",.", between + mark)
+    return [f"{float(text):,.5f}".translate(marks) for text in texts]
 
 
 def position_files(bench: Bench) -> list[LabFile]:
     """CSV dialects of a position record."""
-    b, files = bench, []
-    n = len(b.time)
+    files: list[LabFile] = []
+    count = len(bench.time)
 
-    def add(name: str, content: bytes, **more: object) -> None:
-        files.append(LabFile(name, content, **more))  # type: ignore[arg-type]
+    def add(
+        name: str,
+        names: Sequence[str] | str,
+        unit: str = "m/s2",
+        *,
+        mark: str = ".",
+        columns: dict[str, list[str]] | None = None,
+        layout: dict[str, Any] | None = None,
+        **more: Any,
+    ) -> None:
+        """Add a file: names, unit and decimal mark of its readings, columns that are others, how it is laid out."""
+        texts = texts_of(bench, mark, *FORCES[unit]) | (columns or {})
+        head = names.split(";") if isinstance(names, str) else names
+        content = table(head, [column for column in texts.values() if column], **(layout or {}))
+        files.append(LabFile(name, content, **more))
 
-    comma = bench_columns(b, mark=",")
-    point = bench_columns(b)
-    in_g = bench_columns(b, scale=1.0 / G, decimals=11)
-    german = bench_columns(b, scale=1.0 / G, decimals=11, mark=",")
-    head = ["Kalibrierung Drehtisch", "Seriennummer: A-0017", "Prüfer: Jürgen Groß", "Datum: 17.03.2026", ""]
-    kept = {"Seriennummer": "A-0017", "Prüfer": "Jürgen Groß", "Datum": "17.03.2026"}
+    point, comma = texts_of(bench), texts_of(bench, ",")
+    before = ["Kalibrierung Drehtisch", "Seriennummer: A-0017", "Prüfer: Jürgen Groß", "Datum: 17.03.2026", ""]
+    keeps = {"Seriennummer": "A-0017", "Prüfer": "Jürgen Groß", "Datum": "17.03.2026"}
+    semicolon: dict[str, Any] = {"mark": ",", "layout": {"sep": ";"}}
+    windows = {"sep": ";", "before": before, "end": "\r\n", "encoding": "cp1252"}
+    utf_16 = {"sep": "\t", "before": before, "end": "\r\n", "encoding": "utf-16"}
 
-    add("semicolon, decimal comma", table(OWN, comma, sep=";"))
-    add("tab, decimal comma", table(OWN, comma, sep="\t"), suffix=".txt")
-    add("tab, decimal point", table(OWN, point, sep="\t"), suffix=".dat")
-    add("bar", table(OWN, point, sep="|"))
-    add("blanks", table(OWN, point, sep="   "), suffix=".txt")
-    add("German Windows", table(GERMAN, german, sep=";", before=head, end="\r\n", encoding="cp1252"), keeps=kept)
-    add("German, UTF-8 with mark", table(GERMAN, german, sep=";", before=head, encoding="utf-8-sig"), keeps=kept)
-    add("German, UTF-16", table(GERMAN, german, sep="\t", before=head, end="\r\n", encoding="utf-16"), keeps=kept)
-    add("sep= of Excel", table(OWN, comma, sep=";", before=["sep=;"], end="\r\n"))
-    add("trailing separators", table(OWN, comma, sep=";", trailing=";;"))
-    add(
-        "title padded by Excel",
-        table(GERMAN, german, sep=";", before=["Messung 12;;;;;;", "Prüfer;Meier;;;;;", ";;;;;;"]),
-        keeps={"Prüfer": "Meier"},
-    )
-    add("other names", table(PLAIN, point))
-    names = ("Pos.", "Time", "Outer angle", "Inner angle", "Accel X", "Accel Y", "Accel Z")
-    add("row of units", table(names, in_g, units=("-", "s", "deg", "deg", "g", "g", "g")))
-    add(
-        "units behind a slash",
-        table(
-            ("Nr", "Zeit / s", "alpha / °", "beta / °", "fx / mg", "fy / mg", "fz / mg"),
-            bench_columns(b, scale=1e3 / G, decimals=8, mark=","),
-            sep=";",
-        ),
-    )
-    add(
-        "micro g",
-        table(
-            ("pos", "t_s", "alpha_deg", "beta_deg", "a1 (µg)", "a2 (µg)", "a3 (µg)"),
-            bench_columns(b, scale=1e6 / G, decimals=5),
-        ),
-    )
-    bare = ("pos", "time [s]", "alpha [deg]", "beta [deg]", "ax", "ay", "az")
-    add("g or m/s²?", table(bare, in_g), needs={"units.force": "g"}, wrong={"units.force": "m/s2"})
-    add("m/s² or g?", table(bare, point), needs={"units.force": "m/s2"}, wrong={"units.force": "g"})
-    no_angle = ("pos", "time [s]", "alpha", "beta", "ax [g]", "ay [g]", "az [g]")
-    add("degrees or radians?", table(no_angle, in_g), needs={"units.angle": "deg"})
-    radians = [*in_g[:2], numbers(np.radians(b.alpha), 8), numbers(np.radians(b.beta), 8), *in_g[4:]]
-    add("radians or degrees?", table(no_angle, radians), needs={"units.angle": "rad"})
-    add("radians said", table(("pos", "time [s]", "alpha [rad]", "beta [rad]", "ax [g]", "ay [g]", "az [g]"), radians))
-    add(
-        "Grad",
-        table(("Nr", "Zeit [s]", "alpha [Grad]", "beta [Grad]", "ax [g]", "ay [g]", "az [g]"), german, sep=";"),
-        needs={"units.angle": "deg"},
-    )
-    volts = bench_columns(b, scale=0.25 / G, decimals=11)
-    in_volts = ("pos", "time [s]", "alpha [deg]", "beta [deg]", "ax [V]", "ay [V]", "az [V]")
-    add("volts", table(in_volts, volts), needs={"units.force": "0.25 V/g"})
-    counts = bench_columns(b, scale=1e7 / G, decimals=2)
-    in_counts = [name.replace("[V]", "[counts]") for name in in_volts]
-    add("counts", table(in_counts, counts), needs={"units.force": "10000000 counts/g"})
-    turned = [
-        *in_g[:2],
-        numbers((b.alpha + 180.0) % 360.0 - 180.0, 4),
-        numbers((b.beta + 180.0) % 360.0 - 180.0, 4),
-        *in_g[4:],
+    add("semicolon, decimal comma", OWN, **semicolon)
+    add("tab, decimal comma", OWN, mark=",", layout={"sep": "\t"}, suffix=".txt")
+    add("tab, decimal point", OWN, layout={"sep": "\t"}, suffix=".dat")
+    add("bar", OWN, layout={"sep": "|"})
+    add("blanks", OWN, layout={"sep": "   "}, suffix=".txt")
+    add("German Windows", GERMAN, "g", mark=",", layout=windows, keeps=keeps)
+    utf_8 = {"sep": ";", "before": before, "encoding": "utf-8-sig"}
+    add("German, UTF-8 with mark", GERMAN, "g", mark=",", layout=utf_8, keeps=keeps)
+    add("German, UTF-16", GERMAN, "g", mark=",", layout=utf_16, keeps=keeps)
+    add("sep= of Excel", OWN, mark=",", layout={"sep": ";", "before": ["sep=;"], "end": "\r\n"})
+    add("trailing separators", OWN, mark=",", layout={"sep": ";", "trailing": ";;"})
+    padded = {"sep": ";", "before": ["Messung 12;;;;;;", "Prüfer;Meier;;;;;", ";;;;;;"]}
+    add("title padded by Excel", GERMAN, "g", mark=",", layout=padded, keeps={"Prüfer": "Meier"})
+    add("other names", PLAIN)
+    names = "Pos.;Time;Outer angle;Inner angle;Accel X;Accel Y;Accel Z"
+    add("row of units", names, "g", layout={"units": "- s deg deg g g g".split()})
+    add("units behind a slash", "Nr;Zeit / s;alpha / °;beta / °;fx / mg;fy / mg;fz / mg", "mg", **semicolon)
+    add("micro g", "pos;t_s;alpha_deg;beta_deg;a1 (µg);a2 (µg);a3 (µg)", "µg")
+    bare = "pos;time [s];alpha [deg];beta [deg];ax;ay;az"
+    add("g or m/s²?", bare, "g", needs={"units.force": "g"}, wrong={"units.force": "m/s2"})
+    add("m/s² or g?", bare, needs={"units.force": "m/s2"}, wrong={"units.force": "g"})
+    no_angle = "pos;time [s];alpha;beta;ax [g];ay [g];az [g]"
+    add("degrees or radians?", no_angle, "g", needs={"units.angle": "deg"})
+    radians = {"alpha": numbers(np.radians(bench.alpha), 8), "beta": numbers(np.radians(bench.beta), 8)}
+    add("radians or degrees?", no_angle, "g", columns=radians, needs={"units.angle": "rad"})
+    add("radians said", "pos;time [s];alpha [rad];beta [rad];ax [g];ay [g];az [g]", "g", columns=radians)
+    grad = "Nr;Zeit [s];alpha [Grad];beta [Grad];ax [g];ay [g];az [g]"
+    add("Grad", grad, "g", needs={"units.angle": "deg"}, **semicolon)
+    in_volts = "pos;time [s];alpha [deg];beta [deg];ax [V];ay [V];az [V]"
+    add("volts", in_volts, "V", needs={"units.force": "0.25 V/g"})
+    add("counts", in_volts.replace("V", "counts"), "counts", needs={"units.force": "10000000 counts/g"})
+    within = {name: (angle + 180.0) % 360.0 - 180.0 for name, angle in (("alpha", bench.alpha), ("beta", bench.beta))}
+    add("angles within 180", PLAIN, columns={name: numbers(angle, 4) for name, angle in within.items()})
+    no_unit = ["No", "t [s]", "alpha", "beta", *PLAIN[4:]]
+    arcs = {"alpha": list(map(arc, bench.alpha)), "beta": list(map(arc, bench.beta))}
+    add("sexagesimal", no_unit, columns=arcs)
+    for name, angle in (("alpha", bench.alpha), ("beta", bench.beta)):
+        arcs[name] = [arc(value, ",", "{s}{d}:{m:02d}:{t}") for value in angle]
+    add("sexagesimal with colons", no_unit, columns=arcs, **semicolon)
+    add("times of day", ["No", "Time of day", *PLAIN[2:]], columns={"t": clocks(bench.time, "%H:%M:%S.%f")})
+    add("ISO dates", ["No", "Timestamp", *PLAIN[2:]], columns={"t": clocks(bench.time, "%Y-%m-%dT%H:%M:%S.%f")})
+    days, hours = clocks(bench.time, "%d.%m.%Y"), clocks(bench.time, "%H:%M:%S,%f")
+    both = {"t": in_form([f"{day};{hour}" for day, hour in zip(days, hours, strict=True)], "{}")}
+    add("date and time of one day", ["Nr", "Datum", "Uhrzeit", *GERMAN[2:]], "g", columns=both, **semicolon)
+    early = [
+        (datetime(2026, 2, 1) + timedelta(days=k)).strftime("%d.%m.%Y") + " 10:00:00" for k in range(min(count, 12))
     ]
-    add("angles within 180", table(PLAIN, [*turned[:4], *point[4:]]))
-    arcs = [[arc(a) for a in angle] for angle in (b.alpha, b.beta)]
-    no_unit = ("No", "t [s]", "alpha", "beta", *PLAIN[4:])
-    add("sexagesimal", table(no_unit, [*point[:2], *arcs, *point[4:]]))
-    arcs = [[arc(a, ",", "{s}{d}:{m:02d}:{t}") for a in angle] for angle in (b.alpha, b.beta)]
-    add("sexagesimal with colons", table(no_unit, [*comma[:2], *arcs, *comma[4:]], sep=";"))
-    times = [[clock(t, "%H:%M:%S.%f") for t in b.time]]
-    add("times of day", table(("No", "Time of day", *PLAIN[2:]), [point[0], *times, *point[2:]]))
-    iso = [clock(t, "%Y-%m-%dT%H:%M:%S.%f") for t in b.time]
-    add("ISO dates", table(("No", "Timestamp", *PLAIN[2:]), [point[0], iso, *point[2:]]))
-    days = [clock(t, "%d.%m.%Y") for t in b.time]
-    hours = [clock(t, "%H:%M:%S,%f") for t in b.time]
-    add(
-        "date and time of one day",
-        table(("Nr", "Datum", "Uhrzeit", *GERMAN[2:]), [german[0], days, hours, *german[2:]], sep=";"),
-    )
-    early = [(datetime(2026, 2, 1) + timedelta(days=k)).strftime("%d.%m.%Y") + " 10:00:00" for k in range(min(n, 12))]
-    some = np.arange(len(early))
-    short = [column[: len(early)] for column in comma]
+    short = {name: texts[: len(early)] for name, texts in comma.items()}
     add(
         "1 February or 2 January?",
-        table(("Nr", "Datum/Zeit", *GERMAN[2:4], *PLAIN[4:]), [short[0], early, *short[2:]], sep=";"),
+        ["Nr", "Datum/Zeit", *GERMAN[2:4], *PLAIN[4:]],
+        columns=short | {"t": early},
         needs={"dates": "day-first"},
         wrong={"dates": "month-first"},
-        rows=some,
+        rows=np.arange(len(early)),
+        **semicolon,
     )
-    minutes = [f"{int(t) // 60:02d}:{int(t) % 60:02d}" for t in b.time]
-    add("hours or minutes?", table(("No", "Time", *PLAIN[2:]), [point[0], minutes, *point[2:]]), needs={"clock": "m:s"})
-    unnamed = ("No", "Time", *PLAIN[2:])
-    ms = [point[0], [f"{t * 1e3:.0f}" for t in b.time], *point[2:]]
-    add("unit of time?", table(unnamed, ms), needs={"units.time": "ms"})
-    add("milliseconds said", table(("No", "Time [ms]", *PLAIN[2:]), ms))
-    add("no time", table((PLAIN[0], *PLAIN[2:]), [point[0], *point[2:]]), needs={"time": "order"})
-    grouped = np.flatnonzero(np.abs(b.force).min(axis=1) > 0.02 * G)
-    three = [
-        [str(k + 1) for k in range(len(grouped))],
-        [f"{t:.0f}" for t in b.time[grouped]],
-        [f"{a:.0f}" for a in b.alpha[grouped]],
-        [f"{a:.0f}" for a in b.beta[grouped]],
-        *(numbers(1e3 * b.force[grouped, axis] / G, 3, ",") for axis in range(3)),
-    ]
-    milli = (*PLAIN[:4], "fx [mg]", "fy [mg]", "fz [mg]")
-    add(
-        "1,234: a comma between digits of all numbers",
-        table(milli, three, sep=";"),
-        needs={"decimal": ","},
-        wrong={"decimal": "."},
-        rows=grouped,
-        grain=0.5e-6 * G,
-    )
-    three = [[text.replace(",", ".") for text in column] for column in three]
-    add(
-        "1.234: a point between digits of all numbers",
-        table(milli, three, sep=";"),
-        needs={"decimal": "."},
-        wrong={"decimal": ","},
-        rows=grouped,
-        grain=0.5e-6 * G,
-    )
-    thousands = bench_columns(b, scale=1e6 / G, decimals=0)
-    thousands = [*thousands[:4], *([f'"{int(v):,}"' for v in column] for column in thousands[4:])]
+    unnamed = ["No", "Time", *PLAIN[2:]]
+    minutes = [f"{int(t) // 60:02d}:{int(t) % 60:02d}" for t in bench.time]
+    add("hours or minutes?", unnamed, columns={"t": minutes}, needs={"clock": "m:s"})
+    ms = {"t": numbers(bench.time * 1e3, 0)}
+    add("unit of time?", unnamed, columns=ms, needs={"units.time": "ms"})
+    add("milliseconds said", ["No", "Time [ms]", *PLAIN[2:]], columns=ms)
+    add("no time", [PLAIN[0], *PLAIN[2:]], columns={"t": []}, needs={"time": "order"})
+    files += _of_three_digits(bench)
+    whole = {
+        axis: [f'"{int(float(v)):,}"' for v in numbers(1e6 / G * bench.force[:, k], 0)] for k, axis in enumerate("xyz")
+    }
     add(
         "1,234 beside 20.0",
-        table(("pos", "t_s", "alpha_deg", "beta_deg", "a1 [µg]", "a2 [µg]", "a3 [µg]"), thousands),
-        needs={"thousands": ","} if not any(v.count(",") > 1 for column in thousands[4:] for v in column) else {},
+        "pos;t_s;alpha_deg;beta_deg;a1 [µg];a2 [µg];a3 [µg]",
+        columns=whole,
+        needs={} if any(text.count(",") > 1 for texts in whole.values() for text in texts) else {"thousands": ","},
         grain=0.5e-6 * G,
     )
-    axes = ("No", "t [s]", "Axis 1 [deg]", "Axis 2 [deg]", *PLAIN[4:])
-    add(
-        "which axis is which?",
-        table(axes, point),
-        needs={"columns.alpha_deg": "Axis 1 [deg]", "columns.beta_deg": "Axis 2 [deg]"},
-    )
-    add(
-        "no names",
-        table(point[0][:0], [], before=[",".join(row) for row in zip(*point, strict=True)]),
-        needs={
-            "kind": "position record",
-            "columns.alpha_deg": "3",
-            "columns.beta_deg": "4",
-            "columns.f1_mps2": "5",
-            "columns.f2_mps2": "6",
-            "columns.f3_mps2": "7",
-            "time": "order",
-            "units.angle": "deg",
-            "units.force": "m/s2",
-        },
-        rounds=2,
-    )
-    hole = [list(column) for column in comma]
-    hole[4][3], hole[5][6] = "n/a", ""
-    keep = [k for k in range(n) if k not in (3, 6)]
-    add("n/a and empty cells", table(OWN, hole, sep=";"), rows=np.array(keep))
-    words = [list(column) for column in point]
-    words[4][3] = "OVL"
-    add("OVL", table(OWN, words), needs={"missing": "OVL"}, rows=np.array([k for k in range(n) if k != 3]))
-    add(
-        "footer",
-        table(GERMAN, german, sep=";", after=["", "Ende der Messung", "Bemerkung: keine"]),
-        keeps={"Bemerkung": "keine"},
-    )
-    warm = [*point, numbers(b.temperature, 4), ["ok"] * n]
-    add("temperature in °C", table((*PLAIN, "Temp [°C]", "Remark"), warm))
-    fahrenheit = [*point, numbers(b.temperature * 1.8 + 32.0, 4)]
-    add("temperature in °F", table((*PLAIN, "Temperature (°F)"), fahrenheit))
-    kelvin = [*comma, numbers(b.temperature + 273.15, 4, ",")]
-    add("temperature in K", table((*GERMAN[:4], *PLAIN[4:], "Temperatur [K]"), kelvin, sep=";"))
-    quoted = ['"' + text.replace('"', '""') + '"' for text in PLAIN]
-    add("everything quoted", table(quoted, [[f'"{text}"' for text in column] for column in point]))
-    add("quoted decimal commas", table(PLAIN, [[f'"{text}"' for text in column] for column in comma]))
-    add(
-        "units in the cells",
-        table(
-            ("No", "t", "alpha", "beta", "ax", "ay", "az"),
-            [
-                point[0],
-                [f"{t} s" for t in point[1]],
-                *([f"{a}°" for a in column] for column in point[2:4]),
-                *([f"{v} m/s²" for v in column] for column in point[4:]),
-            ],
-        ),
-    )
-    swiss = bench_columns(b, scale=1e6 / G, decimals=5)
-    grouped = [[f"{float(v):,.5f}".replace(",", "'") for v in column] for column in swiss[4:]]
-    add(
-        "apostrophes between thousands",
-        table(("pos", "t_s", "alpha_deg", "beta_deg", "a1 [µg]", "a2 [µg]", "a3 [µg]"), [*swiss[:4], *grouped]),
-    )
-    grouped = [
-        [f"{float(v):,.5f}".replace(",", "_").replace(".", ",").replace("_", ".") for v in column]
-        for column in swiss[4:]
+    axes = {"columns.alpha_deg": "Axis 1 [deg]", "columns.beta_deg": "Axis 2 [deg]"}
+    add("which axis is which?", ["No", "t [s]", *axes.values(), *PLAIN[4:]], needs=axes)
+    columns = {f"columns.{name}": str(k) for k, name in enumerate(OWN[2:], 3)}
+    others = {"time": "order", "units.angle": "deg", "units.force": "m/s2"}
+    rows = [",".join(row) for row in zip(*point.values(), strict=True)]
+    needs = {"kind": "position record"} | columns | others
+    files.append(LabFile("no names", table([], [], before=rows), needs=needs, rounds=2))
+    hole = comma | {"x": list(comma["x"]), "y": list(comma["y"])}
+    hole["x"][3], hole["y"][6] = "n/a", ""
+    add("n/a and empty cells", OWN, columns=hole, rows=np.delete(np.arange(count), [3, 6]), **semicolon)
+    words = [*point["x"][:3], "OVL", *point["x"][4:]]
+    add("OVL", OWN, columns={"x": words}, needs={"missing": "OVL"}, rows=np.delete(np.arange(count), 3))
+    footer = {"sep": ";", "after": ["", "Ende der Messung", "Bemerkung: keine"]}
+    add("footer", GERMAN, "g", mark=",", layout=footer, keeps={"Bemerkung": "keine"})
+    warm = {"temperature": numbers(bench.temperature, 4), "remark": ["ok"] * count}
+    add("temperature in °C", [*PLAIN, "Temp [°C]", "Remark"], columns=warm)
+    warm = {"temperature": numbers(bench.temperature * 1.8 + 32.0, 4)}
+    add("temperature in °F", [*PLAIN, "Temperature (°F)"], columns=warm)
+    warm = {"temperature": numbers(bench.temperature + 273.15, 4, ",")}
+    add("temperature in K", [*GERMAN[:4], *PLAIN[4:], "Temperatur [K]"], columns=warm, **semicolon)
+    names = in_form([text.replace('"', '""') for text in PLAIN], '"{}"')
+    add("everything quoted", names, columns={name: in_form(texts, '"{}"') for name, texts in point.items()})
+    add("quoted decimal commas", PLAIN, columns={name: in_form(texts, '"{}"') for name, texts in comma.items()})
+    units = {"t": "{} s", "alpha": "{}°", "beta": "{}°", "x": "{} m/s²", "y": "{} m/s²", "z": "{} m/s²"}
+    with_units = {name: in_form(point[name], form) for name, form in units.items()}
+    add("units in the cells", "No;t;alpha;beta;ax;ay;az", columns=with_units)
+    swiss = texts_of(bench, ".", *FORCES["µg"])
+    micro = "pos;t_s;alpha_deg;beta_deg;a1 [µg];a2 [µg];a3 [µg]"
+    add("apostrophes between thousands", micro, columns={axis: grouped(swiss[axis], "'", ".") for axis in "xyz"})
+    dotted = {axis: grouped(swiss[axis], ".", ",") for axis in "xyz"}
+    add("points between thousands", micro, columns=dotted, **semicolon)
+    about = {"Serial number": "SN 4711", "Bench": "T2", "Operator": "Ann Lee"}
+    add("head of cells", PLAIN, layout={"before": [f"{key},{text}" for key, text in about.items()]}, keeps=about)
+    return files
+
+
+def _of_three_digits(bench: Bench) -> list[LabFile]:
+    """Files in mg whose numbers all have three digits behind their mark: it may stand between thousands."""
+    rows = np.flatnonzero(np.abs(bench.force).min(axis=1) > 0.02 * G)
+    some = Bench(bench.time[rows], bench.alpha[rows], bench.beta[rows], bench.force[rows], bench.temperature)
+    columns = [
+        [str(k + 1) for k in range(len(rows))],
+        numbers(some.time, 0),
+        numbers(some.alpha, 0),
+        numbers(some.beta, 0),
     ]
-    add(
-        "points between thousands",
-        table(
-            ("pos", "t_s", "alpha_deg", "beta_deg", "a1 [µg]", "a2 [µg]", "a3 [µg]"),
-            [*bench_columns(b, mark=",")[:4], *grouped],
-            sep=";",
-        ),
-    )
-    lines = table(PLAIN, point, before=["Serial number,SN 4711", "Bench,T2", "Operator,Ann Lee"])
-    add("head of cells", lines, keeps={"Serial number": "SN 4711", "Bench": "T2", "Operator": "Ann Lee"})
+    names = [*PLAIN[:4], "fx [mg]", "fy [mg]", "fz [mg]"]
+    files = []
+    for mark, other, word in ((",", ".", "1,234: a comma"), (".", ",", "1.234: a point")):
+        forces = [numbers(1e3 * force / G, 3, mark) for force in some.force.T]
+        content = table(names, columns + forces, sep=";")
+        needs, wrong = {"decimal": mark}, {"decimal": other}
+        name = f"{word} between digits of all numbers"
+        files.append(LabFile(name, content, needs=needs, wrong=wrong, rows=rows, grain=0.5e-6 * G))
     return files
 
 
 def repeated_file(bench: Bench, readings: int, scatter: float, seed: int, *, numbered: bool = True) -> LabFile:
     """Several readings at every position, with noise of that standard deviation [m/s²]."""
-    random = np.random.default_rng(seed)
-    noise = random.normal(0.0, scatter, (len(bench.time), readings, 3))
-    rows = [
-        [
-            str(k + 1),
-            f"{bench.time[k] + j:.1f}",
-            f"{bench.alpha[k]:.4f}",
-            f"{bench.beta[k]:.4f}",
-            *(f"{bench.force[k, axis] + noise[k, j, axis]:.9f}" for axis in range(3)),
-        ]
-        for k in range(len(bench.time))
-        for j in range(readings)
-    ]
-    names, columns = PLAIN, list(zip(*rows, strict=True))
-    if not numbered:
-        names, columns = PLAIN[1:], columns[1:]
-    needs = {} if numbered else {"readings": "average"}
-    return LabFile(f"{readings} readings", table(names, columns), needs=needs)
+    noise = np.random.default_rng(seed).normal(0.0, scatter, (len(bench.time), readings, 3))
+    rows = np.repeat(np.arange(len(bench.time)), readings)
+    time = bench.time[rows] + np.tile(np.arange(readings), len(bench.time))
+    force = bench.force[rows] + noise.reshape(-1, 3)
+    texts = texts_of(Bench(time, bench.alpha[rows], bench.beta[rows], force, bench.temperature))
+    texts["no"] = [str(k + 1) for k in rows]
+    if numbered:
+        return LabFile(f"{readings} readings", table(PLAIN, list(texts.values())))
+    content = table(PLAIN[1:], list(texts.values())[1:])
+    return LabFile(f"{readings} readings", content, needs={"readings": "average"})
 
 
 @dataclass(frozen=True)
