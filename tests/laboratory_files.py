@@ -54,9 +54,9 @@ FORCES = {
     "counts": (1e7 / G, 2),
 }
 """Units of specific force: factor, and the decimals that are written."""
-OWN = "position;time_s;alpha_deg;beta_deg;f1_mps2;f2_mps2;f3_mps2".split(";")
-GERMAN = "Nr.;Zeit [s];Außenwinkel [°];Innenwinkel [°];ax [g];ay [g];az [g]".split(";")
-PLAIN = "No;t [s];alpha [deg];beta [deg];acc x [m/s²];acc y [m/s²];acc z [m/s²]".split(";")
+OWN = ["position", "time_s", "alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2"]
+GERMAN = ["Nr.", "Zeit [s]", "Außenwinkel [°]", "Innenwinkel [°]", "ax [g]", "ay [g]", "az [g]"]
+PLAIN = ["No", "t [s]", "alpha [deg]", "beta [deg]", "acc x [m/s²]", "acc y [m/s²]", "acc z [m/s²]"]
 
 
 def table(
@@ -171,7 +171,7 @@ def position_files(bench: Bench) -> list[LabFile]:
     add("title padded by Excel", GERMAN, "g", mark=",", layout=padded, keeps={"Prüfer": "Meier"})
     add("other names", PLAIN)
     names = "Pos.;Time;Outer angle;Inner angle;Accel X;Accel Y;Accel Z"
-    add("row of units", names, "g", layout={"units": "- s deg deg g g g".split()})
+    add("row of units", names, "g", layout={"units": ["-", "s", "deg", "deg", "g", "g", "g"]})
     add("units behind a slash", "Nr;Zeit / s;alpha / °;beta / °;fx / mg;fy / mg;fz / mg", "mg", **semicolon)
     add("micro g", "pos;t_s;alpha_deg;beta_deg;a1 (µg);a2 (µg);a3 (µg)", "µg")
     bare = "pos;time [s];alpha [deg];beta [deg];ax;ay;az"
