@@ -73,9 +73,9 @@ def start_text(variable: Variable, value: float) -> str:
 
 def add_units(root: Element, component: Component) -> None:
     """UnitDefinitions: the units that the table uses, with base units and display units."""
-    used = sorted({v.unit for v in component.interface if v.type == "real"} | {"s"})
+    unit_names = sorted({v.unit for v in component.interface if v.type == "real"} | {"s"})
     units = SubElement(root, "UnitDefinitions")
-    for name in used:
+    for name in unit_names:
         unit = unit_named(name)
         element = SubElement(units, "Unit", name=name)
         SubElement(element, "BaseUnit", base_unit(unit))
@@ -90,8 +90,8 @@ def type_name(variable: Variable) -> str | None:
         return "".join(word.capitalize() for word in variable.name.split("_"))
     if variable.type != "real" or variable.unit not in QUANTITIES:
         return None
-    shown = variable.display_unit or variable.unit
-    return f"{QUANTITIES[variable.unit]}_{shown.replace('/', '_per_')}"
+    unit = variable.display_unit or variable.unit
+    return f"{QUANTITIES[variable.unit]}_{unit.replace('/', '_per_')}"
 
 
 def add_types(root: Element, component: Component, fmi: int) -> None:
@@ -100,13 +100,13 @@ def add_types(root: Element, component: Component, fmi: int) -> None:
     types = SubElement(root, "TypeDefinitions") if declared else root
     for name, variable in declared.items():
         simple = types if fmi == 3 else SubElement(types, "SimpleType", name=name)
-        named = {"name": name} if fmi == 3 else {}
+        name_attribute = {"name": name} if fmi == 3 else {}
         if variable.type == "enumeration":
-            items = SubElement(simple, "EnumerationType" if fmi == 3 else "Enumeration", named)
+            items = SubElement(simple, "EnumerationType" if fmi == 3 else "Enumeration", name_attribute)
             for value, item in enumerate(variable.items, start=1):
                 SubElement(items, "Item", name=item, value=str(value))
         else:
-            quantity = named | {"quantity": QUANTITIES[variable.unit], "unit": variable.unit}
+            quantity = name_attribute | {"quantity": QUANTITIES[variable.unit], "unit": variable.unit}
             if variable.display_unit is not None:
                 quantity["displayUnit"] = variable.display_unit
             SubElement(simple, "Float64Type" if fmi == 3 else "Real", quantity)
@@ -115,11 +115,12 @@ def add_types(root: Element, component: Component, fmi: int) -> None:
 def initially_known(component: Component) -> set[str]:
     """Names of the parameters and inputs on which the outputs depend when the initialisation ends."""
     of_effects = {v.name for v in component.variables[len(component.own) :]}
-    read = {name for kernel in ("initialise", "respond") for name in component.arguments.get(kernel, ())}
+    arguments = {name for kernel in ("initialise", "respond") for name in component.arguments.get(kernel, ())}
     return {
         v.name
         for v in component.interface
-        if v.causality in ("parameter", "input") and (v.name in read or ("effect" in read and v.name in of_effects))
+        if v.causality in ("parameter", "input")
+        and (v.name in arguments or ("effect" in arguments and v.name in of_effects))
     }
 
 
@@ -161,7 +162,7 @@ def type_attributes(variable: Variable) -> dict[str, str]:
 
 def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> Element:
     """The root element, without identity and date, and all that stands before the variables."""
-    said = {
+    attributes = {
         "modelName": component.name,
         "description": component.description,
         "author": "The Trihedron developers",
@@ -171,20 +172,22 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
         "variableNamingConvention": "structured",
     }
     if fmi == 2:
-        root = Element("fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **said, "numberOfEventIndicators": "0"})
+        root = Element(
+            "fmiModelDescription", {"fmiVersion": "2.0", "guid": "", **attributes, "numberOfEventIndicators": "0"}
+        )
         spelt = {"canNotUseMemoryManagementFunctions": "true"}
     else:
-        root = Element("fmiModelDescription", {"fmiVersion": "3.0", **said, "instantiationToken": ""})
+        root = Element("fmiModelDescription", {"fmiVersion": "3.0", **attributes, "instantiationToken": ""})
         spelt = {}
     for name, can in component.capabilities(native=bool(sources)).items():
         spelt[FMI2_CAPABILITIES.get(name, name) if fmi == 2 else name] = str(can).lower()
     about = {"modelIdentifier": component.name, "needsExecutionTool": "false"}
     for kind in ["ModelExchange", "CoSimulation"] if component.exchange and sources else ["CoSimulation"]:
         # What is said of steps is said of co-simulation alone.
-        own = {
+        extra = {
             k: v for k, v in spelt.items() if kind == "CoSimulation" or k != "canHandleVariableCommunicationStepSize"
         }
-        interface = SubElement(root, kind, about | own)
+        interface = SubElement(root, kind, about | extra)
         if kind == "ModelExchange" and fmi == 3:
             interface.set("needsCompletedIntegratorStep", "true")
         if sources and fmi == 2:
@@ -219,10 +222,10 @@ def described(component: Component, fmi: int, sources: Sequence[str]) -> Element
         SubElement(variables, "Float64", time, unit="s")
     references: dict[str, list[int]] = {}
     for variable in component.interface:
-        known = references[variable.name] = []
+        numbers_of_variable = references[variable.name] = []
         for name, starts in _values(variable, fmi):
-            known.append(len(variables))
-            variables.append(variable_element(variable, fmi, name, known[-1], starts))
+            numbers_of_variable.append(len(variables))
+            variables.append(variable_element(variable, fmi, name, numbers_of_variable[-1], starts))
     _add_structure(root, component, fmi, references)
     return root
 
@@ -265,14 +268,14 @@ def _add_structure(root: Element, component: Component, fmi: int, references: Ma
 
     initial = initially_known(component)
     at_start = " ".join(numbers(v.name for v in component.interface if v.name in initial))
-    shown = [v for v in component.interface if v.causality == "output"]
-    for variable in shown:
-        known = numbers(variable.follows)
+    shown_outputs = [v for v in component.interface if v.causality == "output"]
+    for variable in shown_outputs:
+        inputs = numbers(variable.follows)
         for place in numbers([variable.name]):
-            output = SubElement(outputs, tags[0], {key: place}, dependencies=" ".join(known))
-            if known:
-                output.set("dependenciesKind", " ".join(["dependent"] * len(known)))
-    for place in numbers(v.name for v in shown):
+            output = SubElement(outputs, tags[0], {key: place}, dependencies=" ".join(inputs))
+            if inputs:
+                output.set("dependenciesKind", " ".join(["dependent"] * len(inputs)))
+    for place in numbers(v.name for v in shown_outputs):
         SubElement(unknowns, tags[1], {key: place}, dependencies=at_start)
 
 
@@ -349,8 +352,8 @@ def documentation(component: Component) -> str:
         lines.append("<h2>Effects</h2>\n<ul>")
         for place in component.effects:
             kernel = place.definition.kernel
-            said = (inspect.getdoc(kernel) or "").partition("\n\n")[0] if kernel else ""
-            lines.append(f"<li>{escape(place.title)}: {escape(' '.join(said.split()))}</li>")
+            summary = (inspect.getdoc(kernel) or "").partition("\n\n")[0] if kernel else ""
+            lines.append(f"<li>{escape(place.title)}: {escape(' '.join(summary.split()))}</li>")
         lines.append("</ul>")
     lines.append("<h2>Variables</h2>\n<table>")
     heads = ["name", "size", "causality", "variability", "type", "unit", "start", "min", "max", "description"]
@@ -396,17 +399,17 @@ def terminals(component: Component) -> bytes:
 
 def licence() -> str:
     """Text of Trihedron's licence: from the checkout, else from what was installed."""
-    here = Path(__file__).resolve().parents[1] / "LICENSE"
-    if here.is_file():
-        return here.read_text(encoding="utf-8")
-    texts = [found.read_text("licenses/LICENSE") for found in metadata.distributions(name="trihedron")]
+    path = Path(__file__).resolve().parents[1] / "LICENSE"
+    if path.is_file():
+        return path.read_text(encoding="utf-8")
+    texts = [distribution.read_text("licenses/LICENSE") for distribution in metadata.distributions(name="trihedron")]
     return next((text for text in texts if text), "BSD-2-Clause, The Trihedron developers\n")
 
 
 def header_licence(header: str) -> str:
     """The notice at the head of a header of FMI."""
-    found = re.search(r"Copyright \(C\).*?(?=\*/)", header, re.DOTALL | re.IGNORECASE)
-    return "The headers of FMI in sources/:\n\n" + (found.group().rstrip() if found else "2-Clause BSD") + "\n"
+    notice = re.search(r"Copyright \(C\).*?(?=\*/)", header, re.DOTALL | re.IGNORECASE)
+    return "The headers of FMI in sources/:\n\n" + (notice.group().rstrip() if notice else "2-Clause BSD") + "\n"
 
 
 def accompanying_files(component: Component, fmi: int, header: str | None = None) -> dict[str, bytes]:
@@ -444,14 +447,14 @@ def write_archive(path: Path, members: Mapping[str, bytes], first: str = "modelD
     first : str
         name of the member that stands first
     """
-    beside = path.with_suffix(path.suffix + ".part")
+    incomplete = path.with_suffix(path.suffix + ".part")
     try:
-        with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        with zipfile.ZipFile(incomplete, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
             for name in sorted(members, key=lambda name: (name != first, name)):
                 entry = zipfile.ZipInfo(name.replace("\\", "/"), date_time=(1980, 1, 1, 0, 0, 0))
                 entry.compress_type = zipfile.ZIP_DEFLATED
                 entry.external_attr = 0o644 << 16
                 archive.writestr(entry, members[name], compresslevel=9)
-        beside.replace(path)
+        incomplete.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        incomplete.unlink(missing_ok=True)

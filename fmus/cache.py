@@ -14,9 +14,9 @@ _DIGEST = hashlib.sha256().digest_size
 
 def cache_folder() -> Path:
     """Where things are kept: TRIHEDRON_CACHE, or the folder that the system has for such things."""
-    named = os.environ.get("TRIHEDRON_CACHE")
-    if named:
-        return Path(named)
+    folder = os.environ.get("TRIHEDRON_CACHE")
+    if folder:
+        return Path(folder)
     if sys.platform == "win32":
         base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
     elif sys.platform == "darwin":
@@ -34,15 +34,15 @@ def others_can_write(folder: Path) -> Path | None:
     """
     if not hasattr(os, "geteuid"):
         return None
-    mine = (os.geteuid(), 0)
+    owners = (os.geteuid(), 0)
     for place in (folder.resolve(), *folder.resolve().parents):
         try:
-            found = place.stat()
+            status = place.stat()
         except OSError:
             continue
-        open_to_all = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-        sticky = place != folder.resolve() and found.st_mode & stat.S_ISVTX
-        if found.st_uid not in mine or (open_to_all and not sticky):
+        open_to_all = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        sticky = place != folder.resolve() and status.st_mode & stat.S_ISVTX
+        if status.st_uid not in owners or (open_to_all and not sticky):
             return place
     return None
 
@@ -66,14 +66,14 @@ def kept(kind: str, name: str, make: Callable[[], bytes]) -> bytes:
     trusted = folder.is_dir() and others_can_write(folder) is None
     if trusted:
         with suppress(OSError):
-            found = (folder / name).read_bytes()
-            if hashlib.sha256(found[_DIGEST:]).digest() == found[:_DIGEST]:
-                return found[_DIGEST:]
+            stored = (folder / name).read_bytes()
+            if hashlib.sha256(stored[_DIGEST:]).digest() == stored[:_DIGEST]:
+                return stored[_DIGEST:]
     content = make()
     if trusted:
         with suppress(OSError):
-            handle, beside = tempfile.mkstemp(dir=folder)
+            handle, incomplete = tempfile.mkstemp(dir=folder)
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(content).digest() + content)
-            Path(beside).replace(folder / name)
+            Path(incomplete).replace(folder / name)
     return content

@@ -167,10 +167,10 @@ class Component:
     @property
     def kernels(self) -> dict[str, Callable[..., float | None]]:
         """The kernels by their names: initialise, step and, where there are such, respond and next_event."""
-        found: dict[str, Callable[..., float | None]] = dict(
+        kernels: dict[str, Callable[..., float | None]] = dict(
             zip(("initialise", "step", "respond"), self.model, strict=False)
         )
-        return found if self.next_event is None else found | {"next_event": self.next_event}
+        return kernels if self.next_event is None else kernels | {"next_event": self.next_event}
 
     @property
     def interface(self) -> tuple[Variable, ...]:
@@ -219,14 +219,14 @@ READ_AT = {
 
 def inputs_read(component: Component, effects: Sequence[EffectPlace]) -> dict[str, EffectPlace]:
     """Inputs of a component, besides what it reads itself at each step, with an effect that reads each."""
-    found = {}
+    places_of_inputs = {}
     for place in effects:
         kernels = [k for k in (place.definition.kernel, place.definition.memory) if k is not None]
         names = {name for kernel in kernels for name in kernel.__code__.co_names}
         for variable in component.interface:
             if variable.causality == "input" and names.intersection(READ_AT.get(variable.name, ())):
-                found.setdefault(variable.name, place)
-    return found
+                places_of_inputs.setdefault(variable.name, place)
+    return places_of_inputs
 
 
 def can_extend(component: Component, place: EffectPlace) -> bool:

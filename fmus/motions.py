@@ -27,12 +27,18 @@ def _angle(name: str, description: str) -> Variable:
     return fixed(name, description, 0, "rad", "arcsec", within=(-0.5, 0.5))
 
 
-def _limits(said: str) -> tuple[Variable, Variable]:
+def _limits(description: str) -> tuple[Variable, Variable]:
     """The limits of rate and acceleration of both axes."""
-    known: dict[str, Any] = {"size": 2, "start": math.radians(60.0), "within": (1e-9, None)}
+    shape: dict[str, Any] = {"size": 2, "start": math.radians(60.0), "within": (1e-9, None)}
     return (
-        fixed("max_rate", said.format("rate"), unit="rad/s", display_unit="deg/s", **known),
-        fixed("max_acceleration", said.format("angular acceleration"), unit="rad/s2", display_unit="deg/s2", **known),
+        fixed("max_rate", description.format("rate"), unit="rad/s", display_unit="deg/s", **shape),
+        fixed(
+            "max_acceleration",
+            description.format("angular acceleration"),
+            unit="rad/s2",
+            display_unit="deg/s2",
+            **shape,
+        ),
     )
 
 

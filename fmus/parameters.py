@@ -104,9 +104,9 @@ def of_one_record(calibration: Any, sha256: str = "") -> Any:
         digests, labels = calibration["sha256"], calibration["records"]
         number = digests.index(sha256) if sha256 and sha256 in digests else len(labels) - 1
         record = labels[number]
-        own = [{**p, "symbol": p["name"]} for p in calibration["parameters"] if p["record"] in (None, record)]
+        parameters = [{**p, "symbol": p["name"]} for p in calibration["parameters"] if p["record"] in (None, record)]
         provenance = {"record": record, "record_sha256": digests[number]}
-        return {**calibration, "schema": CALIBRATION, "provenance": provenance, "parameters": own} | (
+        return {**calibration, "schema": CALIBRATION, "provenance": provenance, "parameters": parameters} | (
             calibration["of_records"][record]
         )
     except (KeyError, TypeError, IndexError, AttributeError) as error:
@@ -142,8 +142,8 @@ def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
 
     with _complete():
         low, high = side("low"), side("high")
-    told = elements_of(_block(dict.fromkeys(TARGETS, nan), 0.0))
-    return {name: (low[name], high[name]) for name, value in told.items() if isnan(value)}
+    targets = elements_of(_block(dict.fromkeys(TARGETS, nan), 0.0))
+    return {name: (low[name], high[name]) for name, value in targets.items() if isnan(value)}
 
 
 def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]] | None:
@@ -154,8 +154,8 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
     ValueError
         for what is no calibration as its schema says
     """
-    found = _gyros(calibration, 0.0)
-    if not found:
+    parameters = _gyros(calibration, 0.0)
+    if not parameters:
         return None
 
     def side(end: str) -> dict[str, float]:
@@ -164,19 +164,19 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
 
     with _complete():
         low, high = side("low"), side("high")
-    own = {name: value for name, value in found["GyroBlock"].items() if name != "gravity"}
-    return own, {name: (low[name], high[name]) for name in elements_of(own)}
+    gyro_parameters = {name: value for name, value in parameters["GyroBlock"].items() if name != "gravity"}
+    return gyro_parameters, {name: (low[name], high[name]) for name in elements_of(gyro_parameters)}
 
 
 def elements_of(values: Parameters) -> dict[str, float]:
     """Values of scalars by their names, `gamma_21` or `bias[1]`."""
-    found: dict[str, float] = {}
+    elements: dict[str, float] = {}
     for name, value in values.items():
         scalars = (
             {name: value} if isinstance(value, int | float) else {f"{name}[{i}]": v for i, v in enumerate(value, 1)}
         )
-        found |= scalars
-    return found
+        elements |= scalars
+    return elements
 
 
 def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
@@ -204,7 +204,7 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
     except TypeError as error:
         raise ValueError("the calibration's parameters are not as its schema says") from error
     if calibration.get("convention") == "A2":
-        value |= {whole: 2 * value[f"({whole})/2"] for whole in ("X6+X8", "X7+X12", "X11+X13")}
+        value |= {name: 2 * value[f"({name})/2"] for name in ("X6+X8", "X7+X12", "X11+X13")}
         if "(X8-X6)/2" in value:
             value |= {
                 "X8": value["(X8-X6)/2"] + value["(X6+X8)/2"],
@@ -221,8 +221,8 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
 def checked_number(value: Any, what: str) -> float:
     """The value, when it is a number of a possible size; else a ValueError that begins with what it is."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e6:
-        shown = repr(value)
-        raise ValueError(f"{what} is {shown if len(shown) <= 40 else shown[:37] + '...'}, not a number")
+        text = repr(value)
+        raise ValueError(f"{what} is {text if len(text) <= 40 else text[:37] + '...'}, not a number")
     return float(value)
 
 
@@ -230,15 +230,15 @@ def _consistent(calibration: Any) -> Mapping[str, Any]:
     """The calibration, of several records that of the last, when it is a consistent one; a ValueError else."""
     calibration = of_one_record(calibration)
     if not isinstance(calibration, Mapping) or calibration.get("schema") not in (CALIBRATION, FIRST_SCHEMA):
-        found = calibration.get("schema") if isinstance(calibration, Mapping) else None
-        raise ValueError(f"the schema is {found!r}; a calibration has '{CALIBRATION}'")
+        schema = calibration.get("schema") if isinstance(calibration, Mapping) else None
+        raise ValueError(f"the schema is {schema!r}; a calibration has '{CALIBRATION}'")
     verdict = calibration.get("verdict")
     if verdict != "consistent":
         mend = f"; {MENDS[verdict]}" if isinstance(verdict, str) and verdict in MENDS else ""
         raise ValueError(f"the calibration's verdict is {verdict!r}; only a consistent one gives parameters{mend}")
-    for key, known in CASES.items():
-        if calibration.get(key) not in known:
-            raise ValueError(f"its {key} is {calibration.get(key)!r}; it must be {' or '.join(known)}")
+    for key, values in CASES.items():
+        if calibration.get(key) not in values:
+            raise ValueError(f"its {key} is {calibration.get(key)!r}; it must be {' or '.join(values)}")
     return calibration
 
 
@@ -279,15 +279,15 @@ def _gyros(content: Mapping[str, Any], gravity: float) -> dict[str, Parameters]:
     if content.get("gyros") is None:
         return {}
     try:
-        known = {entry["symbol"]: entry["estimate"] for entry in content["gyros"]["parameters"]}
+        estimates = {entry["symbol"]: entry["estimate"] for entry in content["gyros"]["parameters"]}
     except (KeyError, TypeError) as error:
         raise ValueError("the calibration's gyros are not as its schema says") from error
-    wanted = {"scale_misalignment": GYRO_PARAMETERS[MATRIX], "bias": GYRO_PARAMETERS[BIAS]}
-    if any(known[symbol] is None for symbols in wanted.values() for symbol in symbols):
+    symbols_of = {"scale_misalignment": GYRO_PARAMETERS[MATRIX], "bias": GYRO_PARAMETERS[BIAS]}
+    if any(estimates[symbol] is None for symbols in symbols_of.values() for symbol in symbols):
         return {}
-    own: Parameters = {"gravity": gravity}
-    own |= {name: [checked_number(known[s], s) for s in symbols] for name, symbols in wanted.items()}
-    return {"GyroBlock": own, "GyroCompensation": dict(own)}
+    parameters: Parameters = {"gravity": gravity}
+    parameters |= {name: [checked_number(estimates[s], s) for s in symbols] for name, symbols in symbols_of.items()}
+    return {"GyroBlock": parameters, "GyroCompensation": dict(parameters)}
 
 
 def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str, *, a_priori: bool) -> None:
@@ -299,8 +299,8 @@ def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str, *, a
     ends = [entry.get(key) for key in keys]
     if any(end is None for end in ends):
         return
-    low, high, *more = (checked_number(end, f"{symbol}: {key}") for end, key in zip(ends, keys, strict=True))
-    room = sum(more) + 1e-9 if a_priori else 0.0
+    low, high, *limits = (checked_number(end, f"{symbol}: {key}") for end, key in zip(ends, keys, strict=True))
+    room = sum(limits) + 1e-9 if a_priori else 0.0
     if not low <= high or estimate - room > high or estimate + room < low:
         error = "guaranteed error, " if a_priori else ""
         raise ValueError(f"{symbol}: its estimate, {error}low and high exclude one another; was it edited?")
@@ -336,12 +336,12 @@ def parameter_set(
     ValueError
         for what is no real parameter of the component, or an array of another length
     """
-    known = {v.name: v for v in component.interface if v.causality == "parameter" and v.type == "real"}
-    if unknown := [name for name in values if name not in known]:
+    real_parameters = {v.name: v for v in component.interface if v.causality == "parameter" and v.type == "real"}
+    if unknown := [name for name in values if name not in real_parameters]:
         raise ValueError(f"{component.name} has no real parameter {unknown[0]}")
     rows: list[tuple[str, str, dict[str, str]]] = []
     units: dict[str, Unit] = {}
-    for variable in (v for v in known.values() if v.name in values):
+    for variable in (v for v in real_parameters.values() if v.name in values):
         value = values[variable.name]
         scalars = value if isinstance(value, list) else [value]
         if len(scalars) != len(variable.elements):

@@ -44,8 +44,8 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
     model, numbers = instantiate(component), references(component)
     inputs, outputs = ([v for v in component.interface if v.causality == c] for c in ("input", "output"))
     # What stands in each column: a variable and numbers of its elements.
-    driven, shown = ([(v, part) for v in every for part in _parts(v, fmi)] for every in (inputs, outputs))
-    shown = shown[:MOST_OUTPUTS]
+    driven, output_parts = ([(v, part) for v in every for part in _parts(v, fmi)] for every in (inputs, outputs))
+    output_parts = output_parts[:MOST_OUTPUTS]
 
     def row(time: float, columns: Iterable[tuple[Variable, range]]) -> str:
         cells = (" ".join(_cell(v, model.get(numbers[v.elements[i]])) for i in part) for v, part in columns)
@@ -55,7 +55,7 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
         names = (v.elements[part[0]] if fmi == 2 else v.name for v, part in columns)
         return ",".join(f'"{name}"' for name in ("time", *names))
 
-    given, seen = [heads(driven)], [heads(shown)]
+    input_lines, output_lines = [heads(driven)], [heads(output_parts)]
     for k in range(STEPS):
         for variable in inputs:
             for i, element in enumerate(variable.elements):
@@ -64,18 +64,18 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
         if k == 0:
             if model.initialise(0.0) != 0:
                 raise ValueError(f"{component.name} is not initialised with its start values")
-            seen.append(row(0.0, shown))
-        given.append(row(time, driven))
+            output_lines.append(row(0.0, output_parts))
+        input_lines.append(row(time, driven))
         if model.do_step(time, component.step_size) != 0:
             raise ValueError(f"{component.name} refuses the inputs of the reference results")
-        seen.append(row((k + 1) * component.step_size, shown))
+        output_lines.append(row((k + 1) * component.step_size, output_parts))
     options = {"StartTime": 0.0, "StopTime": STEPS * component.step_size, "StepSize": component.step_size}
     lines = {
         "_ref.opt": [f"{name},{value!r}" for name, value in (*options.items(), ("RelTol", 1e-9))],
-        "_ref.csv": seen,
+        "_ref.csv": output_lines,
     }
     if driven:
-        lines["_in.csv"] = given
+        lines["_in.csv"] = input_lines
     return {ending: "\n".join(every) + "\n" for ending, every in lines.items()}
 
 
@@ -100,12 +100,12 @@ def layered_reference(component: Component, fmi: int) -> dict[str, bytes]:
         "fmiReferences",
         {"xmlns:fmi-ls": MANIFEST, "fmi-ls:fmi-ls-name": LAYER, "fmi-ls:fmi-ls-version": LAYER_VERSION},
     )
-    said = f"{STEPS} steps of {component.step_size:g} s, from plain Python"
+    description = f"{STEPS} steps of {component.step_size:g} s, from plain Python"
     for ending, name, role, what in (
         ("_in.csv", f"{component.name}_in.csv", "stimulus", "Inputs"),
         ("_ref.csv", f"{component.name}_out.csv", "result", "Outputs"),
     ):
         if ending in texts:
-            SubElement(root, "Related", type="text/csv", source=name, role=role, description=f"{what} of {said}")
+            SubElement(root, "Related", type="text/csv", source=name, role=role, description=f"{what} of {description}")
             files[f"extra/{LAYER}/{name}"] = texts[ending].encode()
     return files | {f"extra/{LAYER}/fmi-ls-manifest.xml": xml_bytes(root)}

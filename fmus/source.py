@@ -129,19 +129,19 @@ class Instance:
     ) -> None:
         self.kernels = kernels
         self.arguments = arguments
-        own = variables[: len(variables) - effect_count]
-        self.memory: dict[str, list[float]] = {name: list(starts) for name, _, _, starts, _, _, _ in own}
-        self.memory["effect"] = [row[3][0] for row in variables[len(own) :]]
-        self.scalars = {row[0] for row in own if row[2] == 0 and row[1] in ("parameter", "input")}
+        own_rows = variables[: len(variables) - effect_count]
+        self.memory: dict[str, list[float]] = {name: list(starts) for name, _, _, starts, _, _, _ in own_rows}
+        self.memory["effect"] = [row[3][0] for row in variables[len(own_rows) :]]
+        self.scalars = {row[0] for row in own_rows if row[2] == 0 and row[1] in ("parameter", "input")}
         # Of each scalar that the world sees, in the order of the value references from 1 on.
         self.cells: list[tuple[list[float], int]] = []
         self.rules: list[tuple[str, str, str, float | None, float | None]] = []
-        for name, causality, _, starts, variability, lower, upper in own:
+        for name, causality, _, starts, variability, lower, upper in own_rows:
             if causality in ("parameter", "input", "output"):
                 for i in range(len(starts)):
                     self.cells.append((self.memory[name], i))
                     self.rules.append((name, causality, variability, lower, upper))
-        for i, row in enumerate(variables[len(own) :]):
+        for i, row in enumerate(variables[len(own_rows) :]):
             self.cells.append((self.memory["effect"], i))
             self.rules.append((row[0], row[1], row[4], row[5], row[6]))
         self.time = 0.0
@@ -175,13 +175,13 @@ class Instance:
 
     def preview(self, reference: int) -> float:
         """What an output would be if the initialisation ended now; ValueError when it cannot."""
-        kept = self.get_state()
+        state = self.get_state()
         try:
             if self.initialise(self.time):
                 raise ValueError("the parameters are not ones to begin with: there are no outputs yet")
             return float(self.get(reference))
         finally:
-            self.set_state(kept)
+            self.set_state(state)
 
     def set(self, reference: int, value: float) -> None:
         """Set a parameter or an input; ValueError says why it is refused."""
@@ -332,8 +332,8 @@ def flat_parts(component: Component) -> tuple[Part, ...]:
     parts: dict[str, Part] = {}
 
     def include(function: Callable[..., Any]) -> None:
-        found = [place.definition.kernel_at(function.__name__) for place in component.effects]
-        if kernels := [kernel for kernel in found if kernel is not None]:
+        kernels_of_effects = [place.definition.kernel_at(function.__name__) for place in component.effects]
+        if kernels := [kernel for kernel in kernels_of_effects if kernel is not None]:
             for kernel in kernels:
                 include_names(kernel)
                 parts.setdefault(kernel.__name__, source_of(kernel))

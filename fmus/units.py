@@ -104,8 +104,8 @@ def unit_named(name: str) -> Unit:
     for word, power in powers.items():
         unit, power = UNITS[_WORDS[word]], -power if word == "K" else power
         factor *= unit.factor**power
-        for base, own in unit.exponents.items():
-            exponents[base] = exponents.get(base, 0) + own * power
+        for base, exponent in unit.exponents.items():
+            exponents[base] = exponents.get(base, 0) + exponent * power
     return Unit(name, "", {base: power for base, power in exponents.items() if power}, factor)
 
 

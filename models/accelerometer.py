@@ -259,12 +259,12 @@ def initialise_inverse(
     if not gravity > 0.0:
         return 1
     for p in range(3):
-        others = math.fabs(gamma_12) + math.fabs(gamma_13)
+        cross = math.fabs(gamma_12) + math.fabs(gamma_13)
         if p == 1:
-            others = math.fabs(gamma_21) + math.fabs(gamma_23)
+            cross = math.fabs(gamma_21) + math.fabs(gamma_23)
         if p == 2:
-            others = math.fabs(gamma_31) + math.fabs(gamma_32)
-        if not (1.0 + scale_error_plus[p] > others and 1.0 + scale_error_minus[p] > others):
+            cross = math.fabs(gamma_31) + math.fabs(gamma_32)
+        if not (1.0 + scale_error_plus[p] > cross and 1.0 + scale_error_minus[p] > cross):
             return 2
     return 0
 

@@ -153,12 +153,12 @@ def _up_and_derivatives(
     """`up`, and its derivatives (..., 3) by κ, by what is taken from α, and by ε."""
     (sin_a, cos_a), (sin_k, cos_k) = _trigonometry(alpha), _trigonometry(kappa)
     b, e = _trigonometry(beta), _trigonometry(epsilon)
-    here = _on_inner(-sin_k, cos_k * sin_a, cos_k * cos_a, b, e)
+    vertical = _on_inner(-sin_k, cos_k * sin_a, cos_k * cos_a, b, e)
     by_kappa = _on_inner(-cos_k, -sin_k * sin_a, -sin_k * cos_a, b, e)
     by_alpha = _on_inner(np.zeros_like(sin_k), -cos_k * cos_a, cos_k * sin_a, b, e)
-    third = here[..., 2]
-    by_epsilon = np.stack((-third * b[1], third * b[0], here[..., 0] * b[1] - here[..., 1] * b[0]), axis=-1)
-    return here, (by_kappa, by_alpha, by_epsilon)
+    third = vertical[..., 2]
+    by_epsilon = np.stack((-third * b[1], third * b[0], vertical[..., 0] * b[1] - vertical[..., 1] * b[0]), axis=-1)
+    return vertical, (by_kappa, by_alpha, by_epsilon)
 
 
 def elementary(**values: float) -> NDArray:
@@ -354,12 +354,12 @@ def _input_and_jacobian(
     turned = x + 1j * step * np.eye(len(TARGETS))[_OF_DIRECTION[3:], None]
     turns = np.imag(_mounted(turned, mounting, further)) / step
     straight = _mounted(x, mounting, further)
-    here, vertical = _up_and_derivatives(np.asarray(alpha) - x[..., 1], beta, x[..., 0], x[..., 2])
-    jacobian = np.zeros((*here.shape, len(TARGETS)))
-    for k, one, other in zip(range(3), vertical, turns, strict=True):
-        jacobian[..., _OF_DIRECTION[k]] = np.squeeze(straight @ one[..., None], -1)
-        jacobian[..., _OF_DIRECTION[3 + k]] = np.squeeze(other @ here[..., None], -1)
-    return np.squeeze(straight @ here[..., None], -1), jacobian
+    up, vertical = _up_and_derivatives(np.asarray(alpha) - x[..., 1], beta, x[..., 0], x[..., 2])
+    jacobian = np.zeros((*up.shape, len(TARGETS)))
+    for k, tilt, turn in zip(range(3), vertical, turns, strict=True):
+        jacobian[..., _OF_DIRECTION[k]] = np.squeeze(straight @ tilt[..., None], -1)
+        jacobian[..., _OF_DIRECTION[3 + k]] = np.squeeze(turn @ up[..., None], -1)
+    return np.squeeze(straight @ up[..., None], -1), jacobian
 
 
 def stand_regressors(alpha: ArrayLike, beta: ArrayLike, mounting: ArrayLike) -> NDArray:

@@ -154,8 +154,8 @@ def _inputs(
     moments = moments - lag * (growth[0] - 0.5 * lag * growth[1])
     block = small_turn(x[_TURN]) @ np.asarray(mounting)
     lean = np.cos(x[_EPSILON]), np.sin(x[_EPSILON])
-    own = [lean[0] * moments[:, 0], -lean[0] * moments[:, 1], lean[1] * moments[:, 2] + moments[:, 3]]
-    turned = (np.stack(own, axis=-1) + _carried(x, moments, np.asarray(earth))) @ block.T
+    tilts = [lean[0] * moments[:, 0], -lean[0] * moments[:, 1], lean[1] * moments[:, 2] + moments[:, 3]]
+    turned = (np.stack(tilts, axis=-1) + _carried(x, moments, np.asarray(earth))) @ block.T
     return moments[:, 4:5], turned, _carried(x, moments, np.array([0.0, 0.0, 1.0])) @ block.T
 
 
@@ -163,12 +163,12 @@ def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
     """Integral (S, 3), in axes of the inner frame, of a vector (3,) that stays in the base."""
     products = moments[:, 4:].reshape(-1, 3, 3)
     cos_shift, sin_shift = np.cos(x[_ALPHA]), np.sin(x[_ALPHA])
-    one, cos_a = products[:, 0], cos_shift * products[:, 1] + sin_shift * products[:, 2]
+    first_column, cos_a = products[:, 0], cos_shift * products[:, 1] + sin_shift * products[:, 2]
     sin_a = cos_shift * products[:, 2] - sin_shift * products[:, 1]
     cos_k, sin_k, cos_e, sin_e = (f(x[i]) for i in (_KAPPA, _EPSILON) for f in (np.cos, np.sin))
     first, third = vector[0] * cos_k - vector[2] * sin_k, vector[0] * sin_k + vector[2] * cos_k
     across, up = vector[1] * cos_a + third * sin_a, third * cos_a - vector[1] * sin_a
-    along, inner = first * cos_e * one - sin_e * up, first * sin_e * one + cos_e * up
+    along, inner = first * cos_e * first_column - sin_e * up, first * sin_e * first_column + cos_e * up
     return np.stack([along[:, 1] + across[:, 2], across[:, 1] - along[:, 2], inner[:, 0]], axis=-1)
 
 
@@ -181,15 +181,15 @@ def integrated_jacobian(
     """
     x, g = (np.asarray(values, dtype=float) for values in arguments)
     at, step, count = np.concatenate([x, g]), 1e-30, len(x)
-    found = np.zeros((len(rest[0]), 3, len(at)))
+    jacobian = np.zeros((len(rest[0]), 3, len(at)))
     for k in (*_BENT, count + LAG):
         moved = at.astype(complex)
         moved[k] += 1j * step
-        found[:, :, k] = np.imag(integrated_readings(moved[:count], moved[count:], *rest)) / step
-    own, (time, turned, vertical) = found[:, :, count:], _inputs(x, g[LAG], *rest)
+        jacobian[:, :, k] = np.imag(integrated_readings(moved[:count], moved[count:], *rest)) / step
+    angle_columns, (time, turned, vertical) = jacobian[:, :, count:], _inputs(x, g[LAG], *rest)
     for p in range(3):
         for part, inputs in ((BIAS, time), (MATRIX, turned), (SENSITIVITY, vertical)):
             width = inputs.shape[1]
             first = part.start + width * p
-            own[:, p, first : first + width] = inputs
-    return found
+            angle_columns[:, p, first : first + width] = inputs
+    return jacobian

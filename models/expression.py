@@ -145,9 +145,9 @@ def _check(node: ast.expr, depth: int) -> None:
             )
 
 
-def _known(name: str, known: Sequence[str]) -> str:
-    close = get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
+def _known(name: str, names: Sequence[str]) -> str:
+    close = get_close_matches(name, names, n=1, cutoff=0.6)
+    return f"did you mean {close[0]}?" if close else f"there are {', '.join(names)}"
 
 
 def power_of(node: ast.expr) -> int:
@@ -194,9 +194,9 @@ def derivatives(tree: ast.expr, coefficients: Sequence[str]) -> dict[str, ast.ex
         the expression is not a sum of terms with one coefficient each as a factor
     """
     parts = _linear(tree, set(coefficients))
-    known = parts.pop(None, None)
-    if known is not None:
-        raise ValueError(f"{_shown(known)} has no unknown coefficient; put a letter before it, as c*n1**3")
+    constant = parts.pop(None, None)
+    if constant is not None:
+        raise ValueError(f"{_shown(constant)} has no unknown coefficient; put a letter before it, as c*n1**3")
     return {name: parts[name] for name in coefficients}
 
 
@@ -210,13 +210,13 @@ def _linear(node: ast.expr, letters: set[str]) -> dict[str | None, ast.expr]:
         case ast.UnaryOp(op=op, operand=operand):
             return {name: ast.UnaryOp(op, part) for name, part in _linear(operand, letters).items()}
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub() as op, right=right):
-            found = _linear(left, letters)
+            parts = _linear(left, letters)
             for name, part in _linear(right, letters).items():
-                if name in found:
-                    found[name] = ast.BinOp(found[name], op, part)
+                if name in parts:
+                    parts[name] = ast.BinOp(parts[name], op, part)
                 else:
-                    found[name] = part if isinstance(op, ast.Add) else ast.UnaryOp(ast.USub(), part)
-            return found
+                    parts[name] = part if isinstance(op, ast.Add) else ast.UnaryOp(ast.USub(), part)
+            return parts
         case ast.BinOp(left=left, op=ast.Mult() as op, right=right):
             if not letters & set(_names(left)):
                 return {name: ast.BinOp(left, op, part) for name, part in _linear(right, letters).items()}
@@ -269,11 +269,11 @@ def _followed(node: ast.expr, values: Mapping[str, Any], slopes: Mapping[str, An
                     return x * y, dx * y + x * dy
             return x / y, dx / y - x * dy / (y * y)
         case ast.Call(func=ast.Name(id=name), args=args):
-            given = [_followed(argument, values, slopes) for argument in args]
-            function, arguments = FUNCTIONS[name], [x for x, _ in given]
+            inputs = [_followed(argument, values, slopes) for argument in args]
+            function, arguments = FUNCTIONS[name], [x for x, _ in inputs]
             by = function.slopes(*arguments)
             # What does not change adds nothing, where the function has no slope too.
-            moved = [slope * dx for slope, (_, dx) in zip(by, given, strict=True) if np.any(dx)]
+            moved = [slope * dx for slope, (_, dx) in zip(by, inputs, strict=True) if np.any(dx)]
             return function.value(*arguments), sum(moved, 0.0)
     raise AssertionError("the tree was checked")
 
@@ -318,18 +318,18 @@ class Statements:
         return f"({product})" if power > 0 else self._kept(QUOTIENT, "1.0", product)
 
     def _kept(self, statements: Sequence[str], *arguments: str) -> str:
-        given = dict(zip("xy", (self._named(argument) for argument in arguments), strict=False))
-        kept = self._new()
-        self.lines += [line.format(f=kept, **given) for line in statements]
-        return kept
+        operands = dict(zip("xy", (self._named(argument) for argument in arguments), strict=False))
+        letter = self._new()
+        self.lines += [line.format(f=letter, **operands) for line in statements]
+        return letter
 
     def _named(self, text: str) -> str:
         """The text where it is short, else the name of what is computed once."""
         if re.fullmatch(r"[\w.]+(\[[\w +]+\])?", text):
             return text
-        kept = self._new()
-        self.lines.append(f"{kept} = {text}")
-        return kept
+        letter = self._new()
+        self.lines.append(f"{letter} = {text}")
+        return letter
 
     def _new(self) -> str:
         self.count += 1

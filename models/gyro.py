@@ -253,11 +253,11 @@ def solve_response(scale_misalignment: Vector, right: Vector, n: Vector) -> None
 def can_be_solved(scale_misalignment: Vector) -> float:
     """1.0 where each gyro follows its own axis more than the two others together, else 0.0."""
     for p in range(3):
-        others = 0.0
+        cross = 0.0
         for q in range(3):
             if q != p:
-                others = others + math.fabs(scale_misalignment[3 * p + q])
-        if not 1.0 + scale_misalignment[4 * p] > others:
+                cross = cross + math.fabs(scale_misalignment[3 * p + q])
+        if not 1.0 + scale_misalignment[4 * p] > cross:
             return 0.0
     return 1.0
 

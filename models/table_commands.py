@@ -91,9 +91,9 @@ def follow_move(plan: Vector, axis: int, max_acceleration: float, time: float, m
         motion[2 * axis] = plan[at + 1] + sense * covered
         motion[2 * axis + 1] = sense * peak
     elif elapsed < ended:
-        left = ended - elapsed
-        motion[2 * axis] = plan[at + 3] - sense * 0.5 * max_acceleration * left * left
-        motion[2 * axis + 1] = sense * max_acceleration * left
+        remaining = ended - elapsed
+        motion[2 * axis] = plan[at + 3] - sense * 0.5 * max_acceleration * remaining * remaining
+        motion[2 * axis + 1] = sense * max_acceleration * remaining
     else:
         motion[2 * axis] = plan[at + 3]
         motion[2 * axis + 1] = 0.0
@@ -215,9 +215,9 @@ def step_programme(
             plan_move(plan, 0, 0.0, 0.0, 0.0, math.fabs(alpha[i] - before_alpha), max_rate[0], max_acceleration[0])
             plan_move(plan, 1, 0.0, 0.0, 0.0, math.fabs(beta[i] - before_beta), max_rate[1], max_acceleration[1])
             move = plan[4] + plan[5] + plan[6]
-            other = plan[13] + plan[14] + plan[15]
-            if other > move:
-                move = other
+            slower = plan[13] + plan[14] + plan[15]
+            if slower > move:
+                move = slower
             slot = (move + dwell_time[i]) / length[0]
             if not slot <= LONGEST_SLOT:
                 length[0] = 0.0

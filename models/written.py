@@ -21,7 +21,12 @@ def written(source: str) -> Callable[..., None]:
     origin = f"<{function.name}>"
     linecache.cache[origin] = (len(source), None, source.splitlines(keepends=True), origin)
     constants = {name: value for name, value in vars(restricted).items() if name.isupper()}
-    known = {"__name__": __name__, "__builtins__": {"range": range}, "math": math, "Vector": restricted.Vector}
-    names = known | {"int": int, "float": float} | constants
+    names_of_python = {
+        "__name__": __name__,
+        "__builtins__": {"range": range},
+        "math": math,
+        "Vector": restricted.Vector,
+    }
+    names = names_of_python | {"int": int, "float": float} | constants
     exec(compile(ast.parse(source), origin, "exec"), names)
     return names[function.name]

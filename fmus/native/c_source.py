@@ -80,26 +80,26 @@ class Row:
 
 def places(component: Component) -> dict[str, int]:
     """Place of each variable's first element in the memory; the parameters of effects stand together, last."""
-    at, found = 0, {}
+    at, first = 0, {}
     for variable in component.own:
-        found[variable.name] = at
+        first[variable.name] = at
         at += max(variable.size, 1)
-    found["effect"] = at
-    return found
+    first["effect"] = at
+    return first
 
 
 def rows(component: Component, fmi: int) -> list[Row]:
     """The variables that the world sees, in the order of their value references from 1 on."""
     where = places(component)
-    shown = len(component.interface) - component.effect_count
-    found: list[Row] = []
-    for variable in component.interface[:shown]:
+    count = len(component.interface) - component.effect_count
+    table: list[Row] = []
+    for variable in component.interface[:count]:
         at = where[variable.name]
         if fmi == 3 or not variable.size:
-            found.append(Row(variable, variable.name, at, max(variable.size, 1)))
+            table.append(Row(variable, variable.name, at, max(variable.size, 1)))
         else:
-            found += [Row(variable, name, at + i, 1) for i, name in enumerate(variable.elements)]
-    return found + [Row(v, v.name, where["effect"] + i, 1) for i, v in enumerate(component.interface[shown:])]
+            table += [Row(variable, name, at + i, 1) for i, name in enumerate(variable.elements)]
+    return table + [Row(v, v.name, where["effect"] + i, 1) for i, v in enumerate(component.interface[count:])]
 
 
 def _bound(value: float | None, sign: str) -> str:
@@ -139,13 +139,13 @@ def _arguments(component: Component, kernel: str, signature: Signature, memory: 
     where = places(component)
     scalars = {v.name for v in component.variables if not v.size and v.causality in ("parameter", "input")}
     arguments = []
-    for name, wanted in zip(component.arguments[kernel], signature.kinds, strict=True):
+    for name, kind in zip(component.arguments[kernel], signature.kinds, strict=True):
         if name in ("time", "step"):
             arguments.append(name if memory == "memory" else "0.0")
             continue
         arguments.append(f"{memory}[{where[name]}]" if name in scalars else f"{memory} + {where[name]}")
-        if (name in scalars) == (wanted == "Vector"):
-            raise TypeError(f"kernel {kernel} of {component.name}: {name} is a {wanted} there, not in the table")
+        if (name in scalars) == (kind == "Vector"):
+            raise TypeError(f"kernel {kernel} of {component.name}: {name} is a {kind} there, not in the table")
     return arguments
 
 
@@ -181,7 +181,7 @@ def _derivatives(component: Component, kernels: dict[str, Signature]) -> str:
             pairs = zip(
                 _arguments(component, kernel, signature), _arguments(component, kernel, signature, "dot"), strict=True
             )
-            arguments = ", ".join([*(f"{own}, {dot}" for own, dot in pairs), "slope"])
+            arguments = ", ".join([*(f"{argument}, {dot}" for argument, dot in pairs), "slope"])
             called[kernel] = f"{kernel_name(tangent_name(kernel))}({arguments})"
     lines = ["(void)memory;", "(void)dot;", "(void)time;", "double slope[1] = {0.0};"]
     lines += [f"int64_t message = initialising ? {called['initialise']} : 0;"]
@@ -206,8 +206,8 @@ def model_c(component: Component, fmi: int) -> str:
     RestrictionError
         a kernel is not in restricted Python
     """
-    wanted = tuple(k for k in DIFFERENTIATED if k in component.kernels) if component.derivatives else ()
-    text, kernels = _translated(flat_parts(component), wanted)
+    differentiated = tuple(k for k in DIFFERENTIATED if k in component.kernels) if component.derivatives else ()
+    text, kernels = _translated(flat_parts(component), differentiated)
     table = rows(component, fmi)
     return MODEL_C.format(
         description=component.description,
@@ -238,10 +238,10 @@ def model_h(component: Component, fmi: int, token: str, source: str) -> str:
 def shared_sources(fmi: int) -> dict[str, bytes]:
     """The sources that all components share: ours, and the headers of FMI from FMPy."""
     folder = Path(__file__).parent / "sources"
-    own = [*COMPILED[fmi][1:], "component.h"]
+    names = [*COMPILED[fmi][1:], "component.h"]
     headers = sorted((Path(fmpy.__file__).parent / "c-code").glob(f"fmi{fmi}*.h"))
-    found = {name: (folder / name).read_bytes() for name in own}
-    return found | {path.name: path.read_bytes() for path in headers}
+    texts = {name: (folder / name).read_bytes() for name in names}
+    return texts | {path.name: path.read_bytes() for path in headers}
 
 
 def build_description(component: Component, fmi: int) -> bytes:
@@ -261,8 +261,8 @@ def native_sources(component: Component, fmi: int) -> dict[str, bytes]:
     source = model_c(component, fmi)
     shared = shared_sources(fmi)
     token = identity(component, source.encode() + b"".join(shared.values()), fmi=fmi, sources=COMPILED[fmi])
-    made = {"model.c": source.encode(), "model.h": model_h(component, fmi, token, source).encode()}
-    return made | shared
+    texts = {"model.c": source.encode(), "model.h": model_h(component, fmi, token, source).encode()}
+    return texts | shared
 
 
 def native_members(

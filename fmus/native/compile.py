@@ -135,12 +135,12 @@ def host_compiler() -> tuple[str, str] | None:
     if path is None:
         return None
     with suppress(OSError, subprocess.SubprocessError):
-        said = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=True)
-        return path, said.stdout
+        process = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=60, check=True)
+        return path, process.stdout
     return None
 
 
-def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
+def chosen_platforms(choice: str) -> tuple[Platform, ...]:
     """The platforms of ``all``, ``host`` or a name.
 
     Raises
@@ -148,10 +148,10 @@ def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
     BuildError
         no such platform, or nothing here compiles for it
     """
-    if wanted == "all":
+    if choice == "all":
         names = list(PLATFORMS)
     else:
-        names = [host_name() if wanted == "host" else wanted]
+        names = [host_name() if choice == "host" else choice]
     for name in names:
         if name not in PLATFORMS:
             close = get_close_matches(name, PLATFORMS, n=1)
@@ -160,7 +160,7 @@ def chosen_platforms(wanted: str) -> tuple[Platform, ...]:
                 f"platform {name}: there is no native FMU for it; there is for {', '.join(PLATFORMS)}{meant}"
             )
         if not (compiles(name) or has_prebuilt()):
-            if name == host_name() and wanted != "all":
+            if name == host_name() and choice != "all":
                 raise BuildError(NO_COMPILER)
             raise BuildError(f"platform {name}: {NO_ZIG}")
     return tuple(PLATFORMS[name] for name in names)
@@ -175,12 +175,12 @@ def _commands(platform: Platform, output: str, cross: bool) -> tuple[list[list[s
     """The commands, one after the other, and the version of the compiler."""
     linux = ["-Wl,--build-id=none"] if platform.suffix == ".so" else []
     # Found by whoever loads it, wherever the archive was unpacked.
-    named = ["-install_name", f"@rpath/{output}"] if platform.suffix == ".dylib" else []
+    install_name = ["-install_name", f"@rpath/{output}"] if platform.suffix == ".dylib" else []
     if not cross:
         compiler = host_compiler()
         assert compiler is not None
         oldest = f"-mmacosx-version-min={platform.target.partition('macos.')[2]}"
-        stripped = [oldest, *named] if named else ["-s"]
+        stripped = [oldest, *install_name] if install_name else ["-s"]
         pages = ["-Wl,-z,noseparate-code"] if linux else []
         shared = ["-fPIC", "-shared", *stripped, *linux, *pages]
         return [[compiler[0], *FLAGS, *shared, "-o", output, WHOLE, "-lm"]], compiler[1]
@@ -190,9 +190,9 @@ def _commands(platform: Platform, output: str, cross: bool) -> tuple[list[list[s
         compiled = [*zig, *FLAGS, *SMALL, "-fPIC", "-c", WHOLE]
         linker = [*zig[:3], "build-lib", *zig[4:], "-dynamic", "-fstrip", "-lc", "--name", platform.name]
         signed = ["--entitlements", ENTITLEMENTS, f"-femit-bin={output}", str(Path(WHOLE).with_suffix(".o"))]
-        return [compiled, [*linker, *named, *signed]], version
+        return [compiled, [*linker, *install_name, *signed]], version
     if platform.suffix != ".dll":
-        shared = ["-fPIC", "-shared", "-s", *linux, *named, "-ffunction-sections", "-Wl,--gc-sections"]
+        shared = ["-fPIC", "-shared", "-s", *linux, *install_name, "-ffunction-sections", "-Wl,--gc-sections"]
         return [[*zig, *FLAGS, *SMALL, *shared, "-o", output, WHOLE, "-lm"]], version
     compiled = [*zig, *FLAGS, *SMALL, "-DTRIHEDRON_UCRT_ONLY", "-c", WHOLE]
     entry = ["-nostdlib", "-Wl,--entry=TrihedronEntry"]
@@ -258,17 +258,17 @@ def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, porta
         the compiler fails, or there is none and no FMU made from these sources came with the package
     """
     if zig_version() is None and (portable or not compiles(platform.name)):
-        made = prebuilt_library(platform, name, sources, all_flags())
-        if made is not None:
-            return made
+        library = prebuilt_library(platform, name, sources, all_flags())
+        if library is not None:
+            return library
         if not compiles(platform.name):
             raise BuildError(NO_COMPILER if platform.name == host_name() else f"platform {platform.name}: {NO_ZIG}")
     cross = zig_version() is not None and (portable or platform.name != host_name() or host_compiler() is None)
     output = f"{name}{platform.suffix}"
     compiled = [n for n in sources if n.endswith(".c")]
     commands, version = _commands(platform, output, cross)
-    whole = "".join(f'#include "{name}"\n' for name in compiled)
-    files = {**sources, WHOLE: whole.encode(), ENTITLEMENTS: b'<plist version="1.0"><dict/></plist>\n'}
+    source = "".join(f'#include "{name}"\n' for name in compiled)
+    files = {**sources, WHOLE: source.encode(), ENTITLEMENTS: b'<plist version="1.0"><dict/></plist>\n'}
     digest = hashlib.sha256("\0".join([version, *(word for command in commands for word in command[1:])]).encode())
     for file, content in files.items():
         digest.update(f"\0{file}\0{len(content)}\0".encode() + content)
@@ -287,10 +287,10 @@ def _compile(commands: Sequence[Sequence[str]], files: Mapping[str, bytes], fold
     environment = {**os.environ, "LC_ALL": "C", "ZIG_LOCAL_CACHE_DIR": str(folder / "zig")}
     for command in commands:
         try:
-            done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+            process = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
         except OSError as error:
             raise BuildError(f"the compiler {command[0]} cannot be run ({error.strerror})") from error
-        if done.returncode != 0:
-            said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
-            raise BuildError(f"the compiler {command[0]} fails: {' '.join(said.split()) or 'it says nothing'}")
+        if process.returncode != 0:
+            message = next((line for line in process.stderr.splitlines() if "error" in line), process.stderr.strip())
+            raise BuildError(f"the compiler {command[0]} fails: {' '.join(message.split()) or 'it says nothing'}")
     return (folder / output).read_bytes()

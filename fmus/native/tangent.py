@@ -47,7 +47,7 @@ def tangent_name(kernel: str) -> str:
     return f"tangent_{kernel}"
 
 
-def tangents(parts: Sequence[Part], wanted: Sequence[str]) -> list[Part]:
+def tangents(parts: Sequence[Part], kernel_names: Sequence[str]) -> list[Part]:
     """The tangents of kernels and of what they call, each before its use.
 
     Parameters
@@ -64,15 +64,15 @@ def tangents(parts: Sequence[Part], wanted: Sequence[str]) -> list[Part]:
     """
     kernels = {n.name: n for part in parts for n in ast.parse(part.text).body if isinstance(n, ast.FunctionDef)}
     origins = {n.name: part for part in parts for n in ast.parse(part.text).body if isinstance(n, ast.FunctionDef)}
-    made: dict[str, str] = {}
-    open_ = list(wanted)
+    texts: dict[str, str] = {}
+    open_ = list(kernel_names)
     while open_:
         name = open_.pop()
-        if name not in made:
+        if name not in texts:
             tangent = _Tangent(kernels, name, origins[name])
-            made[name] = tangent.text()
+            texts[name] = tangent.text()
             open_ += tangent.called
-    return [Part(RULES, "tangent.py", 1), *(replace(origins[k], text=made[k]) for k in kernels if k in made)]
+    return [Part(RULES, "tangent.py", 1), *(replace(origins[k], text=texts[k]) for k in kernels if k in texts)]
 
 
 def _kinds(node: ast.FunctionDef) -> list[str]:
@@ -115,8 +115,8 @@ class _Read(ast.NodeTransformer):
 
     def visit_Assign(self, node: ast.Assign) -> ast.Assign | None:
         target = node.targets[0]
-        kept = not isinstance(target, ast.Name) or target.id in self.read or not target.id.endswith("_dot")
-        return node if kept else None
+        is_read = not isinstance(target, ast.Name) or target.id in self.read or not target.id.endswith("_dot")
+        return node if is_read else None
 
 
 @dataclass
@@ -142,30 +142,30 @@ class _Tangent:
         names, kinds = [a.arg for a in node.args.args], _kinds(node)
         self.moving = {name for name, kind in zip(names, kinds, strict=True) if kind != INT}
         self.returns = ast.unparse(node.returns) if node.returns else ""
-        known = -1
-        while known < len(self.moving):
-            known, self.count = len(self.moving), 0
+        count_before = -1
+        while count_before < len(self.moving):
+            count_before, self.count = len(self.moving), 0
             body = self.body(node.body)
         arguments: list[str] = []
         for name, kind in zip(names, kinds, strict=True):
             arguments += [f"{name}: {kind}"] if kind == INT else [f"{name}: {kind}", f"{name}_dot: {kind}"]
-        said = f'    """Tangent of {self.name}."""'
+        docstring = f'    """Tangent of {self.name}."""'
         head = f"def {tangent_name(self.name)}({', '.join([*arguments, f'{SLOPE}: Vector'])}) -> {self.returns}:"
-        module, lines, known = ast.fix_missing_locations(ast.Module(body or [ast.Pass()], [])), [""], -1
+        module, lines, count_before = ast.fix_missing_locations(ast.Module(body or [ast.Pass()], [])), [""], -1
         # What nothing reads may have been all that read another.
-        while known != len(lines):
-            known = len(lines)
+        while count_before != len(lines):
+            count_before = len(lines)
             module = _Read(module.body).visit(module)
             lines = ast.unparse(module).splitlines()
-        return "\n".join([head, said, *(f"    {line}" for line in lines)]) + "\n"
+        return "\n".join([head, docstring, *(f"    {line}" for line in lines)]) + "\n"
 
     def body(self, statements: Sequence[ast.stmt]) -> list[ast.stmt]:
         """Statements with those that carry the derivatives along."""
         outer, self.out = self.out, []
         for statement in statements:
             self.statement(statement)
-        made, self.out = self.out, outer
-        return made
+        inner_statements, self.out = self.out, outer
+        return inner_statements
 
     def statement(self, node: ast.stmt) -> None:
         match node:
@@ -186,15 +186,15 @@ class _Tangent:
             case ast.Return(value=None):
                 self.out.append(node)
             case ast.Return(value=ast.expr() as value):
-                made, dot = self.pair(value)
+                primal, dot = self.pair(value)
                 if self.returns == FLOAT:
                     self.out.append(ast.Assign([ast.Subscript(_name(SLOPE), ast.Constant(0))], dot or ZERO))
-                self.out.append(ast.Return(made))
+                self.out.append(ast.Return(primal))
             case _:
                 raise self.refuse(node, "has no tangent")
 
     def assign(self, target: ast.expr, value: ast.expr) -> None:
-        made, dot = self.pair(value)
+        primal, dot = self.pair(value)
         if isinstance(target, ast.Name):
             if dot is not None:
                 self.moving.add(target.id)
@@ -205,7 +205,7 @@ class _Tangent:
             assert isinstance(target.value, ast.Name)
             place = ast.Subscript(_name(f"{target.value.id}_dot"), target.slice)
             self.out.append(ast.Assign([place], dot or ZERO))
-        self.out.append(ast.Assign([target], made))
+        self.out.append(ast.Assign([target], primal))
 
     def plain(self, node: ast.expr) -> None:
         """Refuse what a condition does beside deciding: then its calls have to be done with their derivatives."""
@@ -230,8 +230,8 @@ class _Tangent:
         self.called.add(node.func.id)
         arguments: list[ast.expr] = []
         for argument, kind in zip(node.args, _kinds(self.kernels[node.func.id]), strict=True):
-            made, dot = self.pair(argument)
-            arguments += [made] if kind == INT else [made, dot or ZERO]
+            primal, dot = self.pair(argument)
+            arguments += [primal] if kind == INT else [primal, dot or ZERO]
         return _called(tangent_name(node.func.id), *arguments, _name(SLOPE))
 
     def pair(self, node: ast.expr) -> Pair:
@@ -242,15 +242,15 @@ class _Tangent:
             case ast.Subscript(value=ast.Name(id=name), slice=at):
                 return node, ast.Subscript(_name(f"{name}_dot"), at)
             case ast.UnaryOp(op=op, operand=operand):
-                made, dot = self.pair(operand)
-                return ast.UnaryOp(op, made), None if dot is None else ast.UnaryOp(op, dot)
+                primal, dot = self.pair(operand)
+                return ast.UnaryOp(op, primal), None if dot is None else ast.UnaryOp(op, dot)
             case ast.BinOp(left=left, op=op, right=right):
                 return self.operation(self.pair(left), op, self.pair(right))
             case ast.Call(func=ast.Attribute(attr=name), args=arguments):
                 return self.function(name, [self.pair(argument) for argument in arguments])
             case ast.Call(func=ast.Name(id="float"), args=[argument]):
-                made, dot = self.pair(argument)
-                return _called("float", made), dot
+                primal, dot = self.pair(argument)
+                return _called("float", primal), dot
             case ast.Call(func=ast.Name(id="int"), args=[argument]):
                 return _called("int", self.pair(argument)[0]), None
             case ast.Call(func=ast.Name(id=kernel)):
@@ -264,33 +264,33 @@ class _Tangent:
                 return _name(value), _name(f"{value}_dot")
         return node, None
 
-    def operation(self, left: Pair, op: ast.operator, right: Pair) -> Pair:
-        (a, da), (b, db) = left, right
-        made = ast.BinOp(a, op, b)
+    def operation(self, first: Pair, op: ast.operator, second: Pair) -> Pair:
+        (a, da), (b, db) = first, second
+        value = ast.BinOp(a, op, b)
         match op:
             case ast.Add():
-                return made, _sum(da, db)
+                return value, _sum(da, db)
             case ast.Sub():
-                return made, da if db is None else ast.BinOp(da or ZERO, op, db)
+                return value, da if db is None else ast.BinOp(da or ZERO, op, db)
             case ast.Mult():
-                return made, _sum(_times(b, da), _times(a, db))
-        rest = _times(made, db)
+                return value, _sum(_times(b, da), _times(a, db))
+        rest = _times(value, db)
         over = da if rest is None else ast.BinOp(da or ZERO, ast.Sub(), rest)
-        return made, None if over is None else ast.BinOp(over, ast.Div(), b)
+        return value, None if over is None else ast.BinOp(over, ast.Div(), b)
 
     def function(self, name: str, arguments: list[Pair]) -> Pair:
-        made = _of_math(name, *(a for a, _ in arguments))
+        value = _of_math(name, *(a for a, _ in arguments))
         if name == "floor" or all(dot is None for _, dot in arguments):
-            return made, None
+            return value, None
         x, dot = arguments[0]
         if name == "atan2":
             pairs = [part for a, da in arguments for part in (a, da or ZERO)]
-            return made, _called("slope_of_angle", *pairs)
+            return value, _called("slope_of_angle", *pairs)
         slopes = {
             "sqrt": _called("slope_of_root", x),
             "fabs": _called("slope_of_size", x),
-            "exp": made,
+            "exp": value,
             "sin": _of_math("cos", x),
             "cos": ast.UnaryOp(ast.USub(), _of_math("sin", x)),
         }
-        return made, _times(slopes[name], dot)
+        return value, _times(slopes[name], dot)

@@ -107,8 +107,8 @@ class Scope:
         """The refusal of a construct."""
         line = self.first_line + getattr(node, "lineno", 1) - 1
         text = " ".join(ast.unparse(node).split())
-        shown = text if len(text) <= 60 else text[:57] + "..."
-        return RestrictionError(f"{self.origin}, line {line}: '{shown}': {reason}")
+        excerpt = text if len(text) <= 60 else text[:57] + "..."
+        return RestrictionError(f"{self.origin}, line {line}: '{excerpt}': {reason}")
 
     def value(self, node: ast.expr) -> Value:
         """An expression in C, which is refused where it is not in restricted Python."""
@@ -153,17 +153,21 @@ class Scope:
         return value
 
     def _operation(self, node: ast.BinOp) -> Value:
-        left, right = self.number(node.left), self.number(node.right)
-        kinds = {left.kind, right.kind}
+        first_operand, second = self.number(node.left), self.number(node.right)
+        kinds = {first_operand.kind, second.kind}
         if type(node.op) not in OPERATORS:
             raise self.refuse(node, f"operator {type(node.op).__name__} is not in restricted Python")
         if WHOLE in kinds and FLOAT not in kinds:
             raise self.refuse(node, "whole numbers of any size are not in restricted Python: one side must be a float")
         sign, level = OPERATORS[type(node.op)]
         divides = isinstance(node.op, ast.Div)
-        first = f"(double){left.bound(UNARY)}" if divides and left.kind == INT else left.bound(level)
+        first = (
+            f"(double){first_operand.bound(UNARY)}"
+            if divides and first_operand.kind == INT
+            else first_operand.bound(level)
+        )
         kind = FLOAT if divides or FLOAT in kinds else INT
-        return Value(f"{first} {sign} {right.bound(level + 1)}", level, kind)
+        return Value(f"{first} {sign} {second.bound(level + 1)}", level, kind)
 
     def call(self, node: ast.Call) -> Value:
         """A call; what it returns may be nothing."""
@@ -179,8 +183,8 @@ class Scope:
             case ast.Name(id="float") if len(node.args) == 1:
                 return Value(f"(double){self.number(node.args[0]).bound(UNARY)}", UNARY, FLOAT)
             case ast.Name(id="int") if len(node.args) == 1:
-                given = self.number(node.args[0])
-                return given if given.kind == INT else Value(f"whole({given.text})", ATOM, INT)
+                operand = self.number(node.args[0])
+                return operand if operand.kind == INT else Value(f"whole({operand.text})", ATOM, INT)
             case ast.Name(id=name) if name in self.kernels:
                 arguments = ", ".join(self._arguments(node, self.kernels[name]))
                 return Value(f"{kernel_name(name)}({arguments})", ATOM, self.kernels[name].result)
@@ -189,14 +193,14 @@ class Scope:
     def _arguments(self, node: ast.Call, kernel: Signature) -> Iterator[str]:
         if len(node.args) != len(kernel.kinds):
             raise self.refuse(node, f"{kernel.name} takes {len(kernel.kinds)} arguments")
-        for argument, name, wanted in zip(node.args, kernel.arguments, kernel.kinds, strict=True):
-            given = self.value(argument)
-            if VECTOR in (wanted, given.kind):
-                if wanted != given.kind or not isinstance(argument, ast.Name):
-                    raise self.refuse(argument, f"{kernel.name}'s {name} is a {wanted}; a vector is passed by its name")
-            elif given.kind == NOTHING or (wanted == INT and given.kind != INT):
-                raise self.refuse(argument, f"{kernel.name}'s {name} is a {wanted}")
-            yield given.text
+        for argument, name, kind in zip(node.args, kernel.arguments, kernel.kinds, strict=True):
+            value = self.value(argument)
+            if VECTOR in (kind, value.kind):
+                if kind != value.kind or not isinstance(argument, ast.Name):
+                    raise self.refuse(argument, f"{kernel.name}'s {name} is a {kind}; a vector is passed by its name")
+            elif value.kind == NOTHING or (kind == INT and value.kind != INT):
+                raise self.refuse(argument, f"{kernel.name}'s {name} is a {kind}")
+            yield value.text
 
     def condition(self, node: ast.expr) -> str:
         """What `if` and `while` decide by, in C."""
@@ -219,9 +223,9 @@ class Scope:
             raise self.refuse(calls[1], "a second call that changes a vector in one statement: give it its own")
         inside = set(ast.walk(calls[0]))
         for node in nodes:
-            for other in ast.walk(node):
-                if isinstance(other, ast.Name) and other.id in self.changed(calls[0]) and other not in inside:
-                    raise self.refuse(calls[0], f"changes {other.id}, which the same statement reads")
+            for inner in ast.walk(node):
+                if isinstance(inner, ast.Name) and inner.id in self.changed(calls[0]) and inner not in inside:
+                    raise self.refuse(calls[0], f"changes {inner.id}, which the same statement reads")
 
     def changed(self, node: ast.Call) -> set[str]:
         """Names of the vectors that a call writes into."""
@@ -342,8 +346,8 @@ class _Function:
         for name in self.locals:
             zero = "0" if self.scope.variables[name] == INT else "0.0"
             lines.append(f"    {TYPES[self.scope.variables[name]]} {variable_name(name)} = {zero};")
-        used = {n.id for n in ast.walk(self.node) if isinstance(n, ast.Name)}
-        lines += [f"    (void){variable_name(name)};" for name in self.signature.arguments if name not in used]
+        names_read = {n.id for n in ast.walk(self.node) if isinstance(n, ast.Name)}
+        lines += [f"    (void){variable_name(name)};" for name in self.signature.arguments if name not in names_read]
         return "\n".join([*lines, *self.lines, "}", ""])
 
     def _say(self, text: str, depth: int) -> None:
@@ -471,6 +475,8 @@ def _returns(body: Sequence[ast.stmt]) -> bool:
 def _wrapped(text: str, depth: int) -> list[str]:
     indent = "    " * depth
     # A pointer's star stays with its name.
-    kept = text.replace(" *", "\0*")
-    lines = textwrap.wrap(kept, WIDTH, initial_indent=indent, subsequent_indent=indent + "    ", break_long_words=False)
+    joined = text.replace(" *", "\0*")
+    lines = textwrap.wrap(
+        joined, WIDTH, initial_indent=indent, subsequent_indent=indent + "    ", break_long_words=False
+    )
     return [line.replace("\0*", " *") for line in lines]

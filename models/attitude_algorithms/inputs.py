@@ -49,10 +49,10 @@ def weights_of(samples: int, mixed: bool) -> list[list[Fraction]]:
     def value(at: int, size: int) -> list[Fraction]:
         return [Fraction(size * at**n) for n in powers]
 
-    given = [value(i, 1) for i in powers]
+    integrals = [value(i, 1) for i in powers]
     if mixed:
-        given = [integral(i - 1, i + 1) if i % 2 else value(i, 2) for i in powers]
-    return solved(given, [integral(m, m + 1) for m in range(samples)])
+        integrals = [integral(i - 1, i + 1) if i % 2 else value(i, 2) for i in powers]
+    return solved(integrals, [integral(m, m + 1) for m in range(samples)])
 
 
 def solved(rows: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
@@ -172,7 +172,7 @@ def step(
         period = step
     for k in range(3):
         turning[k] = period * rate[k]
-    taken = progress[TAKEN]
+    count = progress[TAKEN]
     if input_kind == RATES:
         # The rate at the end of a sample counts, not those within it.
         for k in range(3):
@@ -180,7 +180,7 @@ def step(
         refused = collect(time, step, turning, effect, updated, progress, collected, before, added, sample)
     else:
         refused = collect(time, step, increment, effect, updated, progress, collected, before, added, sample)
-    if refused > 0 or progress[TAKEN] == taken:
+    if refused > 0 or progress[TAKEN] == count:
         return refused
     needed = progress[SAMPLES]
     if input_kind != INCREMENTS:
@@ -189,7 +189,7 @@ def step(
         if not size <= MAX_INCREMENT * MAX_INCREMENT:
             return 3
         for k in range(3):
-            if taken == 0.0:
+            if count == 0.0:
                 inputs[k] = period * inputs[k]
             if input_kind == MIXED:
                 inputs[3 * (2 * last - 1) + k] = collected[3 * (last - 1) + k]

@@ -74,11 +74,11 @@ def prepare_functional_iteration(count: int, table: Vector) -> None:
             table[count * i + n] = 0.0
         for m in range(1, count + 1):
             derivative = 0.0
-            for left in range(count + 1):
-                if left != m:
-                    product = 1.0 / (m - left)
+            for row in range(count + 1):
+                if row != m:
+                    product = 1.0 / (m - row)
                     for k in range(count + 1):
-                        if k != m and k != left:
+                        if k != m and k != row:
                             product = product * (u - k) / (m - k)
                     derivative = derivative + product
             # The angle at m is the sum of the first m increments.

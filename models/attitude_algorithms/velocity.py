@@ -379,16 +379,16 @@ def step(
         # Infinity and NaN fail the comparison.
         if not math.fabs(velocity_increment[k]) <= LARGEST_INCREMENT:
             return 6
-    taken = progress[TAKEN]
-    left = progress[LEFT]
+    count = progress[TAKEN]
+    remaining = progress[LEFT]
     refused = collect(time, step, increment, effect, updated, progress, collected, before, added, sample)
-    if refused > 0 or (progress[TAKEN] == taken and progress[LEFT] == left):
+    if refused > 0 or (progress[TAKEN] == count and progress[LEFT] == remaining):
         return refused
     for k in range(3):
-        if left == progress[PERIOD] or left <= 0.0:
+        if remaining == progress[PERIOD] or remaining <= 0.0:
             sample_v[k] = 0.0
         sample_v[k] = sample_v[k] + velocity_increment[k]
-    if progress[TAKEN] == taken:
+    if progress[TAKEN] == count:
         return 0
     for k in range(3):
         collected_v[3 * (int(progress[WAITING]) - 1) + k] = sample_v[k]

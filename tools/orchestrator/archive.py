@@ -65,9 +65,9 @@ class UnpackedFmu:
         """
         if self.description.coSimulation is not None:
             return () if self.event_mode else None
-        said = getattr(self.description.defaultExperiment, "tolerance", None)
+        tolerance_text = getattr(self.description.defaultExperiment, "tolerance", None)
         try:
-            tolerance = self.tolerance or float(said or TOLERANCE)
+            tolerance = self.tolerance or float(tolerance_text or TOLERANCE)
         except ValueError as error:
             raise InputError(f"{self.label}: modelDescription.xml, DefaultExperiment, tolerance: {error}") from error
         return self.description.numberOfContinuousStates, self.description.numberOfEventIndicators, tolerance
@@ -84,8 +84,8 @@ class UnpackedFmu:
 
     def says(self, *flags: str) -> bool:
         """Whether its description claims a capability, by the name of FMI 2.0 or of 3.0."""
-        said = [getattr(self.description.coSimulation, flag, None) for flag in flags]
-        return any(str(flag).lower() in ("true", "1") for flag in said)
+        claims = [getattr(self.description.coSimulation, flag, None) for flag in flags]
+        return any(str(flag).lower() in ("true", "1") for flag in claims)
 
 
 def shown(name: str) -> str:
@@ -104,18 +104,20 @@ def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
 def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -> None:
     """Refuse an archive that is not safe to unpack, or has not what makes it an FMU (an .ssp: an .ssd)."""
     ssp = needed.endswith(".ssd")
-    whole, standard, other = ("an .ssp", "SSP", "a link or a device") if ssp else ("an FMU", "FMI", "a link")
+    kind_of_file, standard, forbidden_kind = (
+        ("an .ssp", "SSP", "a link or a device") if ssp else ("an FMU", "FMI", "a link")
+    )
     for member in members:
         # orig_filename still has the backslashes and what stands after a zero, which zipfile takes away.
         for name in (member.orig_filename, member.filename):
             refuse_outside(name, label, ssp=ssp)
-        named, kind = f"{label}: member {shown(member.filename)}", stat.S_IFMT(member.external_attr >> 16)
+        member_label, kind = f"{label}: member {shown(member.filename)}", stat.S_IFMT(member.external_attr >> 16)
         if kind == stat.S_IFLNK or (ssp and kind not in (0, stat.S_IFREG, stat.S_IFDIR)):
-            raise InputError(f"{named} is {other}; not unpacked")
+            raise InputError(f"{member_label} is {forbidden_kind}; not unpacked")
         if member.flag_bits & 1:
-            raise InputError(f"{named} is encrypted; {whole} must not be")
+            raise InputError(f"{member_label} is encrypted; {kind_of_file} must not be")
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise InputError(f"{named} is compressed in a way that {standard} does not have")
+            raise InputError(f"{member_label} is compressed in a way that {standard} does not have")
     if len(members) > MOST_MEMBERS or sum(m.file_size for m in members) > MOST_BYTES:
         raise InputError(f"{label}: unpacks to more than {MOST_BYTES >> 30} GiB or {MOST_MEMBERS} files")
     for member in members:
@@ -131,7 +133,7 @@ def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -
     if len({name.rstrip("/").casefold() if ssp else name for name in names}) != len(names):
         raise InputError(f"{label}: has two members of one name; corrupt archive")
     if needed not in names:
-        raise InputError(f"{label}: has no {needed}; it is not {whole}")
+        raise InputError(f"{label}: has no {needed}; it is not {kind_of_file}")
 
 
 def refuse_damaged(content: bytes, label: str) -> None:
@@ -154,7 +156,7 @@ def refuse_damaged(content: bytes, label: str) -> None:
         raise InputError(f"{label}: its library's headers make no sense ({error}); it is damaged") from error
 
 
-def xml_root(xml: bytes, name: str, whole: str, deepest: int | None = None) -> tuple[str, dict[str, str]]:
+def xml_root(xml: bytes, name: str, kind_of_file: str, deepest: int | None = None) -> tuple[str, dict[str, str]]:
     """The tag of the root of an XML document, and its attributes.
 
     An InputError for a DOCTYPE or entities, which `whole` must not have, XML that is not well-formed, too deep, or of
@@ -164,7 +166,7 @@ def xml_root(xml: bytes, name: str, whole: str, deepest: int | None = None) -> t
     depth = count = 0
 
     def doctype(*_: object) -> None:
-        raise InputError(f"{name} declares a DOCTYPE; {whole} must not")
+        raise InputError(f"{name} declares a DOCTYPE; {kind_of_file} must not")
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth, count
@@ -233,8 +235,8 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
         member = f"binaries/{platform}/{kind.modelIdentifier}{fmpy.sharedLibraryExtension}"
         if member in names:
             return member
-    there = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
-    has = f"it has {', '.join(there)}" if there else "it has none at all"
+    platforms_inside = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
+    has = f"it has {', '.join(platforms_inside)}" if platforms_inside else "it has none at all"
     raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); {has}")
 
 

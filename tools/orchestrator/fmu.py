@@ -45,8 +45,8 @@ def _listen(environment: int | None, status: int, text: bytes | None, name: byte
     """Give a message to the instance that it comes from: by its environment, else by its name, else to all."""
     message = " ".join((text or b"").decode("utf-8", "replace").split())
     slave, called = LISTENING.get(environment or 0), (name or b"").decode("utf-8", "replace")
-    heard = [slave] if slave else [s for s in LISTENING.values() if s.name == called] or list(LISTENING.values())
-    for instance in heard:
+    listeners = [slave] if slave else [s for s in LISTENING.values() if s.name == called] or list(LISTENING.values())
+    for instance in listeners:
         instance.hear(status, message)
 
 
@@ -62,7 +62,7 @@ _BINARY = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_size_t] * 5)
 
 def _binary(function: Any, *, setting: bool) -> Callable[..., int]:
     """fmi3GetBinary or fmi3SetBinary on blocks of memory, as the loop has them, in place of sizes and addresses."""
-    kept: dict[int, list[Any]] = {}
+    alive: dict[int, list[Any]] = {}
 
     def called(instance: int, references: int, several: int, values: int, count: int) -> int:
         blocks, sizes, places = ((ctypes.c_size_t * count)() for _ in range(3))
@@ -70,12 +70,12 @@ def _binary(function: Any, *, setting: bool) -> Callable[..., int]:
             ctypes.memmove(blocks, values, 8 * count)
             sizes[:] = [len(bytes_at(block)) for block in blocks]
             places[:] = [block + 8 if block else 0 for block in blocks]
-        given = [ctypes.c_void_p(instance), ctypes.c_void_p(references), ctypes.c_size_t(several)]
-        status = function(*given, sizes, places, ctypes.c_size_t(count))
+        arguments = [ctypes.c_void_p(instance), ctypes.c_void_p(references), ctypes.c_size_t(several)]
+        status = function(*arguments, sizes, places, ctypes.c_size_t(count))
         if not setting and status <= WARNING:
-            found = [ctypes.string_at(at, size) if at else b"" for at, size in zip(places, sizes, strict=True)]
-            made = kept[values] = [block_of(content) for content in found]
-            blocks[:] = [ctypes.addressof(block) for block in made]
+            contents = [ctypes.string_at(at, size) if at else b"" for at, size in zip(places, sizes, strict=True)]
+            memory = alive[values] = [block_of(content) for content in contents]
+            blocks[:] = [ctypes.addressof(block) for block in memory]
             ctypes.memmove(values, blocks, 8 * count)
         return status
 
@@ -92,7 +92,7 @@ class Library:
         LISTENING[id(slave)] = slave
         self._binaries: dict[str, Any] = {}
         forget_script(fmu)
-        here = Path.cwd()
+        folder = Path.cwd()
         try:
             kind: Any = fmi3.FMU3Slave if fmu.version == 3 else fmi2.FMU2Slave
             self._fmu: Any = kind(
@@ -103,7 +103,7 @@ class Library:
                 libraryPath=str(fmu.library),
             )
         finally:
-            os.chdir(here)
+            os.chdir(folder)
         try:
             (self._make_3 if fmu.version == 3 else self._make_2)(slave, fmu)
         except Exception as error:
@@ -150,9 +150,9 @@ class Library:
         function = self._fmu.dll[name]
         if name.endswith("Binary"):
             function = self._binaries[name] = _BINARY(_binary(function, setting="Set" in name))
-        found = ctypes.cast(function, ctypes.c_void_p).value
-        assert found is not None
-        return found
+        place = ctypes.cast(function, ctypes.c_void_p).value
+        assert place is not None
+        return place
 
     def free(self, name: str) -> int:
         """Free the instance and unload the library."""
@@ -224,8 +224,8 @@ class Slave:
 
     def refuse_not_finite(self, variables: Iterable[Variable], values: Iterable[float], time: float) -> NoReturn:
         """Refuse the run because one of these outputs is not finite."""
-        found = [(v.name, float(x)) for v, x in zip(variables, values, strict=True) if not math.isfinite(x)]
-        raise InputError(f"{self}: {found[0][0]} is {found[0][1]} at {time:.9g} s")
+        infinite = [(v.name, float(x)) for v, x in zip(variables, values, strict=True) if not math.isfinite(x)]
+        raise InputError(f"{self}: {infinite[0][0]} is {infinite[0][1]} at {time:.9g} s")
 
     def call(self, name: str, *arguments: Any, time: float | None = None) -> None:
         """Call an FMI function by name with this instance; a status above Warning is an InputError."""
@@ -249,7 +249,7 @@ class Slave:
         for variable, value in values:
             self._set(variable, [value], f"{variable.name} = {value!r}")
 
-    def _set(self, variable: Variable, values: list[Any], said: str) -> None:
+    def _set(self, variable: Variable, values: list[Any], setting: str) -> None:
         """Set a variable, or an array of FMI 3.0."""
         name, reference = self.accessor("Set", variable.access), ctypes.c_uint(variable.reference)
         sizes = () if self.prefix == "fmi2" else (len(values),)
@@ -266,7 +266,7 @@ class Slave:
             try:
                 self.fail(name, status, None)
             except InputError as error:
-                raise InputError(f"{error} [setting {said}]") from error
+                raise InputError(f"{error} [setting {setting}]") from error
 
     def begin(self, start: float, stop: float) -> None:
         """Tell the times of the run and enter initialisation."""
@@ -330,14 +330,16 @@ class Slave3(Slave):
         arrays: dict[int, dict[Variable, Value]] = {}
         for variable, value in values:
             arrays.setdefault(variable.reference, {})[variable] = value
-        for given in arrays.values():
-            first = next(iter(given))
+        for elements_of in arrays.values():
+            first = next(iter(elements_of))
             name = first.name.rpartition("[")[0] if first.size > 1 else first.name
             elements = interface.find(name)
-            whole = [given.get(v, v.start) for v in elements]
-            if None in whole:
-                raise InputError(f"{self}: {name} has no start values; give all its {len(whole)} elements")
-            self._set(first, whole, f"{name} = {whole[0] if len(whole) == 1 else whole!r}")
+            values_of_all = [elements_of.get(v, v.start) for v in elements]
+            if None in values_of_all:
+                raise InputError(f"{self}: {name} has no start values; give all its {len(values_of_all)} elements")
+            self._set(
+                first, values_of_all, f"{name} = {values_of_all[0] if len(values_of_all) == 1 else values_of_all!r}"
+            )
 
     def begin(self, start: float, stop: float) -> None:
         """Enter initialisation with the times of the run."""

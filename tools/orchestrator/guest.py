@@ -217,8 +217,8 @@ class Guest:
     def address(self, name: str) -> int:
         """Where a function of ours is that calls a C function over there; an AttributeError where there is none."""
         if name not in self._entries:
-            _, there = self._ask("has", name)
-            if not there:
+            _, exists = self._ask("has", name)
+            if not exists:
                 raise AttributeError(name)
             function, types = self._entry(name)
             self._entries[name] = ctypes.CFUNCTYPE(ctypes.c_int, *types)(self._guarded(function))
@@ -335,8 +335,8 @@ class Guest:
                 return status
             content = contents[0]
             if VALUE_TYPES[kind].by_address:
-                made = ctypes.create_string_buffer if kind == "String" else block_of
-                blocks = self._texts[call] = [made(text) for text in content]
+                allocate = ctypes.create_string_buffer if kind == "String" else block_of
+                blocks = self._texts[call] = [allocate(text) for text in content]
                 content = bytes((_WORD * len(blocks))(*map(ctypes.addressof, blocks)))
             ctypes.memmove(values, content, len(content))
             return status

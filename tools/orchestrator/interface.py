@@ -96,7 +96,12 @@ _SUFFIXES = column_units()
 
 
 def between(
-    first: str | None, second: str | None, scales: Mapping[str, Unit], others: Mapping[str, Unit], *, relative: bool
+    first: str | None,
+    second: str | None,
+    scales: Mapping[str, Unit],
+    target_scales: Mapping[str, Unit],
+    *,
+    relative: bool,
 ) -> tuple[float, float] | None:
     """Factor and offset by which a value in one unit becomes a value in another; None for other dimensions.
 
@@ -105,13 +110,16 @@ def between(
     """
     if first is None or second is None:
         return 1.0, 0.0
-    mine, theirs = scales.get(first) or _SCALES.get(first), others.get(second) or _SCALES.get(second)
-    if mine is None or theirs is None:
+    source_scale, target_scale = (
+        scales.get(first) or _SCALES.get(first),
+        target_scales.get(second) or _SCALES.get(second),
+    )
+    if source_scale is None or target_scale is None:
         return (1.0, 0.0) if first == second else None
-    if mine.exponents != theirs.exponents:
+    if source_scale.exponents != target_scale.exponents:
         return None
-    factor = mine.factor / theirs.factor
-    offset = 0.0 if relative else (mine.offset - theirs.offset) / theirs.factor
+    factor = source_scale.factor / target_scale.factor
+    offset = 0.0 if relative else (source_scale.offset - target_scale.offset) / target_scale.factor
     if abs(factor - 1.0) <= (SAME if first == second else 1e-12) and abs(offset) <= SAME:
         return 1.0, 0.0
     return factor, offset
@@ -151,11 +159,13 @@ def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tup
     name, factor = _SUFFIXES[suffix]
     if name == unit:
         return factor, 0.0
-    mine, theirs = _SCALES.get(unit) or scales.get(unit), _SCALES[name]
-    if mine is None or mine.exponents != theirs.exponents or unit == "1":
+    variable_scale, column_scale = _SCALES.get(unit) or scales.get(unit), _SCALES[name]
+    if variable_scale is None or variable_scale.exponents != column_scale.exponents or unit == "1":
         meant = f"; '{column.removesuffix('_' + suffix)}_{expected}' would be right" if expected else ""
         raise InputError(f"column '{column}' ends in _{suffix}, but the variable is in {unit}{meant}")
-    return factor * mine.factor / theirs.factor, factor * (mine.offset - theirs.offset) / theirs.factor
+    return factor * variable_scale.factor / column_scale.factor, factor * (
+        variable_scale.offset - column_scale.offset
+    ) / column_scale.factor
 
 
 @dataclass(frozen=True)
@@ -206,12 +216,12 @@ class Interface:
     @cached_property
     def arrays(self) -> dict[str, tuple[Variable, ...]]:
         """The arrays: base name to its elements 1 to n."""
-        found: dict[str, list[Variable]] = {}
+        arrays: dict[str, list[Variable]] = {}
         for name, variable in self.variables.items():
             base = name.partition("[")[0]
-            if name == f"{base}[{len(found.get(base, ())) + 1}]":
-                found.setdefault(base, []).append(variable)
-        return {base: tuple(elements) for base, elements in found.items()}
+            if name == f"{base}[{len(arrays.get(base, ())) + 1}]":
+                arrays.setdefault(base, []).append(variable)
+        return {base: tuple(elements) for base, elements in arrays.items()}
 
     def named(self, causality: str) -> list[str]:
         """Names of the inputs, outputs, ..."""
@@ -232,10 +242,10 @@ class Interface:
                 f"'{self.name}' has no variable '{name}'; {base} has elements 1 to {len(self.arrays[base])}"
             )
         fit = [v.name for v in self.variables.values() if causalities is None or v.causality in causalities]
-        known = [n for n in self.arrays if self.arrays[n][0].name in fit]
-        known += [n for n in fit if "[" not in n or n.partition("[")[0] not in self.arrays]
-        close, other = nearest(name, known), nearest(name, [*self.arrays, *self.variables])
-        meant = other if other.startswith("did you") and not close.startswith("did you") else close
+        names = [n for n in self.arrays if self.arrays[n][0].name in fit]
+        names += [n for n in fit if "[" not in n or n.partition("[")[0] not in self.arrays]
+        close, nearest_of_all = nearest(name, names), nearest(name, [*self.arrays, *self.variables])
+        meant = nearest_of_all if nearest_of_all.startswith("did you") and not close.startswith("did you") else close
         raise InputError(f"'{self.name}' has no variable '{name}'; {meant}")
 
 
@@ -251,12 +261,12 @@ def _starts(kind: str, entry: ModelVariable, size: int, *, resized: bool) -> Seq
     """Start values of all elements; one value stands for all. An array of another size than described has none."""
     if not size or kind not in ("Real", "Integer", "Enumeration", "Boolean"):
         return [_start(kind, entry.start)] * max(size, 1)
-    found = [_start(kind, text) for text in str(entry.start).split()] if entry.start is not None else [None]
-    if resized and len(found) != 1:
+    starts = [_start(kind, text) for text in str(entry.start).split()] if entry.start is not None else [None]
+    if resized and len(starts) != 1:
         return [None] * size
-    if len(found) not in (1, size):
-        raise ValueError(f"{len(found)} start values for {size} elements")
-    return found * size if len(found) == 1 else found
+    if len(starts) not in (1, size):
+        raise ValueError(f"{len(starts)} start values for {size} elements")
+    return starts * size if len(starts) == 1 else starts
 
 
 def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) -> list[Variable]:
@@ -271,8 +281,8 @@ def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) ->
         access = "Int64" if kind == "Enumeration" else str(entry.type)
 
     def attribute(key: str) -> object:
-        own = getattr(entry, key, None)
-        return own if own is not None else getattr(declared, key, None)
+        value = getattr(entry, key, None)
+        return value if value is not None else getattr(declared, key, None)
 
     def limit(key: str) -> float | None:
         text = attribute(key) if kind in ("Real", "Integer", "Enumeration") else None
@@ -379,23 +389,23 @@ def checked(value: Value, variable: Variable) -> Value:
         if not re.fullmatch(r"([0-9A-Fa-f]{2})*", value):
             raise InputError(f"{variable.name} = {value!r} must be hexadecimal digits, two for each byte")
     elif not (kind == "Boolean" and isinstance(value, bool)) and not (kind == "String" and isinstance(value, str)):
-        shown = str(value).lower() if isinstance(value, bool) else repr(value)
-        wanted = {
+        text = str(value).lower() if isinstance(value, bool) else repr(value)
+        expected = {
             "Real": "a number",
             "Boolean": "true or false",
             "String": "a text",
             "Binary": "hexadecimal digits",
         }.get(kind, "a whole number")
-        raise InputError(f"{variable.name} = {shown} must be {wanted}: it is {kind}")
+        raise InputError(f"{variable.name} = {text} must be {expected}: it is {kind}")
     if number and not isinstance(value, str):
         low, high = variable.minimum, variable.maximum
         if (low is not None and value < low) or (high is not None and value > high):
             span = f"[{'-inf' if low is None else low}, {'inf' if high is None else high}]"
             raise InputError(f"{variable.name} = {value} is outside its limits {span}")
         if variable.items and value not in dict(variable.items):
-            known = [f"{number} ({item})" for number, item in variable.items]
-            shown = known if len(known) <= MANY_ITEMS else [*known[:2], "...", known[-1]]
-            raise InputError(f"{variable.name} = {value} is none of its values: {', '.join(shown)}")
+            choices = [f"{number} ({item})" for number, item in variable.items]
+            text = choices if len(choices) <= MANY_ITEMS else [*choices[:2], "...", choices[-1]]
+            raise InputError(f"{variable.name} = {value} is none of its values: {', '.join(text)}")
     return value
 
 
@@ -405,6 +415,6 @@ def spread(value: Value | list[Value], variables: tuple[Variable, ...], name: st
     if isinstance(value, list) and len(variables) == 1 and len(values) != 1:
         raise InputError(f"{name} is a scalar; {len(values)} values are given")
     if len(values) != len(variables):
-        given = f"{len(values)} are given" if isinstance(value, list) else "one value is given"
-        raise InputError(f"{name} has {len(variables)} elements; {given}")
+        count = f"{len(values)} are given" if isinstance(value, list) else "one value is given"
+        raise InputError(f"{name} has {len(variables)} elements; {count}")
     return [(variable, checked(item, variable)) for variable, item in zip(variables, values, strict=True)]

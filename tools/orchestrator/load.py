@@ -92,8 +92,8 @@ def usual_flavour() -> Literal["native", "python"]:
 @cache
 def _sources() -> str:
     """Hash of everything that components are made from."""
-    said = [platform.python_version(), host_name(), *map(fmus.version, ("trihedron", "fmpy", "pythonfmu"))]
-    digest = hashlib.sha256(repr(said).encode())
+    versions = [platform.python_version(), host_name(), *map(fmus.version, ("trihedron", "fmpy", "pythonfmu"))]
+    digest = hashlib.sha256(repr(versions).encode())
     for folder in (Path(str(package.__file__)).parent for package in (models, fmus)):
         for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix not in (".pyc", ".fmu")):
             digest.update(hashlib.sha256(path.relative_to(folder).as_posix().encode()).digest())
@@ -123,8 +123,8 @@ def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | N
         made_from.append(flat_source(extend(fmus.components()[name], places)))
     path = folder / f"{hashlib.sha256(chr(0).join(made_from).encode()).hexdigest()}.fmu"
     if not path.exists():
-        made = kept("fmus", path.name, lambda: fmus.build(name, folder, places, flavour=flavour).read_bytes())
-        path.write_bytes(made)
+        content = kept("fmus", path.name, lambda: fmus.build(name, folder, places, flavour=flavour).read_bytes())
+        path.write_bytes(content)
     return path
 
 
@@ -161,14 +161,14 @@ def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded
             if fmu.sha256 in single:
                 raise InputError(f"{label}: can be instantiated once only; '{single[fmu.sha256]}' and '{name}' use it")
             single[fmu.sha256] = name
-        structural, others = _structural(interface, setting.parameters)
+        structural, plain_parameters = _structural(interface, setting.parameters)
         if structural:
             lengths = {variable.name: int(value) for variable, value in structural.values()}
             interface = interface_of(name, label, fmu.description, lengths)
         calibrated = calibrated_parameters(name, setting, interface, sources)
-        values = {**structural, **resolve_parameters(interface, others, calibrated, of_effects)}
-        read = _read_by_effects(str(setting.component), places) if places else {}
-        loaded[name] = Loaded(fmu, interface, values, read)
+        values = {**structural, **resolve_parameters(interface, plain_parameters, calibrated, of_effects)}
+        inputs = _read_by_effects(str(setting.component), places) if places else {}
+        loaded[name] = Loaded(fmu, interface, values, inputs)
     return loaded
 
 
@@ -182,14 +182,14 @@ def _structural(
     interface: Interface, parameters: Mapping[str, Any]
 ) -> tuple[dict[str, tuple[Variable, Value]], dict[str, Any]]:
     """The structural parameters among a setting's, which say how long arrays are, and the others."""
-    there = [n for n in parameters if n in interface.variables]
-    names = [n for n in there if interface.variables[n].causality == "structuralParameter"]
+    settable = [n for n in parameters if n in interface.variables]
+    names = [n for n in settable if interface.variables[n].causality == "structuralParameter"]
     with said_of(f"fmus.{interface.name}.parameters"):
         pairs = [pair for n in names for pair in spread(parameters[n], (interface.variables[n],), n)]
     return {v.name: (v, x) for v, x in pairs}, {n: x for n, x in parameters.items() if n not in names}
 
 
-def alone(path: Path, asked: Asked) -> Scenario:
+def alone(path: Path, options: Asked) -> Scenario:
     """The scenario in which an FMU runs by itself, with the times of its default experiment where none are asked for.
 
     What that leaves open is as FMPy has it: a second, in steps of about a thousandth.
@@ -199,21 +199,21 @@ def alone(path: Path, asked: Asked) -> Scenario:
     default, simulation = fmu.description.defaultExperiment, fmu.description.coSimulation
     inside = getattr(simulation, "fixedInternalStepSize", None)
     with said_of(f"{path}: modelDescription.xml, DefaultExperiment"):
-        said = [_number(getattr(default, key, None), key) for key in ("startTime", "stopTime", "stepSize")]
-        start = asked.start if asked.start is not None else said[0] or 0.0
-        stop = asked.stop if asked.stop is not None else start + 1.0 if said[1] is None else said[1]
-        step = asked.step or said[2] or _number(inside, "fixedInternalStepSize")
+        times = [_number(getattr(default, key, None), key) for key in ("startTime", "stopTime", "stepSize")]
+        start = options.start if options.start is not None else times[0] or 0.0
+        stop = options.stop if options.stop is not None else start + 1.0 if times[1] is None else times[1]
+        step = options.step or times[2] or _number(inside, "fixedInternalStepSize")
     if not stop > start:
         raise InputError(f"{path}: the stop time of {stop!r} s must be after the start time of {start!r} s")
     step = step or 10.0 ** (round(math.log10(stop - start)) - 3)
     name = re.sub(r"[^A-Za-z0-9_]", "_", path.stem)
-    data = {
+    settings = {
         "title": fmu.description.modelName or path.stem,
         "run": {"start_s": start, "stop_s": stop, "step_s": step},
         "fmus": {name if name[:1].isalpha() else f"fmu_{name}": {"fmu": str(path.absolute())}},
         "record": {"format": "csv"},
     }
-    return checked_sections({**data, "base_folder": path.parent, "source": path}, Scenario)
+    return checked_sections({**settings, "base_folder": path.parent, "source": path}, Scenario)
 
 
 def _number(text: object, key: str) -> float | None:
@@ -231,8 +231,8 @@ def _component(name: str, setting: FmuSetting, places: "tuple[EffectPlace, ...]"
     try:
         return component_fmu(component, places, setting.flavour, folder)
     except KeyError as error:
-        known = nearest(component, fmus.component_names())
-        raise InputError(f"fmus.{name}.component: there is no component '{component}'; {known}") from error
+        suggestion = nearest(component, fmus.component_names())
+        raise InputError(f"fmus.{name}.component: there is no component '{component}'; {suggestion}") from error
     except ValueError as error:
         raise InputError(f"fmus.{name}.effects: {error}") from error
     except BuildError as error:
@@ -246,35 +246,37 @@ def _effects(name: str, setting: FmuSetting) -> "tuple[tuple[EffectPlace, ...], 
     # Most scenarios have none, and the catalogue takes time to read.
     from ...models import effects
 
-    known = {effect.name: effect for effect in effects.CATALOGUE.values() if effect.kernel is not None or effect.of_law}
+    extending = {
+        effect.name: effect for effect in effects.CATALOGUE.values() if effect.kernel is not None or effect.of_law
+    }
     places: list[EffectPlace] = []
     values: dict[str, float] = {}
     for number, entry in enumerate(setting.effects, start=1):
         where = f"fmus.{name}.effects[{number}]"
         try:
-            _check_names(entry, known)
+            _check_names(entry, extending)
             place, parameters = effects.place_from_mapping(entry)
-            named = {effects.parameter_name(place, key): value for key, value in parameters.items()}
+            effect_values = {effects.parameter_name(place, key): value for key, value in parameters.items()}
         except (ValueError, TypeError, KeyError, InputError) as error:
             raise InputError(f"{where}: {error}") from error
         if place in places:
             raise InputError(f"{where}: the same effect stands twice at the same place")
         places.append(place)
-        values |= named
+        values |= effect_values
     return tuple(places), values
 
 
-def _check_names(entry: Mapping[str, Any], known: "Mapping[str, Effect]") -> None:
+def _check_names(entry: Mapping[str, Any], extending: "Mapping[str, Effect]") -> None:
     """Refuse a misspelt effect, place or parameter by the name that is nearest to it."""
     name, where = entry.get("effect"), entry.get("where")
-    if not isinstance(name, str) or name not in known:
-        raise InputError(f"effect {name!r} is not one that extends a component; {nearest(str(name), list(known))}")
-    if known[name].of_law:
+    if not isinstance(name, str) or name not in extending:
+        raise InputError(f"effect {name!r} is not one that extends a component; {nearest(str(name), list(extending))}")
+    if extending[name].of_law:
         return
-    places = list(dict.fromkeys(place.where for place in known[name].places))
+    places = list(dict.fromkeys(place.where for place in extending[name].places))
     if where not in places:
         raise InputError(f"effect '{name}' has no place {where!r}; {nearest(str(where), places)}")
-    parameters = {p.name: None for place in known[name].places for p in known[name].at(place).parameters}
+    parameters = {p.name: None for place in extending[name].places for p in extending[name].at(place).parameters}
     for key in entry:
         if key not in ("effect", "where", "order", "axes", *parameters):
             close = nearest(str(key), [*parameters, "order", "axes"])
@@ -294,18 +296,18 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
     content = sources.read(label)
     with said_of(f"fmus.{name}.parameters_from: {label}"):
         try:
-            data = json.loads(content.decode("utf-8"))
+            document = json.loads(content.decode("utf-8"))
         except (ValueError, RecursionError) as error:
             raise InputError(f"is not JSON ({error})") from error
-        if not isinstance(data, dict):
+        if not isinstance(document, dict):
             raise InputError("is not a calibration result (schema trihedron.calibration/2)")
         try:
-            found = bench_parameters(data)
+            parameters = bench_parameters(document)
         except ValueError as error:
             raise InputError(str(error)) from error
-        if component not in found:
-            raise InputError(f"says nothing about {component}; {nearest(component, list(found))}")
-    return found[component]
+        if component not in parameters:
+            raise InputError(f"says nothing about {component}; {nearest(component, list(parameters))}")
+    return parameters[component]
 
 
 def resolve_parameters(
@@ -323,15 +325,17 @@ def resolve_parameters(
     resolved: dict[str, tuple[Variable, Value]] = {}
     origins = {"parameters_from": calibrated, "effects": of_effects, "parameters": explicit}
     for origin, values in origins.items():
-        named: dict[str, str] = {}
+        origin_of: dict[str, str] = {}
         for name, value in (values or {}).items():
             with said_of(f"fmus.{interface.name}.{origin}"):
                 variables = interface.find(name, SETTABLE)
                 for variable in variables:
                     _check_settable(interface, variable)
-                    if variable.name in named:
-                        raise InputError(f"{variable.name} is given twice, by '{named[variable.name]}' and '{name}'")
-                    named[variable.name] = name
+                    if variable.name in origin_of:
+                        raise InputError(
+                            f"{variable.name} is given twice, by '{origin_of[variable.name]}' and '{name}'"
+                        )
+                    origin_of[variable.name] = name
                 resolved |= {variable.name: (variable, item) for variable, item in spread(value, variables, name)}
     return resolved
 

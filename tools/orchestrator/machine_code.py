@@ -32,8 +32,8 @@ def call(_context: Any, _function: Any, arguments: Any) -> Any:
 
     def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         machine = ir.FunctionType(ir.IntType(32), [context.get_value_type(kind) for kind in arguments])
-        given = [builder.extract_value(values[1], k) for k in range(len(arguments))]
-        return builder.call(builder.inttoptr(values[0], machine.as_pointer()), given)
+        call_arguments = [builder.extract_value(values[1], k) for k in range(len(arguments))]
+        return builder.call(builder.inttoptr(values[0], machine.as_pointer()), call_arguments)
 
     return types.int32(types.int64, arguments), code
 
@@ -80,10 +80,10 @@ def _reader(as_number: Any, codes: range) -> Any:
     def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
         return compile_callee(lambda code, at: as_number(load(at, kind)) if code == this else otherwise(code, at))
 
-    read = compile_callee(lambda _code, at: as_number(load(at, types.int64)))
+    reader = compile_callee(lambda _code, at: as_number(load(at, types.int64)))
     for this in reversed(codes):
-        read = if_it_is(this, _KINDS[this], read)
-    return read
+        reader = if_it_is(this, _KINDS[this], reader)
+    return reader
 
 
 _whole = _reader(types.int64, range(_REALS, len(_KINDS) - 2))
@@ -124,8 +124,8 @@ class _Machine:
     call5 = compile_callee(lambda f, a, b, c, d, e: call(f, (a, b, c, d, e)))
     step2 = compile_callee(lambda f, a, time, step, final: call(f, (a, time, step, types.int32(final))))
     step3 = compile_callee(
-        lambda f, a, time, step, final, *told: call(
-            f, (a, time, step, types.int32(final), told[0], told[1], told[2], told[3])
+        lambda f, a, time, step, final, *places: call(
+            f, (a, time, step, types.int32(final), places[0], places[1], places[2], places[3])
         )
     )
 
@@ -138,9 +138,9 @@ def object_code(loop_of: Callable[[Any], Any], machine: Any, name: str) -> bytes
     """
     pointers = [types.CPointer(kind) for kind in (types.int64, types.float64, types.int64, types.int64, types.float64)]
     options: dict[str, Any] = {"nopython": True, "error_model": "numpy"}
-    made: Any = numba.cfunc(types.int64(*pointers), **options)(loop_of(_Machine))
-    module = llvm.parse_assembly(made.inspect_llvm())
-    inner = made.native_name.removeprefix("cfunc.")
+    compiled: Any = numba.cfunc(types.int64(*pointers), **options)(loop_of(_Machine))
+    module = llvm.parse_assembly(compiled.inspect_llvm())
+    inner = compiled.native_name.removeprefix("cfunc.")
     for function in module.functions:
         if function.name == inner:
             function.name = name

@@ -146,8 +146,8 @@ class Ports:
     def _encoded(self, port: Port, rows: Any, columns: Sequence[int]) -> np.ndarray:
         """Columns of rows of values as a port holds them."""
         if isinstance(rows, np.ndarray):
-            whole = len(columns) == rows.shape[1]
-            return np.ascontiguousarray(rows if whole else rows[:, columns], dtype=port.values.dtype)
+            every_column = len(columns) == rows.shape[1]
+            return np.ascontiguousarray(rows if every_column else rows[:, columns], dtype=port.values.dtype)
         if not port.by_address:
             chosen = []
             for row in rows:
@@ -166,11 +166,11 @@ class Ports:
         self._memory.append(np.zeros(1))
         return self._memory[-1].ctypes.data
 
-    def connect(self, wires: Sequence[Wire], others: Mapping[str, "Ports"]) -> None:
+    def connect(self, wires: Sequence[Wire], ports_of: Mapping[str, "Ports"]) -> None:
         """Lay the wires that come from the outputs of FMUs."""
         moves: dict[str, list[Operation]] = {}
         for wire in wires:
-            source = others[wire.source]
+            source = ports_of[wire.source]
             target, output = self.inputs[wire.input.access], source.outputs[wire.output.access]
             # Those that are ahead together hear each other's newest values.
             together = self.pace.ahead and self.pace.stride == source.pace.stride
@@ -223,13 +223,13 @@ def _merged(moves: Iterable[Operation]) -> list[Operation]:
 
 def _whole(interface: Interface, variables: Iterable[Variable]) -> list[Variable]:
     """The variables, each once; where one is an element of an array of FMI 3.0, the whole array."""
-    whole: dict[Variable, None] = {}
+    variables_of_arrays: dict[Variable, None] = {}
     for variable in variables:
         elements = (variable,)
         if variable.size > 1:
             elements = interface.arrays[variable.name.rpartition("[")[0]]
-        whole.update(dict.fromkeys(elements))
-    return list(whole)
+        variables_of_arrays.update(dict.fromkeys(elements))
+    return list(variables_of_arrays)
 
 
 @dataclass(frozen=True)

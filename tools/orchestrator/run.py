@@ -109,8 +109,8 @@ class Simulation(Result):
         if self.held is not None:
             return self.held.lazy()
         waiting = self.files[0] if self.beside is None else self.beside / self.files[0].name
-        data = waiting if waiting.exists() else self.files[0]
-        return (pl.scan_csv if data.suffix == ".csv" else pl.scan_parquet)(data)
+        path = waiting if waiting.exists() else self.files[0]
+        return (pl.scan_csv if path.suffix == ".csv" else pl.scan_parquet)(path)
 
     @property
     def positions(self) -> PositionRecord | None:
@@ -174,17 +174,19 @@ class PreparedScenario:
     def assemble(self, parameters: Mapping[str, Mapping[str, Any]]) -> Assembly:
         """What runs together, with some parameters in place of the scenario's own."""
         loaded = dict(self.loaded)
-        for name, given in parameters.items():
+        for name, settings in parameters.items():
             entry = loaded[name]
-            changed = resolve_parameters(entry.interface, given)
+            changed = resolve_parameters(entry.interface, settings)
             loaded[name] = replace(entry, values={**entry.values, **changed})
         grid, drives = resolve_stimuli(self.scenario, self.sources, loaded)
         check_sources(self._wires, drives, loaded)
         ports = {}
         for name, entry in loaded.items():
-            own = [drive for _, drive in drives if drive.fmu == name]
+            fmu_drives = [drive for _, drive in drives if drive.fmu == name]
             recorded = recorded_variables(self.columns, name)
-            ports[name] = Ports(entry.interface, self._wires, own, recorded, entry.start_value, self._paces[name])
+            ports[name] = Ports(
+                entry.interface, self._wires, fmu_drives, recorded, entry.start_value, self._paces[name]
+            )
         for name in loaded:
             ports[name].connect([wire for wire in self._wires if wire.target == name], ports)
         return Assembly(self._groups, self.scenario, self.columns, loaded, ports, grid)
@@ -276,23 +278,23 @@ def _recorded(
     def keep(rows: pl.DataFrame, tick: int) -> None:
         nonlocal reached
         reached = tick
-        journal.add(rows.with_columns(*marks), more=reached < last)
+        journal.add(rows.with_columns(*marks), follows=reached < last)
 
-    def kept_so_far(**more: Any) -> str:
+    def kept_so_far(**entries: Any) -> str:
         """What is said of the rows that a run has left which does not come to its end."""
         if journal.empty:
             journal.drop()
             return ""
-        so_far = {"complete": reached == last, "steps": reached, "final_time_s": grid.time(reached), **more}
+        so_far = {"complete": reached == last, "steps": reached, "final_time_s": grid.time(reached), **entries}
         # A command that ends so leaves nothing else.
         with at_once(), journal.finished(form, so_far) as (_, files, _):
             return f"; {files[0]} has the run up to {grid.time(reached):.9g} s" if files else ""
 
     try:
-        with progress_bar("simulating", grid.steps, show=progress) as shown:
-            ended = run_fmus(assembly, keep, progress=shown, flush=lambda: journal.due, compiled=compiled)
+        with progress_bar("simulating", grid.steps, show=progress) as update_bar:
+            ended = run_fmus(assembly, keep, progress=update_bar, flush=lambda: journal.due, compiled=compiled)
         so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended} if ended else {}
-        with journal.finished(form, so_far) as (table, files, beside):
+        with journal.finished(form, so_far) as (table, files, folder):
             run = Simulation(
                 title=scenario.title,
                 rows=reached // every + 1,
@@ -303,7 +305,7 @@ def _recorded(
                 scenario=scenario,
                 provenance={**journal.provenance, **so_far},
                 held=table,
-                beside=beside,
+                beside=folder,
                 units={c.name: c.variable.unit for c in assembly.columns if c.variable.unit and c.factor == 1.0},
             )
             return also(run)
@@ -342,17 +344,17 @@ def simulate_table(
     """
 
     def averaged(run: Simulation) -> Simulation:
-        found: dict[str, Any] = {"ignored_parameters": ignored}
+        update: dict[str, Any] = {"ignored_parameters": ignored}
         if set(run.columns) >= RAW_COLUMNS:
             try:
                 positions = _averages(run)
-                found |= {"averages": positions, "rests": len(positions)}
+                update |= {"averages": positions, "rests": len(positions)}
             except InputError as error:
-                found["no_positions"] = str(error)
-        if run.beside is not None and "averages" in found:
-            write_record(found["averages"], run.beside / POSITIONS)
-            found["files"] = (*run.files, run.files[0].with_name(POSITIONS))
-        return run.model_copy(update=found)
+                update["no_positions"] = str(error)
+        if run.beside is not None and "averages" in update:
+            write_record(update["averages"], run.beside / POSITIONS)
+            update["files"] = (*run.files, run.files[0].with_name(POSITIONS))
+        return run.model_copy(update=update)
 
     with _prepared(scenario) as prepared:
         return _recorded(prepared, Journal(out), averaged, progress=progress)
@@ -398,11 +400,11 @@ class Journal:
         assert self._out is not None
         return self._out / INCOMPLETE
 
-    def add(self, table: pl.DataFrame, *, more: bool) -> None:
+    def add(self, table: pl.DataFrame, *, follows: bool) -> None:
         """Take rows; `more`: others will follow."""
         self._bytes += int(table.estimated_size())
         self._tables.append(table)
-        if self._out is not None and (self._parts or more):
+        if self._out is not None and (self._parts or follows):
             self._spill()
 
     def _spill(self) -> None:
@@ -448,7 +450,7 @@ class Journal:
 
     @contextmanager
     def finished(
-        self, form: str, more: Mapping[str, Any]
+        self, form: str, entries: Mapping[str, Any]
     ) -> Iterator[tuple[pl.DataFrame | None, tuple[Path, ...], Path | None]]:
         """Write the run whole, as "parquet" or "csv", with run.json, which says `more` too; it appears after the block.
 
@@ -460,17 +462,17 @@ class Journal:
             if self._out is None:
                 yield pl.concat(self._tables, rechunk=True), (), None
                 return
-            data = self._out / f"run.{form}"
+            path = self._out / f"run.{form}"
             self._wait()
             # Those of an earlier run would not be of the one that run.json describes.
             with (
                 said_writable(self._out, pl.exceptions.PolarsError),
-                whole_folder(self._out, gone=(INCOMPLETE, "run.csv", "run.parquet", POSITIONS)) as beside,
+                whole_folder(self._out, gone=(INCOMPLETE, "run.csv", "run.parquet", POSITIONS)) as folder,
             ):
-                table = self._write(beside / data.name)
-                said = json_text({**self.provenance, **more})
-                (beside / "run.json").write_text(said, encoding="utf-8", newline="\n")
-                yield table, (data, self._out / "run.json"), beside
+                table = self._write(folder / path.name)
+                text = json_text({**self.provenance, **entries})
+                (folder / "run.json").write_text(text, encoding="utf-8", newline="\n")
+                yield table, (path, self._out / "run.json"), folder
         except KeyboardInterrupt:
             interrupted = True
             raise
@@ -478,22 +480,22 @@ class Journal:
             if not interrupted:
                 self.drop()
 
-    def _write(self, data: Path) -> pl.DataFrame | None:
+    def _write(self, path: Path) -> pl.DataFrame | None:
         parts = [self.folder / f"{n:08d}.parquet" for n in range(self._parts)]
         if self._bytes <= WHOLE_BYTES:
             table = pl.concat([*(pl.read_parquet(part) for part in parts), *self._tables], rechunk=True)
-            table.write_csv(data) if data.suffix == ".csv" else table.write_parquet(data)
+            table.write_csv(path) if path.suffix == ".csv" else table.write_parquet(path)
             return table
         rows = pl.concat([*(pl.scan_parquet(part) for part in parts), *(t.lazy() for t in self._tables)])
-        if data.suffix == ".csv":
-            rows.sink_csv(data, maintain_order=True)
+        if path.suffix == ".csv":
+            rows.sink_csv(path, maintain_order=True)
         else:
-            rows.sink_parquet(data, row_group_size=ROW_GROUP, maintain_order=True)
+            rows.sink_parquet(path, row_group_size=ROW_GROUP, maintain_order=True)
         return None
 
 
 def _write_part(rows: pl.DataFrame, part: Path) -> None:
     """A part appears whole or not at all."""
-    beside = part.with_suffix(".writing")
-    rows.write_parquet(beside, compression="uncompressed", statistics=False)
-    beside.replace(part)
+    incomplete = part.with_suffix(".writing")
+    rows.write_parquet(incomplete, compression="uncompressed", statistics=False)
+    incomplete.replace(part)

@@ -123,10 +123,10 @@ class Asked:
         """The scenario with what it leaves to the command."""
         if not self.in_process and self.call_limit is None:
             return scenario
-        said = {"in_process": self.in_process or None, "call_limit_s": self.call_limit}
+        options = {"in_process": self.in_process or None, "call_limit_s": self.call_limit}
         if self.call_limit is not None and not (self.call_limit > 0.0 and math.isfinite(self.call_limit)):
             raise InputError(f"--call-limit: {self.call_limit} must be greater than 0 s")
-        run = scenario.run.model_copy(update={key: value for key, value in said.items() if value is not None})
+        run = scenario.run.model_copy(update={key: value for key, value in options.items() if value is not None})
         return scenario.model_copy(update={"run": run})
 
 
@@ -193,15 +193,15 @@ class Stimulus(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _nothing_is_absent(cls, data: Any) -> Any:
-        return {k: v for k, v in data.items() if v is not None} if isinstance(data, dict) else data
+    def _nothing_is_absent(cls, fields: Any) -> Any:
+        return {k: v for k, v in fields.items() if v is not None} if isinstance(fields, dict) else fields
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Stimulus":
         sources = self.given("constant", "csv", "programme", "table")
         if len(sources) != 1:
-            given = " and ".join(sources) or "none"
-            raise ValueError(f"give one of constant, csv, programme and table; here: {given}")
+            names = " and ".join(sources) or "none"
+            raise ValueError(f"give one of constant, csv, programme and table; here: {names}")
         if sources == ["csv"] and not self.columns:
             raise ValueError('csv needs columns = { "fmu.variable" = "column", ... }')
         if sources != ["csv"] and sources != ["table"] and self.columns is not None:

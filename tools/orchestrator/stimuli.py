@@ -82,22 +82,22 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> Grid:
     if run.stop_s is None and not programme_ends:
         raise InputError("run.stop_s is missing (only a position programme says by itself when a run ends)")
     if run.stop_s is None:
-        whole = math.lcm(*strides.values())
-        steps: float = math.ceil(max(programme_ends) / whole) * whole
+        common = math.lcm(*strides.values())
+        steps: float = math.ceil(max(programme_ends) / common) * common
     else:
         span = run.stop_s - run.start_s
         steps = ratio = span / run.step_s
         if ratio < 2**53:
             steps = round(ratio)
             if steps < 1 or abs(steps * run.step_s - span) > 1e-9 * span:
-                fewer, more = span / max(1, math.floor(ratio)), span / max(1, math.ceil(ratio))
-                fits = f"{more!r} would" if fewer == more else f"{more:.9g} or {fewer:.9g} would"
+                shorter, longer = span / max(1, math.floor(ratio)), span / max(1, math.ceil(ratio))
+                fits = f"{longer!r} would" if shorter == longer else f"{longer:.9g} or {shorter:.9g} would"
                 raise InputError(
                     f"run.step_s = {run.step_s!r} does not divide the run of {span!r} s ({ratio:.9g} steps); {fits}"
                 )
     if steps > MOST_STEPS:
-        shown = steps if isinstance(steps, int) else f"{steps:.3g}"
-        raise InputError(f"run.step_s = {run.step_s!r} makes {shown} steps; at most {MOST_STEPS} are possible")
+        count = steps if isinstance(steps, int) else f"{steps:.3g}"
+        raise InputError(f"run.step_s = {run.step_s!r} makes {count} steps; at most {MOST_STEPS} are possible")
     for name, stride in strides.items():
         if steps % stride:
             span = f"the run of {steps * run.step_s:.9g} s"
@@ -105,7 +105,7 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> Grid:
     return Grid(run.start_s, run.step_s, int(steps))
 
 
-def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[NumberTable, bytes]:
+def read_table(path: Path, label: str, names: Sequence[str] | None) -> tuple[NumberTable, bytes]:
     """Columns of numbers (None: all) of a CSV file, or of a Parquet file (by its name's ending), and the file's bytes.
 
     An InputError where it is not a file, not UTF-8, lacks a column, or for a field that is empty or no finite number
@@ -113,7 +113,7 @@ def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[Nu
     """
     content = bytes_of(path, label=label)
     if path.suffix.lower() != ".parquet":
-        return _read_csv(content, label, wanted), content
+        return _read_csv(content, label, names), content
     wrong = fault_of_parquet(content)
     if wrong is not None:
         raise InputError(f"{label}: {wrong}")
@@ -121,27 +121,27 @@ def read_table(path: Path, label: str, wanted: Sequence[str] | None) -> tuple[Nu
         frame = pl.read_parquet(io.BytesIO(content))
     except (pl.exceptions.PolarsError, OSError) as error:
         raise InputError(f"{label}: is not a readable Parquet file ({str(error).splitlines()[0]})") from error
-    return _table_from(frame, label, wanted), content
+    return _table_from(frame, label, names), content
 
 
-def _table_from(frame: pl.DataFrame, label: str, wanted: Sequence[str] | None) -> NumberTable:
+def _table_from(frame: pl.DataFrame, label: str, names: Sequence[str] | None) -> NumberTable:
     """Columns of numbers from a table in memory; rows count from 1."""
-    return _numbers(label, frame.select(_chosen(label, frame.columns, wanted)), np.arange(1, frame.height + 1))
+    return _numbers(label, frame.select(_chosen(label, frame.columns, names)), np.arange(1, frame.height + 1))
 
 
 def table_of(
-    stimulus: Stimulus, name: str, folder: Path, wanted: Sequence[str] | None = None
+    stimulus: Stimulus, name: str, folder: Path, names: Sequence[str] | None = None
 ) -> tuple[NumberTable, bytes | None]:
     """Columns of a stimulus' table, and the bytes of its file; none where it is in memory."""
     label = stimulus.csv or stimulus.programme
     if label is None:
-        return _table_from(stimulus.table, f"{name}.table", wanted), None
-    return read_table(folder / label, label, wanted)
+        return _table_from(stimulus.table, f"{name}.table", names), None
+    return read_table(folder / label, label, names)
 
 
-def _chosen(label: str, header: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+def _chosen(label: str, header: Sequence[str], required: Sequence[str] | None) -> list[str]:
     """The columns that are wanted (all of them where none are named), each there exactly once."""
-    names = list(dict.fromkeys(header if wanted is None else wanted))
+    names = list(dict.fromkeys(header if required is None else required))
     for name in names:
         if name not in header:
             raise InputError(f"{label}: has no column '{name}'; {nearest(name, list(header))}")
@@ -150,7 +150,7 @@ def _chosen(label: str, header: Sequence[str], wanted: Sequence[str] | None) -> 
     return names
 
 
-def _read_csv(content: bytes, label: str, wanted: Sequence[str] | None) -> NumberTable:
+def _read_csv(content: bytes, label: str, required: Sequence[str] | None) -> NumberTable:
     if b"\0" in content:
         raise InputError(f"{label}: is a binary file; a CSV file is needed")
     try:
@@ -159,15 +159,15 @@ def _read_csv(content: bytes, label: str, wanted: Sequence[str] | None) -> Numbe
         row = content[: error.start].count(b"\n") + 1
         raise InputError(f"{label}, row {row}: is not UTF-8 text") from error
     numbered = enumerate(text.replace("\r\n", "\n").split("\n"), start=1)
-    kept = [(number, line) for number, line in numbered if line.strip() and not line.startswith("#")]
-    if not kept:
+    filled = [(number, line) for number, line in numbered if line.strip() and not line.startswith("#")]
+    if not filled:
         raise InputError(f"{label}: is empty; a header line with the columns' names is needed")
-    (first, top), *rows = kept
+    (first, top), *rows = filled
     try:
         header = [name.strip() for name in next(csv.reader([top], strict=True))]
     except (csv.Error, StopIteration) as error:
         raise InputError(f"{label}, row {first}: is not a header line ({error})") from error
-    names = _chosen(label, header, wanted)
+    names = _chosen(label, header, required)
     for number, line in rows:
         fields = line.count(",") + 1
         if fields != len(header) and '"' not in line:
@@ -218,7 +218,7 @@ def resolve_constant(stimulus: Stimulus, interfaces: Mapping[str, Interface]) ->
 
 def resolve_rows(
     stimulus: Stimulus,
-    read: Callable[[list[str]], NumberTable],
+    table_with: Callable[[list[str]], NumberTable],
     grids: Mapping[str, Grid],
     interfaces: Mapping[str, Interface],
 ) -> list[Drive]:
@@ -237,7 +237,7 @@ def resolve_rows(
         if variables[0].value_type.by_address:
             raise InputError(f"columns.'{text}' is a {variables[0].kind}; rows are numbers")
         ends.append((interface, variables[0], column, conversion(variables[0].unit, column, interface.scales)))
-    table = read(["time_s", *(column for _, _, column, _ in ends)])
+    table = table_with(["time_s", *(column for _, _, column, _ in ends)])
     increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in ends)
 
     @cache
@@ -277,8 +277,8 @@ def _ticks(table: NumberTable, grid: Grid) -> np.ndarray:
 def _held(begins: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Of rows that hold from fractional steps on, those that hold over a step, and their first steps."""
     first = np.clip(begins, 0.0, grid.steps).astype(np.int64)
-    kept = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
-    return kept, first[kept]
+    rows = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
+    return rows, first[rows]
 
 
 def _rows_that_begin(table: NumberTable, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
@@ -396,11 +396,11 @@ def _limits(table: Loaded) -> list[list[float]]:
     limits, interface = [], table.interface
     for name in ("max_rate", "max_acceleration", "initial_angle"):
         try:
-            found = interface.find(name)
+            variables = interface.find(name)
         except InputError as error:
             raise InputError(f"a position programme needs {name}[1..2] to time its moves: {error}") from error
-        values = [v for v in map(table.start_value, found) if isinstance(v, float)]
-        if len(values) != 2 or len(found) != 2:
+        values = [v for v in map(table.start_value, variables) if isinstance(v, float)]
+        if len(values) != 2 or len(variables) != 2:
             raise InputError(f"a position programme needs two numbers {name} of '{interface.name}' to time its moves")
         if name != "initial_angle" and min(values) <= 0.0:
             raise InputError(f"'{interface.name}.{name}' must be positive: {values}")
@@ -413,16 +413,16 @@ def resolve_stimuli(
 ) -> tuple[Grid, list[tuple[str, Drive]]]:
     """The run's grid, and the drives by their names in messages; programmes first, for they may end the run."""
 
-    def table(stimulus: Stimulus, name: str, wanted: list[str] | None) -> NumberTable:
-        found, content = table_of(stimulus, name, scenario.base_folder, wanted)
+    def table(stimulus: Stimulus, name: str, columns: list[str] | None) -> NumberTable:
+        read_columns, content = table_of(stimulus, name, scenario.base_folder, columns)
         if content is not None:
-            sources.note(found.label, content)
-        return found
+            sources.note(read_columns.label, content)
+        return read_columns
 
     interfaces = interfaces_of(loaded)
-    named = {f"stimuli[{number}]": stimulus for number, stimulus in enumerate(scenario.stimuli, start=1)}
+    stimuli = {f"stimuli[{number}]": stimulus for number, stimulus in enumerate(scenario.stimuli, start=1)}
     programmes: dict[str, tuple[Drive, int]] = {}
-    for name, stimulus in named.items():
+    for name, stimulus in stimuli.items():
         if stimulus.kind == "programme":
             with said_of(name):
                 positions = table(stimulus, name, None)
@@ -430,20 +430,26 @@ def resolve_stimuli(
     grid = make_grid(scenario, [end for _, end in programmes.values()])
     grids = {name: grid.of_every(scenario.stride(name), setting.step_s) for name, setting in scenario.fmus.items()}
     drives: list[tuple[str, Drive]] = []
-    for name, stimulus in named.items():
+    for name, stimulus in stimuli.items():
         with said_of(name):
             if stimulus.kind == "programme":
-                whole, _ = programmes[name]
+                drive_of_all, _ = programmes[name]
                 # The last command holds to the end.
-                within = int(np.searchsorted(np.asarray(whole.begins), grids[whole.fmu].steps))
-                given = [replace(whole, values=whole.values[:within], begins=np.asarray(whole.begins)[:within])]
+                within = int(np.searchsorted(np.asarray(drive_of_all.begins), grids[drive_of_all.fmu].steps))
+                new_drives = [
+                    replace(
+                        drive_of_all,
+                        values=drive_of_all.values[:within],
+                        begins=np.asarray(drive_of_all.begins)[:within],
+                    )
+                ]
             elif stimulus.kind == "constant":
-                given = [resolve_constant(stimulus, interfaces)]
+                new_drives = [resolve_constant(stimulus, interfaces)]
             else:
-                given = resolve_rows(
-                    stimulus, lambda wanted, s=stimulus, n=name: table(s, n, wanted), grids, interfaces
+                new_drives = resolve_rows(
+                    stimulus, lambda columns, s=stimulus, n=name: table(s, n, columns), grids, interfaces
                 )
-            drives += [(name, drive) for drive in given]
+            drives += [(name, drive) for drive in new_drives]
     return grid, drives
 
 
@@ -452,17 +458,17 @@ def check_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]], lo
 
     A drive comes with what the user called its stimulus.
     """
-    taken: dict[tuple[str, str], str] = {}
+    source_of: dict[tuple[str, str], str] = {}
     sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]
     sources += [(drive.fmu, variable, name) for name, drive in drives for variable in drive.variables]
     for fmu, variable, source in sources:
-        before = taken.setdefault((fmu, variable.name), source)
+        before = source_of.setdefault((fmu, variable.name), source)
         if before is not source:
             raise InputError(f"'{fmu}.{variable.name}' has two sources, {before} and {source}; one is possible")
     for fmu, entry in loaded.items():
         for name, effect in entry.read.items():
             variables = entry.interface.find(name, ("input",))
-            if not any((fmu, v.name) in taken or v.name in entry.values for v in variables):
+            if not any((fmu, v.name) in source_of or v.name in entry.values for v in variables):
                 of_table = f" (from a table: its {GIVEN_BY_TABLE[name]})" if name in GIVEN_BY_TABLE else ""
                 raise InputError(
                     f"fmus.{fmu}.effects: {effect} reads '{fmu}.{name}', and nothing feeds it; connect it{of_table}, "

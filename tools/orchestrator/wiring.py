@@ -128,8 +128,8 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
         inside = [w for w in wires if w.source in members and w.target in members]
         for wire in inside:
             if wire.output.value_type.by_address:
-                said = f"'{wire.source}.{wire.output.name}' goes around in a cycle"
-                raise InputError(f"{said}; a {wire.output.kind} cannot")
+                output = f"'{wire.source}.{wire.output.name}' goes around in a cycle"
+                raise InputError(f"{output}; a {wire.output.kind} cannot")
         groups.append(Group(members, bool(inside), tuple(dict.fromkeys((w.source, w.output) for w in inside))))
     return groups
 
@@ -154,10 +154,10 @@ def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
     except CycleError as error:
         cycle = error.args[1][:-1]
         first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
-        named = " -> ".join([*cycle[first:], *cycle[:first], cycle[first]])
+        cycle_text = " -> ".join([*cycle[first:], *cycle[:first], cycle[first]])
         ways = 'run.coupling = "jacobi", "iterate" or "delayed" (of an .ssp: --coupling)'
         say = f"take one out, or say how it is taken: {ways}"
-        raise InputError(f"connections form a cycle: {named}; {say}") from error
+        raise InputError(f"connections form a cycle: {cycle_text}; {say}") from error
 
 
 def paces_of(
@@ -178,12 +178,12 @@ def paces_of(
     late = [group.members for group in groups if group.cyclic and scenario.run.coupling != "iterate"]
     prompt = [w for w in wires if not any(w.source in members and w.target in members for members in late)]
     ahead = {w.source for w in wires if w.between == "interpolate" and strides[w.source] > strides[w.target]}
-    while more := {w.source for w in prompt if w.target in ahead and strides[w.source] == strides[w.target]} - ahead:
-        ahead |= more
+    while earlier := {w.source for w in prompt if w.target in ahead and strides[w.source] == strides[w.target]} - ahead:
+        ahead |= earlier
     for wire in prompt:
         if wire.between == "sum" and wire.target in ahead and strides[wire.source] < strides[wire.target]:
-            said = f"'{wire.source}.{wire.output.name}' -> '{wire.target}.{wire.input.name}'"
-            raise InputError(f"{said}: outputs of '{wire.target}' are interpolated, so it steps before there is a sum")
+            ends = f"'{wire.source}.{wire.output.name}' -> '{wire.target}.{wire.input.name}'"
+            raise InputError(f"{ends}: outputs of '{wire.target}' are interpolated, so it steps before there is a sum")
     paces = {}
     for name, entry in loaded.items():
         length = scenario.fmus[name].step_s or scenario.run.step_s
@@ -198,10 +198,10 @@ def _check_between(wire: Wire, source: int, target: int) -> None:
         return
     ends = f"'{wire.source}.{wire.output.name}' -> '{wire.target}.{wire.input.name}'"
     ways = ("hold", "interpolate") if source > target else ("hold", "sum")
-    said = " or ".join(f'"{way}"' for way in ways)
+    choices = " or ".join(f'"{way}"' for way in ways)
     if wire.between not in ways:
         slower = wire.source if source > target else wire.target
-        raise InputError(f"{ends}: '{slower}' steps less often; say between = {said}")
+        raise InputError(f"{ends}: '{slower}' steps less often; say between = {choices}")
     if wire.between != "hold" and wire.output.kind != "Real":
         raise InputError(f'{ends}: between = "{wire.between}" is for numbers of kind Real, not {wire.output.kind}')
     if max(source, target) % min(source, target):
@@ -210,9 +210,9 @@ def _check_between(wire: Wire, source: int, target: int) -> None:
 
 def _check_inside(name: str, entry: Loaded, step: float, scenario: Scenario) -> None:
     """Refuse a step that is no multiple of the one which an FMU of FMI 3.0 says that it makes inside."""
-    said = getattr(entry.fmu.description.coSimulation, "fixedInternalStepSize", None)
+    length_text = getattr(entry.fmu.description.coSimulation, "fixedInternalStepSize", None)
     try:
-        inside = 0.0 if said is None else float(said)
+        inside = 0.0 if length_text is None else float(length_text)
     except ValueError as error:
         raise InputError(f"{entry.fmu.label}: modelDescription.xml, fixedInternalStepSize: {error}") from error
     if inside > 0.0 and (round(step / inside) < 1 or abs(step / inside - round(step / inside)) > 1e-9):

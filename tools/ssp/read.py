@@ -68,7 +68,7 @@ class Part:
 
 @contextmanager
 def opened(
-    scenario: str | Path | Mapping[str, Any] | Scenario, asked: Asked
+    scenario: str | Path | Mapping[str, Any] | Scenario, options: Asked
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """The scenario of a file (TOML, .ssp or .fmu), or of what would stand in it, as long as its files are there.
 
@@ -84,23 +84,23 @@ def opened(
     ending = Path(scenario).suffix.lower() if isinstance(scenario, str | Path) else ""
     if isinstance(scenario, str | Path) and ending == ".ssp":
         system = "an .ssp says its start and its stop"
-        asked.refuse("an .fmu", start=system, stop=system)
-        with scenario_of_ssp(Path(scenario), step=asked.step, coupling=asked.coupling) as (system, ignored):
-            yield asked.over(system), ignored
+        options.refuse("an .fmu", start=system, stop=system)
+        with scenario_of_ssp(Path(scenario), step=options.step, coupling=options.coupling) as (system, ignored):
+            yield options.over(system), ignored
         return
     if isinstance(scenario, str | Path) and ending == ".fmu":
-        asked.refuse("an .ssp", coupling="an .fmu alone has no cycles")
-        yield asked.over(alone(Path(scenario), asked)), ()
+        options.refuse("an .ssp", coupling="an .fmu alone has no cycles")
+        yield options.over(alone(Path(scenario), options)), ()
         return
     says = {key: f"a scenario says run.{key}_s" for key in ("start", "stop")}
-    asked.refuse("an .fmu", **says)
-    asked.refuse("an .ssp or an .fmu", step="a scenario says run.step_s")
-    asked.refuse("an .ssp", coupling="a scenario says run.coupling")
+    options.refuse("an .fmu", **says)
+    options.refuse("an .ssp or an .fmu", step="a scenario says run.step_s")
+    options.refuse("an .ssp", coupling="a scenario says run.coupling")
     if isinstance(scenario, str | Path):
-        yield asked.over(read_scenario(scenario)), ()
+        yield options.over(read_scenario(scenario)), ()
     else:
         checked = scenario if isinstance(scenario, Scenario) else checked_sections(scenario, Scenario)
-        yield asked.over(checked), ()
+        yield options.over(checked), ()
 
 
 @contextmanager
@@ -154,7 +154,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     interfaces, steps = _interfaces(fmus, names, folder, label)
     parameters, ignored = _parameters(system, interfaces)
     coupled = _coupling(folder, label, coupling)
-    own, between = (coupled.pop(name, {}) for name in RATES)
+    own_steps, between = (coupled.pop(name, {}) for name in RATES)
     for at, interface in interfaces.items():
         # How far ahead commands are put out is a matter of the master; ours passes them on at once.
         if coupled.get("coupling") != "delayed" and interface.model in LEADING and "lead_steps" in interface.variables:
@@ -164,11 +164,11 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     lengths = [length for length in (step, run.get("step_s"), min(steps, default=None)) if length is not None]
     if not lengths:
         raise InputError(f"{label}: neither it nor its FMUs say how long a step is; give --step")
-    data: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "title": "",
         "run": {"start_s": 0.0, **run, "step_s": lengths[0], **coupled},
         "fmus": {
-            n: {"fmu": p.source, "parameters": parameters[p.path], "step_s": own.get(n)}
+            n: {"fmu": p.source, "parameters": parameters[p.path], "step_s": own_steps.get(n)}
             for n, p in ((names[p.path], p) for p in fmus)
         },
         "connections": [
@@ -183,8 +183,8 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     }
     recorded = _own(folder, label, RECORD)
     if recorded is not None:
-        data["record"] = recorded
-    return checked_sections(data, Scenario, label), tuple(dict.fromkeys(ignored))
+        settings["record"] = recorded
+    return checked_sections(settings, Scenario, label), tuple(dict.fromkeys(ignored))
 
 
 def _run(root: Element, system: Element, label: str) -> dict[str, float]:
@@ -214,8 +214,8 @@ def _read_part(element: Element, path: Path_, folder: Path, label: str, units: d
             raise InputError(f"{label}: element '{'.'.join(path)}' is for {what}; co-simulation FMUs are run")
         part.source = member(folder, element.get("source", ""), label)
         return part
-    held = child(element, "ssd:Elements")
-    for inner in held if held is not None else ():
+    elements = child(element, "ssd:Elements")
+    for inner in elements if elements is not None else ():
         name = str(inner.get("name"))
         if local_name(inner) not in ("Component", "System"):
             raise InputError(f"{label}: element '{name}' is a {local_name(inner)}, which is not supported")
@@ -240,14 +240,14 @@ def _edge(connection: Element, part: Part, label: str) -> tuple[Node, Node]:
         # A system's own inputs feed what is inside it.
         sources = ("input", "parameter") if element is None else ("output", "calculatedParameter")
         feeding.append(None if kind is None else kind in sources)
-    named = " -> ".join(".".join([*path, name]) for path, name in ends)
+    ends_text = " -> ".join(".".join([*path, name]) for path, name in ends)
     for step in connection:
         kind = local_name(step)
         if not kind.endswith("Transformation"):
             continue
         scaled = number_of(step, "factor", label, 1.0), number_of(step, "offset", label, 0.0)
         if kind != "LinearTransformation" or scaled != (1.0, 0.0):
-            raise InputError(f"{label}: connection {named} has a {kind}, which is not supported")
+            raise InputError(f"{label}: connection {ends_text} has a {kind}, which is not supported")
     backwards = feeding[0] is False and feeding[1] is not False
     return (ends[1], ends[0]) if backwards else (ends[0], ends[1])
 
@@ -258,20 +258,20 @@ def _reached(system: Part) -> dict[Node, list[Node]]:
     for start, end in (edge for part in system.walk() for edge in part.edges):
         following.setdefault(start, []).append(end)
     systems = {part.path for part in system.walk() if part.source is None}
-    found: dict[Node, list[Node]] = {}
+    targets: dict[Node, list[Node]] = {}
     for node in following:
-        seen, waiting = {node}, list(following[node])
-        found[node] = []
+        visited, waiting = {node}, list(following[node])
+        targets[node] = []
         while waiting:
             after = waiting.pop(0)
-            if after in seen:
+            if after in visited:
                 continue
-            seen.add(after)
+            visited.add(after)
             if after[0] in systems:
                 waiting += following.get(after, [])
             else:
-                found[node].append(after)
-    return found
+                targets[node].append(after)
+    return targets
 
 
 def _names(fmus: list[Part]) -> dict[Path_, str]:
@@ -283,9 +283,9 @@ def _names(fmus: list[Part]) -> dict[Path_, str]:
     return names
 
 
-def free_name(wanted: str, taken: Collection[str]) -> str:
+def free_name(stem: str, names: Collection[str]) -> str:
     """A name that is not taken: with a number from 2 on where the wanted one is."""
-    return next(name for name in (wanted, *(f"{wanted}_{i}" for i in range(2, len(taken) + 3))) if name not in taken)
+    return next(name for name in (stem, *(f"{stem}_{i}" for i in range(2, len(names) + 3))) if name not in names)
 
 
 def _interfaces(
@@ -321,15 +321,19 @@ def _own(folder: Path, label: str, name: str) -> Any:
         raise InputError(f"{label}: {name}: is not JSON ({error})") from error
 
 
-def _coupling(folder: Path, label: str, given: str | None) -> dict[str, Any]:
+def _coupling(folder: Path, label: str, choice: str | None) -> dict[str, Any]:
     """How cycles are taken, as asked for, else as the scenario that was exported says, and its different steps."""
-    own = _own(folder, label, COUPLING) or {}
-    if not isinstance(own, dict) or not set(own) <= {*COUPLING_SETTINGS, *RATES}:
+    exported = _own(folder, label, COUPLING) or {}
+    if not isinstance(exported, dict) or not set(exported) <= {*COUPLING_SETTINGS, *RATES}:
         raise InputError(f"{label}: {COUPLING}: has other things than {', '.join([*COUPLING_SETTINGS, *RATES])}")
     for name in RATES:
-        if not isinstance(own.get(name, {}), dict):
+        if not isinstance(exported.get(name, {}), dict):
             raise InputError(f"{label}: {COUPLING}: {name} must be a mapping")
-    return own if given is None else {"coupling": given, **{name: own[name] for name in RATES if name in own}}
+    return (
+        exported
+        if choice is None
+        else {"coupling": choice, **{name: exported[name] for name in RATES if name in exported}}
+    )
 
 
 def _parameters(system: Part, interfaces: Mapping[Path_, Interface]) -> tuple[dict[Path_, dict[str, Value]], list[str]]:
@@ -338,13 +342,13 @@ def _parameters(system: Part, interfaces: Mapping[Path_, Interface]) -> tuple[di
     values: dict[Path_, dict[str, Value]] = {at: {} for at in interfaces}
     ignored: list[str] = []
     for part in system.walk():
-        for given in part.bindings:
-            targets = _targets(part, given.name, interfaces, feeds)
+        for binding in part.bindings:
+            targets = _targets(part, binding.name, interfaces, feeds)
             if not targets:
-                ignored.append(given.name)
+                ignored.append(binding.name)
             for at, name in targets:
                 interface = interfaces[at]
-                values[at][name] = value_for(given, interface.variables[name], interface.scales)
+                values[at][name] = value_for(binding, interface.variables[name], interface.scales)
     return values, ignored
 
 
@@ -359,7 +363,7 @@ def _targets(
         return [(at, variable) for at, variable in fed if variable in interfaces[at].variables]
     for inner, below in part.parts.items():
         if name.startswith(f"{inner}."):
-            found = _targets(below, name[len(inner) + 1 :], interfaces, feeds)
-            if found:
-                return found
+            variables = _targets(below, name[len(inner) + 1 :], interfaces, feeds)
+            if variables:
+                return variables
     return []

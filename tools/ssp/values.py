@@ -47,13 +47,15 @@ def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str
         if binding.get("type", "application/x-ssp-parameter-set") != "application/x-ssp-parameter-set":
             raise InputError(f"{label}: a parameter binding has type '{binding.get('type')}', which is not supported")
         prefix = binding.get("prefix", "")
-        found = [replace(given, name=prefix + given.name) for given in _parameter_set(binding, folder, label, units)]
+        values_of_set = [
+            replace(value, name=prefix + value.name) for value in _parameter_set(binding, folder, label, units)
+        ]
         mapping = child(binding, "ssd:ParameterMapping")
         if mapping is not None:
             root = _document(mapping, folder, label, "ssm:ParameterMapping")
             entries = children(mapping if root is None else root, "ssm:MappingEntry")
-            found = _mapped(found, entries, label)
-        values += found
+            values_of_set = _mapped(values_of_set, entries, label)
+        values += values_of_set
     return values
 
 
@@ -85,59 +87,59 @@ def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[st
 def _mapped(values: Sequence[Given], entries: Sequence[Element], label: str) -> list[Given]:
     """The values under the names that a mapping gives them; what it does not name keeps its name."""
     mapped = []
-    for given in values:
-        mine = [entry for entry in entries if entry.get("source", "") == given.name]
-        mapped += [_transformed(given, entry, label) for entry in mine] if mine else [given]
+    for binding in values:
+        renamings = [entry for entry in entries if entry.get("source", "") == binding.name]
+        mapped += [_transformed(binding, entry, label) for entry in renamings] if renamings else [binding]
     return mapped
 
 
-def _transformed(given: Given, entry: Element, label: str) -> Given:
+def _transformed(binding: Given, entry: Element, label: str) -> Given:
     convert = entry.get("suppressUnitConversion") not in ("true", "1")
-    given = replace(given, name=entry.get("target", ""), convert=convert)
+    binding = replace(binding, name=entry.get("target", ""), convert=convert)
     for step in entry:
         if local_name(step) == "LinearTransformation":
-            where = f"{label}: mapping of '{given.name}'"
+            where = f"{label}: mapping of '{binding.name}'"
             factor, offset = number_of(step, "factor", where, 1.0), number_of(step, "offset", where, 0.0)
-            return replace(given, factor=factor, offset=offset)
+            return replace(binding, factor=factor, offset=offset)
         if local_name(step).endswith("MappingTransformation"):
             table = {e.get("source", ""): e.get("target", "") for e in step if local_name(e) == "MapEntry"}
-            return replace(given, table=table)
-    return given
+            return replace(binding, table=table)
+    return binding
 
 
-def value_for(given: Given, variable: Variable, scales: Mapping[str, Unit]) -> Value:
+def value_for(binding: Given, variable: Variable, scales: Mapping[str, Unit]) -> Value:
     """A binding's value as the variable takes it, in the variable's unit.
 
     An InputError for a text that is no such value, another type or dimension, or a value outside the variable's limits.
     """
-    text = given.text if given.table is None else given.table.get(given.text, given.text)
-    with said_of(f"{given.where}: parameter '{given.name}'"):
+    text = binding.text if binding.table is None else binding.table.get(binding.text, binding.text)
+    with said_of(f"{binding.where}: parameter '{binding.name}'"):
         try:
-            value = _value(text, given, variable)
+            value = _value(text, binding, variable)
         except (ValueError, KeyError, OverflowError) as error:
             raise InputError(f"'{text}' is not a value of {variable.name}, which is {variable.kind}") from error
-        if variable.kind == "Real" and given.convert:
-            value = _converted(float(value), given, variable, scales)
+        if variable.kind == "Real" and binding.convert:
+            value = _converted(float(value), binding, variable, scales)
         return checked(value, variable)
 
 
-def _value(text: str, given: Given, variable: Variable) -> Value:
+def _value(text: str, binding: Given, variable: Variable) -> Value:
     """The value of a text by the variable's type, which must be that of the text."""
-    kinds = (variable.kind, given.kind)
+    kinds = (variable.kind, binding.kind)
     if kinds in (("Real", "Real"), ("Real", "Integer")):
         plain = float(_ascii(text))
-        return given.factor * plain + given.offset if given.factor != 1.0 or given.offset else plain
+        return binding.factor * plain + binding.offset if binding.factor != 1.0 or binding.offset else plain
     if kinds == ("Boolean", "Boolean"):
         return {"true": True, "1": True, "false": False, "0": False}[text.strip()]
     if kinds == ("String", "String"):
         return text
     if kinds == ("Enumeration", "Enumeration"):
-        named = {item: value for value, item in variable.items}
-        return named[text] if text in named else int(_ascii(text))
+        items = {item: value for value, item in variable.items}
+        return items[text] if text in items else int(_ascii(text))
     if kinds in (("Integer", "Integer"), ("Enumeration", "Integer")):
-        value = given.factor * int(_ascii(text)) + given.offset
+        value = binding.factor * int(_ascii(text)) + binding.offset
         return int(value) if math.isfinite(value) and value == int(value) else value
-    raise InputError(f"is {given.kind}, but {variable.name} is {variable.kind}")
+    raise InputError(f"is {binding.kind}, but {variable.name} is {variable.kind}")
 
 
 def _ascii(text: str) -> str:
@@ -147,15 +149,15 @@ def _ascii(text: str) -> str:
     return text
 
 
-def _converted(value: float, given: Given, variable: Variable, scales: Mapping[str, Unit]) -> float:
+def _converted(value: float, binding: Given, variable: Variable, scales: Mapping[str, Unit]) -> float:
     """A value from the binding's unit into the variable's."""
-    if given.unit is None or variable.unit is None:
+    if binding.unit is None or variable.unit is None:
         return value
-    mine, theirs = scales.get(variable.unit), given.scale or scales.get(given.unit)
-    if given.unit == variable.unit and (mine is None or theirs is None):
+    variable_scale, binding_scale = scales.get(variable.unit), binding.scale or scales.get(binding.unit)
+    if binding.unit == variable.unit and (variable_scale is None or binding_scale is None):
         return value
-    if mine is None or theirs is None or mine.exponents != theirs.exponents:
-        raise InputError(f"is in {given.unit}, but {variable.name} is in {variable.unit}")
-    if (mine.factor, mine.offset) == (theirs.factor, theirs.offset):
+    if variable_scale is None or binding_scale is None or variable_scale.exponents != binding_scale.exponents:
+        raise InputError(f"is in {binding.unit}, but {variable.name} is in {variable.unit}")
+    if (variable_scale.factor, variable_scale.offset) == (binding_scale.factor, binding_scale.offset):
         return value
-    return (theirs.factor * value + theirs.offset - mine.offset) / mine.factor
+    return (binding_scale.factor * value + binding_scale.offset - variable_scale.offset) / variable_scale.factor

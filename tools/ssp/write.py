@@ -103,8 +103,8 @@ def export_ssp(
     except InputError as error:
         prefix = f"{scenario.source}: " if scenario.source is not None else ""
         raise InputError(f"{prefix}{error}") from error
-    with whole_file(out) as beside:
-        write_archive(beside, members, first=STRUCTURE)
+    with whole_file(out) as incomplete:
+        write_archive(incomplete, members, first=STRUCTURE)
     return out
 
 
@@ -119,7 +119,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
         loaded = load(scenario, sources, folder)
         grid, drives = resolve_stimuli(scenario, sources, loaded)
     interfaces = interfaces_of(loaded)
-    own = {name: {} if fmu.step_s is None else {"step_s": fmu.step_s} for name, fmu in scenario.fmus.items()}
+    own_steps = {name: {} if fmu.step_s is None else {"step_s": fmu.step_s} for name, fmu in scenario.fmus.items()}
     written = scenario.model_dump(by_alias=True, exclude_none=True, exclude={"stimuli", "base_folder", "source"})
     fmus, connections = dict(written["fmus"]), list(written["connections"])
     first: dict[str, Any] = {}
@@ -127,10 +127,10 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
         with said_of(f"stimuli[{count}]"):
             if stimulus.kind == "rows":
                 for drive in (drive for name, drive in drives if name == f"stimuli[{count}]"):
-                    step = own[drive.fmu].get("step_s", grid.step)
+                    step = own_steps[drive.fmu].get("step_s", grid.step)
                     for component, ends in _rows(drive, interfaces[drive.fmu], step):
                         name = free_name("rows", [*fmus, *first])
-                        first[name] = {"fmu": str(make(name, component)), **own[drive.fmu]}
+                        first[name] = {"fmu": str(make(name, component)), **own_steps[drive.fmu]}
                         sources_of = component.interface[-1].elements
                         connections += [
                             {"from": f"{name}.{value}", "to": f"{drive.fmu}.{end.name}"}
@@ -139,15 +139,15 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
                 continue
             if stimulus.kind == "constant":
                 drive = resolve_constant(stimulus, interfaces)
-                given = dict(zip((v.name for v in drive.variables), drive.values[0], strict=True))
-                _set(fmus, interfaces[drive.fmu], given)
+                constants = dict(zip((v.name for v in drive.variables), drive.values[0], strict=True))
+                _set(fmus, interfaces[drive.fmu], constants)
                 continue
             positions, _ = table_of(stimulus, f"stimuli[{count}]", scenario.base_folder)
             drive, _ = resolve_programme(stimulus, positions, scenario, loaded)
             name = free_name("programme", [*fmus, *first])
-            step = own[drive.fmu].get("step_s", grid.step)
+            step = own_steps[drive.fmu].get("step_s", grid.step)
             parameters = _parameters(drive, positions, stimulus, loaded[drive.fmu], step)
-            first[name] = {"component": PROGRAMME, "parameters": parameters, **own[drive.fmu]}
+            first[name] = {"component": PROGRAMME, "parameters": parameters, **own_steps[drive.fmu]}
             connections.append({"from": f"{name}.command", "to": stimulus.to})
     run = dict(written["run"])
     if scenario.run.stop_s is None:
@@ -164,8 +164,8 @@ def _rows(drive: Drive, interface: Interface, step: float) -> Iterator[tuple[Com
     for k, variable in enumerate(drive.variables):
         unit = variable.unit or "1"
         if variable.kind not in ROW_KINDS or unit not in UNITS:
-            said = f"'{interface.name}.{variable.name}', {variable.kind} in {unit}"
-            raise InputError(f"{said}: no component gives such rows")
+            variable_text = f"'{interface.name}.{variable.name}', {variable.kind} in {unit}"
+            raise InputError(f"{variable_text}: no component gives such rows")
         groups.setdefault((unit, ROW_KINDS[variable.kind]), []).append(k)
     assert drive.begins is not None
     for (unit, kind), columns in groups.items():
@@ -206,20 +206,20 @@ def _members(
     for name in scenario.fmus:
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
             raise InputError(f"fmus.{name}: other tools take names of letters, digits and _ only; rename it")
-    whole = self_contained(
+    system = self_contained(
         scenario, lambda name, rows: build(rows, folder / name, flavour=flavour, fmi=2, platform=platform)
     )
-    sources = Sources(whole.base_folder)
+    sources = Sources(system.base_folder)
     (folder / "loaded").mkdir()
-    loaded = load(whole, sources, folder / "loaded")
-    wires = resolve_connections(whole.connections, interfaces_of(loaded))
+    loaded = load(system, sources, folder / "loaded")
+    wires = resolve_connections(system.connections, interfaces_of(loaded))
     check_sources(wires, [], loaded)
-    grid = make_grid(whole, [])
+    grid = make_grid(system, [])
     files: dict[str, str] = {}
     members: dict[str, bytes] = {}
-    for name, setting in whole.fmus.items():
+    for name, setting in system.fmus.items():
         if setting.fmu is not None:
-            stem, content = PurePosixPath(setting.fmu).stem, (whole.base_folder / setting.fmu).read_bytes()
+            stem, content = PurePosixPath(setting.fmu).stem, (system.base_folder / setting.fmu).read_bytes()
         else:
             places, stem = [place_from_mapping(entry)[0] for entry in setting.effects], str(setting.component)
             # Ecos and libcosim pass over enumerations of parameter sets: the FMU starts with them.
@@ -230,7 +230,7 @@ def _members(
         names = [f"resources/{stem}.fmu", *(f"resources/{stem}_{i}.fmu" for i in range(2, len(members) + 3))]
         files[name] = next(n for n in names if members.get(n, content) == content)
         members[files[name]] = content
-    sets = {name: _parameter_set(name, whole, entry, version) for name, entry in loaded.items()}
+    sets = {name: _parameter_set(name, system, entry, version) for name, entry in loaded.items()}
     members |= {f"resources/{name}.ssv": content for name, content in sets.items() if content}
     stem = scenario.source.stem if scenario.source is not None else "scenario"
     about = {"name": re.sub(r"\W", "_", stem, flags=re.ASCII), "title": scenario.title, "version": version}
@@ -239,9 +239,9 @@ def _members(
     written = scenario.as_written()
     members[RECORD] = json_text(written["record"]).encode()
     coupling: dict[str, Any] = {name: written["run"][name] for name in COUPLING_SETTINGS if name in written["run"]}
-    steps = {name: setting.step_s for name, setting in whole.fmus.items() if setting.step_s is not None}
+    steps = {name: setting.step_s for name, setting in system.fmus.items() if setting.step_s is not None}
     ends = {f"{w.source}.{w.output.name} -> {w.target}.{w.input.name}": w.between for w in wires if w.between}
-    coupling |= {name: said for name, said in zip(RATES, (steps, ends), strict=True) if said}
+    coupling |= {name: settings for name, settings in zip(RATES, (steps, ends), strict=True) if settings}
     if coupling:
         members[COUPLING] = json_text(coupling).encode()
     return members
@@ -267,8 +267,8 @@ def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -
                 attributes["unit"] = variable.unit
         rows.append((element, kind, attributes))
     origin = f", calibration {setting.parameters_from}" if setting.parameters_from is not None else ""
-    said = f"parameters of {name}{origin}"
-    return parameter_file(SET_NAME, said, rows, units, version=version) if rows else b""
+    description = f"parameters of {name}{origin}"
+    return parameter_file(SET_NAME, description, rows, units, version=version) if rows else b""
 
 
 def _structure(
@@ -302,9 +302,11 @@ def _structure(
             elements, "ssd:Component", name=name, type="application/x-fmu-sharedlibrary", source=file
         )
         variables = interface.variables.values()
-        shown = [v for v in variables if v.causality == "output" or (name, v.name) in connected]
-        units |= {u: interface.scales[u] for u in (v.unit for v in shown) if u is not None and u in interface.scales}
-        enumerations |= _connectors(component, name, shown, units)
+        connectors = [v for v in variables if v.causality == "output" or (name, v.name) in connected]
+        units |= {
+            u: interface.scales[u] for u in (v.unit for v in connectors) if u is not None and u in interface.scales
+        }
+        enumerations |= _connectors(component, name, connectors, units)
         if bound:
             SubElement(
                 SubElement(component, "ssd:ParameterBindings"), "ssd:ParameterBinding", source=f"resources/{name}.ssv"

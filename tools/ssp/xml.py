@@ -107,6 +107,6 @@ def units_of(root: Element, path: str, label: str) -> dict[str, Unit]:
         for key, power in exponents.items():
             if not power.is_integer():
                 raise InputError(f"{where}: the exponent of {key} is {power:g}, not a whole number")
-        whole = {key: int(power) for key, power in exponents.items()}
-        units[str(unit.get("name"))] = scale_of(whole, factor, number_of(base, "offset", where, 0.0))
+        powers = {key: int(power) for key, power in exponents.items()}
+        units[str(unit.get("name"))] = scale_of(powers, factor, number_of(base, "offset", where, 0.0))
     return units
