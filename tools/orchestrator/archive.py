@@ -63,8 +63,10 @@ class UnpackedFmu:
 
         None where it handles them itself. An InputError where its description says no number for the tolerance.
         """
+        if self.description.coSimulation is not None and not self.event_mode:
+            return None
         if self.description.coSimulation is not None:
-            return () if self.event_mode else None
+            return ()
         tolerance_text = getattr(self.description.defaultExperiment, "tolerance", None)
         try:
             tolerance = self.tolerance or float(tolerance_text or TOLERANCE)
@@ -75,12 +77,14 @@ class UnpackedFmu:
     @property
     def version(self) -> int:
         """Of FMI: 2 or 3."""
-        return 3 if str(self.description.fmiVersion).startswith("3") else 2
+        return fmi_version(self.description)
 
     @property
     def token(self) -> str:
         """What its library is instantiated with."""
-        return str(self.description.instantiationToken if self.version == 3 else self.description.guid)
+        if self.version == 3:
+            return str(self.description.instantiationToken)
+        return str(self.description.guid)
 
     def says(self, *flags: str) -> bool:
         """Whether its description claims a capability, by the name of FMI 2.0 or of 3.0."""
@@ -88,15 +92,24 @@ class UnpackedFmu:
         return any(str(flag).lower() in ("true", "1") for flag in claims)
 
 
+def fmi_version(description: ModelDescription) -> int:
+    """Version of FMI: 2 or 3."""
+    return int(str(description.fmiVersion).startswith("3")) + 2
+
+
 def shown(name: str) -> str:
     """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
-    return repr(name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}...")
+    if len(name) > LONGEST_SHOWN:
+        name = f"{name[:LONGEST_SHOWN]}..."
+    return repr(name)
 
 
 def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
     """Refuse a name inside an archive that could land outside the archive's folder."""
     parts = PurePosixPath(name).parts
-    forbidden = '\\:\0<>|?*"' if ssp else "\\:\0"
+    forbidden = "\\:\0"
+    if ssp:
+        forbidden += '<>|?*"'
     if ".." in parts or name.startswith("/") or any(c in name for c in forbidden) or (ssp and not parts):
         raise InputError(f"{label}: member {shown(name)} would leave the archive's folder; not unpacked")
 
@@ -130,7 +143,8 @@ def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -
     members = list({(m.orig_filename, m.CRC, m.file_size): m for m in members}.values())
     names = [member.filename for member in members]
     # Two names that differ in case only are one file on some systems.
-    if len({name.rstrip("/").casefold() if ssp else name for name in names}) != len(names):
+    files = {name.rstrip("/").casefold() for name in names} if ssp else set(names)
+    if len(files) != len(names):
         raise InputError(f"{label}: has two members of one name; corrupt archive")
     if needed not in names:
         raise InputError(f"{label}: has no {needed}; it is not {kind_of_file}")
@@ -144,13 +158,15 @@ def refuse_damaged(content: bytes, label: str) -> None:
     if not content.startswith(b"\x7fELF"):
         return
     try:
-        wide, order = content[4] == 2, "<" if content[5] == 1 else ">"
-        (start,) = struct.unpack_from(f"{order}{'Q' if wide else 'I'}", content, 32 if wide else 28)
-        size, count = struct.unpack_from(f"{order}HH", content, 54 if wide else 42)
+        order = "<" if content[5] == 1 else ">"
+        word, segment, offset_field, places = "I", "IIIII", 1, (28, 42)
+        if content[4] == 2:
+            word, segment, offset_field, places = "Q", "IIQQQQ", 2, (32, 54)
+        (start,) = struct.unpack_from(order + word, content, places[0])
+        size, count = struct.unpack_from(f"{order}HH", content, places[1])
         for k in range(count):
-            fields = struct.unpack_from(f"{order}{'IIQQQQ' if wide else 'IIIII'}", content, start + k * size)
-            kind, offset, length = fields[0], fields[2 if wide else 1], fields[-1]
-            if kind == _LOADED and offset + length > len(content):
+            fields = struct.unpack_from(order + segment, content, start + k * size)
+            if fields[0] == _LOADED and fields[offset_field] + fields[-1] > len(content):
                 raise InputError(f"{label}: its library ends too early ({len(content)} bytes); it is damaged")
     except (struct.error, IndexError, OverflowError) as error:
         raise InputError(f"{label}: its library's headers make no sense ({error}); it is damaged") from error
@@ -214,8 +230,9 @@ def _described(xml: bytes, label: str) -> ModelDescription:
         raise InputError(f"{name} cannot be used ({reason})") from error
     kind = description.coSimulation or description.modelExchange
     if kind is None:
-        scheduled = getattr(description, "scheduledExecution", None) is not None
-        what = "scheduled execution only" if scheduled else "neither co-simulation nor model exchange"
+        what = "neither co-simulation nor model exchange"
+        if getattr(description, "scheduledExecution", None) is not None:
+            what = "scheduled execution only"
         raise InputError(f"{label}: is for {what}; export it for co-simulation")
     if not kind.modelIdentifier:
         what = "co-simulation" if kind is description.coSimulation else "model exchange"
@@ -236,8 +253,8 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
         if member in names:
             return member
     platforms_inside = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
-    has = f"it has {', '.join(platforms_inside)}" if platforms_inside else "it has none at all"
-    raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); {has}")
+    names_inside = ", ".join(platforms_inside) or "none at all"
+    raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); it has {names_inside}")
 
 
 @contextmanager

@@ -45,8 +45,11 @@ def _listen(environment: int | None, status: int, text: bytes | None, name: byte
     """Give a message to the instance that it comes from: by its environment, else by its name, else to all."""
     message = " ".join((text or b"").decode("utf-8", "replace").split())
     slave, called = LISTENING.get(environment or 0), (name or b"").decode("utf-8", "replace")
-    listeners = [slave] if slave else [s for s in LISTENING.values() if s.name == called] or list(LISTENING.values())
-    for instance in listeners:
+    if slave is not None:
+        slave.hear(status, message)
+        return
+    listeners = list(LISTENING.values())
+    for instance in [listener for listener in listeners if listener.name == called] or listeners:
         instance.hear(status, message)
 
 
@@ -210,15 +213,20 @@ class Slave:
         # PythonFMU may lose the exception that it reports; what the script logged before says more.
         telling = [text for text in serious if not text.endswith("PyObject_CallMethod unknown error")]
         messages = telling or serious or [text for _, text in self._log if text]
-        return f": {messages[-1]}" if messages else " (its log says nothing)"
+        if not messages:
+            return " (its log says nothing)"
+        return f": {messages[-1]}"
 
     def fail(self, call: str, status: int, time: float | None) -> NoReturn:
         """Refuse the run because `call` returned `status`."""
         if self._host.raised is not None:
             raise self._host.raised
         self._dead = self._dead or status == FATAL
-        ended = STATUSES[status] if 0 <= status < len(STATUSES) else f"status {status}"
-        when = "before the first step" if time is None else f"at {time:.9g} s"
+        ended, when = f"status {status}", "before the first step"
+        if 0 <= status < len(STATUSES):
+            ended = STATUSES[status]
+        if time is not None:
+            when = f"at {time:.9g} s"
         how = self._host.lost or f"ended with {ended}"
         raise InputError(f"{self}: {self._host.blamed or call} {when} {how}{self._said()}")
 
@@ -287,8 +295,13 @@ class Slave:
                 return None
             function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)(place)
             status = function(self.component, kind, ctypes.addressof(value))
-            answers.append(value.value if status <= WARNING else None)
-        return answers[1] if answers[0] and answers[1] is not None and answers[1] > begin else None
+            if status > WARNING:
+                return None
+            answers.append(value.value)
+        asks, reached = answers
+        if asks and reached > begin:
+            return reached
+        return None
 
     def free_state_at(self, place: int) -> None:
         """Free a state that stands at an address."""
@@ -332,7 +345,9 @@ class Slave3(Slave):
             arrays.setdefault(variable.reference, {})[variable] = value
         for elements_of in arrays.values():
             first = next(iter(elements_of))
-            name = first.name.rpartition("[")[0] if first.size > 1 else first.name
+            name = first.name
+            if first.size > 1:
+                name = name.rpartition("[")[0]
             elements = interface.find(name)
             values_of_all = [elements_of.get(v, v.start) for v in elements]
             if None in values_of_all:

@@ -14,6 +14,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from ...fmus.units import UNITS, Unit, column_units
 from ..errors import InputError, nearest
+from .archive import fmi_version
 
 Value = bool | int | float | str
 MOST_ELEMENTS = 1_000_000
@@ -25,7 +26,14 @@ BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _NUMBERS: dict[str, Any] = {
     "Float64": np.float64,
     "Float32": np.float32,
-    **{f"{sign}Int{n}": np.dtype(f"{sign.lower()}int{n}").type for n in (8, 16, 32, 64) for sign in ("", "U")},
+    "Int8": np.int8,
+    "UInt8": np.uint8,
+    "Int16": np.int16,
+    "UInt16": np.uint16,
+    "Int32": np.int32,
+    "UInt32": np.uint32,
+    "Int64": np.int64,
+    "UInt64": np.uint64,
 }
 """FMI 3.0's, in the order of their codes in a program."""
 
@@ -43,7 +51,7 @@ class ValueType(NamedTuple):
     @property
     def code(self) -> int:
         """How a program's operations name it."""
-        return [*_NUMBERS.values()].index(self.dtype)
+        return list(_NUMBERS.values()).index(self.dtype)
 
     @property
     def by_address(self) -> bool:
@@ -75,7 +83,9 @@ def block_of(content: bytes) -> Any:
 
 def in_memory(kind: str, value: str) -> Any:
     """The memory to whose address a String's or a Binary's value points."""
-    return block_of(bytes.fromhex(value)) if kind == "Binary" else ctypes.create_string_buffer(value.encode())
+    if kind == "Binary":
+        return block_of(bytes.fromhex(value))
+    return ctypes.create_string_buffer(value.encode())
 
 
 def bytes_at(address: int) -> bytes:
@@ -88,10 +98,16 @@ def scale_of(exponents: Mapping[str, int], factor: float = 1.0, offset: float = 
     return Unit("", "", dict(sorted((base, n) for base, n in exponents.items() if n)), factor, offset)
 
 
-_SCALES = {
-    **{n: scale_of(u.exponents, u.factor / display) for u in UNITS.values() for n, display in u.display.items()},
-    **UNITS,
-}
+def _scales() -> dict[str, Unit]:
+    """Our units, and those in which they are displayed."""
+    scales: dict[str, Unit] = {}
+    for unit in UNITS.values():
+        for name, display in unit.display.items():
+            scales[name] = scale_of(unit.exponents, unit.factor / display)
+    return scales | UNITS
+
+
+_SCALES = _scales()
 _SUFFIXES = column_units()
 
 
@@ -119,8 +135,11 @@ def between(
     if source_scale.exponents != target_scale.exponents:
         return None
     factor = source_scale.factor / target_scale.factor
-    offset = 0.0 if relative else (source_scale.offset - target_scale.offset) / target_scale.factor
-    if abs(factor - 1.0) <= (SAME if first == second else 1e-12) and abs(offset) <= SAME:
+    offset = 0.0
+    if not relative:
+        offset = (source_scale.offset - target_scale.offset) / target_scale.factor
+    rounding = SAME if first == second else 1e-12
+    if abs(factor - 1.0) <= rounding and abs(offset) <= SAME:
         return 1.0, 0.0
     return factor, offset
 
@@ -151,7 +170,8 @@ def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tup
     Where the variable has no unit, the suffix is believed. An InputError where it is missing or says another dimension.
     """
     suffix, expected = column.rpartition("_")[2], suffix_for(unit)
-    suffix = suffix if "_" in column and suffix in _SUFFIXES else ""
+    if "_" not in column or suffix not in _SUFFIXES:
+        suffix = ""
     if unit is None or suffix == expected or (expected and column.endswith(f"_{expected}")):
         return 1.0, 0.0
     if not suffix:
@@ -161,7 +181,9 @@ def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tup
         return factor, 0.0
     variable_scale, column_scale = _SCALES.get(unit) or scales.get(unit), _SCALES[name]
     if variable_scale is None or variable_scale.exponents != column_scale.exponents or unit == "1":
-        meant = f"; '{column.removesuffix('_' + suffix)}_{expected}' would be right" if expected else ""
+        meant = ""
+        if expected:
+            meant = f"; '{column.removesuffix('_' + suffix)}_{expected}' would be right"
         raise InputError(f"column '{column}' ends in _{suffix}, but the variable is in {unit}{meant}")
     return factor * variable_scale.factor / column_scale.factor, factor * (
         variable_scale.offset - column_scale.offset
@@ -244,29 +266,38 @@ class Interface:
         fit = [v.name for v in self.variables.values() if causalities is None or v.causality in causalities]
         names = [n for n in self.arrays if self.arrays[n][0].name in fit]
         names += [n for n in fit if "[" not in n or n.partition("[")[0] not in self.arrays]
-        close, nearest_of_all = nearest(name, names), nearest(name, [*self.arrays, *self.variables])
-        meant = nearest_of_all if nearest_of_all.startswith("did you") and not close.startswith("did you") else close
+        meant, nearest_of_all = nearest(name, names), nearest(name, list(self.arrays) + list(self.variables))
+        if nearest_of_all.startswith("did you") and not meant.startswith("did you"):
+            meant = nearest_of_all
         raise InputError(f"'{self.name}' has no variable '{name}'; {meant}")
 
 
 def _start(kind: str, text: object) -> Value | None:
-    if text is None or kind in ("String", "Binary", "Clock"):
-        return None if text is None else str(text)
+    if text is None:
+        return None
+    if kind in ("String", "Binary", "Clock"):
+        return str(text)
     if kind == "Boolean":
         return str(text).lower() in ("true", "1")
-    return float(str(text)) if kind == "Real" else int(str(text))
+    if kind == "Real":
+        return float(str(text))
+    return int(str(text))
 
 
 def _starts(kind: str, entry: ModelVariable, size: int, *, resized: bool) -> Sequence[Value | None]:
     """Start values of all elements; one value stands for all. An array of another size than described has none."""
     if not size or kind not in ("Real", "Integer", "Enumeration", "Boolean"):
         return [_start(kind, entry.start)] * max(size, 1)
-    starts = [_start(kind, text) for text in str(entry.start).split()] if entry.start is not None else [None]
+    if entry.start is None:
+        return [None] * size
+    starts = [_start(kind, text) for text in str(entry.start).split()]
     if resized and len(starts) != 1:
         return [None] * size
     if len(starts) not in (1, size):
         raise ValueError(f"{len(starts)} start values for {size} elements")
-    return starts * size if len(starts) == 1 else starts
+    if len(starts) == 1:
+        return starts * size
+    return starts
 
 
 def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) -> list[Variable]:
@@ -325,7 +356,7 @@ def interface_of(
     `lengths` are the values of structural parameters that are not as described. An InputError for two variables of one
     name, or a number in the description that is none.
     """
-    version = 3 if str(description.fmiVersion).startswith("3") else 2
+    version = fmi_version(description)
     variables: dict[str, Variable] = {}
     for entry in description.modelVariables:
         try:
@@ -404,17 +435,19 @@ def checked(value: Value, variable: Variable) -> Value:
             raise InputError(f"{variable.name} = {value} is outside its limits {span}")
         if variable.items and value not in dict(variable.items):
             choices = [f"{number} ({item})" for number, item in variable.items]
-            text = choices if len(choices) <= MANY_ITEMS else [*choices[:2], "...", choices[-1]]
-            raise InputError(f"{variable.name} = {value} is none of its values: {', '.join(text)}")
+            if len(choices) > MANY_ITEMS:
+                choices[2:-1] = ["..."]
+            raise InputError(f"{variable.name} = {value} is none of its values: {', '.join(choices)}")
     return value
 
 
 def spread(value: Value | list[Value], variables: tuple[Variable, ...], name: str) -> list[tuple[Variable, Value]]:
     """One checked value for each variable of a scalar or an array; an InputError where the lengths differ."""
-    values = value if isinstance(value, list) else [value]
-    if isinstance(value, list) and len(variables) == 1 and len(values) != 1:
-        raise InputError(f"{name} is a scalar; {len(values)} values are given")
+    values, count = [value], "one value is given"
+    if isinstance(value, list):
+        values, count = value, f"{len(value)} are given"
+        if len(variables) == 1 and len(values) != 1:
+            raise InputError(f"{name} is a scalar; {len(values)} values are given")
     if len(values) != len(variables):
-        count = f"{len(values)} are given" if isinstance(value, list) else "one value is given"
         raise InputError(f"{name} has {len(variables)} elements; {count}")
     return [(variable, checked(item, variable)) for variable, item in zip(variables, values, strict=True)]

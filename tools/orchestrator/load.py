@@ -74,7 +74,9 @@ class Loaded:
 
     def start_value(self, variable: Variable) -> Value | None:
         """What a variable starts with: the scenario's value, else the start value of its model description."""
-        return self.values[variable.name][1] if variable.name in self.values else variable.start
+        if variable.name in self.values:
+            return self.values[variable.name][1]
+        return variable.start
 
 
 def interfaces_of(loaded: Mapping[str, Loaded]) -> dict[str, Interface]:
@@ -182,11 +184,14 @@ def _structural(
     interface: Interface, parameters: Mapping[str, Any]
 ) -> tuple[dict[str, tuple[Variable, Value]], dict[str, Any]]:
     """The structural parameters among a setting's, which say how long arrays are, and the others."""
+    structural: dict[str, tuple[Variable, Value]] = {}
     settable = [n for n in parameters if n in interface.variables]
     names = [n for n in settable if interface.variables[n].causality == "structuralParameter"]
     with said_of(f"fmus.{interface.name}.parameters"):
-        pairs = [pair for n in names for pair in spread(parameters[n], (interface.variables[n],), n)]
-    return {v.name: (v, x) for v, x in pairs}, {n: x for n, x in parameters.items() if n not in names}
+        for name in names:
+            for variable, value in spread(parameters[name], (interface.variables[name],), name):
+                structural[variable.name] = (variable, value)
+    return structural, {name: value for name, value in parameters.items() if name not in names}
 
 
 def alone(path: Path, options: Asked) -> Scenario:
@@ -200,8 +205,13 @@ def alone(path: Path, options: Asked) -> Scenario:
     inside = getattr(simulation, "fixedInternalStepSize", None)
     with said_of(f"{path}: modelDescription.xml, DefaultExperiment"):
         times = [_number(getattr(default, key, None), key) for key in ("startTime", "stopTime", "stepSize")]
-        start = options.start if options.start is not None else times[0] or 0.0
-        stop = options.stop if options.stop is not None else start + 1.0 if times[1] is None else times[1]
+        start, stop = times[0] or 0.0, times[1]
+        if options.start is not None:
+            start = options.start
+        if stop is None:
+            stop = start + 1.0
+        if options.stop is not None:
+            stop = options.stop
         step = options.step or times[2] or _number(inside, "fixedInternalStepSize")
     if not stop > start:
         raise InputError(f"{path}: the stop time of {stop!r} s must be after the start time of {start!r} s")
@@ -217,11 +227,13 @@ def alone(path: Path, options: Asked) -> Scenario:
 
 
 def _number(text: object, key: str) -> float | None:
+    if text is None:
+        return None
     try:
-        value = None if text is None else float(str(text))
+        value = float(str(text))
     except ValueError as error:
         raise InputError(f"{key} {text!r} is not a number") from error
-    if value is not None and not math.isfinite(value):
+    if not math.isfinite(value):
         raise InputError(f"{key} {text!r} is not a finite number")
     return value
 
@@ -276,10 +288,12 @@ def _check_names(entry: Mapping[str, Any], extending: "Mapping[str, Effect]") ->
     places = list(dict.fromkeys(place.where for place in extending[name].places))
     if where not in places:
         raise InputError(f"effect '{name}' has no place {where!r}; {nearest(str(where), places)}")
-    parameters = {p.name: None for place in extending[name].places for p in extending[name].at(place).parameters}
+    keys = ["order", "axes"]
+    for place in reversed(extending[name].places):
+        keys[:0] = [p.name for p in extending[name].at(place).parameters]
     for key in entry:
-        if key not in ("effect", "where", "order", "axes", *parameters):
-            close = nearest(str(key), [*parameters, "order", "axes"])
+        if key not in ("effect", "where") and key not in keys:
+            close = nearest(str(key), list(dict.fromkeys(keys)))
             raise InputError(f"effect '{name}' has no parameter '{key}'; {close}")
 
 
@@ -344,7 +358,10 @@ def _check_settable(interface: Interface, variable: Variable) -> None:
     constant = variable.variability == "constant"
     if variable.causality in SETTABLE and not constant:
         return
-    what = "a constant" if constant else f"{variable.causality}, not a parameter or an input"
+    what = f"{variable.causality}, not a parameter or an input"
+    if constant:
+        what = "a constant"
     close = nearest(variable.name, [v.name for v in interface.variables.values() if v.causality in SETTABLE])
-    meant = f"; {close}" if close.startswith("did you") else ""
-    raise InputError(f"{variable.name} of '{interface.name}' is {what}{meant}")
+    if close.startswith("did you"):
+        what += f"; {close}"
+    raise InputError(f"{variable.name} of '{interface.name}' is {what}")

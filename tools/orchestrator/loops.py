@@ -25,7 +25,7 @@ from . import operations as op
 from .fmu import DISCARD, Slave, Slave3
 from .load import Loaded
 from .operations import compiled_march, plain_march
-from .program import Ports, Program, step_program
+from .program import Ports, Program, order_of, step_program
 from .recorded import Blocks, Column, Keep
 from .scenario import Scenario
 from .stimuli import Grid
@@ -52,7 +52,7 @@ class Assembly:
     @property
     def order(self) -> list[str]:
         """The FMUs in the order in which they step."""
-        return [name for group in self.groups for name in group.members]
+        return order_of(self.groups)
 
 
 def run_fmus(
@@ -159,8 +159,11 @@ class _Loop:
         if blocks is not None:
             self.state[op.EVERY], records = blocks.every, blocks.records
         self.state[op.RECORDS] = len(records)
-        self._tables = [*program.tables(), records.ravel()]
+        rows, numbers = program.tables()
+        self._tables = [rows, numbers, records.ravel()]
         self._lists = [table.tolist() for table in self._tables]
+        self._addresses = [table.ctypes.data for table in self._tables]
+        self._addresses += [self.state.ctypes.data, self.clock.ctypes.data]
         self._compiled = None
         if compiled and blocks is not None and not blocks.has_text:
             # Where nothing can be compiled plain Python does the same.
@@ -177,7 +180,7 @@ class _Loop:
         self.state[op.LAST_STEP] = last
         self.state[op.ROW] = self.blocks.row if self.blocks else 0
         if self._compiled is not None:
-            return self._compiled(*(table.ctypes.data for table in (*self._tables, self.state, self.clock)))
+            return self._compiled(*self._addresses)
         state, clock, every, status = self.state.tolist(), self.clock.tolist(), int(self.state[op.EVERY]), 0
         # What Python keeps itself, a string, it keeps after each step that is recorded.
         while state[op.STEP] < last and not status:

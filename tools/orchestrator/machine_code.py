@@ -18,8 +18,16 @@ from ..compiled import compile_callee
 _intrinsic: Any = intrinsic
 _BYTE, _WORD = ir.IntType(8), ir.IntType(64)
 _KINDS = (
-    *(types.float64, types.float32, types.int8, types.uint8, types.int16),
-    *(types.uint16, types.int32, types.uint32, types.int64, types.uint64),
+    types.float64,
+    types.float32,
+    types.int8,
+    types.uint8,
+    types.int16,
+    types.uint16,
+    types.int32,
+    types.uint32,
+    types.int64,
+    types.uint64,
 )
 """By the codes of the orchestrator's `ValueType`."""
 _REALS = 2

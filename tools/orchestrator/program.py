@@ -92,10 +92,13 @@ class Ports:
         changing = [w.input for w in wires if w.target == interface.name]
         constant: list[Variable] = []
         for drive in drives:
-            (constant if drive.begins is None else changing).extend(drive.variables)
+            if drive.begins is None:
+                constant += drive.variables
+            else:
+                changing += drive.variables
         feeding = [w.output for w in wires if w.source == interface.name]
         self._add_inputs(_whole(interface, changing), _whole(interface, changing + constant), start_value)
-        self._add_outputs(interface, _whole(interface, recorded), _whole(interface, [*recorded, *feeding]))
+        self._add_outputs(interface, _whole(interface, recorded), _whole(interface, list(recorded) + feeding))
         for drive in drives:
             self._feed(drive)
 
@@ -412,12 +415,20 @@ class Program:
             self._add(Place(fmu, variable=variable), op.COMPARE, *words, number=run.allowed_change)
 
 
+def order_of(groups: Iterable[Group]) -> list[str]:
+    """The FMUs in the order in which they step."""
+    names: list[str] = []
+    for group in groups:
+        names += group.members
+    return names
+
+
 def step_program(
     groups: Sequence[Group], run: RunSetting, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
 ) -> Program:
     """The operations of one step of all FMUs, in the order of the groups."""
     program = Program(slaves, ports)
-    order = [name for group in groups for name in group.members]
+    order = order_of(groups)
     for group in groups:
         if group.cyclic and run.coupling != "iterate":
             for name in group.members:

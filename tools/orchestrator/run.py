@@ -110,7 +110,9 @@ class Simulation(Result):
             return self.held.lazy()
         waiting = self.files[0] if self.beside is None else self.beside / self.files[0].name
         path = waiting if waiting.exists() else self.files[0]
-        return (pl.scan_csv if path.suffix == ".csv" else pl.scan_parquet)(path)
+        if path.suffix == ".csv":
+            return pl.scan_csv(path)
+        return pl.scan_parquet(path)
 
     @property
     def positions(self) -> PositionRecord | None:
@@ -206,8 +208,9 @@ class PreparedScenario:
 
 def default_folder(scenario: Scenario) -> Path:
     """Where a run is written when nothing else is asked for: `<scenario>-run` in the current folder."""
-    stem = scenario.source.stem if scenario.source is not None else "scenario"
-    return Path(f"{stem}-run")
+    if scenario.source is None:
+        return Path("scenario-run")
+    return Path(f"{scenario.source.stem}-run")
 
 
 def simulate(
@@ -293,13 +296,18 @@ def _recorded(
     try:
         with progress_bar("simulating", grid.steps, show=progress) as update_bar:
             ended = run_fmus(assembly, keep, progress=update_bar, flush=lambda: journal.due, compiled=compiled)
-        so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended} if ended else {}
+        so_far: dict[str, Any] = {}
+        if ended:
+            so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended}
+        columns = ["time_s"]
+        columns += [column.name for column in assembly.columns]
+        columns += [mark.meta.output_name() for mark in marks]
         with journal.finished(form, so_far) as (table, files, folder):
             run = Simulation(
                 title=scenario.title,
                 rows=reached // every + 1,
-                columns=["time_s", *(c.name for c in assembly.columns), *(mark.meta.output_name() for mark in marks)],
-                final_time_s=grid.time(reached) if ended else journal.provenance["final_time_s"],
+                columns=columns,
+                final_time_s=so_far.get("final_time_s", journal.provenance["final_time_s"]),
                 ended=ended,
                 files=files,
                 scenario=scenario,
@@ -364,10 +372,15 @@ def _averages(run: Simulation) -> PositionRecord:
     """The averaged rests of a run, whose file stands beside its place where it has one."""
     if run.rows > MOST_ROWS:
         raise InputError(f"{run.rows} rows are too many to average here; raise record.every")
-    raw = read_record(run.table) if run.beside is None else read_written(run.beside / run.files[0].name)
+    if run.beside is None:
+        raw = read_record(run.table)
+    else:
+        raw = read_written(run.beside / run.files[0].name)
     if not isinstance(raw, RawRecord):
         raise InputError("the run is not a raw record of a table")
-    return position_record_of(raw if run.beside is None else replace(raw, path=run.files[0]))
+    if run.beside is not None:
+        raw = replace(raw, path=run.files[0])
+    return position_record_of(raw)
 
 
 class Journal:
@@ -483,10 +496,13 @@ class Journal:
     def _write(self, path: Path) -> pl.DataFrame | None:
         parts = [self.folder / f"{n:08d}.parquet" for n in range(self._parts)]
         if self._bytes <= WHOLE_BYTES:
-            table = pl.concat([*(pl.read_parquet(part) for part in parts), *self._tables], rechunk=True)
-            table.write_csv(path) if path.suffix == ".csv" else table.write_parquet(path)
+            table = pl.concat([pl.read_parquet(part) for part in parts] + self._tables, rechunk=True)
+            if path.suffix == ".csv":
+                table.write_csv(path)
+            else:
+                table.write_parquet(path)
             return table
-        rows = pl.concat([*(pl.scan_parquet(part) for part in parts), *(t.lazy() for t in self._tables)])
+        rows = pl.concat([pl.scan_parquet(part) for part in parts] + [table.lazy() for table in self._tables])
         if path.suffix == ".csv":
             rows.sink_csv(path, maintain_order=True)
         else:

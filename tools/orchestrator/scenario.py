@@ -92,8 +92,9 @@ class RunSetting(Section):
 
     @model_validator(mode="after")
     def _fits(self) -> "RunSetting":
-        for name in self.given("tolerance", "iterations") if self.coupling != "iterate" else ():
-            raise ValueError(f'{name} goes with coupling = "iterate"')
+        settings = self.given("tolerance", "iterations")
+        if settings and self.coupling != "iterate":
+            raise ValueError(f'{settings[0]} goes with coupling = "iterate"')
         if self.stop_s is not None and self.stop_s <= self.start_s:
             raise ValueError(f"stop_s = {self.stop_s!r} must be after start_s = {self.start_s!r}")
         return self
@@ -194,7 +195,9 @@ class Stimulus(Section):
     @model_validator(mode="before")
     @classmethod
     def _nothing_is_absent(cls, fields: Any) -> Any:
-        return {k: v for k, v in fields.items() if v is not None} if isinstance(fields, dict) else fields
+        if not isinstance(fields, dict):
+            return fields
+        return {key: value for key, value in fields.items() if value is not None}
 
     @model_validator(mode="after")
     def _one_kind(self) -> "Stimulus":
@@ -207,7 +210,9 @@ class Stimulus(Section):
         if sources != ["csv"] and sources != ["table"] and self.columns is not None:
             raise ValueError(f"columns goes with csv, not with {sources[0]}")
         if (self.to is None) == (self.columns is None):
-            raise ValueError('give to = "fmu.variable"' if self.to is None else "give to or columns, not both of them")
+            if self.to is None:
+                raise ValueError('give to = "fmu.variable"')
+            raise ValueError("give to or columns, not both of them")
         if self.stamp is not None and self.kind != "rows":
             raise ValueError("stamp goes with csv only")
         if self.dwell_s is not None and self.kind != "programme":
@@ -266,9 +271,11 @@ class Scenario(Section):
     def stride(self, name: str) -> int:
         """With every so manyth step of the run an FMU steps; an InputError where its step is no whole multiple."""
         step, base = self.fmus[name].step_s, self.run.step_s
-        ratio = 1.0 if step is None else step / base
-        stride = round(ratio) if ratio < MOST_STEPS else 0
-        if stride < 1 or abs(ratio - stride) > 1e-9 * stride:
+        if step is None:
+            return 1
+        ratio = step / base
+        stride = round(min(ratio, MOST_STEPS))
+        if not 1 <= stride < MOST_STEPS or abs(ratio - stride) > 1e-9 * stride:
             raise InputError(f"fmus.{name}.step_s = {step!r} is no whole multiple of run.step_s = {base!r}")
         return stride
 
@@ -312,7 +319,9 @@ def _toml_lines(table: Mapping[str, Any], name: str) -> Iterator[str]:
 
     def said(key: str) -> str:
         # JSON's texts, numbers, truth values and flat lists are TOML's.
-        return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
+        if re.fullmatch(r"[A-Za-z0-9_-]+", key):
+            return key
+        return json.dumps(key, ensure_ascii=False)
 
     for key, value in filled.items():
         if not is_table(value):

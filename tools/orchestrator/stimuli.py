@@ -300,7 +300,7 @@ def _rows_that_end(table: NumberTable, grid: Grid, *, increments: bool) -> tuple
             f"{table.row(len(ticks) - 1)}: ends at {times[-1]:.9g} s, "
             f"before the run's end {grid.time(grid.steps):.9g} s"
         )
-    width = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
+    width = np.append(np.diff(ticks[:2]), 1.0)[0]
     # Row i holds over the steps that end after the row before and not after it.
     rows, begins = _held(np.concatenate([[-math.inf], np.floor(ticks[:-1])]), grid)
     if rows[0] == 0 and ticks[0] - width > ROW_TOLERANCE:
@@ -329,8 +329,8 @@ def _check_column(table: NumberTable, column: str, variable: Variable, values: n
     """Refuse a value that the variable's type or limits do not take."""
     suspects = np.arange(len(values))
     if variable.kind == "Real":
-        low = -math.inf if variable.minimum is None else variable.minimum
-        high = math.inf if variable.maximum is None else variable.maximum
+        # A bound that is missing is NaN, which no value is beyond.
+        low, high = np.array([variable.minimum, variable.maximum], dtype=float)
         suspects = np.flatnonzero((values < low) | (values > high))
     for index in suspects.tolist():
         value: Value = float(values[index])
@@ -460,7 +460,8 @@ def check_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]], lo
     """
     source_of: dict[tuple[str, str], str] = {}
     sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]
-    sources += [(drive.fmu, variable, name) for name, drive in drives for variable in drive.variables]
+    for name, drive in drives:
+        sources += [(drive.fmu, variable, name) for variable in drive.variables]
     for fmu, variable, source in sources:
         before = source_of.setdefault((fmu, variable.name), source)
         if before is not source:

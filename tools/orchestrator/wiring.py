@@ -58,7 +58,7 @@ class Group:
     around: tuple[tuple[str, Variable], ...] = ()
 
     def __str__(self) -> str:
-        return " -> ".join([*self.members, self.members[0]])
+        return " -> ".join(self.members + self.members[:1])
 
 
 def resolve_connections(connections: Sequence[Connection], interfaces: Mapping[str, Interface]) -> list[Wire]:
@@ -90,8 +90,10 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
             (low, high), (least, most) = output.value_type.whole_span, input_.value_type.whole_span
             if low < least or high > most:
                 raise InputError(f"{ends}: {input_.access} does not take every {output.access}")
-        scaled = conversion if output.kind == "Real" else (1.0, 0.0)
-        yield Wire(source.name, output, target.name, input_, *scaled, connection.between)
+        factor, offset = conversion
+        if output.kind != "Real":
+            factor, offset = 1.0, 0.0
+        yield Wire(source.name, output, target.name, input_, factor, offset, connection.between)
 
 
 def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[Group]:
@@ -110,9 +112,10 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
         for name in names:
             if through in following[name]:
                 following[name] |= following[through]
-    member_of = {n: tuple(m for m in names if m == n or (m in following[n] and n in following[m])) for n in names}
-    if coupling == "delayed":
-        member_of = dict.fromkeys(names, tuple(names))
+    member_of: dict[str, tuple[str, ...]] = {}
+    for name in names:
+        together = [m for m in names if m == name or (m in following[name] and name in following[m])]
+        member_of[name] = tuple(names if coupling == "delayed" else together)
     sorter: TopologicalSorter[tuple[str, ...]] = TopologicalSorter(dict.fromkeys(member_of.values(), ()))
     for wire in wires:
         if member_of[wire.source] != member_of[wire.target]:
@@ -136,13 +139,16 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
 
 def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling: str | None) -> None:
     """Refuse to iterate over an FMU whose state cannot be set back."""
-    for name in (name for group in groups if group.cyclic and coupling == "iterate" for name in group.members):
-        fmu = loaded[name].fmu
-        if not fmu.says("canGetAndSetFMUstate", "canGetAndSetFMUState"):
-            raise InputError(
-                f"run.coupling = \"iterate\": '{name}' ({fmu.label}) cannot get and set its state; "
-                'coupling = "jacobi" needs no state'
-            )
+    if coupling != "iterate":
+        return
+    for group in groups:
+        for name in group.members if group.cyclic else ():
+            fmu = loaded[name].fmu
+            if not fmu.says("canGetAndSetFMUstate", "canGetAndSetFMUState"):
+                raise InputError(
+                    f"run.coupling = \"iterate\": '{name}' ({fmu.label}) cannot get and set its state; "
+                    'coupling = "jacobi" needs no state'
+                )
 
 
 def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
@@ -154,7 +160,7 @@ def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
     except CycleError as error:
         cycle = error.args[1][:-1]
         first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
-        cycle_text = " -> ".join([*cycle[first:], *cycle[:first], cycle[first]])
+        cycle_text = str(Group(tuple(cycle[first:] + cycle[:first])))
         ways = 'run.coupling = "jacobi", "iterate" or "delayed" (of an .ssp: --coupling)'
         say = f"take one out, or say how it is taken: {ways}"
         raise InputError(f"connections form a cycle: {cycle_text}; {say}") from error
@@ -171,12 +177,16 @@ def paces_of(
     strides = {name: scenario.stride(name) for name in loaded}
     for wire in wires:
         _check_between(wire, strides[wire.source], strides[wire.target])
-    for group in groups if scenario.run.coupling == "iterate" else ():
-        if len({strides[name] for name in group.members}) > 1:
+    iterated = scenario.run.coupling == "iterate"
+    for group in groups:
+        if iterated and len({strides[name] for name in group.members}) > 1:
             raise InputError(f"the cycle {group} is iterated, so its FMUs step together; give them one step_s")
     # Within a cycle whose connections are delayed nobody waits for anybody.
-    late = [group.members for group in groups if group.cyclic and scenario.run.coupling != "iterate"]
-    prompt = [w for w in wires if not any(w.source in members and w.target in members for members in late)]
+    prompt = []
+    for wire in wires:
+        (group,) = [group for group in groups if wire.target in group.members]
+        if wire.source not in group.members or iterated:
+            prompt.append(wire)
     ahead = {w.source for w in wires if w.between == "interpolate" and strides[w.source] > strides[w.target]}
     while earlier := {w.source for w in prompt if w.target in ahead and strides[w.source] == strides[w.target]} - ahead:
         ahead |= earlier
@@ -197,10 +207,11 @@ def _check_between(wire: Wire, source: int, target: int) -> None:
     if source == target:
         return
     ends = f"'{wire.source}.{wire.output.name}' -> '{wire.target}.{wire.input.name}'"
-    ways = ("hold", "interpolate") if source > target else ("hold", "sum")
+    ways, slower = ("hold", "sum"), wire.target
+    if source > target:
+        ways, slower = ("hold", "interpolate"), wire.source
     choices = " or ".join(f'"{way}"' for way in ways)
     if wire.between not in ways:
-        slower = wire.source if source > target else wire.target
         raise InputError(f"{ends}: '{slower}' steps less often; say between = {choices}")
     if wire.between != "hold" and wire.output.kind != "Real":
         raise InputError(f'{ends}: between = "{wire.between}" is for numbers of kind Real, not {wire.output.kind}')
