@@ -67,7 +67,7 @@ def version(package: str = "trihedron") -> str:
 def start_text(variable: Variable, value: float) -> str:
     """A start value as its type writes it."""
     if variable.type == "boolean":
-        return "true" if value else "false"
+        return str(bool(value)).lower()
     return number(value) if variable.type == "real" else str(int(value))
 
 
@@ -115,7 +115,7 @@ def add_types(root: Element, component: Component, fmi: int) -> None:
 def initially_known(component: Component) -> set[str]:
     """Names of the parameters and inputs on which the outputs depend when the initialisation ends."""
     of_effects = {v.name for v in component.variables[len(component.own) :]}
-    arguments = {name for kernel in ("initialise", "respond") for name in component.arguments.get(kernel, ())}
+    arguments = {*component.arguments["initialise"], *component.arguments.get("respond", ())}
     return {
         v.name
         for v in component.interface
@@ -182,7 +182,10 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
     for name, can in component.capabilities(native=bool(sources)).items():
         spelt[FMI2_CAPABILITIES.get(name, name) if fmi == 2 else name] = str(can).lower()
     about = {"modelIdentifier": component.name, "needsExecutionTool": "false"}
-    for kind in ["ModelExchange", "CoSimulation"] if component.exchange and sources else ["CoSimulation"]:
+    kinds = ["CoSimulation"]
+    if component.exchange and sources:
+        kinds.insert(0, "ModelExchange")
+    for kind in kinds:
         # What is said of steps is said of co-simulation alone.
         extra = {
             k: v for k, v in spelt.items() if kind == "CoSimulation" or k != "canHandleVariableCommunicationStepSize"
@@ -264,7 +267,10 @@ def _add_structure(root: Element, component: Component, fmi: int, references: Ma
         key, shift, tags = "valueReference", 0, ("Output", "InitialUnknown")
 
     def numbers(names: Iterable[str]) -> list[str]:
-        return [str(i + shift) for name in names for i in references[name]]
+        shifted: list[str] = []
+        for name in names:
+            shifted += [str(reference + shift) for reference in references[name]]
+        return shifted
 
     initial = initially_known(component)
     at_start = " ".join(numbers(v.name for v in component.interface if v.name in initial))
@@ -323,7 +329,9 @@ STYLE = (
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.10g}"
+    if value is None:
+        return ""
+    return f"{value:.10g}"
 
 
 def _start(variable: Variable) -> str:

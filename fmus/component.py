@@ -68,12 +68,16 @@ class Variable:
     @property
     def elements(self) -> tuple[str, ...]:
         """Names of the scalars: the name itself, or name[1], name[2], ..."""
-        return tuple(f"{self.name}[{i + 1}]" for i in range(self.size)) if self.size else (self.name,)
+        if not self.size:
+            return (self.name,)
+        return tuple(f"{self.name}[{i + 1}]" for i in range(self.size))
 
     @property
     def limits(self) -> tuple[float | None, float | None]:
         """The least and the largest value that it takes; the items of an enumeration count from 1."""
-        return (1.0, float(len(self.items))) if self.items else self.within
+        if self.items:
+            return 1.0, float(len(self.items))
+        return self.within
 
 
 input_ = partial(Variable, causality="input")
@@ -170,7 +174,9 @@ class Component:
         kernels: dict[str, Callable[..., float | None]] = dict(
             zip(("initialise", "step", "respond"), self.model, strict=False)
         )
-        return kernels if self.next_event is None else kernels | {"next_event": self.next_event}
+        if self.next_event is not None:
+            kernels["next_event"] = self.next_event
+        return kernels
 
     @property
     def interface(self) -> tuple[Variable, ...]:
@@ -191,7 +197,10 @@ class Component:
     def parameter_starts(self) -> dict[str, float | list[float]]:
         """Start values of the parameters, by variable."""
         parameters = [v for v in self.interface if v.causality == "parameter"]
-        return {v.name: list(v.starts) if v.size else v.starts[0] for v in parameters}
+        starts: dict[str, float | list[float]] = {}
+        for variable in parameters:
+            starts[variable.name] = list(variable.starts) if variable.size else variable.starts[0]
+        return starts
 
     @cached_property
     def arguments(self) -> dict[str, tuple[str, ...]]:
@@ -201,11 +210,12 @@ class Component:
 
 def effect_variables(effects: Sequence[EffectPlace]) -> tuple[Variable, ...]:
     """The parameters that effects append to a component's table."""
-    return tuple(
-        tunable(parameter_name(place, parameter.name), f"{place.title}: {parameter.description}", unit=parameter.unit)
-        for place in effects
-        for parameter in place.definition.parameters
-    )
+    variables: list[Variable] = []
+    for place in effects:
+        for parameter in place.definition.parameters:
+            description = f"{place.title}: {parameter.description}"
+            variables.append(tunable(parameter_name(place, parameter.name), description, unit=parameter.unit))
+    return tuple(variables)
 
 
 READ_AT = {
@@ -221,8 +231,10 @@ def inputs_read(component: Component, effects: Sequence[EffectPlace]) -> dict[st
     """Inputs of a component, besides what it reads itself at each step, with an effect that reads each."""
     places_of_inputs = {}
     for place in effects:
-        kernels = [k for k in (place.definition.kernel, place.definition.memory) if k is not None]
-        names = {name for kernel in kernels for name in kernel.__code__.co_names}
+        names: set[str] = set()
+        for kernel in (place.definition.kernel, place.definition.memory):
+            if kernel is not None:
+                names.update(kernel.__code__.co_names)
         for variable in component.interface:
             if variable.causality == "input" and names.intersection(READ_AT.get(variable.name, ())):
                 places_of_inputs.setdefault(variable.name, place)

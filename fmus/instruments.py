@@ -100,7 +100,12 @@ CALIBRATED = (
     "gravity",
     "scale_error_plus",
     "scale_error_minus",
-    *("gamma_21", "gamma_31", "gamma_12", "gamma_32", "gamma_13", "gamma_23"),
+    "gamma_21",
+    "gamma_31",
+    "gamma_12",
+    "gamma_32",
+    "gamma_13",
+    "gamma_23",
     "bias",
 )
 """Parameters of the block that its inverse has too, under the same names: one parameter set fits both."""

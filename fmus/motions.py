@@ -229,7 +229,9 @@ def timed_rows(
     unit, kind : str
         of all columns
     """
-    values = tuple(float(x) for row in rows for x in row)
+    values: list[float] = []
+    for row in rows:
+        values += map(float, row)
     size = (float(len(rows)), float(len(rows[0])))
     return Component(
         name=TIMED_ROWS,
@@ -242,7 +244,7 @@ def timed_rows(
             output("value", "the row that holds", len(rows[0]), unit, variability="discrete", type=kind),
             state("size", "rows and columns", 2, start=size),
             state("begins", "periods after the start from which each row holds", len(rows), start=tuple(begins)),
-            state("table", "the rows", len(values), start=values),
+            state("table", "the rows", len(values), start=tuple(values)),
             state("start", "time of the start", 1),
             state("last_step", "length of the last step", 1),
             state("row", "row that holds, from 0", 1),
@@ -282,7 +284,7 @@ TABLE_CONTROLLER = Component(
 
 def _harmonics(name: str, letter: str, amplitude: float, frequency: float) -> tuple[Variable, ...]:
     """Parameters of one angle; its first harmonic is given, the others are zero."""
-    rest = (0.0,) * (HARMONICS - 1)
+    zeros = (0.0,) * (HARMONICS - 1)
     return (
         fixed(
             f"{name}_amplitude",
@@ -290,10 +292,10 @@ def _harmonics(name: str, letter: str, amplitude: float, frequency: float) -> tu
             HARMONICS,
             "rad",
             "deg",
-            start=(amplitude, *rest),
+            start=(amplitude, *zeros),
         ),
         fixed(
-            f"{name}_frequency", f"frequencies of the harmonics of {letter}", HARMONICS, "Hz", start=(frequency, *rest)
+            f"{name}_frequency", f"frequencies of the harmonics of {letter}", HARMONICS, "Hz", start=(frequency, *zeros)
         ),
         fixed(f"{name}_phase", f"phases of the harmonics of {letter} at time 0", HARMONICS, "rad", "deg"),
     )

@@ -172,10 +172,10 @@ def elements_of(values: Parameters) -> dict[str, float]:
     """Values of scalars by their names, `gamma_21` or `bias[1]`."""
     elements: dict[str, float] = {}
     for name, value in values.items():
-        scalars = (
-            {name: value} if isinstance(value, int | float) else {f"{name}[{i}]": v for i, v in enumerate(value, 1)}
-        )
-        elements |= scalars
+        if isinstance(value, int | float):
+            elements[name] = value
+        else:
+            elements |= {f"{name}[{i}]": scalar for i, scalar in enumerate(value, 1)}
     return elements
 
 
@@ -283,10 +283,12 @@ def _gyros(content: Mapping[str, Any], gravity: float) -> dict[str, Parameters]:
     except (KeyError, TypeError) as error:
         raise ValueError("the calibration's gyros are not as its schema says") from error
     symbols_of = {"scale_misalignment": GYRO_PARAMETERS[MATRIX], "bias": GYRO_PARAMETERS[BIAS]}
-    if any(estimates[symbol] is None for symbols in symbols_of.values() for symbol in symbols):
-        return {}
     parameters: Parameters = {"gravity": gravity}
-    parameters |= {name: [checked_number(estimates[s], s) for s in symbols] for name, symbols in symbols_of.items()}
+    for symbols in symbols_of.values():
+        if any(estimates[symbol] is None for symbol in symbols):
+            return {}
+    for name, symbols in symbols_of.items():
+        parameters[name] = [checked_number(estimates[symbol], symbol) for symbol in symbols]
     return {"GyroBlock": parameters, "GyroCompensation": dict(parameters)}
 
 
@@ -295,14 +297,16 @@ def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str, *, a
 
     Where they are given.
     """
-    keys = ("low", "high", "guaranteed_error") if a_priori else ("low", "high")
-    ends = [entry.get(key) for key in keys]
-    if any(end is None for end in ends):
+    keys, room, error = ["low", "high"], 0.0, ""
+    if a_priori:
+        keys.append("guaranteed_error")
+    if any(entry.get(key) is None for key in keys):
         return
-    low, high, *limits = (checked_number(end, f"{symbol}: {key}") for end, key in zip(ends, keys, strict=True))
-    room = sum(limits) + 1e-9 if a_priori else 0.0
+    ends = [checked_number(entry[key], f"{symbol}: {key}") for key in keys]
+    low, high = ends[:2]
+    if a_priori:
+        room, error = ends[2] + 1e-9, "guaranteed error, "
     if not low <= high or estimate - room > high or estimate + room < low:
-        error = "guaranteed error, " if a_priori else ""
         raise ValueError(f"{symbol}: its estimate, {error}low and high exclude one another; was it edited?")
 
 

@@ -32,6 +32,10 @@ def swing(variable: Variable, element: int, step: int) -> float:
     return start + SWINGS.get(variable.unit, 0.1) * math.sin(0.05 * (element + 1) * step + element)
 
 
+Column = tuple[str, Variable, tuple[str, ...]]
+"""Head of a column of a table, its variable, and those of the variable's elements that stand in it."""
+
+
 @cache
 def reference_texts(component: Component, fmi: int) -> dict[str, str]:
     """The files by the endings of their names: ``_in.csv`` where there are inputs, ``_ref.csv`` and ``_ref.opt``.
@@ -42,20 +46,22 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
         the component refuses its start values, or the inputs
     """
     model, numbers = instantiate(component), references(component)
-    inputs, outputs = ([v for v in component.interface if v.causality == c] for c in ("input", "output"))
-    # What stands in each column: a variable and numbers of its elements.
-    driven, output_parts = ([(v, part) for v in every for part in _parts(v, fmi)] for every in (inputs, outputs))
-    output_parts = output_parts[:MOST_OUTPUTS]
+    inputs = [v for v in component.interface if v.causality == "input"]
+    driven, shown = _columns(component, "input", fmi), _columns(component, "output", fmi)[:MOST_OUTPUTS]
 
-    def row(time: float, columns: Iterable[tuple[Variable, range]]) -> str:
-        cells = (" ".join(_cell(v, model.get(numbers[v.elements[i]])) for i in part) for v, part in columns)
-        return ",".join([repr(time), *cells])
+    def row(time: float, columns: Iterable[Column]) -> str:
+        cells = [repr(time)]
+        for _, variable, elements in columns:
+            numbers_in_cell = [_cell(variable, model.get(numbers[element])) for element in elements]
+            cells.append(" ".join(numbers_in_cell))
+        return ",".join(cells)
 
-    def heads(columns: Iterable[tuple[Variable, range]]) -> str:
-        names = (v.elements[part[0]] if fmi == 2 else v.name for v, part in columns)
-        return ",".join(f'"{name}"' for name in ("time", *names))
+    def heads(columns: Iterable[Column]) -> str:
+        names = ['"time"']
+        names += [f'"{name}"' for name, _, _ in columns]
+        return ",".join(names)
 
-    input_lines, output_lines = [heads(driven)], [heads(output_parts)]
+    input_lines, output_lines = [heads(driven)], [heads(shown)]
     for k in range(STEPS):
         for variable in inputs:
             for i, element in enumerate(variable.elements):
@@ -64,29 +70,36 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
         if k == 0:
             if model.initialise(0.0) != 0:
                 raise ValueError(f"{component.name} is not initialised with its start values")
-            output_lines.append(row(0.0, output_parts))
+            output_lines.append(row(0.0, shown))
         input_lines.append(row(time, driven))
         if model.do_step(time, component.step_size) != 0:
             raise ValueError(f"{component.name} refuses the inputs of the reference results")
-        output_lines.append(row((k + 1) * component.step_size, output_parts))
-    options = {"StartTime": 0.0, "StopTime": STEPS * component.step_size, "StepSize": component.step_size}
-    lines = {
-        "_ref.opt": [f"{name},{value!r}" for name, value in (*options.items(), ("RelTol", 1e-9))],
-        "_ref.csv": output_lines,
-    }
+        output_lines.append(row((k + 1) * component.step_size, shown))
+    stop = STEPS * component.step_size
+    options = {"StartTime": 0.0, "StopTime": stop, "StepSize": component.step_size, "RelTol": 1e-9}
+    lines = {"_ref.opt": [f"{name},{value!r}" for name, value in options.items()], "_ref.csv": output_lines}
     if driven:
         lines["_in.csv"] = input_lines
     return {ending: "\n".join(every) + "\n" for ending, every in lines.items()}
 
 
-def _parts(variable: Variable, fmi: int) -> list[range]:
-    """Elements of a variable that share a column: in FMI 3.0 all."""
-    count = len(variable.elements)
-    return [range(count)] if fmi == 3 else [range(i, i + 1) for i in range(count)]
+def _columns(component: Component, causality: str, fmi: int) -> list[Column]:
+    """The columns of a table: in FMI 3.0 one for each variable, in FMI 2.0 one for each element."""
+    columns: list[Column] = []
+    for variable in component.interface:
+        if variable.causality != causality:
+            continue
+        if fmi == 3:
+            columns.append((variable.name, variable, variable.elements))
+        else:
+            columns += [(element, variable, (element,)) for element in variable.elements]
+    return columns
 
 
 def _cell(variable: Variable, value: float) -> str:
-    return repr(float(value)) if variable.type == "real" else str(int(value))
+    if variable.type == "real":
+        return repr(float(value))
+    return str(int(value))
 
 
 def layered_reference(component: Component, fmi: int) -> dict[str, bytes]:

@@ -292,7 +292,8 @@ def hook_source(hook: Callable[..., Any], component: Component) -> str:
     function = ast.parse(source_of(hook).text).body[0]
     assert isinstance(function, ast.FunctionDef)
     returns = isinstance(function.body[-1], ast.Return)
-    function.body = function.body[:-1] if returns else function.body
+    if returns:
+        function.body.pop()
     names = [argument.arg for argument in function.args.args]
     lines = [ast.unparse(function)]
     at = 0
@@ -301,10 +302,11 @@ def hook_source(hook: Callable[..., Any], component: Component) -> str:
         count = len(effect.parameters)
         kernel = effect.kernel_at(hook.__name__)
         if kernel is not None:
-            numbers = [str(number) for number in effect.place_numbers(place)]
-            values = [f"effect[{at + i}]" for i in range(count)]
-            arguments = ", ".join([*names[:2], *numbers, *values, names[-1]])
-            lines.append(f"    {kernel.__name__}({arguments})")
+            arguments = names[:2]
+            arguments += [str(number) for number in effect.place_numbers(place)]
+            arguments += [f"effect[{at + i}]" for i in range(count)]
+            arguments += names[-1:]
+            lines.append(f"    {kernel.__name__}({', '.join(arguments)})")
         at += count
     if returns:
         lines.append("    return 1.0")
@@ -383,8 +385,11 @@ def instantiate(component: Component) -> Instance:
 @cache
 def references(component: Component) -> dict[str, int]:
     """Value reference of each scalar, by its name."""
-    names = [element for v in component.interface for element in v.elements]
-    return {name: i + 1 for i, name in enumerate(names)}
+    numbers: dict[str, int] = {}
+    for variable in component.interface:
+        for element in variable.elements:
+            numbers[element] = len(numbers) + 1
+    return numbers
 
 
 def script_source(component: Component) -> str:

@@ -23,19 +23,53 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-ELEMENTARY = (
-    *("kappa", "epsilon", "alpha_offset", "beta_offset", "alpha_star", "gravity_error"),
-    *("mounting_error_1", "mounting_error_2", "mounting_error_3"),
-    *("scale_error_plus_1", "scale_error_plus_2", "scale_error_plus_3"),
-    *("scale_error_minus_1", "scale_error_minus_2", "scale_error_minus_3"),
-    *("gamma_21", "gamma_31", "gamma_12", "gamma_32", "gamma_13", "gamma_23"),
-    *("bias_1", "bias_2", "bias_3"),
+ELEMENTARY: tuple[str, ...] = (
+    "kappa",
+    "epsilon",
+    "alpha_offset",
+    "beta_offset",
+    "alpha_star",
+    "gravity_error",
+    "mounting_error_1",
+    "mounting_error_2",
+    "mounting_error_3",
+    "scale_error_plus_1",
+    "scale_error_plus_2",
+    "scale_error_plus_3",
+    "scale_error_minus_1",
+    "scale_error_minus_2",
+    "scale_error_minus_3",
+    "gamma_21",
+    "gamma_31",
+    "gamma_12",
+    "gamma_32",
+    "gamma_13",
+    "gamma_23",
+    "bias_1",
+    "bias_2",
+    "bias_3",
 )
 """The 24 elementary parameters: κ, ε, Δα, Δβ, α* [rad], Δg/g, θ [rad], Γ⁺ and Γ⁻, the six Γ_ij, the biases [g]."""
 
-TARGETS = (
-    *("X1", "X2", "X3", "X4", "X5", "X9", "X10", "X14", "X15"),
-    *("X6+X8", "X7+X12", "X11+X13", "X8", "-X12", "X13", "X16", "X17", "X18"),
+TARGETS: tuple[str, ...] = (
+    "X1",
+    "X2",
+    "X3",
+    "X4",
+    "X5",
+    "X9",
+    "X10",
+    "X14",
+    "X15",
+    "X6+X8",
+    "X7+X12",
+    "X11+X13",
+    "X8",
+    "-X12",
+    "X13",
+    "X16",
+    "X17",
+    "X18",
 )
 """The 18 targets of case (A1) in the order of the paper, list (a) to (e): what readings can determine."""
 
@@ -287,7 +321,9 @@ def input_direction(
 def _mounted(x: NDArray, mounting: ArrayLike, further: NDArray | None) -> NDArray:
     """Block axes from those of the inner frame, (3, 3) or (N, 3, 3)."""
     turned = small_turn(x[..., 14:11:-1]) @ np.asarray(mounting)
-    return turned if further is None else small_turn(further) @ turned
+    if further is None:
+        return turned
+    return small_turn(further) @ turned
 
 
 def target_reading(

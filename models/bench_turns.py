@@ -59,7 +59,7 @@ def moments_of(time: NDArray, alpha: NDArray, beta: NDArray) -> NDArray[np.float
     """
     step, turn, swing = np.diff(time), np.diff(alpha), np.diff(beta)
     middle, shrunk = 0.5 * (beta[1:] + beta[:-1]), np.sinc(0.5 * swing / np.pi)
-    products = [a * b for a in _harmonics(alpha) for b in _harmonics(beta)]
+    products = _products(_harmonics(alpha), _harmonics(beta))
     pieces = [turn * np.cos(middle) * shrunk, turn * np.sin(middle) * shrunk, turn, swing]
     pieces += [0.5 * (values[1:] + values[:-1]) * step for values in products]
     sums = np.zeros((len(time), len(MOMENTS)))
@@ -75,9 +75,18 @@ def growth_of(angles: NDArray, rates: NDArray, accelerations: NDArray) -> NDArra
     second = [faster * cos - turn * swing * sin, faster * sin + turn * swing * cos, faster, quicker]
     outer, outer_rates = _harmonics(alpha), (none, -turn * np.sin(alpha), turn * np.cos(alpha))
     inner, inner_rates = _harmonics(beta), (none, -swing * sin, swing * cos)
-    first += [a * b for a in outer for b in inner]
-    second += [outer_rates[i] * inner[j] + outer[i] * inner_rates[j] for i in range(3) for j in range(3)]
+    first += _products(outer, inner)
+    for growing, steady in zip(_products(outer_rates, inner), _products(outer, inner_rates), strict=True):
+        second.append(growing + steady)
     return np.stack([np.stack(first, axis=1), np.stack(second, axis=1)])
+
+
+def _products(first: Sequence[NDArray], second: Sequence[NDArray]) -> list[NDArray]:
+    """Each of the first harmonics times each of the second."""
+    products = []
+    for outer in first:
+        products += [outer * inner for inner in second]
+    return products
 
 
 def _harmonics(angle: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -104,7 +113,7 @@ def axes_of_turns(alpha: NDArray, beta: NDArray, lean: float) -> NDArray[np.floa
 
     About κ's axis, which α, ε and β turn; about the outer axis, about that of ε, about the inner one.
     """
-    (sin_a, cos_a), (sin_b, cos_b) = ((np.sin(v), np.cos(v)) for v in (alpha, beta))
+    sin_a, cos_a, sin_b, cos_b = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
     sin_e, cos_e, none = np.sin(lean), np.cos(lean), np.zeros(len(beta))
     axes = [
         (sin_e * sin_a * cos_b + cos_a * sin_b, cos_a * cos_b - sin_e * sin_a * sin_b, -cos_e * sin_a),
@@ -165,7 +174,8 @@ def _carried(x: NDArray, moments: NDArray, vector: NDArray) -> NDArray:
     cos_shift, sin_shift = np.cos(x[_ALPHA]), np.sin(x[_ALPHA])
     first_column, cos_a = products[:, 0], cos_shift * products[:, 1] + sin_shift * products[:, 2]
     sin_a = cos_shift * products[:, 2] - sin_shift * products[:, 1]
-    cos_k, sin_k, cos_e, sin_e = (f(x[i]) for i in (_KAPPA, _EPSILON) for f in (np.cos, np.sin))
+    cos_k, sin_k = np.cos(x[_KAPPA]), np.sin(x[_KAPPA])
+    cos_e, sin_e = np.cos(x[_EPSILON]), np.sin(x[_EPSILON])
     first, third = vector[0] * cos_k - vector[2] * sin_k, vector[0] * sin_k + vector[2] * cos_k
     across, up = vector[1] * cos_a + third * sin_a, third * cos_a - vector[1] * sin_a
     along, inner = first * cos_e * first_column - sin_e * up, first * sin_e * first_column + cos_e * up

@@ -22,8 +22,14 @@ from .translate import Signature, kernel_name, translate
 COMPILED = {
     2: ("model.c", "component.c", "values.c", "state.c", "exchange.c", "fmi2.c", "fmi2_exchange.c"),
     3: (
-        *("model.c", "component.c", "values.c", "state.c"),
-        *("exchange.c", "fmi3.c", "fmi3_exchange.c", "fmi3_refused.c"),
+        "model.c",
+        "component.c",
+        "values.c",
+        "state.c",
+        "exchange.c",
+        "fmi3.c",
+        "fmi3_exchange.c",
+        "fmi3_refused.c",
     ),
 }
 """Source files of each version of FMI that are compiled."""
@@ -103,7 +109,9 @@ def rows(component: Component, fmi: int) -> list[Row]:
 
 
 def _bound(value: float | None, sign: str) -> str:
-    return f"{sign}NONE" if value is None else repr(float(value))
+    if value is None:
+        return f"{sign}NONE"
+    return repr(float(value))
 
 
 def _row(row: Row) -> str:
@@ -111,7 +119,8 @@ def _row(row: Row) -> str:
     v = row.variable
     fixed = int(v.causality == "parameter" and v.variability == "fixed")
     parts = [f'"{row.name}"', v.type.upper(), v.causality.upper(), str(fixed), str(row.place), str(row.size)]
-    return f"    {{{', '.join([*parts, _bound(lower, '-'), _bound(upper, '')])}}},"
+    parts += [_bound(lower, "-"), _bound(upper, "")]
+    return f"    {{{', '.join(parts)}}},"
 
 
 def _real(row: Row) -> str:
@@ -127,8 +136,12 @@ def _text(message: str) -> str:
 
 def _starts(component: Component) -> list[float]:
     """The memory at the start; without effects there is still a place to point at."""
-    values = [float(x) for v in component.variables for x in v.starts]
-    return values if component.effect_count else [*values, 0.0]
+    values: list[float] = []
+    for variable in component.variables:
+        values += map(float, variable.starts)
+    if not component.effect_count:
+        values.append(0.0)
+    return values
 
 
 def _arguments(component: Component, kernel: str, signature: Signature, memory: str = "memory") -> list[str]:
@@ -152,8 +165,7 @@ def _arguments(component: Component, kernel: str, signature: Signature, memory: 
 def _calls(component: Component, kernels: dict[str, Signature]) -> str:
     """The functions by which the component's kernels work on the memory."""
     texts = []
-    for kernel in ("initialise", "step", "respond"):
-        kind = "void" if kernel == "respond" else "int64_t"
+    for kernel, kind in (("initialise", "int64_t"), ("step", "int64_t"), ("respond", "void")):
         body = ["    (void)memory;", "    (void)time;", "    (void)step;"]
         if kernel in component.kernels:
             call = f"{kernel_name(kernel)}({', '.join(_arguments(component, kernel, kernels[kernel]))});"
@@ -169,7 +181,9 @@ def _calls(component: Component, kernels: dict[str, Signature]) -> str:
             )
         head = "\ndouble model_next_event(double *memory, double time)\n{\n    (void)memory;\n    (void)time;\n"
         texts.append(f"{head}    return {event};\n}}\n")
-    return "".join(texts) + (_derivatives(component, kernels) if component.derivatives else "")
+    if component.derivatives:
+        texts.append(_derivatives(component, kernels))
+    return "".join(texts)
 
 
 def _derivatives(component: Component, kernels: dict[str, Signature]) -> str:
@@ -181,8 +195,9 @@ def _derivatives(component: Component, kernels: dict[str, Signature]) -> str:
             pairs = zip(
                 _arguments(component, kernel, signature), _arguments(component, kernel, signature, "dot"), strict=True
             )
-            arguments = ", ".join([*(f"{argument}, {dot}" for argument, dot in pairs), "slope"])
-            called[kernel] = f"{kernel_name(tangent_name(kernel))}({arguments})"
+            arguments = [f"{argument}, {dot}" for argument, dot in pairs]
+            arguments.append("slope")
+            called[kernel] = f"{kernel_name(tangent_name(kernel))}({', '.join(arguments)})"
     lines = ["(void)memory;", "(void)dot;", "(void)time;", "double slope[1] = {0.0};"]
     lines += [f"int64_t message = initialising ? {called['initialise']} : 0;"]
     if "respond" in called:
@@ -195,7 +210,9 @@ def _derivatives(component: Component, kernels: dict[str, Signature]) -> str:
 @cache
 def _translated(parts: tuple[Part, ...], differentiated: tuple[str, ...]) -> tuple[str, dict[str, Signature]]:
     """C of the parts, and of the tangents of those kernels: the same for every start value and edition of FMI."""
-    return translate((*parts, *tangents(parts, differentiated)) if differentiated else parts)
+    if differentiated:
+        parts += tuple(tangents(parts, differentiated))
+    return translate(parts)
 
 
 def model_c(component: Component, fmi: int) -> str:
@@ -206,14 +223,17 @@ def model_c(component: Component, fmi: int) -> str:
     RestrictionError
         a kernel is not in restricted Python
     """
-    differentiated = tuple(k for k in DIFFERENTIATED if k in component.kernels) if component.derivatives else ()
+    differentiated: tuple[str, ...] = ()
+    if component.derivatives:
+        differentiated = tuple(kernel for kernel in DIFFERENTIATED if kernel in component.kernels)
     text, kernels = _translated(flat_parts(component), differentiated)
-    table = rows(component, fmi)
+    table, reals = rows(component, fmi), ["0"]
+    reals += map(_real, table)
     return MODEL_C.format(
         description=component.description,
         kernels=text,
         variables="\n".join(_row(row) for row in table),
-        reals="\n".join(textwrap.wrap(", ".join(["0", *(_real(row) for row in table)]), 110)),
+        reals="\n".join(textwrap.wrap(", ".join(reals), 110)),
         starts="\n".join(f"    {value!r}," for value in _starts(component)),
         messages="\n".join(_text(m) for m in component.messages) or '    "",',
         calls=_calls(component, kernels),

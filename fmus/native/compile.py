@@ -112,7 +112,9 @@ def host_name() -> str:
 
 def all_flags() -> list[str]:
     """Everything that decides what the cross compiler makes of sources, beside its version."""
-    return [*FLAGS, *SMALL, *WINDOWS_LIBRARIES, *(p.target for p in PLATFORMS.values())]
+    flags = list(FLAGS + SMALL + WINDOWS_LIBRARIES)
+    flags += [platform.target for platform in PLATFORMS.values()]
+    return flags
 
 
 class BuildError(RuntimeError):
@@ -173,31 +175,48 @@ def compiles(name: str) -> bool:
 
 def _commands(platform: Platform, output: str, cross: bool) -> tuple[list[list[str]], str]:
     """The commands, one after the other, and the version of the compiler."""
-    linux = ["-Wl,--build-id=none"] if platform.suffix == ".so" else []
-    # Found by whoever loads it, wherever the archive was unpacked.
-    install_name = ["-install_name", f"@rpath/{output}"] if platform.suffix == ".dylib" else []
+    linux: list[str] = []
+    install_name: list[str] = []
+    if platform.suffix == ".so":
+        linux = ["-Wl,--build-id=none"]
+    if platform.suffix == ".dylib":
+        # Found by whoever loads it, wherever the archive was unpacked.
+        install_name = ["-install_name", f"@rpath/{output}"]
+    shared, into = ["-fPIC", "-shared"], ["-o", output, WHOLE, "-lm"]
     if not cross:
         compiler = host_compiler()
         assert compiler is not None
-        oldest = f"-mmacosx-version-min={platform.target.partition('macos.')[2]}"
-        stripped = [oldest, *install_name] if install_name else ["-s"]
-        pages = ["-Wl,-z,noseparate-code"] if linux else []
-        shared = ["-fPIC", "-shared", *stripped, *linux, *pages]
-        return [[compiler[0], *FLAGS, *shared, "-o", output, WHOLE, "-lm"]], compiler[1]
-    zig = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target]
+        if install_name:
+            shared.append(f"-mmacosx-version-min={platform.target.partition('macos.')[2]}")
+            shared += install_name
+        else:
+            shared += ["-s"]
+        if linux:
+            shared += linux
+            shared.append("-Wl,-z,noseparate-code")
+        return [_command(compiler[:1], FLAGS, shared, into)], compiler[1]
+    zig = [sys.executable, "-m", "ziglang"]
+    small = _command(zig, ["cc", "-target", platform.target], FLAGS, SMALL)
     version = f"zig {zig_version()}"
     if platform.name == "x86_64-darwin":
-        compiled = [*zig, *FLAGS, *SMALL, "-fPIC", "-c", WHOLE]
-        linker = [*zig[:3], "build-lib", *zig[4:], "-dynamic", "-fstrip", "-lc", "--name", platform.name]
+        build = ["build-lib", "-target", platform.target, "-dynamic", "-fstrip", "-lc", "--name", platform.name]
         signed = ["--entitlements", ENTITLEMENTS, f"-femit-bin={output}", str(Path(WHOLE).with_suffix(".o"))]
-        return [compiled, [*linker, *install_name, *signed]], version
+        return [_command(small, ["-fPIC", "-c", WHOLE]), _command(zig, build, install_name, signed)], version
     if platform.suffix != ".dll":
-        shared = ["-fPIC", "-shared", "-s", *linux, *install_name, "-ffunction-sections", "-Wl,--gc-sections"]
-        return [[*zig, *FLAGS, *SMALL, *shared, "-o", output, WHOLE, "-lm"]], version
-    compiled = [*zig, *FLAGS, *SMALL, "-DTRIHEDRON_UCRT_ONLY", "-c", WHOLE]
-    entry = ["-nostdlib", "-Wl,--entry=TrihedronEntry"]
-    linked = [*zig, "-O2", "-shared", "-s", *entry, "-o", output, str(Path(WHOLE).with_suffix(".obj"))]
-    return [compiled, [*linked, *WINDOWS_LIBRARIES]], version
+        stripped = ["-s", *linux, *install_name, "-ffunction-sections", "-Wl,--gc-sections"]
+        return [_command(small, shared, stripped, into)], version
+    linker = ["-O2", "-shared", "-s", "-nostdlib", "-Wl,--entry=TrihedronEntry"]
+    linked = ["-o", output, str(Path(WHOLE).with_suffix(".obj"))]
+    compiled = _command(small, ["-DTRIHEDRON_UCRT_ONLY", "-c", WHOLE])
+    return [compiled, _command(zig, small[3:6], linker, linked, WINDOWS_LIBRARIES)], version
+
+
+def _command(*parts: Sequence[str]) -> list[str]:
+    """The words of a command, part by part."""
+    words: list[str] = []
+    for part in parts:
+        words += part
+    return words
 
 
 def prebuilt_folder() -> Path:

@@ -62,8 +62,12 @@ def tangents(parts: Sequence[Part], kernel_names: Sequence[str]) -> list[Part]:
     RestrictionError
         a call that stands where it may be passed over, or what is not in restricted Python
     """
-    kernels = {n.name: n for part in parts for n in ast.parse(part.text).body if isinstance(n, ast.FunctionDef)}
-    origins = {n.name: part for part in parts for n in ast.parse(part.text).body if isinstance(n, ast.FunctionDef)}
+    kernels: dict[str, ast.FunctionDef] = {}
+    origins: dict[str, Part] = {}
+    for part in parts:
+        for node in ast.parse(part.text).body:
+            if isinstance(node, ast.FunctionDef):
+                kernels[node.name], origins[node.name] = node, part
     texts: dict[str, str] = {}
     open_ = list(kernel_names)
     while open_:
@@ -72,7 +76,9 @@ def tangents(parts: Sequence[Part], kernel_names: Sequence[str]) -> list[Part]:
             tangent = _Tangent(kernels, name, origins[name])
             texts[name] = tangent.text()
             open_ += tangent.called
-    return [Part(RULES, "tangent.py", 1), *(replace(origins[k], text=texts[k]) for k in kernels if k in texts)]
+    tangent_parts = [Part(RULES, "tangent.py", 1)]
+    tangent_parts += [replace(origins[name], text=texts[name]) for name in kernels if name in texts]
+    return tangent_parts
 
 
 def _kinds(node: ast.FunctionDef) -> list[str]:
@@ -90,11 +96,21 @@ def _name(text: str) -> ast.Name:
 
 
 def _sum(a: ast.expr | None, b: ast.expr | None) -> ast.expr | None:
-    return ast.BinOp(a, ast.Add(), b) if a is not None and b is not None else a if b is None else b
+    if a is None or b is None:
+        return a or b
+    return ast.BinOp(a, ast.Add(), b)
 
 
 def _times(a: ast.expr, b: ast.expr | None) -> ast.expr | None:
-    return None if b is None else ast.BinOp(a, ast.Mult(), b)
+    if b is None:
+        return None
+    return ast.BinOp(a, ast.Mult(), b)
+
+
+def _difference(a: ast.expr | None, b: ast.expr | None) -> ast.expr | None:
+    if b is None:
+        return a
+    return ast.BinOp(a or ZERO, ast.Sub(), b)
 
 
 def _called(name: str, *arguments: ast.expr) -> ast.Call:
@@ -109,14 +125,16 @@ class _Read(ast.NodeTransformer):
     """Leaves out derivatives of variables that nothing reads: those of what only decides."""
 
     def __init__(self, body: Sequence[ast.stmt]) -> None:
-        nodes = [node for statement in body for node in ast.walk(statement)]
+        nodes = list(ast.walk(ast.Module(list(body), [])))
         written = {id(node.targets[0]) for node in nodes if isinstance(node, ast.Assign)}
         self.read = {node.id for node in nodes if isinstance(node, ast.Name) and id(node) not in written}
 
     def visit_Assign(self, node: ast.Assign) -> ast.Assign | None:
         target = node.targets[0]
         is_read = not isinstance(target, ast.Name) or target.id in self.read or not target.id.endswith("_dot")
-        return node if is_read else None
+        if is_read:
+            return node
+        return None
 
 
 @dataclass
@@ -148,16 +166,20 @@ class _Tangent:
             body = self.body(node.body)
         arguments: list[str] = []
         for name, kind in zip(names, kinds, strict=True):
-            arguments += [f"{name}: {kind}"] if kind == INT else [f"{name}: {kind}", f"{name}_dot: {kind}"]
+            arguments.append(f"{name}: {kind}")
+            if kind != INT:
+                arguments.append(f"{name}_dot: {kind}")
+        arguments.append(f"{SLOPE}: Vector")
         docstring = f'    """Tangent of {self.name}."""'
-        head = f"def {tangent_name(self.name)}({', '.join([*arguments, f'{SLOPE}: Vector'])}) -> {self.returns}:"
+        head = f"def {tangent_name(self.name)}({', '.join(arguments)}) -> {self.returns}:"
         module, lines, count_before = ast.fix_missing_locations(ast.Module(body or [ast.Pass()], [])), [""], -1
         # What nothing reads may have been all that read another.
         while count_before != len(lines):
             count_before = len(lines)
             module = _Read(module.body).visit(module)
             lines = ast.unparse(module).splitlines()
-        return "\n".join([head, docstring, *(f"    {line}" for line in lines)]) + "\n"
+        body_lines = "".join(f"    {line}\n" for line in lines)
+        return f"{head}\n{docstring}\n{body_lines}"
 
     def body(self, statements: Sequence[ast.stmt]) -> list[ast.stmt]:
         """Statements with those that carry the derivatives along."""
@@ -231,19 +253,22 @@ class _Tangent:
         arguments: list[ast.expr] = []
         for argument, kind in zip(node.args, _kinds(self.kernels[node.func.id]), strict=True):
             primal, dot = self.pair(argument)
-            arguments += [primal] if kind == INT else [primal, dot or ZERO]
+            arguments.append(primal)
+            if kind != INT:
+                arguments.append(dot or ZERO)
         return _called(tangent_name(node.func.id), *arguments, _name(SLOPE))
 
     def pair(self, node: ast.expr) -> Pair:
         """An expression and its derivative; calls of kernels are done before, and named."""
         match node:
             case ast.Name(id=name):
-                return node, _name(f"{name}_dot") if name in self.moving else None
+                if name in self.moving:
+                    return node, _name(f"{name}_dot")
             case ast.Subscript(value=ast.Name(id=name), slice=at):
                 return node, ast.Subscript(_name(f"{name}_dot"), at)
             case ast.UnaryOp(op=op, operand=operand):
                 primal, dot = self.pair(operand)
-                return ast.UnaryOp(op, primal), None if dot is None else ast.UnaryOp(op, dot)
+                return ast.UnaryOp(op, primal), dot and ast.UnaryOp(op, dot)
             case ast.BinOp(left=left, op=op, right=right):
                 return self.operation(self.pair(left), op, self.pair(right))
             case ast.Call(func=ast.Attribute(attr=name), args=arguments):
@@ -271,12 +296,11 @@ class _Tangent:
             case ast.Add():
                 return value, _sum(da, db)
             case ast.Sub():
-                return value, da if db is None else ast.BinOp(da or ZERO, op, db)
+                return value, _difference(da, db)
             case ast.Mult():
                 return value, _sum(_times(b, da), _times(a, db))
-        rest = _times(value, db)
-        over = da if rest is None else ast.BinOp(da or ZERO, ast.Sub(), rest)
-        return value, None if over is None else ast.BinOp(over, ast.Div(), b)
+        over = _difference(da, _times(value, db))
+        return value, over and ast.BinOp(over, ast.Div(), b)
 
     def function(self, name: str, arguments: list[Pair]) -> Pair:
         value = _of_math(name, *(a for a, _ in arguments))
@@ -284,8 +308,9 @@ class _Tangent:
             return value, None
         x, dot = arguments[0]
         if name == "atan2":
-            pairs = [part for a, da in arguments for part in (a, da or ZERO)]
-            return value, _called("slope_of_angle", *pairs)
+            y, y_dot = arguments[0]
+            x, x_dot = arguments[1]
+            return value, _called("slope_of_angle", y, y_dot or ZERO, x, x_dot or ZERO)
         slopes = {
             "sqrt": _called("slope_of_root", x),
             "fabs": _called("slope_of_size", x),

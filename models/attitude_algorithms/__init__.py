@@ -17,5 +17,16 @@ _ALL = formulas.ALGORITHMS + products.ALGORITHMS + iteration.ALGORITHMS + adapti
 ALGORITHMS = tuple(sorted(_ALL, key=lambda algorithm: algorithm.number))
 """The algorithms, by number."""
 
-PRODUCTS = (*(float(x) for a in ALGORITHMS for product in a.products for x in (a.number, *product)), 0.0)
+
+def _products() -> tuple[float, ...]:
+    numbers: list[float] = []
+    for algorithm in ALGORITHMS:
+        for product in algorithm.products:
+            numbers.append(float(algorithm.number))
+            numbers += map(float, product)
+    numbers.append(0.0)
+    return tuple(numbers)
+
+
+PRODUCTS = _products()
 """The products of all of them: number, i, j, k of each, and a zero behind them."""

@@ -57,7 +57,9 @@ def weights_of(samples: int, mixed: bool) -> list[list[Fraction]]:
 
 def solved(rows: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """The X of X A = B, A and B by their rows, by Gauss and Jordan."""
-    table = [[*column, *b] for column, b in zip(zip(*rows, strict=True), zip(*right, strict=True), strict=True)]
+    table = []
+    for n in range(len(rows)):
+        table.append([row[n] for row in rows] + [row[n] for row in right])
     for n in range(len(table)):
         at = next(k for k in range(n, len(table)) if table[k][n] != 0)
         table[n], table[at] = table[at], table[n]
@@ -65,7 +67,10 @@ def solved(rows: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fraction
         for k in range(len(table)):
             if k != n:
                 table[k] = [x - table[k][n] * y for x, y in zip(table[k], table[n], strict=True)]
-    return [list(row) for row in zip(*(row[len(rows) :] for row in table), strict=True)]
+    solution = []
+    for column in range(len(rows), len(rows) + len(right)):
+        solution.append([row[column] for row in table])
+    return solution
 
 
 WEIGHTS = tuple(

@@ -443,8 +443,11 @@ def checked(value: Value, variable: Variable) -> Value:
 
 def spread(value: Value | list[Value], variables: tuple[Variable, ...], name: str) -> list[tuple[Variable, Value]]:
     """One checked value for each variable of a scalar or an array; an InputError where the lengths differ."""
-    values, count = [value], "one value is given"
-    if isinstance(value, list):
+    values: list[Value] = []
+    count = "one value is given"
+    if not isinstance(value, list):
+        values.append(value)
+    else:
         values, count = value, f"{len(value)} are given"
         if len(variables) == 1 and len(values) != 1:
             raise InputError(f"{name} is a scalar; {len(values)} values are given")

@@ -164,20 +164,21 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     lengths = [length for length in (step, run.get("step_s"), min(steps, default=None)) if length is not None]
     if not lengths:
         raise InputError(f"{label}: neither it nor its FMUs say how long a step is; give --step")
+    settings_of_fmus: dict[str, dict[str, Any]] = {}
+    for part in fmus:
+        name = names[part.path]
+        setting = {"fmu": part.source, "parameters": parameters[part.path], "step_s": own_steps.get(name)}
+        settings_of_fmus[name] = setting
+    connections: list[dict[str, Any]] = []
+    for source, targets in _reached(system).items():
+        for target in targets if source[0] in names else ():
+            start, end = f"{names[source[0]]}.{source[1]}", f"{names[target[0]]}.{target[1]}"
+            connections.append({"from": start, "to": end, "between": between.get(f"{start} -> {end}")})
     settings: dict[str, Any] = {
         "title": "",
         "run": {"start_s": 0.0, **run, "step_s": lengths[0], **coupled},
-        "fmus": {
-            n: {"fmu": p.source, "parameters": parameters[p.path], "step_s": own_steps.get(n)}
-            for n, p in ((names[p.path], p) for p in fmus)
-        },
-        "connections": [
-            {"from": ends[0], "to": ends[1], "between": between.get(" -> ".join(ends))}
-            for source, targets in _reached(system).items()
-            if source[0] in names
-            for target in targets
-            for ends in ((f"{names[source[0]]}.{source[1]}", f"{names[target[0]]}.{target[1]}"),)
-        ],
+        "fmus": settings_of_fmus,
+        "connections": connections,
         "base_folder": folder,
         "source": path,
     }
@@ -249,14 +250,17 @@ def _edge(connection: Element, part: Part, label: str) -> tuple[Node, Node]:
         if kind != "LinearTransformation" or scaled != (1.0, 0.0):
             raise InputError(f"{label}: connection {ends_text} has a {kind}, which is not supported")
     backwards = feeding[0] is False and feeding[1] is not False
-    return (ends[1], ends[0]) if backwards else (ends[0], ends[1])
+    if backwards:
+        ends.reverse()
+    return ends[0], ends[1]
 
 
 def _reached(system: Part) -> dict[Node, list[Node]]:
     """The FMUs' connectors that each connector feeds, through connectors of systems."""
     following: dict[Node, list[Node]] = {}
-    for start, end in (edge for part in system.walk() for edge in part.edges):
-        following.setdefault(start, []).append(end)
+    for part in system.walk():
+        for start, end in part.edges:
+            following.setdefault(start, []).append(end)
     systems = {part.path for part in system.walk() if part.source is None}
     targets: dict[Node, list[Node]] = {}
     for node in following:
@@ -285,7 +289,10 @@ def _names(fmus: list[Part]) -> dict[Path_, str]:
 
 def free_name(stem: str, names: Collection[str]) -> str:
     """A name that is not taken: with a number from 2 on where the wanted one is."""
-    return next(name for name in (stem, *(f"{stem}_{i}" for i in range(2, len(names) + 3))) if name not in names)
+    name, number = stem, 2
+    while name in names:
+        name, number = f"{stem}_{number}", number + 1
+    return name
 
 
 def _interfaces(
@@ -324,8 +331,9 @@ def _own(folder: Path, label: str, name: str) -> Any:
 def _coupling(folder: Path, label: str, choice: str | None) -> dict[str, Any]:
     """How cycles are taken, as asked for, else as the scenario that was exported says, and its different steps."""
     exported = _own(folder, label, COUPLING) or {}
-    if not isinstance(exported, dict) or not set(exported) <= {*COUPLING_SETTINGS, *RATES}:
-        raise InputError(f"{label}: {COUPLING}: has other things than {', '.join([*COUPLING_SETTINGS, *RATES])}")
+    keys = COUPLING_SETTINGS + RATES
+    if not isinstance(exported, dict) or not set(exported) <= set(keys):
+        raise InputError(f"{label}: {COUPLING}: has other things than {', '.join(keys)}")
     for name in RATES:
         if not isinstance(exported.get(name, {}), dict):
             raise InputError(f"{label}: {COUPLING}: {name} must be a mapping")
@@ -357,7 +365,8 @@ def _targets(
 ) -> list[Node]:
     """The variables of FMUs that a parameter's hierarchical name means."""
     if part.source is not None:
-        return [(part.path, name)] if name in interfaces[part.path].variables else []
+        exists = name in interfaces[part.path].variables
+        return [(part.path, name)] * exists
     if name in part.connectors:
         fed = feeds.get((part.path, name), [])
         return [(at, variable) for at, variable in fed if variable in interfaces[at].variables]

@@ -11,9 +11,23 @@ from ..errors import InputError, said_of
 from ..orchestrator.interface import Value, Variable, checked
 from .xml import NAMESPACES, child, children, local_name, number_of, read_document, units_of
 
-KINDS = {kind: kind for kind in ("Real", "Integer", "Boolean", "String", "Enumeration")}
-KINDS |= {f"Float{bits}": "Real" for bits in (32, 64)}
-KINDS |= {f"{sign}{bits}": "Integer" for sign in ("Int", "UInt") for bits in (8, 16, 32, 64)}
+KINDS = {
+    "Real": "Real",
+    "Float32": "Real",
+    "Float64": "Real",
+    "Integer": "Integer",
+    "Int8": "Integer",
+    "Int16": "Integer",
+    "Int32": "Integer",
+    "Int64": "Integer",
+    "UInt8": "Integer",
+    "UInt16": "Integer",
+    "UInt32": "Integer",
+    "UInt64": "Integer",
+    "Boolean": "Boolean",
+    "String": "String",
+    "Enumeration": "Enumeration",
+}
 """Types of values in SSP 1.0 and 2.0, and which of FMI 2.0's each is."""
 
 
@@ -53,8 +67,9 @@ def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str
         mapping = child(binding, "ssd:ParameterMapping")
         if mapping is not None:
             root = _document(mapping, folder, label, "ssm:ParameterMapping")
-            entries = children(mapping if root is None else root, "ssm:MappingEntry")
-            values_of_set = _mapped(values_of_set, entries, label)
+            if root is None:
+                root = mapping
+            values_of_set = _mapped(values_of_set, children(root, "ssm:MappingEntry"), label)
         values += values_of_set
     return values
 
@@ -64,19 +79,24 @@ def _document(element: Element, folder: Path, label: str, root: str, inside: str
     if element.get("sourceBase", "SSD") != "SSD":
         raise InputError(f"{label}: a source inside an FMU ('{element.get('source')}') is not supported")
     source = element.get("source")
-    return read_document(folder, source, label, root) if source else child(element, f"{inside}{root}")
+    if source:
+        return read_document(folder, source, label, root)
+    return child(element, f"{inside}{root}")
 
 
 def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[Given]:
     root = _document(binding, folder, label, "ssv:ParameterSet", "ssd:ParameterValues/")
-    where = f"{label}: {binding.get('source')}" if binding.get("source") else label
+    where = label
+    if binding.get("source"):
+        where = f"{label}: {binding.get('source')}"
     if root is None:
         raise InputError(f"{label}: a parameter binding has neither a source nor values")
     scales = {**units, **units_of(root, "ssv:Units", where)}
     values = []
     for parameter in children(root, "ssv:Parameters/ssv:Parameter"):
         name = parameter.get("name", "")
-        typed = [e for e in parameter if e.tag in {f"{{{NAMESPACES['ssv']}}}{kind}" for kind in KINDS}][:1]
+        namespace = f"{{{NAMESPACES['ssv']}}}"
+        typed = [e for e in parameter if local_name(e) in KINDS and e.tag == namespace + local_name(e)][:1]
         if not typed or typed[0].get("value") is None:
             raise InputError(f"{where}: parameter '{name}' has no value of a type that FMI 2.0 has")
         unit, kind = typed[0].get("unit"), KINDS[local_name(typed[0])]
@@ -89,7 +109,7 @@ def _mapped(values: Sequence[Given], entries: Sequence[Element], label: str) -> 
     mapped = []
     for binding in values:
         renamings = [entry for entry in entries if entry.get("source", "") == binding.name]
-        mapped += [_transformed(binding, entry, label) for entry in renamings] if renamings else [binding]
+        mapped += [_transformed(binding, entry, label) for entry in renamings] or [binding]
     return mapped
 
 
@@ -112,7 +132,7 @@ def value_for(binding: Given, variable: Variable, scales: Mapping[str, Unit]) ->
 
     An InputError for a text that is no such value, another type or dimension, or a value outside the variable's limits.
     """
-    text = binding.text if binding.table is None else binding.table.get(binding.text, binding.text)
+    text = (binding.table or {}).get(binding.text, binding.text)
     with said_of(f"{binding.where}: parameter '{binding.name}'"):
         try:
             value = _value(text, binding, variable)
@@ -128,17 +148,23 @@ def _value(text: str, binding: Given, variable: Variable) -> Value:
     kinds = (variable.kind, binding.kind)
     if kinds in (("Real", "Real"), ("Real", "Integer")):
         plain = float(_ascii(text))
-        return binding.factor * plain + binding.offset if binding.factor != 1.0 or binding.offset else plain
+        if (binding.factor, binding.offset) == (1.0, 0.0):
+            return plain
+        return binding.factor * plain + binding.offset
     if kinds == ("Boolean", "Boolean"):
         return {"true": True, "1": True, "false": False, "0": False}[text.strip()]
     if kinds == ("String", "String"):
         return text
     if kinds == ("Enumeration", "Enumeration"):
         items = {item: value for value, item in variable.items}
-        return items[text] if text in items else int(_ascii(text))
+        if text in items:
+            return items[text]
+        return int(_ascii(text))
     if kinds in (("Integer", "Integer"), ("Enumeration", "Integer")):
         value = binding.factor * int(_ascii(text)) + binding.offset
-        return int(value) if math.isfinite(value) and value == int(value) else value
+        if math.isfinite(value) and value == int(value):
+            return int(value)
+        return value
     raise InputError(f"is {binding.kind}, but {variable.name} is {variable.kind}")
 
 

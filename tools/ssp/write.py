@@ -119,7 +119,10 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
         loaded = load(scenario, sources, folder)
         grid, drives = resolve_stimuli(scenario, sources, loaded)
     interfaces = interfaces_of(loaded)
-    own_steps = {name: {} if fmu.step_s is None else {"step_s": fmu.step_s} for name, fmu in scenario.fmus.items()}
+    own_steps: dict[str, dict[str, float]] = {name: {} for name in scenario.fmus}
+    for name, fmu in scenario.fmus.items():
+        if fmu.step_s is not None:
+            own_steps[name]["step_s"] = fmu.step_s
     written = scenario.model_dump(by_alias=True, exclude_none=True, exclude={"stimuli", "base_folder", "source"})
     fmus, connections = dict(written["fmus"]), list(written["connections"])
     first: dict[str, Any] = {}
@@ -129,7 +132,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
                 for drive in (drive for name, drive in drives if name == f"stimuli[{count}]"):
                     step = own_steps[drive.fmu].get("step_s", grid.step)
                     for component, ends in _rows(drive, interfaces[drive.fmu], step):
-                        name = free_name("rows", [*fmus, *first])
+                        name = free_name("rows", fmus.keys() | first.keys())
                         first[name] = {"fmu": str(make(name, component)), **own_steps[drive.fmu]}
                         sources_of = component.interface[-1].elements
                         connections += [
@@ -144,7 +147,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
                 continue
             positions, _ = table_of(stimulus, f"stimuli[{count}]", scenario.base_folder)
             drive, _ = resolve_programme(stimulus, positions, scenario, loaded)
-            name = free_name("programme", [*fmus, *first])
+            name = free_name("programme", fmus.keys() | first.keys())
             step = own_steps[drive.fmu].get("step_s", grid.step)
             parameters = _parameters(drive, positions, stimulus, loaded[drive.fmu], step)
             first[name] = {"component": PROGRAMME, "parameters": parameters, **own_steps[drive.fmu]}
@@ -169,7 +172,7 @@ def _rows(drive: Drive, interface: Interface, step: float) -> Iterator[tuple[Com
         groups.setdefault((unit, ROW_KINDS[variable.kind]), []).append(k)
     assert drive.begins is not None
     for (unit, kind), columns in groups.items():
-        rows = [[float(row[k]) for k in columns] for row in drive.values]
+        rows = np.asarray(drive.values, dtype=float)[:, columns].tolist()
         component = timed_rows(drive.begins.tolist(), rows, step, unit=unit, kind=kind)
         yield component, [drive.variables[k] for k in columns]
 
@@ -227,9 +230,11 @@ def _members(
             component = started(components()[stem], {v.name: int(x) for v, x in values if v.kind == "Enumeration"})
             content = build(component, folder / name, places, flavour=flavour, fmi=2, platform=platform).read_bytes()
         # FMUs with the same content share a file.
-        names = [f"resources/{stem}.fmu", *(f"resources/{stem}_{i}.fmu" for i in range(2, len(members) + 3))]
-        files[name] = next(n for n in names if members.get(n, content) == content)
-        members[files[name]] = content
+        file, number = f"resources/{stem}.fmu", 2
+        while members.get(file, content) != content:
+            file, number = f"resources/{stem}_{number}.fmu", number + 1
+        files[name] = file
+        members[file] = content
     sets = {name: _parameter_set(name, system, entry, version) for name, entry in loaded.items()}
     members |= {f"resources/{name}.ssv": content for name, content in sets.items() if content}
     stem = scenario.source.stem if scenario.source is not None else "scenario"
@@ -303,9 +308,9 @@ def _structure(
         )
         variables = interface.variables.values()
         connectors = [v for v in variables if v.causality == "output" or (name, v.name) in connected]
-        units |= {
-            u: interface.scales[u] for u in (v.unit for v in connectors) if u is not None and u in interface.scales
-        }
+        for variable in connectors:
+            if variable.unit is not None and variable.unit in interface.scales:
+                units[variable.unit] = interface.scales[variable.unit]
         enumerations |= _connectors(component, name, connectors, units)
         if bound:
             SubElement(
