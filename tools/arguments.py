@@ -32,8 +32,8 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
     signature = inspect.signature(function)
 
     @wraps(function)
-    def called(*arguments: P.args, **named: P.kwargs) -> R:
-        bound = signature.bind(*arguments, **named)
+    def called(*positional: P.args, **keywords: P.kwargs) -> R:
+        bound = signature.bind(*positional, **keywords)
         for name, value in bound.arguments.items():
             adapter = _adapters(function).get(name)
             if adapter is not None:
@@ -60,14 +60,11 @@ class _Names(dict[str, Any]):
 def _adapters(function: Callable[..., Any]) -> dict[str, TypeAdapter[Any]]:
     """What looks at the arguments of plain types, by their names."""
     hints = get_type_hints(function, localns=_Names(vars(inspect.getmodule(function)) | vars(builtins)))
-    many = {
-        p.name for p in inspect.signature(function).parameters.values() if p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
-    }
-    return {
-        name: TypeAdapter(hint)
-        for name, hint in hints.items()
-        if name != "return" and name not in many and _plain(hint)
-    }
+    adapters = {}
+    for name, p in inspect.signature(function).parameters.items():
+        if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD) and name in hints and _plain(hints[name]):
+            adapters[name] = TypeAdapter(hints[name])
+    return adapters
 
 
 def _plain(hint: Any) -> bool:
@@ -80,23 +77,25 @@ def _plain(hint: Any) -> bool:
 
 def _checked(name: str, value: Any, adapter: TypeAdapter[Any]) -> Any:
     """An argument, or an InputError that names it."""
-    given = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     try:
-        return adapter.validate_python(given)
+        return adapter.validate_python(value.tolist() if isinstance(value, np.ndarray | np.generic) else value)
     except ValidationError as error:
-        said = " or ".join(dict.fromkeys(one["msg"].removeprefix("Input should be ") for one in error.errors()))
-        shown = repr(value)
-        shown = shown if len(shown) < 60 else type(value).__name__
-        raise InputError(f"{name}: should be {said}, not {shown}") from None
+        kinds = dict.fromkeys(fault["msg"].removeprefix("Input should be ") for fault in error.errors())
+        text = repr(value)
+        if len(text) >= 60:
+            text = type(value).__name__
+        raise InputError(f"{name}: should be {' or '.join(kinds)}, not {text}") from None
 
 
 def _of_arguments(text: str, names: Sequence[str]) -> str:
     """A message with arguments in place of options."""
-    known = {name.replace("_", "-"): name for name in names}
+    by_option = {name.replace("_", "-"): name for name in names}
 
     def argument(match: re.Match[str]) -> str:
         option = match[1]
-        forms = (option, f"{option}s", f"{option}-deg", re.sub("is$", "es", option))
-        return next((known[form] for form in forms if form in known), match[0])
+        for form in (option, f"{option}s", f"{option}-deg", re.sub("is$", "es", option)):
+            if form in by_option:
+                return by_option[form]
+        return match[0]
 
     return re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)

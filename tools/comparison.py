@@ -90,103 +90,135 @@ class Compared(Result):
 
 def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
     """Hold two runs or records against each other; `trihedron.compare` says more."""
-    (name, table), (other, before) = read_table(first), read_table(second)
-    shared = [column for column in table.columns if column in before.columns and column not in (TIME, POSITION)]
-    numbers = [c for c in shared if all(t.schema[c].is_numeric() or t.schema[c] == pl.Boolean for t in (table, before))]
+    first_name, left = read_table(first)
+    second_name, right = read_table(second)
+    numbers, not_compared = _columns_of_both(left, right)
     if not numbers:
-        raise InputError(f"{other}: has no column of numbers in common with {name}")
+        raise InputError(f"{second_name}: has no column of numbers in common with {first_name}")
     limits = limits_of(within, numbers)
-    kept, places, matched = _matched(name, table, other, before)
-    time = table[TIME].to_numpy()[kept].astype(float)
-    found, differences, both = [], {TIME: time}, {TIME: time}
+    rows, places, matched = _matched(first_name, left, second_name, right)
+    time = left[TIME].to_numpy()[rows].astype(float)
+    columns, differences, both = [], {TIME: time}, {TIME: time}
     for column in numbers:
-        one = table[column].cast(pl.Float64).to_numpy()[kept]
-        values = before[column].cast(pl.Float64).to_numpy()
-        two = values[places] if places.dtype.kind == "i" else np.interp(places, before[TIME].to_numpy(), values)
-        with np.errstate(over="ignore", invalid="ignore"):
-            # Numbers near the largest have differences that are none.
-            left = np.clip(two - one, -LARGEST, LARGEST)
-        left[~(np.isfinite(one) & np.isfinite(two))] = np.nan
-        found.append(_difference(column, time, (one, two, left), limits[column]))
-        differences[column] = left
-        both |= {f"first {column}": one, f"second {column}": two}
-    apart = [
-        [c for c in t.columns if c not in (*u.columns, TIME, POSITION)] for t, u in ((table, before), (before, table))
-    ]
-    same = all(d.within for d in found) and not any(apart) and len(kept) == table.height == before.height
+        of_first = left[column].cast(pl.Float64).to_numpy()[rows]
+        of_second = right[column].cast(pl.Float64).to_numpy()
+        if matched == "time":
+            of_second = np.interp(places, right[TIME].to_numpy(), of_second)
+        else:
+            of_second = of_second[places]
+        difference = _difference(of_first, of_second)
+        columns.append(_judged(column, time, (of_first, of_second, difference), limits[column]))
+        differences[column] = difference
+        both[f"first {column}"] = of_first
+        both[f"second {column}"] = of_second
+    only_first, only_second = _only(left, right), _only(right, left)
+    same_rows = len(rows) == left.height == right.height
+    same = same_rows and not only_first and not only_second and all(column.within for column in columns)
     return Compared(
         verdict="same" if same else "different",
-        first=name,
-        second=other,
-        rows=len(kept),
+        first=first_name,
+        second=second_name,
+        rows=len(rows),
         matched=matched,
-        columns=found,
-        only_first=apart[0],
-        only_second=apart[1],
-        not_compared=[column for column in shared if column not in numbers],
+        columns=columns,
+        only_first=only_first,
+        only_second=only_second,
+        not_compared=not_compared,
         differences=pl.DataFrame(differences),
         both=pl.DataFrame(both),
     )
 
 
-def _difference(column: str, time: NDArray, values: tuple[NDArray, NDArray, NDArray], limit: float) -> Difference:
-    one, two, left = values
-    known = np.isfinite(left)
-    one_only = int(np.count_nonzero(np.isfinite(one) != np.isfinite(two)))
-    if not known.any():
+def _columns_of_both(left: pl.DataFrame, right: pl.DataFrame) -> tuple[list[str], list[str]]:
+    """Columns of both tables but times and positions: those of numbers, and the others."""
+    numbers, words = [], []
+    for column in left.columns:
+        if column in right.columns and column not in (TIME, POSITION):
+            kinds = left.schema[column], right.schema[column]
+            numeric = all(kind.is_numeric() or kind == pl.Boolean for kind in kinds)
+            (numbers if numeric else words).append(column)
+    return numbers, words
+
+
+def _only(table: pl.DataFrame, partner: pl.DataFrame) -> list[str]:
+    """Columns that the partner has not, but times and positions."""
+    return [column for column in table.columns if column not in (*partner.columns, TIME, POSITION)]
+
+
+def _difference(first: NDArray, second: NDArray) -> NDArray:
+    """The second less the first, NaN where either has no finite value."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        # Numbers near the largest have differences that are none.
+        difference = np.clip(second - first, -LARGEST, LARGEST)
+    difference[~(np.isfinite(first) & np.isfinite(second))] = np.nan
+    return difference
+
+
+def _judged(column: str, time: NDArray, values: tuple[NDArray, NDArray, NDArray], limit: float) -> Difference:
+    """How a column differs: values of the first, of the second, and their difference."""
+    first, second, difference = values
+    finite = np.isfinite(difference)
+    one_only = int(np.count_nonzero(np.isfinite(first) != np.isfinite(second)))
+    if not finite.any():
         zero = {"largest": 0.0, "rms": 0.0, "time_s": float(time[0]), "first": 0.0, "second": 0.0}
         return Difference(column=column, **zero, one_only=one_only, within=one_only == 0)
-    size = np.where(known, np.abs(left), -1.0)
+    size = np.where(finite, np.abs(difference), -1.0)
     at = int(np.argmax(size))
+    largest = size[at]
     return Difference(
         column=column,
-        largest=float(size[at]),
-        rms=float(size[at] * np.sqrt(np.mean(np.square(size[known] / (size[at] or 1.0))))),
+        largest=float(largest),
+        rms=float(largest * np.sqrt(np.mean(np.square(size[finite] / (largest or 1.0))))),
         time_s=float(time[at]),
-        first=float(one[at]),
-        second=float(two[at]),
+        first=float(first[at]),
+        second=float(second[at]),
         one_only=one_only,
-        within=bool(size[at] <= limit) and one_only == 0,
+        within=bool(largest <= limit) and one_only == 0,
     )
 
 
 def limits_of(within: Sequence[str], columns: list[str]) -> dict[str, float]:
     """What each column may differ by: NUMBER for all, COLUMN=NUMBER for one; 0 where nothing is said."""
-    limits: dict[str, float] = dict.fromkeys(columns, 0.0)
-    own: dict[str, float] = {}
+    general = 0.0
+    limits: dict[str, float] = {}
     for text in within:
-        column, named, number = text.rpartition("=")
+        column, equals, number = text.rpartition("=")
         try:
             value = float(number)
         except ValueError:
             value = -1.0
         if not 0.0 <= value < np.inf:
             raise InputError(f"--within {text}: write a number that is not below 0, as 1e-6, or f1_mps2=1e-6")
-        if named and column not in limits:
+        if equals and column not in columns:
             raise InputError(f"--within {text}: {column} is no column of both; {nearest(column, columns)}")
-        own |= {column: value} if named else {}
-        limits = limits if named else dict.fromkeys(columns, value)
-    return limits | own
+        if equals:
+            limits[column] = value
+        else:
+            general = value
+    return dict.fromkeys(columns, general) | limits
 
 
 def _matched(
-    name: str, table: pl.DataFrame, other: str, before: pl.DataFrame
+    first_name: str, left: pl.DataFrame, second_name: str, right: pl.DataFrame
 ) -> tuple[NDArray, NDArray, Literal["rows", "position", "time"]]:
     """Rows of the first that are compared; for each of them the row of the second (int), or the time [s] (float)."""
-    if POSITION in table.columns and POSITION in before.columns:
-        numbers = before[POSITION].to_list()
-        pairs = [(k, numbers.index(n)) for k, n in enumerate(table[POSITION].to_list()) if n in numbers]
+    if POSITION in left.columns and POSITION in right.columns:
+        numbers = right[POSITION].to_list()
+        pairs = []
+        for row, number in enumerate(left[POSITION].to_list()):
+            if number in numbers:
+                pairs.append((row, numbers.index(number)))
         if not pairs:
-            raise InputError(f"{other}: has no position in common with {name}")
-        kept, places = np.array(pairs, dtype=int).T
-        return kept, places, "position"
-    times = [t[TIME].to_numpy().astype(float) for t in (table, before)]
-    if np.array_equal(times[0], times[1]):
-        return np.arange(table.height), np.arange(table.height), "rows"
-    kept = np.flatnonzero((times[0] >= times[1][0]) & (times[0] <= times[1][-1]))
-    if not kept.size:
-        raise InputError(f"{other}: has no time in common with {name}")
-    return kept, times[0][kept], "time"
+            raise InputError(f"{second_name}: has no position in common with {first_name}")
+        rows, places = np.array(pairs, dtype=int).T
+        return rows, places, "position"
+    times, second_times = left[TIME].to_numpy().astype(float), right[TIME].to_numpy().astype(float)
+    if np.array_equal(times, second_times):
+        return np.arange(left.height), np.arange(left.height), "rows"
+    rows = np.flatnonzero((times >= second_times[0]) & (times <= second_times[-1]))
+    if not rows.size:
+        raise InputError(f"{second_name}: has no time in common with {first_name}")
+    return rows, times[rows], "time"
 
 
 def read_table(source: Any) -> tuple[str, pl.DataFrame]:
@@ -195,10 +227,13 @@ def read_table(source: Any) -> tuple[str, pl.DataFrame]:
     An InputError where it is none, has no times, or they run back.
     """
     if isinstance(source, str | Path):
-        given = Path(source)
-        name, table = str(given), _of_file(next((given / run for run in RUNS if (given / run).exists()), given))
+        path = Path(source)
+        name = str(path)
+        files = [path / run for run in RUNS if (path / run).exists()]
+        table = _of_file(files[0] if files else path)
     elif hasattr(source, "to_polars"):
-        name, table = str(getattr(source, "path", None) or getattr(source, "title", "") or "a run"), source.to_polars()
+        name = str(getattr(source, "path", None) or getattr(source, "title", "") or "a run")
+        table = source.to_polars()
     else:
         name, table = "a table", table_of(source)
         if not table.width:

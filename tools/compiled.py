@@ -43,8 +43,13 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
     """
     if not COMPILES:
         return kernel
-    names = {name: kernel.__globals__[name] for name in kernel.__code__.co_names if name in kernel.__globals__}
-    linked = {name: compiled(value) if isinstance(value, FunctionType) else value for name, value in names.items()}
+    linked = {}
+    for name in kernel.__code__.co_names:
+        value = kernel.__globals__.get(name)
+        if isinstance(value, FunctionType):
+            linked[name] = compiled(value)
+        elif name in kernel.__globals__:
+            linked[name] = value
     return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__), allocates=False)
 
 

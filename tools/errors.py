@@ -28,16 +28,19 @@ LONGEST_MESSAGE = 800
 def one_line(text: str) -> str:
     """A message in one line of bearable length, whatever names and values an archive from elsewhere has."""
     line = "".join(c if c.isprintable() else " " for c in text)
-    return line if len(line) <= LONGEST_MESSAGE else f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
+    if len(line) > LONGEST_MESSAGE:
+        line = f"{line[: LONGEST_MESSAGE - 200]} ... {line[-190:]}"
+    return line
 
 
 def nearest_file(path: Path) -> str:
     """What follows "no such file": "; did you mean 'x'?" where a file beside it is called much the same."""
     try:
-        said = nearest(path.name, [entry.name for entry in path.parent.iterdir() if entry.name != path.name])
+        names = [entry.name for entry in path.parent.iterdir() if entry.name != path.name]
     except OSError:
         return ""
-    return f"; {said}" if said.startswith("did you") else ""
+    advice = nearest(path.name, names)
+    return f"; {advice}" if advice.startswith("did you") else ""
 
 
 def full(error: BaseException) -> bool:
@@ -56,12 +59,16 @@ def unreadable(path: Path, error: OSError) -> str:
     return f"cannot be read ({error.strerror}){meant}"
 
 
-def nearest(name: str, known: list[str] | tuple[str, ...]) -> str:
+def nearest(name: str, names: list[str] | tuple[str, ...]) -> str:
     """What follows a name that is not known: "did you mean 'x'?" where one is much the same, or "known: a, b, c"."""
     from difflib import get_close_matches
 
-    close = get_close_matches(name, known, n=1, cutoff=0.6)
+    close = get_close_matches(name, names, n=1, cutoff=0.6)
     if close:
         return f"did you mean '{close[0]}'?"
-    shown = ", ".join(known[:12])
-    return f"known: {shown}{', ...' if len(known) > 12 else ''}" if known else "none are known"
+    if not names:
+        return "none are known"
+    listed = list(names[:12])
+    if len(names) > 12:
+        listed.append("...")
+    return f"known: {', '.join(listed)}"

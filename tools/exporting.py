@@ -5,6 +5,7 @@ import math
 import shlex
 import zipfile
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -90,11 +91,14 @@ def effect_places(titles: Sequence[str]) -> list[EffectPlace]:
 
     An InputError where there is no such effect at such a place, or no component can have it.
     """
-    known = {place.title: place for effect in CATALOGUE.values() if effect.component for place in effect.places}
+    by_title = {}
+    for effect in CATALOGUE.values():
+        if effect.component:
+            by_title.update((place.title, place) for place in effect.places)
     for title in titles:
-        if title not in known:
-            raise InputError(f"--effect {title}: is not known; {nearest(title, list(known))}")
-    return [known[title] for title in dict.fromkeys(titles)]
+        if title not in by_title:
+            raise InputError(f"--effect {title}: is not known; {nearest(title, list(by_title))}")
+    return [by_title[title] for title in dict.fromkeys(titles)]
 
 
 def export_components(
@@ -109,10 +113,10 @@ def export_components(
 
     All of them where none is named, or those that the effects extend.
     """
-    known, table = component_names(), components()
+    catalogue, table = component_names(), components()
     for name in names:
-        if name not in known:
-            raise InputError(f"component {name}: is not known; {nearest(name, known)}")
+        if name not in catalogue:
+            raise InputError(f"component {name}: is not known; {nearest(name, catalogue)}")
     if flavour not in get_args(Flavour):
         raise InputError(f"--flavour {flavour}: must be {' or '.join(get_args(Flavour))}")
     if fmi not in (2, 3):
@@ -123,19 +127,20 @@ def export_components(
         raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
     places = effect_places(effects)
     extended = {str(place.definition.component) for place in places}
-    chosen = list(dict.fromkeys(names)) or [name for name in known if name in extended] or list(known)
+    chosen = list(dict.fromkeys(names)) or [name for name in catalogue if name in extended] or list(catalogue)
+    target = "host" if platform is None else platform
     for place in places:
         if not any(can_extend(table[name], place) for name in chosen):
             raise InputError(f"--effect {place.title}: extends {place.definition.component}, not exported here")
     try:
         if flavour == "native":
-            chosen_platforms("host" if platform is None else platform)
+            chosen_platforms(target)
         with whole_folder(out) as beside:
             for name in tracked(chosen, "FMUs", show=True):
-                own = [place for place in places if can_extend(table[name], place)]
-                build(name, beside, own, flavour=flavour, fmi=fmi, platform="host" if platform is None else platform)
+                extensions = [place for place in places if can_extend(table[name], place)]
+                build(name, beside, extensions, flavour=flavour, fmi=fmi, platform=target)
                 if flavour == "native":
-                    write_reference(extend(table[name], own), beside, fmi)
+                    write_reference(extend(table[name], extensions), beside, fmi)
             described = [_described(beside / f"{name}.fmu", out, flavour, fmi) for name in chosen]
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
@@ -192,13 +197,13 @@ class FmpyInput(Result):
     @property
     def complaint(self) -> str:
         """One line, where readings at a limit or bridged gaps are in the table; else nothing."""
-        said = []
+        complaints = []
         if self.trusted_until is not None:
-            said.append(f"attitudes after {downwards(self.trusted_until, 9)} s of the run are not to be trusted")
+            complaints.append(f"attitudes after {downwards(self.trusted_until, 9)} s of the run are not to be trusted")
         if self.bridged_bound:
             bound = upwards(math.degrees(self.bridged_bound), 3)
-            said.append(f"bridged gaps turn the attitude by at most {bound} deg")
-        return "; ".join([*said, *self.warnings])
+            complaints.append(f"bridged gaps turn the attitude by at most {bound} deg")
+        return "; ".join([*complaints, *self.warnings])
 
 
 def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bridge_gaps: int = 0) -> FmpyInput:
@@ -220,61 +225,95 @@ def write_fmpy_input(path: Path, out: Path, *, rates: str = "instantaneous", bri
     InputError
         another record, or one that is not uniformly sampled
     """
-    import numpy as np
     import polars as pl
 
     record = records.read_record(path)
     if isinstance(record, records.BenchRecord):
         record = record.gyros
-    care: dict[str, Any] = {}
-    inputs: dict[str, np.ndarray] = {}
     if isinstance(record, records.StrapdownRecord):
-        component = "AttitudeComputer"
-        taken = motion.taken_from(record, rates, bridge_gaps=bridge_gaps)
-        increments = taken.increments
-        start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(taken.start, start=1)}
-        start_values["sample_period"] = period = float(increments.period)
-        # The increment that ends at a row's time is of the step that begins one row before.
-        inputs["increment"] = increments.angle
-        if increments.velocity is not None:
-            component, inputs["velocity_increment"] = "VelocityComputer", increments.velocity
-        until, begin = taken.trusted_until(increments.time_s), float(increments.time_s[0])
-        care = {"trusted_until_s": None if until is None else until - begin, "warnings": taken.warnings}
-        care["bridged_bound_rad"] = taken.bridged_bound
+        inputs = _motion_inputs(record, rates, bridge_gaps)
     elif isinstance(record, records.RawRecord):
         if bridge_gaps:
             raise InputError(
                 f"--bridge-gaps {bridge_gaps}: is of a strapdown record; a record of a table carries no attitude"
             )
-        component, start_values = "AccelerometerCompensation", {}
-        care["warnings"] = tuple(records.limits_of(record).lines)
-        inputs["reading"], count = record.specific_force, len(record.time_s)
-        if count < 2:
-            raise InputError(f"{record.path}: has one row; at least two are needed")
-        period = float(record.time_s[-1] - record.time_s[0]) / (count - 1)
-        off = np.abs(record.time_s - record.time_s[0] - period * np.arange(count)) / period
-        if off.max() > UNIFORM:
-            where = f"{record.path}, row {int(record.row[int(off.argmax())])}"
-            raise InputError(f"{where}: is {off.max():.3g} rows off a uniform sampling of {period:.9g} s")
+        inputs = _reading_inputs(record)
     else:
         raise InputError(f"{path}: is a position record, which has no steps; a strapdown or a raw record is needed")
-    rows = len(next(iter(inputs.values())))
-    table = {"time": period * np.arange(rows)}
-    table |= {f"{name}[{i + 1}]": values[:, i] for name, values in inputs.items() for i in range(3)}
+    rows = len(next(iter(inputs.variables.values())))
+    table = {"time": [inputs.period * row for row in range(rows)]}
+    for name, values in inputs.variables.items():
+        for axis in range(3):
+            table[f"{name}[{axis + 1}]"] = values[:, axis]
     with whole_file(out) as beside:
         pl.DataFrame(table).write_csv(beside)
-    stop = period * rows
-    words = ["fmpy", "simulate", f"{component}.fmu", "--input-file", str(out)]
-    words += ["--stop-time", repr(stop), "--output-interval", repr(period)]
-    if start_values:
+    stop = inputs.period * rows
+    words = ["fmpy", "simulate", f"{inputs.component}.fmu", "--input-file", str(out)]
+    words += ["--stop-time", repr(stop), "--output-interval", repr(inputs.period)]
+    if inputs.start_values:
         words.append("--start-values")
-        words += [word for key, value in start_values.items() for word in (key, repr(value))]
+        for name, value in inputs.start_values.items():
+            words += [name, repr(value)]
     return FmpyInput(
-        component=component,
+        component=inputs.component,
         input_file=str(out),
-        step_s=period,
+        step_s=inputs.period,
         stop_s=stop,
-        start_values=start_values,
-        **care,
+        start_values=inputs.start_values,
+        bridged_bound_rad=inputs.bridged_bound,
+        trusted_until_s=inputs.trusted_until,
+        warnings=inputs.warnings,
         command=shlex.join(words),
     )
+
+
+@dataclass(frozen=True)
+class _Inputs:
+    """What a component takes from a record: variables (N, 3) by name, each step of one period [s]."""
+
+    component: str
+    period: float
+    variables: dict[str, Any]
+    warnings: tuple[str, ...]
+    start_values: dict[str, float] = field(default_factory=dict)
+    trusted_until: float | None = None
+    bridged_bound: float = 0.0
+
+
+def _motion_inputs(record: "records.StrapdownRecord", rates: str, bridge_gaps: int) -> _Inputs:
+    """Inputs of the attitude computer, or of the velocity computer where the record has increments of velocity."""
+    samples = motion.taken_from(record, rates, bridge_gaps=bridge_gaps)
+    increments = samples.increments
+    period, begin = float(increments.period), float(increments.time_s[0])
+    start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(samples.start, start=1)}
+    start_values["sample_period"] = period
+    # The increment that ends at a row's time is of the step that begins one row before.
+    component, variables = "AttitudeComputer", {"increment": increments.angle}
+    if increments.velocity is not None:
+        component, variables["velocity_increment"] = "VelocityComputer", increments.velocity
+    until = samples.trusted_until(increments.time_s)
+    return _Inputs(
+        component,
+        period,
+        variables,
+        samples.warnings,
+        start_values,
+        trusted_until=None if until is None else until - begin,
+        bridged_bound=samples.bridged_bound,
+    )
+
+
+def _reading_inputs(record: "records.RawRecord") -> _Inputs:
+    """Inputs of AccelerometerCompensation."""
+    import numpy as np
+
+    count = len(record.time_s)
+    warnings = tuple(records.limits_of(record).lines)
+    if count < 2:
+        raise InputError(f"{record.path}: has one row; at least two are needed")
+    period = float(record.time_s[-1] - record.time_s[0]) / (count - 1)
+    off = np.abs(record.time_s - record.time_s[0] - period * np.arange(count)) / period
+    if off.max() > UNIFORM:
+        where = f"{record.path}, row {int(record.row[int(off.argmax())])}"
+        raise InputError(f"{where}: is {off.max():.3g} rows off a uniform sampling of {period:.9g} s")
+    return _Inputs("AccelerometerCompensation", period, {"reading": record.specific_force}, warnings)

@@ -72,38 +72,45 @@ class Installation(Result):
 def doctor() -> Installation:
     """Look at the installation and try a run: simulate a table and a block, calibrate what was measured."""
     findings = (
-        found("trihedron", metadata.version("trihedron")),
-        found("Python", f"{platform.python_version()}, {sys.executable}", sys.version_info >= (3, 11)),
+        finding("trihedron", metadata.version("trihedron")),
+        finding("Python", f"{platform.python_version()}, {sys.executable}", sys.version_info >= (3, 11)),
         *_packages(),
         *_platforms(),
         _cache(),
         _printing(),
         _run(),
     )
-    return Installation(works=all(finding.good is not False for finding in findings), findings=findings)
+    return Installation(works=all(entry.good is not False for entry in findings), findings=findings)
 
 
-def found(subject: str, state: str, good: bool | None = True) -> Finding:
-    """What was found of a subject."""
+def finding(subject: str, state: str, good: bool | None = True) -> Finding:
+    """What was seen of a subject."""
     return Finding(subject=subject, state=state, good=good)
 
 
 def _packages() -> list[Finding]:
-    there = [(name, _package(name)) for name in CORE]
-    missing = [name for name, state in there if state is None]
-    shown = ", ".join(f"{name} {state}" for name, state in there if state is not None)
-    said = f"{shown}; MISSING: {', '.join(missing)}" if missing else shown
-    findings = [found("libraries", said, not missing)]
+    installed, missing = [], []
+    for name in CORE:
+        version = _version(name)
+        if version is None:
+            missing.append(name)
+        else:
+            installed.append(f"{name} {version}")
+    state = ", ".join(installed)
+    if missing:
+        state += f"; MISSING: {', '.join(missing)}"
+    findings = [finding("libraries", state, not missing)]
     for extra, names in EXTRAS.items():
-        versions = [_package(name) for name in names]
-        whole = all(state is not None for state in versions)
-        state = ", ".join(f"{name} {v or 'missing'}" for name, v in zip(names, versions, strict=True))
-        hint = "" if whole else f'; pip install "trihedron[{extra}]"'
-        findings.append(found(f"extra {extra}", state + hint, True if whole else None))
+        versions = [f"{name} {_version(name) or 'missing'}" for name in names]
+        state, complete = ", ".join(versions), None not in map(_version, names)
+        if complete:
+            findings.append(finding(f"extra {extra}", state, True))
+        else:
+            findings.append(finding(f"extra {extra}", f'{state}; pip install "trihedron[{extra}]"', None))
     return findings
 
 
-def _package(name: str) -> str | None:
+def _version(name: str) -> str | None:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -112,17 +119,21 @@ def _package(name: str) -> str | None:
 
 def _platforms() -> list[Finding]:
     compiler, zig = host_compiler(), zig_version()
-    said = compiler[1].splitlines()[0] if compiler is not None and compiler[1] else "none"
-    findings = [found("C compiler", said if zig is None else f"{said}; zig {zig}", True if compiler or zig else None)]
+    state = "none"
+    if compiler is not None and compiler[1]:
+        state = compiler[1].splitlines()[0]
+    if zig is not None:
+        state += f"; zig {zig}"
+    findings = [finding("C compiler", state, True if compiler or zig else None)]
     for name in PLATFORMS:
-        here = ", this machine" if name == host_name() else ""
+        this = ", this machine" if name == host_name() else ""
         if compiles(name):
-            state, good = f"compiled{here}", True
+            state, good = f"compiled{this}", True
         elif has_prebuilt():
-            state, good = f"components as they came with the package; none with effects{here}", True
+            state, good = f"components as they came with the package; none with effects{this}", True
         else:
-            state, good = f'cannot be exported{here}; pip install "trihedron[native]"', None
-        findings.append(found(f"native FMUs for {name}", state, good))
+            state, good = f'cannot be exported{this}; pip install "trihedron[native]"', None
+        findings.append(finding(f"native FMUs for {name}", state, good))
     return findings
 
 
@@ -132,16 +143,16 @@ def _cache() -> Finding:
     while not at.exists() and at != at.parent:
         at = at.parent
     if not (at.is_dir() and os.access(at, os.W_OK)):
-        return found("cache", f"{folder}, not writable: each run begins anew", None)
+        return finding("cache", f"{folder}, not writable: each run begins anew", None)
     open_place = others_can_write(folder if folder.exists() else at)
     if open_place is not None:
-        return found("cache", f"{folder}, not used: others can write to {open_place}; each run begins anew", None)
-    return found("cache", str(folder), True)
+        return finding("cache", f"{folder}, not used: others can write to {open_place}; each run begins anew", None)
+    return finding("cache", str(folder), True)
 
 
 def _printing() -> Finding:
     program = converter()
-    return found(
+    return finding(
         "reports as PDF", program or "no Chromium, Chrome or Edge; reports are HTML", True if program else None
     )
 
@@ -156,13 +167,13 @@ def _run() -> Finding:
             text = scenario.read_text(encoding="utf-8")
             scenario.write_text(text.replace("dwell_s = 20.0", f"dwell_s = {DWELL_S}"), encoding="utf-8")
             begin = perf_counter()
-            done = simulate_table(read_scenario(scenario))
+            run = simulate_table(read_scenario(scenario))
             seconds = perf_counter() - begin
-            if done.positions is None:
-                return found(subject, f"gives no positions: {done.no_positions}", False)
-            verdict = calibrate(done.positions, noise_bound=1e-5).verdict
+            if run.positions is None:
+                return finding(subject, f"gives no positions: {run.no_positions}", False)
+            verdict = calibrate(run.positions, noise_bound=1e-5).verdict
     except Exception as error:
         # Whatever stops it is what the user asked for.
-        return found(subject, f"{type(error).__name__}: {' '.join(str(error).split())}", False)
-    said = f"{done.height} steps in {digits(seconds)} s by {usual_flavour()} FMUs; calibrated: {verdict}"
-    return found(subject, said, verdict == "consistent")
+        return finding(subject, f"{type(error).__name__}: {' '.join(str(error).split())}", False)
+    state = f"{run.height} steps in {digits(seconds)} s by {usual_flavour()} FMUs; calibrated: {verdict}"
+    return finding(subject, state, verdict == "consistent")

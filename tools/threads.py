@@ -33,9 +33,9 @@ def one_thread() -> Iterator[None]:
     finally:
         with _LOCK:
             # What stands first was found when no call was inside, whichever ends last.
-            found = _BEFORE.pop()
+            counts = _BEFORE.pop()
             if not _BEFORE:
-                for (_, set_to), count in zip(_libraries(), found, strict=True):
+                for (_, set_to), count in zip(_libraries(), counts, strict=True):
                     set_to(count)
 
 
@@ -43,16 +43,19 @@ def one_thread() -> Iterator[None]:
 def _libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
     """What says and sets the number of threads of each OpenBLAS beside the packages."""
     packages = Path(np.__file__).parent.parent
-    folders = (packages / f"{name}{where}" for name in ("numpy", "scipy") for where in (".libs", "/.dylibs"))
-    found = []
-    for path in sorted(path for folder in folders for path in folder.glob("*openblas*")):
+    paths = []
+    for folder in ("numpy.libs", "numpy/.dylibs", "scipy.libs", "scipy/.dylibs"):
+        paths.extend((packages / folder).glob("*openblas*"))
+    calls = []
+    for path in sorted(paths):
         try:
             library = ctypes.CDLL(str(path))
         except OSError:
             continue
         for prefix, suffix in product(PREFIXES, SUFFIXES):
-            get, set_to = (getattr(library, f"{prefix}_{verb}_num_threads{suffix}", None) for verb in ("get", "set"))
+            get = getattr(library, f"{prefix}_get_num_threads{suffix}", None)
+            set_to = getattr(library, f"{prefix}_set_num_threads{suffix}", None)
             if get is not None and set_to is not None:
-                found.append((get, set_to))
+                calls.append((get, set_to))
                 break
-    return found
+    return calls
