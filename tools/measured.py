@@ -113,8 +113,9 @@ def inspect(record: "records.Source", *, gravity: Gravity = 9.80665, channels: C
     run = records.read_record(record, records.StrapdownRecord, records.BenchRecord, channels=channels)
     if isinstance(run, records.StrapdownRecord):
         return motion.inspect_record(run, gravity=gravity)
-    found = motion.inspect_record(run.gyros, gravity=gravity)
-    return found.model_copy(update={"accelerometers": None, "at_table": calibrations.judged_at_table(run, gravity)})
+    inspection = motion.inspect_record(run.gyros, gravity=gravity)
+    at_table = calibrations.judged_at_table(run, gravity)
+    return inspection.model_copy(update={"accelerometers": None, "at_table": at_table})
 
 
 def attitude_of_record(
@@ -204,10 +205,20 @@ def calibrate(
     'consistent'
     """
     rests = records.read_record(record, records.PositionRecord, channels=channels)
-    asked = {"noise_bound": noise_bound, "gravity": gravity, "convention": convention, "baseline": baseline}
-    asked |= {"bounds": bounds, "mounting": mounting, "targets": targets, "priors": priors}
-    bench = calibrations.Bench.given(rests, **({} if bench is None else vars(bench)))
-    return calibrations.calibrate_whole(rests, bench, **asked).model_copy(update={"made_of": rests})
+    place = {} if bench is None else vars(bench)
+    result = calibrations.calibrate_whole(
+        rests,
+        calibrations.Bench.given(rests, **place),
+        noise_bound=noise_bound,
+        gravity=gravity,
+        convention=convention,
+        baseline=baseline,
+        bounds=bounds,
+        mounting=mounting,
+        targets=targets,
+        priors=priors,
+    )
+    return result.model_copy(update={"made_of": rests})
 
 
 def bench_at(
@@ -242,9 +253,14 @@ def bench_at(
     InputError
         a number out of range, one without the place, or a place that is not the record's own
     """
-    place = {"latitude_deg": latitude_deg, "azimuth_deg": azimuth_deg}
-    place |= {"gyro_noise": gyro_noise, "encoder_bound": encoder_bound, "rates": rates}
-    return calibrations.Bench.given(record, **place)
+    return calibrations.Bench.given(
+        record,
+        latitude_deg=latitude_deg,
+        azimuth_deg=azimuth_deg,
+        gyro_noise=gyro_noise,
+        encoder_bound=encoder_bound,
+        rates=rates,
+    )
 
 
 def apply(
@@ -275,16 +291,19 @@ def apply(
     InputError
         for a calibration that is not consistent, a diagnosis that names nothing, or a record that cannot be used
     """
-    named = (diagnosis.read_diagnosis(Path(found)) or found) if isinstance(found, str | Path) else found
-    if not isinstance(named, diagnosis.Diagnosed):
-        applied = calibrations.apply_calibration(named, record, noise_bound=noise_bound, channels=channels)
-        said = checks.channels_warning(applied.record, applied.correction.mounting)
-        return applied.model_copy(update={"warnings": [*applied.warnings, *said]})
+    result = found
+    if isinstance(found, str | Path):
+        result = diagnosis.read_diagnosis(Path(found)) or found
+    if not isinstance(result, diagnosis.Diagnosed):
+        applied = calibrations.apply_calibration(result, record, noise_bound=noise_bound, channels=channels)
+        warnings = checks.channels_warning(applied.record, applied.correction.mounting)
+        return applied.model_copy(update={"warnings": [*applied.warnings, *warnings]})
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
-    bound = noise_bound or (None if isinstance(run, records.StrapdownRecord) else named.noise_bound)
-    return diagnosis.applied_to(
-        named, run, diagnosis.evidence_of(run, **diagnosis.evidence_options(run, noise_bound=bound))
-    )
+    bound = noise_bound or None
+    if bound is None and not isinstance(run, records.StrapdownRecord):
+        bound = result.noise_bound
+    evidence = diagnosis.evidence_of(run, **diagnosis.evidence_options(run, noise_bound=bound))
+    return diagnosis.applied_to(result, run, evidence)
 
 
 def diagnose(
@@ -333,9 +352,10 @@ def diagnose(
     >>> th.diagnose("measured.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
-    asked = diagnosis.evidence_options(
+    place = {} if bench is None else vars(bench)
+    options = diagnosis.evidence_options(
         run,
-        bench=calibrations.Bench.given(run, **({} if bench is None else vars(bench))),
+        bench=calibrations.Bench.given(run, **place),
         noise_bound=noise_bound,
         gravity=gravity,
         baseline=baseline,
@@ -345,5 +365,5 @@ def diagnose(
         reference_bound=reference_bound,
     )
     with own_effects.with_effects_of(effects_from):
-        found = diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **asked)
-    return found.model_copy(update={"made_of": run})
+        result = diagnosis.diagnose(run, hypotheses=hypotheses, extend=extend, progress=progress, **options)
+    return result.model_copy(update={"made_of": run})

@@ -48,14 +48,16 @@ def calibrate_together(
     InputError
         whatever cannot be done, in one line
     """
-    given = _several((first, *others), (records.PositionRecord,), channels)
-    if noise_bound is None and (
-        unsure := next((run.path for run in given.values() if not records.tells_noise(run)), None)
-    ):
-        raise InputError(f"{unsure}: does not tell its noise bound: give --noise-bound")
-    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
-    evidence = {label: diagnosis.evidence_of(run, **asked, mounting=mounting) for label, run in given.items()}
-    digests = [run.sha256 for run in given.values()]
+    runs = _several((first, *others), (records.PositionRecord,), channels)
+    for run in runs.values():
+        if noise_bound is None and not records.tells_noise(run):
+            raise InputError(f"{run.path}: does not tell its noise bound: give --noise-bound")
+    evidence, digests = {}, []
+    for label, run in runs.items():
+        evidence[label] = diagnosis.evidence_of(
+            run, noise_bound=noise_bound, gravity=gravity, baseline=baseline, bounds=bounds, mounting=mounting
+        )
+        digests.append(run.sha256)
     return diagnosis.calibrated_together(evidence, shared=shared, own=own, sha256=digests)
 
 
@@ -99,37 +101,36 @@ def diagnose_together(
     >>> import trihedron as th
     >>> th.diagnose_together("monday.csv", "tuesday.csv", "friday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    named = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels)
-    asked = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
-    asked |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
+    runs = _several((first, *others), (records.PositionRecord, records.StrapdownRecord), channels)
+    options = {"noise_bound": noise_bound, "gravity": gravity, "baseline": baseline, "bounds": bounds}
+    options |= {"mounting": mounting, "rates": rates, "reference_bound": reference_bound}
     with own_effects.with_effects_of(effects_from):
-        made = {
-            label: diagnosis.evidence_of(run, **diagnosis.evidence_options(run, among=named, **asked))
-            for label, run in named.items()
-        }
-        evidence = diagnosis.members_of(made, shared, own)
-        alone = {
-            label: diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
-            for label, run in named.items()
-        }
-        unsure = {
-            label: "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
-            for label, run in named.items()
-            if noise_bound is None and isinstance(run, records.PositionRecord) and not records.tells_noise(run)
-        }
-        digests = {label: run.sha256 for label, run in named.items()}
+        single = {}
+        for label, run in runs.items():
+            single[label] = diagnosis.evidence_of(run, **diagnosis.evidence_options(run, among=runs, **options))
+        evidence = diagnosis.members_of(single, shared, own)
+        alone, unsure, digests = {}, {}, {}
+        for label, run in runs.items():
+            alone[label] = diagnosis.diagnose(run, evidence=evidence[label], extend=extend, progress=progress)
+            digests[label] = run.sha256
+            tells = not isinstance(run, records.PositionRecord) or records.tells_noise(run)
+            if noise_bound is None and not tells:
+                unsure[label] = (
+                    "its noise bound is the scatter within rests, which falsifies nothing: give --noise-bound"
+                )
         return diagnosis.diagnosed_together(
             alone, shared=shared, own=own, left_out=unsure, sha256=digests, progress=progress
         )
 
 
-def _several(given: Sequence["records.Source"], kinds: tuple[type, ...], channels: Channels) -> dict[str, Any]:
+def _several(sources: Sequence["records.Source"], kinds: tuple[type, ...], channels: Sequence[str]) -> dict[str, Any]:
     """Several records by what they are called; an InputError for fewer than two, or for one that is given twice."""
-    if len(given) < 2:
+    if len(sources) < 2:
         raise InputError("several records are needed, two at least")
-    runs = [records.read_record(one, *kinds, channels=channels) for one in given]
-    if twice := next(
-        (run.path for k, run in enumerate(runs) if run.sha256 and run.sha256 in [r.sha256 for r in runs[:k]]), None
-    ):
-        raise InputError(f"{twice}: is given twice")
+    runs = [records.read_record(source, *kinds, channels=channels) for source in sources]
+    digests = set()
+    for run in runs:
+        if run.sha256 and run.sha256 in digests:
+            raise InputError(f"{run.path}: is given twice")
+        digests.add(run.sha256)
     return dict(zip(diagnosis.labels_of([run.path for run in runs]), runs, strict=True))
