@@ -1,7 +1,7 @@
 """Parameters of components from a calibration: as values, and as an SSP 1.0 parameter set that other tools read.
 
-A calibration is the published object of schema trihedron.calibration/2, or of the first, whose estimates are a-priori
-ones. What is refused is refused by a ValueError that does not name the file: who has read it says which it was.
+A calibration is the published object of schema trihedron.calibration/3; objects of former schemas are converted first.
+What is refused is refused by a ValueError that does not name the file: the caller knows which it was.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,9 +20,17 @@ from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
 from .component import Component
 from .units import Unit, base_unit, number, unit_named
 
-CALIBRATION = "trihedron.calibration/2"
-FIRST_SCHEMA = "trihedron.calibration/1"
-JOINT_CALIBRATION = "trihedron.joint-calibration/1"
+CALIBRATION = "trihedron.calibration/3"
+FIRST_SCHEMA, SECOND_SCHEMA = "trihedron.calibration/1", "trihedron.calibration/2"
+JOINT_SCHEMA = "trihedron.joint-calibration/1"
+CALIBRATIONS = (CALIBRATION, SECOND_SCHEMA, FIRST_SCHEMA, JOINT_SCHEMA)
+"""Schemas of calibrations that can be read."""
+RENAMED = {
+    ("noise_bound",): ("sigma", "value"),
+    ("noise_bound_basis",): ("sigma", "from"),
+    ("of_records",): ("of_record",),
+}
+"""Places of fields in the former schemas -> their places now."""
 MENDS = {
     "falsified": "no values fit its readings: `trihedron diagnose` says what the model lacks",
     "insufficient": "measure at its next_positions, or say by --prior what is known",
@@ -93,22 +101,99 @@ def component_parameters(targets: Mapping[str, float], gravity: float, mounting:
     return {"TurntableMotion": table, "AccelerometerBlock": block, "AccelerometerCompensation": dict(block)}
 
 
-def of_one_record(calibration: Any, sha256: str = "") -> Any:
-    """What a calibration of several records of an instrument says of one, as a calibration; any other as it is.
+def calibration_of(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a calibration's object in the present schema; an object that is no calibration of a former one as it is.
 
-    It is the record whose file has that SHA-256, else the last. A ValueError for one that is not as its schema says.
+    Fields that are missing or wrong stay so: who validates the object says what is wrong with them.
     """
-    if not isinstance(calibration, Mapping) or calibration.get("schema") != JOINT_CALIBRATION:
+    schema = content.get("schema")
+    if schema == JOINT_SCHEMA:
+        return _of_joint_schema(content)
+    if schema not in (FIRST_SCHEMA, SECOND_SCHEMA):
+        return content
+    former = ("noise_bound", "noise_bound_basis", "missing")
+    present = {key: value for key, value in content.items() if key not in former}
+    present |= {"schema": CALIBRATION, "sigma": _sigma(content)}
+    if schema == FIRST_SCHEMA:
+        present["estimator"] = "a priori"
+    entries, gyros = content.get("parameters"), content.get("gyros")
+    if isinstance(gyros, Mapping) and isinstance(entries, list) and isinstance(gyros.get("parameters"), list):
+        entries = [*entries, *gyros["parameters"]]
+        present["gyros"] = {key: value for key, value in gyros.items() if key not in ("parameters", "missing")}
+    if isinstance(entries, list):
+        present["parameters"] = [_of_former(entry, schema) for entry in entries]
+        present["open"] = [
+            {"parameters": [entry["symbol"]]}
+            for entry in present["parameters"]
+            if isinstance(entry, Mapping) and "symbol" in entry and not entry["determined"]
+        ]
+        if content.get("estimator", "") is None and len(present["open"]) < len(entries):
+            present["estimator"] = "least squares"
+    return present
+
+
+def _sigma(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the bound of a former schema as σ."""
+    basis = content.get("noise_bound_basis", "")
+    kind = {"given": "bound", "": "unknown"}.get(basis, "estimated") if isinstance(basis, str) else "unknown"
+    value = {"value": content["noise_bound"]} if "noise_bound" in content else {}
+    return {**value, "kind": kind, "from": basis}
+
+
+def _of_former(entry: Any, schema: str) -> Any:
+    """Return a target as it is written now; of the first schema, whose only estimate is the a-priori one."""
+    if not isinstance(entry, Mapping):
+        return entry
+    if schema == FIRST_SCHEMA:
+        entry = {"a_priori": entry.get("estimate"), **entry}
+    present = {"determined": entry.get("a_priori") is not None, **entry}
+    if schema != FIRST_SCHEMA and present.get("estimate", 0.0) is None:
+        present["estimate"] = entry.get("least_squares")
+    return present
+
+
+def _of_joint_schema(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a calibration of several records as it is written now."""
+    try:
+        shared, of_record = [], {}
+        for label, digest in zip(content["records"], content["sha256"], strict=True):
+            former = {"noise_bound_basis": "", **content["of_records"][label]}
+            kept = {key: former[key] for key in ("mountings", "reading_errors") if key in former}
+            provenance = {"record": label, "record_sha256": digest}
+            of_record[label] = {"sigma": _sigma(former), **kept, "parameters": [], "provenance": provenance}
+        for entry in content.get("parameters", ()):
+            symbol, label = entry["name"], entry["record"]
+            present = {key: value for key, value in entry.items() if key != "record"}
+            present |= {"symbol": symbol, "determined": entry["estimate"] is not None}
+            (shared if label is None else of_record[label]["parameters"]).append(present)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValueError(f"the calibration of several records lacks {error.args[0]!r}; calibrate again") from error
+    gone = ("records", "sha256", "of_records", "missing")
+    present = {key: value for key, value in content.items() if key not in gone}
+    present |= {"schema": CALIBRATION, "sigma": {"value": None, "kind": "unknown", "from": "each record has its own"}}
+    missing = [{"parameters": [name]} for name in content.get("missing", ())]
+    return present | {"parameters": shared, "of_record": of_record, "open": missing, "estimator": "analytic centre"}
+
+
+def of_one_record(calibration: Any, sha256: str = "") -> Any:
+    """Return what a calibration says of one record, in the present schema; an object of anything else as it is.
+
+    Of several records it is the one whose file has that SHA-256, else the last. A ValueError for one that is not as its
+    schema says.
+    """
+    if not isinstance(calibration, Mapping):
+        return calibration
+    calibration = calibration_of(calibration)
+    of_record = calibration.get("of_record")
+    if not isinstance(of_record, Mapping) or not of_record:
         return calibration
     try:
-        digests, labels = calibration["sha256"], calibration["records"]
-        number = digests.index(sha256) if sha256 and sha256 in digests else len(labels) - 1
-        record = labels[number]
-        parameters = [{**p, "symbol": p["name"]} for p in calibration["parameters"] if p["record"] in (None, record)]
-        provenance = {"record": record, "record_sha256": digests[number]}
-        return {**calibration, "schema": CALIBRATION, "provenance": provenance, "parameters": parameters} | (
-            calibration["of_records"][record]
-        )
+        digests = {record["provenance"]["record_sha256"]: record for record in of_record.values()}
+        last = list(of_record.values())[-1]
+        record = digests.get(sha256, last) if sha256 else last
+        parameters = [*calibration["parameters"], *record["parameters"]]
+        alone = {key: value for key, value in calibration.items() if key != "of_record"}
+        return {**alone, **record, "parameters": parameters}
     except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(f"the calibration of several records lacks {error.args[0]!r}; calibrate again") from error
 
@@ -154,13 +239,14 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
     ValueError
         for what is no calibration as its schema says
     """
-    parameters = _gyros(calibration, 0.0)
-    if not parameters:
+    content = of_one_record(calibration)
+    found = _gyros(content, 0.0)
+    if not found:
         return None
 
     def side(end: str) -> dict[str, float]:
-        entries = [{"symbol": entry["symbol"], "estimate": entry[end]} for entry in calibration["gyros"]["parameters"]]
-        return elements_of(_gyros({"gyros": {"parameters": entries}}, 0.0)["GyroBlock"])
+        entries = [{**entry, "estimate": entry[end]} for entry in content["parameters"]]
+        return elements_of(_gyros({"parameters": entries}, 0.0)["GyroBlock"])
 
     with _complete():
         low, high = side("low"), side("high")
@@ -192,7 +278,7 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
         for a combination that is needed and missing
     """
     value: dict[str, float] = {}
-    a_priori = calibration.get("schema") == FIRST_SCHEMA or calibration.get("estimator") == "a priori"
+    a_priori = calibration.get("estimator") == "a priori"
     try:
         for entry in calibration["parameters"]:
             symbol = str(entry["symbol"])
@@ -229,9 +315,9 @@ def checked_number(value: Any, what: str) -> float:
 def _consistent(calibration: Any) -> Mapping[str, Any]:
     """The calibration, of several records that of the last, when it is a consistent one; a ValueError else."""
     calibration = of_one_record(calibration)
-    if not isinstance(calibration, Mapping) or calibration.get("schema") not in (CALIBRATION, FIRST_SCHEMA):
-        schema = calibration.get("schema") if isinstance(calibration, Mapping) else None
-        raise ValueError(f"the schema is {schema!r}; a calibration has '{CALIBRATION}'")
+    if not isinstance(calibration, Mapping) or calibration.get("schema") != CALIBRATION:
+        found = calibration.get("schema") if isinstance(calibration, Mapping) else None
+        raise ValueError(f"the schema is {found!r}; a calibration has '{CALIBRATION}'")
     verdict = calibration.get("verdict")
     if verdict != "consistent":
         mend = f"; {MENDS[verdict]}" if isinstance(verdict, str) and verdict in MENDS else ""
@@ -275,21 +361,28 @@ def _block(targets: Mapping[str, float], gravity: float) -> Parameters:
 
 
 def _gyros(content: Mapping[str, Any], gravity: float) -> dict[str, Parameters]:
-    """Of a calibration of the whole IMU the parameters of gyros and of their compensation, where it has them all."""
-    if content.get("gyros") is None:
+    """Return the parameters of gyros and of their compensation, where a calibration has them all."""
+    known = known_values(content, (*GYRO_PARAMETERS[MATRIX], *GYRO_PARAMETERS[BIAS]))
+    if known is None:
         return {}
+    wanted = {"scale_misalignment": GYRO_PARAMETERS[MATRIX], "bias": GYRO_PARAMETERS[BIAS]}
+    own: Parameters = {"gravity": gravity}
+    own |= {name: [known[symbol] for symbol in symbols] for name, symbols in wanted.items()}
+    return {"GyroBlock": own, "GyroCompensation": dict(own)}
+
+
+def known_values(content: Mapping[str, Any], symbols: Iterable[str]) -> dict[str, float] | None:
+    """Return the estimates of parameters by their symbols; None where one is missing, or nothing bounds it.
+
+    A ValueError for parameters that are not as the schema says.
+    """
     try:
-        estimates = {entry["symbol"]: entry["estimate"] for entry in content["gyros"]["parameters"]}
-    except (KeyError, TypeError) as error:
-        raise ValueError("the calibration's gyros are not as its schema says") from error
-    symbols_of = {"scale_misalignment": GYRO_PARAMETERS[MATRIX], "bias": GYRO_PARAMETERS[BIAS]}
-    parameters: Parameters = {"gravity": gravity}
-    for symbols in symbols_of.values():
-        if any(estimates[symbol] is None for symbol in symbols):
-            return {}
-    for name, symbols in symbols_of.items():
-        parameters[name] = [checked_number(estimates[symbol], symbol) for symbol in symbols]
-    return {"GyroBlock": parameters, "GyroCompensation": dict(parameters)}
+        bounded = {p["symbol"]: p["estimate"] for p in content["parameters"] if p.get("low") is not None}
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError("the calibration's parameters are not as its schema says") from error
+    if any(bounded.get(symbol) is None for symbol in symbols):
+        return None
+    return {symbol: checked_number(bounded[symbol], symbol) for symbol in symbols}
 
 
 def _check_interval(entry: Mapping[str, Any], estimate: float, symbol: str, *, a_priori: bool) -> None:

@@ -6,25 +6,24 @@ import numpy as np
 
 from generator import G
 from trihedron.models.bench import TARGETS
-from trihedron.tools.calibration import Calibration
+from trihedron.tools.calibrated import Calibration, Parameter
 from trihedron.tools.calibration.correction import Correction, corrected
-from trihedron.tools.calibration.result import Estimate
 
 
-def interval(estimate: Estimate) -> tuple[float, float]:
+def interval(estimate: Parameter) -> tuple[float, float]:
     """Both ends of an estimate's interval."""
     assert estimate.low is not None
     assert estimate.high is not None
     return estimate.low, estimate.high
 
 
-def half_width(estimate: Estimate) -> float:
+def half_width(estimate: Parameter) -> float:
     """Half the width of an estimate's interval."""
     low, high = interval(estimate)
     return (high - low) / 2
 
 
-def guaranteed(estimate: Estimate) -> float:
+def guaranteed(estimate: Parameter) -> float:
     """An estimate's guaranteed error."""
     assert estimate.guaranteed_error is not None
     return estimate.guaranteed_error

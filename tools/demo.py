@@ -18,8 +18,8 @@ from ..fmus import components, version
 from ..models.bench import TARGETS, target_values
 from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
 from ..models.effects import EffectPlace
+from .calibrated import LATENCIES
 from .calibration import Bench, Calibration, calibrate_whole
-from .calibration.latency import LATENCIES
 from .diagnosis import diagnose, export_extended
 from .document.blocks import Page, Section
 from .document.page import html
@@ -215,7 +215,7 @@ def true_targets(scenario: Scenario) -> dict[str, float]:
 
 def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
     """How many true values lie inside their exact intervals."""
-    every = [*calibration.parameters, *(calibration.gyros.parameters if calibration.gyros else ())]
+    every = calibration.parameters
     return sum(e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in every)
 
 

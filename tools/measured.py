@@ -264,7 +264,7 @@ def bench_at(
 
 
 def apply(
-    found: "str | Path | calibrations.Calibration | diagnosis.JointCalibration | diagnosis.Diagnosed",
+    found: "str | Path | calibrations.Calibration | diagnosis.Diagnosed",
     record: "records.Source",
     *,
     noise_bound: float = 0.0,
@@ -277,7 +277,7 @@ def apply(
 
     Parameters
     ----------
-    found : path, Calibration, JointCalibration, Diagnosis or Several
+    found : path, Calibration, Diagnosis or Several
         The result of `trihedron calibrate --json` or `trihedron diagnose --json`, of one record or of several. By a
         calibration of several a record among them has its own biases, another one those of the last; of a diagnosis of
         several another record has what is the instrument's.

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from . import calibration as calibrations
 from . import diagnosis, own_effects, records
 from .errors import InputError
 from .options import (
@@ -35,7 +36,7 @@ def calibrate_together(
     channels: Channels = (),
     shared: Shared = (),
     own: Own = (),
-) -> "diagnosis.JointCalibration":
+) -> "calibrations.Calibration":
     """Calibrate several records of one instrument in one programme: its scale factors and misalignments have one value.
 
     Parameters

@@ -97,7 +97,9 @@ def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_
     trend = trend_of_instrument(tmp_path / "unit")
     assert trend.dates == DATES
     found = {one.name: one for one in trend.parameters}
-    known = {(p.name, p.record): (p.low, p.high) for p in together.parameters}
+    known = {(p.symbol, None): (p.low, p.high) for p in together.parameters}
+    for label, record in together.of_record.items():
+        known |= {(p.symbol, label): (p.low, p.high) for p in record.parameters}
     ends = {name: [(r.low, r.high) for r in one.records] for name, one in found.items()}
     assert ends["X16"][:2] == [known["X16", "0"], known["X16", "1"]]
     assert ends["X4"][:2] == [(None, None), known["X4", None]]

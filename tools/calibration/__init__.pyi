@@ -1,4 +1,5 @@
 from .attitudes import strapdown_by_table as strapdown_by_table
+from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate
 from .calibration import fit_record as fit_record
 from .correction import Application as Application
@@ -7,4 +8,3 @@ from .correction import write_parameter_set as write_parameter_set
 from .gyros import Bench as Bench
 from .gyros import calibrate_whole as calibrate_whole
 from .gyros import judged_at_table as judged_at_table
-from .result import Calibration as Calibration

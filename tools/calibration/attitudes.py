@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 from ...fmus.units import ARCMIN
 from ...models.bench import TARGETS
 from ...models.bench_turns import earth_in_base
+from ..calibrated import Calibration
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord, StrapdownRecord
 from ..records.comments import INERTIAL
 from ..records.rests import without_turns
 from ..rounding import upwards
 from .gyros import Bench
-from .result import Calibration
 
 OF_AXES = ("X3", "X8", "-X12", "X13")
 """Targets whose errors turn the block by an angle that depends on the table's; what stays in the base drops out."""

@@ -11,19 +11,22 @@ from numpy.typing import ArrayLike, NDArray
 from ...fmus.parameters import GRAVITIES
 from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
-from ..errors import InputError, said_of
-from ..records import PositionRecord
-from ..records.noise import NoiseBound, noise_bound_from
-from ..result import finite_or_none
-from ..rounding import digits, exactly, residual, upwards
-from .estimates import (
-    FeasibleSet,
-    a_priori_values,
-    chebyshev_centre,
-    fit,
-    least_squares_values,
-    possible_values,
+from ..calibrated import (
+    Calibration,
+    Open,
+    Parameter,
+    Prior,
+    Provenance,
+    Reading,
+    Sigma,
+    TablePosition,
+    Verdict,
 )
+from ..errors import InputError, said_of
+from ..records import BenchRecord, PositionRecord
+from ..records.noise import NoiseBound, noise_bound_from
+from ..rounding import digits, exactly, residual, upwards
+from .estimates import Solution, fit, solve
 from .exchanged import channels_advice
 from .model import (
     Linearisation,
@@ -35,23 +38,11 @@ from .model import (
     reading_jacobian,
     table_position,
 )
-from .result import (
-    NUMBERS,
-    Calibration,
-    Estimate,
-    KnownBefore,
-    OpenTarget,
-    Provenance,
-    Reading,
-    ReadingError,
-    TablePosition,
-)
 from .targets import (
     Target,
     asked_priors,
     asked_targets,
     convention_targets,
-    corners,
     error_weights,
     parameter_limits,
     with_priors,
@@ -113,86 +104,92 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     angles measured, and least squares. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
     """
     asked = Asked(**options)
-    bounds = asked.bounds
     noise = _noise_bound(record, asked.noise_bound)
     sigma = noise.value
     here = fit_record(record, sigma, asked)
     p = here.parametrisation
-    known_before = asked_priors(asked.priors, p, bounds)
-    bounded = with_priors(here, known_before)
+    priors = asked_priors(asked.priors, p, asked.bounds)
+    bounded = with_priors(here, priors)
     wanted = wanted_targets(p, asked)
     resolution = record.written_to(asked.gravity)
-    slack = reading_uncertainty(resolution)
-    weights = np.vstack([*(target.weights for target in wanted), error_weights(p)])
-    possible, estimator = np.full((len(weights), 4), np.nan), None
     try:
-        radius, centre, duals = chebyshev_centre(bounded)
-        contradicted = radius > radius_limit(sigma, resolution)
-        feasible = None if contradicted else FeasibleSet(bounded, centre, slack)
-        if feasible is not None:
-            possible, estimator = possible_values(feasible, weights)
-        beside = a_priori_values(bounded, wanted), least_squares_values(here, weights[: len(wanted)])
+        solution = solve(bounded, wanted, reading_uncertainty(resolution), sigma, error_weights(p), here)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {exactly(sigma)} a fraction of g?") from error
-    estimates = [
-        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(NUMBERS, map(finite_or_none, row), strict=True)))
-        for t, row in zip(wanted, np.hstack((possible[: len(wanted)], *beside)), strict=True)
-    ]
-    _check_scale_factors(record, estimates)
-    missing = [estimate for estimate in estimates if estimate.a_priori is None]
+    _check_scale_factors(record, solution.parameters)
+    missing = [parameter for parameter in solution.parameters if not parameter.determined]
     # Scatter within rests does not bound an error that holds over one: it can prove nothing against the model.
-    falsified = contradicted and noise.complete
-    unbounded = contradicted and not noise.complete
-    witness = []
-    if falsified:
-        proof = (np.abs(duals) * bounded.bound > 1e-9)[: len(here.bound)]
-        witness = [
-            Reading(position=int(record.position[k // 3]), accelerometer=int(k % 3 + 1)) for k in np.flatnonzero(proof)
-        ]
-    mend = next_positions(here, np.array([t.weights for t in wanted]), bounds) if missing else []
+    falsified = solution.contradicted and noise.complete
+    unbounded = solution.contradicted and not noise.complete
+    positions: list[TablePosition] = []
+    if missing:
+        positions += next_positions(here, np.array([target.weights for target in wanted]), asked.bounds)
     if unbounded:
-        mend += repeats(here)
+        positions += repeats(here)
     warnings = [*record.warnings, *_remarks(here, falsified and bool(missing), unbounded)]
-    if not contradicted and radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
+    if not solution.contradicted and solution.radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
         warnings.append(
             "the readings are written too coarsely for this noise bound: half a last digit is "
             f"{upwards(resolution)} g, and the verdict and the intervals allow for it, so that a radius of "
-            f"{residual(radius)} falsifies nothing"
+            f"{residual(solution.radius)} falsifies nothing"
         )
     if here.deficient and noise.complete:
         # what the readings leave open hides it from the radius
-        found = _contradiction(here, record.position, 2.0 * (sigma + slack) * (1.0 + RELATIVE_TOLERANCE))
-        warnings += [] if found is None else [found]
-    errors = zip(corners(), possible[len(wanted) :, 2:], strict=True)
+        limit = 2.0 * (sigma + reading_uncertainty(resolution)) * (1.0 + RELATIVE_TOLERANCE)
+        warnings += _contradiction(here, record.position, limit)
+    verdict: Verdict = "consistent"
+    if missing or unbounded:
+        verdict = "insufficient"
+    elif falsified:
+        verdict = "falsified"
     return Calibration(
-        verdict="insufficient" if missing or unbounded else "falsified" if falsified else "consistent",
-        noise_bound=sigma,
-        noise_bound_basis=noise.basis,
-        gravity_mps2=float(asked.gravity),
+        verdict=verdict,
+        sigma=Sigma.of(sigma, noise.basis),
+        stands_with_sigma=solution.radius * sigma,
+        radius=solution.radius,
+        gravity=float(asked.gravity),
         convention="A2" if asked.convention == "A2" else "A1",
         baseline="symmetric" if p.symmetric else "asymmetric",
         mountings={name: q.tolist() for name, q in zip(p.mountings, p.matrices, strict=True)},
         positions=len(record.position),
         measurements=len(here.residual),
-        radius=radius,
-        estimator=estimator,
+        estimator=solution.stated,
         no_estimate=_without_estimate(falsified, unbounded, missing),
-        witness=witness,
-        parameters=estimates,
-        priors=[KnownBefore(expression=x.text.rpartition("=")[0], limit=x.limit) for x in known_before],
-        reading_errors=[
-            ReadingError(accelerometer=accelerometer, input=list(n), low=finite_or_none(low), high=finite_or_none(high))
-            for (accelerometer, n), (low, high) in errors
-        ],
-        provenance=Provenance(
-            record=record.path.name, record_sha256=record.sha256, bounds=[float(bounds[0]), float(bounds[1])]
-        ),
-        missing=[OpenTarget(symbol=gap.symbol, name=gap.name) for gap in missing],
-        next_positions=mend,
+        witness=_witness(record, bounded, solution) if falsified else [],
+        parameters=solution.parameters,
+        priors=[Prior(expression=x.text.rpartition("=")[0], limit=x.limit) for x in priors],
+        reading_errors=solution.reading_errors,
+        provenance=provenance_of(record, asked.bounds),
+        open=[Open(parameters=[gap.symbol], close_by="the next positions") for gap in missing],
+        next_positions=positions,
         warnings=warnings,
         linearised=here,
-        feasible=feasible,
+        feasible=solution.feasible,
     )
+
+
+def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Provenance:
+    """Return what a calibration of a record is made from."""
+    temperature = record.temperature
+    extent = None if temperature is None else [float(temperature.min()), float(temperature.max())]
+    kind = "positions"
+    if record.raw is not None:
+        kind = "bench" if isinstance(record.raw, BenchRecord) else "raw"
+    return Provenance(
+        record=record.path.name,
+        sha256=record.sha256,
+        bounds=[float(bound) for bound in bounds],
+        kind=kind,
+        temperature=extent,
+        comments=dict(record.about),
+    )
+
+
+def _witness(record: PositionRecord, bounded: Linearisation, solution: Solution) -> list[Reading]:
+    """Return the readings whose duals prove a falsification."""
+    proof = (np.abs(solution.duals) * bounded.bound > 1e-9)[: bounded.reading.size]
+    rows = np.flatnonzero(proof)
+    return [Reading(position=int(record.position[k // 3]), accelerometer=int(k % 3 + 1)) for k in rows]
 
 
 def wanted_targets(p: Parametrisation, asked: Asked) -> list[Target]:
@@ -203,7 +200,7 @@ def wanted_targets(p: Parametrisation, asked: Asked) -> list[Target]:
     return list(named.values())
 
 
-def _without_estimate(falsified: bool, unbounded: bool, missing: Sequence[Estimate]) -> str:
+def _without_estimate(falsified: bool, unbounded: bool, missing: Sequence[Parameter]) -> str:
     """Why there is no estimate, or none of some targets."""
     if falsified:
         return "no parameters of the model keep every reading within the noise bound"
@@ -275,7 +272,7 @@ def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
     return found
 
 
-def _check_scale_factors(record: PositionRecord, estimates: Sequence[Estimate]) -> None:
+def _check_scale_factors(record: PositionRecord, estimates: Sequence[Parameter]) -> None:
     """Refuse readings of an accelerometer that cannot have any usual scale factor."""
     least, most = SCALE_FACTORS
     for estimate in estimates:
@@ -322,8 +319,8 @@ def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[st
     return remarks
 
 
-def _contradiction(here: Linearisation, number: NDArray, limit: float) -> str | None:
-    """One sentence on the worst contradiction between readings at exactly the same angles in the same mounting.
+def _contradiction(here: Linearisation, number: NDArray, limit: float) -> list[str]:
+    """Return a sentence on the worst contradiction between readings at exactly the same angles in the same mounting.
 
     They may be apart by the limit, a fraction of g; `number` (N,) are the record's position numbers.
     """
@@ -336,14 +333,13 @@ def _contradiction(here: Linearisation, number: NDArray, limit: float) -> str | 
     spread = np.maximum.reduceat(reading, starts) - np.minimum.reduceat(reading, starts)
     group, axis = np.unravel_index(int(np.argmax(spread)), spread.shape)
     if spread[group, axis] <= limit:
-        return None
+        return []
     rows = order[label[order] == label[order[starts[group]]]]
     values = here.reading[rows, axis]
     first, second = sorted((int(number[rows[values.argmin()]]), int(number[rows[values.argmax()]])))
-    return (
-        f"positions {first} and {second} are the same, but accelerometer {axis + 1} reads "
-        f"{digits(spread[group, axis], 2)} g differently there, more than two noise bounds: no model explains that"
-    )
+    apart = f"{digits(spread[group, axis], 2)} g differently there, more than two noise bounds"
+    same = f"positions {first} and {second} are the same, but accelerometer {axis + 1} reads"
+    return [f"{same} {apart}: no model explains that"]
 
 
 def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, float]) -> list[TablePosition]:

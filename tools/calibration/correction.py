@@ -14,17 +14,19 @@ from pydantic import Field
 
 from ...fmus import components
 from ...fmus.parameters import (
-    JOINT_CALIBRATION,
     Interval,
     Parameters,
     calibrated_block,
     calibrated_gyros,
     calibrated_intervals,
+    calibration_of,
     checked_number,
+    known_values,
     of_one_record,
     parameter_set,
 )
 from ...models.bench_turns import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
+from ..calibrated import LATENCIES
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, whole_file
 from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
@@ -60,23 +62,18 @@ class GyroCorrection:
 
     @staticmethod
     def of(calibration: Mapping[str, Any]) -> "GyroCorrection | None":
-        """The gyros of a calibration's object; None where it has none, or not all of them."""
-        if not isinstance(calibration.get("gyros"), Mapping):
+        """Return the gyros of a calibration's object; None where it has none, or not all of them."""
+        known = known_values(calibration, GYRO_PARAMETERS)
+        if known is None:
             return None
-        try:
-            known = {entry["symbol"]: entry["estimate"] for entry in calibration["gyros"]["parameters"]}
-            if None in (given := [known[symbol] for symbol in GYRO_PARAMETERS]):
-                return None
-        except (KeyError, TypeError) as error:
-            raise ValueError("its gyros are not as the schema says; calibrate again") from error
-        numbers = zip(given, GYRO_PARAMETERS, strict=True)
-        values = np.array([checked_number(value, symbol) for value, symbol in numbers])
+        values = np.array([known[symbol] for symbol in GYRO_PARAMETERS])
         matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
         if not np.linalg.cond(matrix) < WELL_POSED:
             raise ValueError("the gyros' scale factors and misalignments have no inverse")
-        late = known.get("A")
-        lags = float(values[LAG]), None if late is None else checked_number(late, "A")
-        return GyroCorrection(values[BIAS], matrix, values[SENSITIVITY].reshape(3, 3), *lags)
+        late = known_values(calibration, LATENCIES[:1])
+        force_lag = None if late is None else late[LATENCIES[0]]
+        sensitivity = values[SENSITIVITY].reshape(3, 3)
+        return GyroCorrection(values[BIAS], matrix, sensitivity, float(values[LAG]), force_lag)
 
     def corrected(self, reading: NDArray, n: NDArray, seconds: NDArray | float = 1.0) -> NDArray:
         """Rates (N, 3) [rad/s], or integrals over (N, 1) [s], from readings, at inputs (N, 3) [g]."""
@@ -121,8 +118,8 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
     """
     record = ""
     try:
-        if isinstance(calibration, Mapping) and calibration.get("schema") == JOINT_CALIBRATION:
-            calibration = of_one_record(calibration, sha256)
+        of_all, calibration = calibration, of_one_record(calibration, sha256)
+        if isinstance(of_all, Mapping) and calibration_of(of_all).get("of_record"):
             made_of = calibration["provenance"]
             record = made_of["record"] if made_of["record_sha256"] != sha256 or not sha256 else ""
         block: Any = calibrated_block(calibration)
@@ -399,7 +396,7 @@ def write_parameter_set(result: Result, path: Path) -> None:
     about, made_of = "an accelerometer block", content.get("provenance")
     if made_of is not None:
         about = f"{made_of['record']} (SHA-256 {made_of['record_sha256'] or 'none'})"
-    text = f"Calibration of {about}, noise bound {exactly(content['noise_bound'])} g, case (A1)"
+    text = f"Calibration of {about}, noise bound {exactly(content['sigma']['value'])} g, case (A1)"
     of_gyros = calibrated_gyros(content)
     sets = [(path, "AccelerometerBlock", block, intervals)]
     if of_gyros is not None:

@@ -3,7 +3,7 @@
 Radius, values, guaranteed errors, exact intervals, pairs of targets.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,8 +16,10 @@ from ...models.bench import (
 )
 from ..bounded.centre import Bounded, Central, Estimator, central
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius, shortened
+from ..calibrated import Parameter, ReadingError
 from ..errors import InputError
 from ..progress import tracked
+from ..result import finite_or_none
 from .model import (
     Linearisation,
     Parametrisation,
@@ -30,7 +32,7 @@ from .model import (
     predicted_reading,
     reading_jacobian,
 )
-from .targets import Target, convention_targets
+from .targets import Target, convention_targets, corners
 
 NOT_OUTSIDE = 1e-4
 """Component of a unit vector outside the span that is put down to encoder errors."""
@@ -258,8 +260,88 @@ def _open_remainder(here: Linearisation, extent: NDArray) -> NDArray:
 
 
 @dataclass(frozen=True)
+class Solution:
+    """What a linear system says of parameters.
+
+    `radius` is the least largest residual over its bound; `duals` (M,) prove it. `feasible` is None where the
+    measurements contradict the model. `further` (K, 2) are the ends of further combinations of parameters.
+    """
+
+    radius: float
+    duals: NDArray[np.float64]
+    feasible: "FeasibleSet | None"
+    estimator: Estimator | None
+    parameters: list[Parameter]
+    further: NDArray[np.float64]
+
+    @property
+    def stated(self) -> str | None:
+        """What the estimates are; None where nothing is determined."""
+        if self.estimator is None and any(p.estimate is not None for p in self.parameters):
+            return "least squares"
+        return self.estimator
+
+    @property
+    def reading_errors(self) -> list[ReadingError]:
+        """The further ends as errors of readings at the `corners` of the input."""
+        ends = zip(corners(), self.further.tolist(), strict=True)
+        return [ReadingError.of(accelerometer, n, low, high) for (accelerometer, n), (low, high) in ends]
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether no parameters keep every residual within its bound."""
+        return self.feasible is None
+
+
+def solve(
+    here: Linearisation,
+    wanted: Sequence[Target],
+    slack: float,
+    noise_bound: float,
+    further: NDArray | None = None,
+    fitted: Linearisation | None = None,
+) -> Solution:
+    """Return what a system says of targets, and of further combinations (K, P).
+
+    The slack is what writing down the readings adds to the noise bound, both fractions of g. Least squares are those of
+    the system `fitted`, where it is another. A SolverError where a programme cannot be solved.
+    """
+    weights = np.array([target.weights for target in wanted])
+    combinations = weights if further is None else np.vstack([weights, further])
+    radius, centre, duals = chebyshev_centre(here)
+    feasible, estimator = None, None
+    possible = np.full((len(combinations), 3), np.nan)
+    if radius <= 1.0 + slack / noise_bound + RELATIVE_TOLERANCE:
+        feasible = FeasibleSet(here, centre, slack)
+        possible, estimator = possible_values(feasible, combinations)
+    a_priori = a_priori_values(here, wanted)
+    squares = least_squares_values(here if fitted is None else fitted, weights)
+    numbers = np.hstack((possible[: len(wanted)], a_priori, squares))
+    parameters = [_parameter(target, row.tolist()) for target, row in zip(wanted, numbers, strict=True)]
+    return Solution(radius, duals, feasible, estimator, parameters, possible[len(wanted) :, 1:])
+
+
+def _parameter(target: Target, numbers: Sequence[float]) -> Parameter:
+    """Return a target with its numbers, NaN where there is none; least squares take the place of a missing centre."""
+    central, low, high, a_priori, guaranteed, squares, deviation = map(finite_or_none, numbers)
+    return Parameter(
+        symbol=target.symbol,
+        name=target.name,
+        unit=target.unit,
+        determined=a_priori is not None,
+        estimate=squares if central is None else central,
+        standard_error=deviation,
+        low=low,
+        high=high,
+        a_priori=a_priori,
+        guaranteed_error=guaranteed,
+        least_squares=squares,
+    )
+
+
+@dataclass(frozen=True)
 class FeasibleSet:
-    """Everything that the readings leave possible: what `estimates.feasible_set` needs."""
+    """Everything that the readings leave possible."""
 
     linearised: Linearisation
     centre: NDArray
@@ -291,7 +373,7 @@ def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
     return radius, best, duals
 
 
-def a_priori_values(here: Linearisation, wanted: list[Target]) -> NDArray:
+def a_priori_values(here: Linearisation, wanted: Sequence[Target]) -> NDArray:
     """Each target's a-priori estimate and guaranteed error (T, 2), NaN where the measurements do not determine it.
 
     The weights of (2.4), (2.5) are chosen before anything is read: their worst error is least, and the readings may
@@ -352,18 +434,18 @@ def central_point(feasible: FeasibleSet, weights: NDArray, intervals: NDArray) -
 
 
 def possible_values(feasible: FeasibleSet, weights: NDArray) -> tuple[NDArray, Estimator | None]:
-    """Estimate, its error bound, low and high (K, 4) of weights'X (K, P), and by what the estimates are.
+    """Return estimate, low and high (K, 3) of weights'X (K, P), and the kind of estimate.
 
-    NaN where the measurements do not determine it; None where they determine nothing of all.
+    NaN where the measurements do not determine it; None where they determine nothing at all.
     """
     ends = exact_intervals(feasible, weights)
     if not np.isfinite(ends).any():
-        return np.full((len(weights), 4), np.nan), None
+        return np.full((len(weights), 3), np.nan), None
     stated = central_point(feasible, weights, ends)
     values = np.where(np.isfinite(ends).all(axis=1), weights @ stated.x, np.nan)
     # The point is possible: an end that rounding has put before it goes there.
     low, high = np.minimum(ends[:, 0], values), np.maximum(ends[:, 1], values)
-    return np.stack((values, np.maximum(values - low, high - values), low, high), axis=1), stated.estimator
+    return np.stack((values, low, high), axis=1), stated.estimator
 
 
 def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:

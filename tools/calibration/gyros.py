@@ -13,21 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base
-from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
+from ..bounded.programmes import SolverError
+from ..calibrated import Calibration, Gain, Gyros, Open, Parameter, Turn
 from ..errors import InputError
 from ..motion.inspect import AtTable
 from ..motion.rests import check_meaning
 from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from ..records.rests import position_record_of
-from ..result import finite_or_none
 from ..rounding import exactly
-from .calibration import ROUNDING, Asked, calibrate, wanted_targets
-from .estimates import FeasibleSet, a_priori_values, chebyshev_centre, least_squares_values, possible_values
+from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets
+from .estimates import Solution, solve
 from .in_motion import InMotion
 from .latency import lag_targets, with_motion
 from .model import Linearisation
-from .result import NUMBERS, Calibration, Estimate, Gain, GyroCalibration, OpenTarget, ReadingError, Turn
-from .targets import Target, corners, error_weights
+from .targets import Target, error_weights
 from .turns import WithTurns, turns_of, with_turns
 
 WORDS = {
@@ -43,6 +42,9 @@ ANGLES_DEG = {"latitude_deg": 90.0, "azimuth_deg": 360.0}
 LARGEST_ENCODER = 1e-3
 """No encoder of a table is off by more [rad]."""
 NO_LAG = "no one lag of all accelerometers explains what they read in motion; diagnose says what does"
+MORE_TURNS = (
+    "turn the table by whole turns about both axes, the outer one at several inner angles, steadily for some seconds"
+)
 SAME_DEG = 1e-6
 """Angles that differ by less are the same, written with other digits."""
 
@@ -149,7 +151,7 @@ def judged_at_table(raw: BenchRecord, gravity: float) -> AtTable:
         found = calibrate(rests, gravity=gravity)
     except InputError as error:
         return AtTable(verdict="insufficient", positions=0, lacks=str(error))
-    known = {"noise_bound": found.noise_bound, "noise_bound_basis": found.noise_bound_basis}
+    known = {"noise_bound": found.noise_bound, "noise_bound_basis": found.sigma.basis}
     return AtTable(verdict=found.verdict, positions=found.positions, radius=found.radius, **known)
 
 
@@ -171,104 +173,69 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
     raw, alone = record.raw, found.linearised
     assert isinstance(raw, BenchRecord)
     targets = wanted_targets(alone.parametrisation, asked)
-    wanted = [*targets, *gyro_targets(here.own)]
+    wanted = [widened(target, len(here.point)) for target in (*targets, *gyro_targets(here.own))]
     of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
-    slack = record.written_to(found.gravity) + ROUNDING
-    wanted = [widened(target, len(here.point)) for target in wanted]
+    slack = reading_uncertainty(record.written_to(found.gravity))
     try:
-        told = _told(here, wanted, slack, found.noise_bound, of_errors)
+        solution = solve(here, wanted, slack, found.noise_bound, of_errors)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --gyro-noise in rad/s?") from error
-    estimates, contradicted = told.estimates, told.contradicted
-    count = len(targets)
-    of_bench = [_no_wider(one, before) for one, before in zip(estimates[:count], found.parameters, strict=True)]
-    proof = np.flatnonzero(np.abs(told.duals) * here.bound > 1e-9) if contradicted else np.zeros(0, dtype=int)
-    behind = len(alone.residual)
-    gyros = GyroCalibration(
-        pieces=len(here.turns.first),
-        noise_basis=here.turns.basis,
-        encoder_bound_rad=bench.encoder_within(found.noise_bound),
-        latitude_deg=float(bench.latitude_deg),
-        azimuth_deg=float(bench.azimuth_deg),
-        parameters=estimates[count:],
-        missing=_missing(estimates[count:]),
-        gains=[] if contradicted else _gains(found.parameters, of_bench),
-        witness=[_turn(here, raw.time_s, int(k) - behind) for k in proof if k >= behind],
-    )
-    changed: dict[str, Any] = {"radius": told.radius, "gyros": gyros}
-    if found.verdict != "insufficient":
-        changed |= {"parameters": of_bench}
+    count, contradicted = len(targets), solution.contradicted
+    of_gyros = solution.parameters[count:]
+    pairs = zip(solution.parameters[:count], found.parameters, strict=True)
+    of_bench = [_no_wider(both, before) for both, before in pairs]
+    changed: dict[str, Any] = {
+        "radius": solution.radius,
+        "stands_with_sigma": solution.radius * found.noise_bound,
+        "gyros": Gyros(
+            pieces=len(here.turns.first),
+            noise_basis=here.turns.basis,
+            encoder_bound=bench.encoder_within(found.noise_bound),
+            latitude_deg=float(bench.latitude_deg),
+            azimuth_deg=float(bench.azimuth_deg),
+            gains=[] if contradicted else _gains(found.parameters, of_bench),
+            witness=_turns(here, raw.time_s, solution) if contradicted else [],
+        ),
+        "parameters": [*(found.parameters if found.verdict == "insufficient" else of_bench), *of_gyros],
+        "open": [*found.open, *_open(of_gyros)],
+    }
     if contradicted and found.verdict == "consistent":
         changed |= {
             "verdict": "falsified",
-            "estimator": None,
+            "estimator": "least squares",
             "no_estimate": "no parameters of bench, accelerometers and gyros keep every turn within its bound",
             "witness": [],
         }
     if not contradicted:
-        errors = zip(corners(), told.further[:, 2:], strict=True)
-        changed["reading_errors"] = [
-            ReadingError(accelerometer=p, input=list(n), low=finite_or_none(low), high=finite_or_none(high))
-            for (p, n), (low, high) in errors
-        ]
+        changed["reading_errors"] = solution.reading_errors
     return found.model_copy(update=changed)
 
 
 def _with_latency(found: Calibration, record: PositionRecord, bench: Bench, here: WithTurns) -> Calibration:
     """A calibration of the whole IMU with the accelerometers' latency, as what they read in motion tells it."""
-    alone, gyros = found.linearised, found.gyros
-    assert gyros is not None
-    moving = InMotion.of(record, alone, found.gravity, bench.encoder_within(found.noise_bound))
-    slack = record.written_to(found.gravity) + ROUNDING
+    moving = InMotion.of(record, found.linearised, found.gravity, bench.encoder_within(found.noise_bound))
+    slack = reading_uncertainty(record.written_to(found.gravity))
     try:
-        told = _told(with_motion(here, moving, found.gravity), lag_targets(len(here.point)), slack, found.noise_bound)
+        lags = lag_targets(len(here.point))
+        solution = solve(with_motion(here, moving, found.gravity), lags, slack, found.noise_bound)
     except SolverError as error:
-        return found.model_copy(
-            update={"warnings": [*found.warnings, f"the accelerometers' latency is not told: {error}"]}
-        )
-    said = [*gyros.parameters, *told.estimates]
-    changed: dict[str, Any] = {"gyros": gyros.model_copy(update={"parameters": said, "missing": _missing(said)})}
-    if told.contradicted and found.verdict != "falsified":
-        changed["warnings"] = [*found.warnings, NO_LAG]
+        warning = f"the accelerometers' latency is not told: {error}"
+        return found.model_copy(update={"warnings": [*found.warnings, warning]})
+    parameters, warnings = solution.parameters, found.warnings
+    if solution.contradicted and found.verdict != "falsified":
+        parameters = [parameter.model_copy(update={"estimate": None}) for parameter in parameters]
+        warnings = [*warnings, NO_LAG]
+    changed = {
+        "parameters": [*found.parameters, *parameters],
+        "open": [*found.open, *_open(parameters)],
+        "warnings": warnings,
+    }
     return found.model_copy(update=changed)
 
 
-def _missing(estimates: Sequence[Estimate]) -> list[OpenTarget]:
-    """What a record does not determine."""
-    return [OpenTarget(symbol=e.symbol, name=e.name) for e in estimates if e.a_priori is None]
-
-
-@dataclass(frozen=True)
-class _Told:
-    """What one linear system says: its radius, whether it is contradicted and by which duals (M,), estimates.
-
-    `further` (K, 4): estimate, its error bound and both ends of further combinations.
-    """
-
-    radius: float
-    contradicted: bool
-    duals: NDArray[np.float64]
-    estimates: list[Estimate]
-    further: NDArray[np.float64]
-
-
-def _told(
-    here: WithTurns, wanted: list[Target], slack: float, noise_bound: float, further: NDArray | None = None
-) -> _Told:
-    """What a system says of targets, and of further combinations (K, P); a SolverError where it cannot be solved."""
-    weights = np.array([target.weights for target in wanted])
-    every = weights if further is None else np.vstack([weights, further])
-    radius, centre, duals = chebyshev_centre(here)
-    contradicted = radius > 1.0 + slack / noise_bound + RELATIVE_TOLERANCE
-    possible = np.full((len(every), 4), np.nan)
-    if not contradicted:
-        possible, _ = possible_values(FeasibleSet(here, centre, slack), every)
-    values = possible[: len(wanted)], a_priori_values(here, wanted), least_squares_values(here, weights)
-    estimates = [
-        Estimate(symbol=t.symbol, name=t.name, unit=t.unit, **dict(zip(NUMBERS, map(finite_or_none, row), strict=True)))
-        for t, row in zip(wanted, np.hstack(values), strict=True)
-    ]
-    return _Told(radius, contradicted, duals, estimates, possible[len(wanted) :])
+def _open(parameters: Sequence[Parameter]) -> list[Open]:
+    """Return the parameters of gyros that a record leaves undetermined."""
+    return [Open(parameters=[p.symbol], close_by=MORE_TURNS) for p in parameters if not p.determined]
 
 
 def gyro_names() -> list[tuple[str, str]]:
@@ -295,30 +262,31 @@ def widened(target: Target, count: int) -> Target:
     return Target(target.symbol, target.name, target.unit, np.pad(target.weights, (0, count - len(target.weights))))
 
 
-def _no_wider(both: Estimate, alone: Estimate) -> Estimate:
+def _no_wider(both: Parameter, alone: Parameter) -> Parameter:
     """The narrower of what both together and the accelerometers alone guarantee; rounding may favour either."""
-    if both.low is None or both.high is None or alone.low is None or alone.high is None:
+    if both.estimate is None or both.low is None or both.high is None or alone.low is None or alone.high is None:
         return both
     low, high = max(both.low, alone.low), min(both.high, alone.high)
-    estimate = min(max(both.estimate or 0.0, low), high)
-    changed = {"low": low, "high": high, "estimate": estimate, "error_bound": max(estimate - low, high - estimate)}
+    changed: dict[str, Any] = {"low": low, "high": high, "estimate": min(max(both.estimate, low), high)}
     if (alone.guaranteed_error or 0.0) < (both.guaranteed_error or 0.0):
         changed |= {"a_priori": alone.a_priori, "guaranteed_error": alone.guaranteed_error}
     return both.model_copy(update=changed)
 
 
-def _gains(alone: Sequence[Estimate], both: Sequence[Estimate]) -> list[Gain]:
+def _gains(alone: Sequence[Parameter], both: Sequence[Parameter]) -> list[Gain]:
     """The targets that turns make known better."""
-    pairs = [(a.symbol, a.guaranteed_error, b.guaranteed_error) for a, b in zip(alone, both, strict=True)]
-    return [
-        Gain(symbol=symbol, accelerometers_alone=before, with_gyros=after)
-        for symbol, before, after in pairs
-        if before is not None and after is not None and after < GAINED * before
-    ]
+    gains = []
+    for parameter, other in zip(alone, both, strict=True):
+        before, after = parameter.guaranteed_error, other.guaranteed_error
+        if before is not None and after is not None and after < GAINED * before:
+            gains.append(Gain(symbol=parameter.symbol, accelerometers_alone=before, with_gyros=after))
+    return gains
 
 
-def _turn(here: WithTurns, time: NDArray, row: int) -> Turn:
-    """The piece of one of the gyros' rows."""
-    piece, turns = row // 3, here.turns
-    begin, end = (float(time[rows[piece]]) for rows in (turns.first, turns.last))
-    return Turn(gyro=row % 3 + 1, from_s=begin, to_s=end)
+def _turns(here: WithTurns, time: NDArray, solution: Solution) -> list[Turn]:
+    """Return the pieces whose duals prove a falsification."""
+    behind, turns = here.reading.size, here.turns
+    proof = np.flatnonzero((np.abs(solution.duals) * here.bound > 1e-9)[behind:])
+    begin, end = time[turns.first[proof // 3]].tolist(), time[turns.last[proof // 3]].tolist()
+    gyros = (proof % 3 + 1).tolist()
+    return [Turn(gyro=gyro, from_s=a, to_s=b) for gyro, a, b in zip(gyros, begin, end, strict=True)]

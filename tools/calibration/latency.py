@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.bench_turns import GYRO_PARAMETERS, LAG
 from ...models.effects import CATALOGUE
+from ..calibrated import LATENCIES
 from .in_motion import InMotion
 from .model import Positions, predicted_input, predicted_reading, reading_jacobian
 from .targets import Target
@@ -20,8 +21,6 @@ from .turns import ROUNDS, STILL, WithTurns, fitted_step
 
 FURTHER = ("A", *(f"r{p}{k}" for p in (1, 2, 3) for k in (1, 2, 3)))
 """Lag of the accelerometers [s]; places of each of them from where the axes cross [m]."""
-LATENCIES = ("A", "L-A")
-"""That of the accelerometers behind the encoders, and of the gyros behind the accelerometers."""
 PLAUSIBLE = np.array([1e-2, *[0.1] * 9])
 NEAR = 1e-4
 """So far [s] before and after a moment."""

@@ -264,7 +264,7 @@ class SimulationRuns:
                 found = calibration.calibrate(record, noise_bound=sigma)
                 scalars |= {"verdict": found.verdict, "radius": found.radius}
                 for estimate in found.parameters:
-                    scalars[f"{estimate.symbol}_estimate"] = estimate.estimate
+                    scalars[f"{estimate.symbol}_estimate"] = estimate.central
                     scalars[f"{estimate.symbol}_bound"] = estimate.error_bound
                     scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
             if self.keep.diagnosis:

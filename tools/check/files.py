@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from polars import read_parquet_schema
 from pydantic import BaseModel, ValidationError
 
-from ...fmus.parameters import CALIBRATION, FIRST_SCHEMA, JOINT_CALIBRATION, of_one_record, target_estimates
+from ...fmus.parameters import CALIBRATIONS, JOINT_SCHEMA, RENAMED, calibration_of, of_one_record, target_estimates
 from ...fmus.units import STANDARD_GRAVITY
-from ..calibration import Calibration
+from ..calibrated import Calibration
 from ..calibration.correction import correction_of
 from ..calibration.exchanged import channels_advice
 from ..calibration.model import Positions, checked_mounting, parametrise
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
-from ..diagnosis import Diagnosis, JointCalibration, Several
+from ..diagnosis import Diagnosis, Several
 from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
 from ..diagnosis.several import SEVERAL
 from ..errors import InputError, nearest
@@ -42,27 +42,24 @@ from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of
 from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
-from ..result import field_problems, not_for_files
+from ..result import dotted, field_problems, not_for_files
 from ..rounding import digits, exactly, upwards
 from .findings import Findings, json_lines, toml_lines
 from .scenario import check_scenario
 
 SCHEMAS = {
-    CALIBRATION: "calibration",
-    FIRST_SCHEMA: "calibration",
+    **dict.fromkeys(CALIBRATIONS, "calibration"),
     DIAGNOSIS: "diagnosis",
     FIRST_DIAGNOSIS: "diagnosis",
     "trihedron.plan/1": "plan",
     "trihedron.imu-plan/1": "plan for the whole IMU",
     SEVERAL: "diagnosis of several records",
-    JOINT_CALIBRATION: "calibration of several records",
     INSTRUMENT: "entry of an instrument's folder",
 }
 MODELS = {
     "calibration": Calibration,
     "diagnosis": Diagnosis,
     SCHEMAS[SEVERAL]: Several,
-    SCHEMAS[JOINT_CALIBRATION]: JointCalibration,
     SCHEMAS[INSTRUMENT]: Entry,
     SCHEMAS["trihedron.imu-plan/1"]: ImuPlan,
 }
@@ -250,18 +247,24 @@ def _check_json(found: Findings, text: str) -> None:
     model: type[BaseModel] = MODELS.get(kind, PositionPlan)
     if kind == "plan":
         model = Plans if "plans" in content else Plan if "target" in content else PositionPlan
+    former = {} if schema in (CALIBRATIONS[0], JOINT_SCHEMA) else {present: place for place, present in RENAMED.items()}
     try:
         model.model_validate_json(text, strict=True)
     except ValidationError as error:
         known = [field.alias or name for name, field in model.model_fields.items()]
-        for where, said in field_problems(error, model):
+        for place, said in field_problems(error, model):
+            where = former.get(place, place)
+            said = said.replace(dotted(place), dotted(where), 1)
             meant = ""
             if said.endswith(": is missing"):
                 beside = _at(content, where[:-1])
                 close = get_close_matches(str(where[-1]), [k for k in beside if k not in known], n=1)
                 meant = f" (is '{close[0]}' meant?)" if close else ""
             found.add(said + meant, where)
-    if kind in ("calibration", SCHEMAS[JOINT_CALIBRATION]) and not found.problems:
+    if kind == "calibration" and not found.problems:
+        content = calibration_of(content)
+        if content.get("of_record"):
+            found.kind = "calibration of several records"
         _check_calibration(content, found)
     if not found.problems:
         found.summary = (_summary_of(kind, content),)
@@ -281,7 +284,7 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
 def _check_calibration(content: dict[str, Any], found: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
     try:
-        if content["verdict"] == "consistent" and ("reading_errors" in content or "of_records" in content):
+        if content["verdict"] == "consistent" and ("reading_errors" in content or "of_record" in content):
             correction_of(content, "calibration")
         else:
             target_estimates(of_one_record(content))
@@ -294,15 +297,15 @@ def _check_calibration(content: dict[str, Any], found: Findings) -> None:
 
 
 def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
+    if kind == "calibration" and content.get("of_record"):
+        return f"{len(content['of_record'])} records, {content['verdict']}"
     if kind == "calibration":
-        return f"{content['verdict']}, {content['positions']} positions, σ = {upwards(content['noise_bound'], 3)} g"
+        return f"{content['verdict']}, {content['positions']} positions, σ = {upwards(content['sigma']['value'], 3)} g"
     if kind == "diagnosis":
         causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
         return f"{content['verdict']}{f': {causes}' if causes else ''}"
     if kind == SCHEMAS[INSTRUMENT]:
         return f"{content['date']}: {content['kind']}, {content['verdict']}"
-    if kind == SCHEMAS[JOINT_CALIBRATION]:
-        return f"{len(content['records'])} records, {content['verdict']}"
     if kind == SCHEMAS[SEVERAL]:
         causes = "; ".join(cause["title"] for cause in content["causes"])
         return f"{len(content['records'])} records, {content['verdict']}{f': {causes}' if causes else ''}"

@@ -2,7 +2,6 @@ from .applied import Applied as Applied
 from .applied import applied_to as applied_to
 from .applied import export_extended as export_extended
 from .applied import read_diagnosis as read_diagnosis
-from .calibrated import JointCalibration as JointCalibration
 from .calibrated import calibrated_together as calibrated_together
 from .cause import Cause as Cause
 from .kinds import evidence_of as evidence_of

@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
-from ..calibration.result import OpenTarget, Reading
+from ..calibrated import OpenTarget, Reading
 from ..evidence.fit import Gain
 from ..result import Result, Told
 from .band import BandOfFunctions

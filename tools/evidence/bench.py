@@ -13,6 +13,7 @@ from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import MANY_ROWS, Interval, any_centre
 from ..bounded.sets import MAX_SET, Work
+from ..calibrated import OpenTarget
 from ..calibration.calibration import (
     Asked,
     Calibration,
@@ -356,7 +357,7 @@ class Bench(Evidence):
         nominal = self.calibration
         return {
             "noise_bound": nominal.noise_bound,
-            "noise_bound_basis": nominal.noise_bound_basis,
+            "noise_bound_basis": nominal.sigma.basis,
             "baseline_model": nominal.baseline,
             "baseline": {"radius": nominal.radius, "falsified": self.falsified, "witness": tuple(nominal.witness)},
             "next_positions": (),
@@ -369,7 +370,7 @@ class Bench(Evidence):
         if self.falsified or (nominal.verdict == "consistent" and len(self.residual) > self.here.span.shape[1]):
             return {}
         return {
-            "missing": tuple(nominal.missing),
+            "missing": tuple(OpenTarget(symbol=gap.symbol, name=gap.name) for gap in nominal.missing),
             "next_positions": nominal.next_positions or tuple(repeats(self.here)),
         }
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from ..errors import InputError
 from ..motion.carry import rotation_of
 from ..motion.inspect import Inspection
+from ..motion.norm import norm_values
 from ..motion.rest_noise import gyro_noise
 from ..motion.rests import rates_of, rest_warnings
 from ..motion.turning import FEWEST_WINDOWS as FEWEST_TURNS
@@ -177,10 +178,11 @@ def missing_things(found: Inspection) -> tuple[str, ...]:
         return ("no rests: let the block rest for two seconds and more in each of a dozen poses",)
     if rests.force_bound is None or noise is None:
         return ("the rests are too short to tell the noise: rest for two seconds and more in each pose",)
-    if calibration is None or calibration.least_squares is None:
-        poses = calibration.missing if calibration is not None else ()
+    values = norm_values(calibration)
+    if values is None:
+        poses = [direction.close_by for direction in calibration.open] if calibration is not None else []
         return tuple(f"a rest with {pose}" for pose in poses) or ("rests in a dozen poses",)
-    if np.abs(calibration.least_squares).max() > 0.25:
+    if np.abs(values).max() > 0.25:
         return ("rests whose readings are those of gravity alone: no accelerometers fit the present ones",)
     moves = gravity_pieces(found)[1]
     count = len(moves[0]) if moves else 0

@@ -15,7 +15,7 @@ from ..bounded.sets import Work
 from ..errors import InputError
 from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
 from ..motion.inspect import Inspection, inspect_record
-from ..motion.norm import LARGEST, NAMES, inputs_of, norm_equations
+from ..motion.norm import LARGEST, NAMES, inputs_of, norm_equations, norm_values
 from ..motion.rest_noise import gyro_noise, rest_lengths
 from ..records import StrapdownRecord
 from ..records.limits import resolution_of
@@ -124,9 +124,9 @@ def linear_evidence(
     x, model, own = np.zeros(0), GyroModel(bias=rest_mean(found)), (BIAS, SCALE) if block == "calibrated" else ()
     reference = truth_reference(found) if has_truth(found) else gravity_reference(found)
     if isinstance(reference, Gravity):
-        assert found.accelerometers is not None
-        assert found.accelerometers.least_squares is not None
-        x, own = found.accelerometers.least_squares, own or (BIAS,)
+        values = norm_values(found.accelerometers)
+        assert values is not None
+        x, own = values, own or (BIAS,)
     record = (found, block, rates, warnings_of(found), ())
 
     def about(x: NDArray, model: GyroModel, *, tried: bool) -> Carried:
@@ -172,11 +172,10 @@ def refined(made: Carried) -> tuple[NDArray[np.float64], GyroModel]:
 
 def gravity_reference(found: Inspection) -> Gravity:
     """Gravity as the reference of a record whose accelerometers are calibrated by their norm."""
-    rests, calibration = found.rests, found.accelerometers
-    assert calibration is not None
-    assert calibration.least_squares is not None
+    rests, values = found.rests, norm_values(found.accelerometers)
+    assert values is not None
     reading = rests.force / found.gravity
-    noise = gyro_noise(found.record, rests, found.sampling.period, inputs_of(calibration.least_squares, reading))
+    noise = gyro_noise(found.record, rests, found.sampling.period, inputs_of(values, reading))
     assert noise is not None
     deviation = np.maximum(force_deviation(found) / found.gravity, LEAST_FORCE)
     still, moves, ends = gravity_pieces(found)

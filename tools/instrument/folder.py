@@ -9,10 +9,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from ...fmus.parameters import CALIBRATION, JOINT_CALIBRATION
-from ..calibration import Calibration
+from ...fmus.parameters import CALIBRATIONS
+from ..calibrated import Calibration
 from ..calibration.targets import NAMES
-from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cause import Number, SizedParameter
 from ..diagnosis.repeated import Repeated, repeated_of
 from ..diagnosis.result import Diagnosis
@@ -23,8 +22,8 @@ from ..records import read_record
 from ..result import Result, Told, object_of, result_of
 
 INSTRUMENT = "trihedron.instrument/1"
-Held = Calibration | JointCalibration | Diagnosed
-KINDS: Mapping[str, type[Held]] = {CALIBRATION: Calibration, JOINT_CALIBRATION: JointCalibration, **DIAGNOSES}
+Held = Calibration | Diagnosed
+KINDS: Mapping[str, type[Held]] = {**dict.fromkeys(CALIBRATIONS, Calibration), **DIAGNOSES}
 """Schemas of results that a folder holds."""
 SAID = {
     "date": ("date", "measured", "measured at"),
@@ -237,8 +236,8 @@ def digests_of(read: Held) -> dict[str, str]:
     """SHA-256 of each record of a result by its label, in their order; empty where it is not known."""
     if isinstance(read, Several):
         return {one.record: one.sha256 for one in read.records}
-    if isinstance(read, JointCalibration):
-        return dict(zip(read.records, read.sha256, strict=True))
+    if isinstance(read, Calibration) and read.of_record:
+        return {label: record.provenance.sha256 for label, record in read.of_record.items()}
     used = read.provenance if isinstance(read, Calibration) else read.record
     return {"": "" if used is None else used.sha256}
 
@@ -252,10 +251,11 @@ def parameters_of(read: Held) -> Iterator[tuple[str, str, str, Any]]:
         return
     if isinstance(read, Several):
         yield from _of_several(read)
-    elif isinstance(read, JointCalibration):
-        yield from ((p.record or read.records[-1], p.name, p.unit, p) for p in read.parameters)
     elif isinstance(read, Calibration):
-        yield from (("", p.symbol, p.unit, p) for p in read.parameters)
+        last = list(read.of_record)[-1] if read.of_record else ""
+        yield from ((last, p.symbol, p.unit, p) for p in read.targets)
+        for label, record in read.of_record.items():
+            yield from ((label, p.symbol, p.unit, p) for p in record.parameters)
     else:
         for t in read.targets or ():
             unit = NAMES.get(t["symbol"].partition("@")[0], ("", "1"))[1]

@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field
 
 from ...fmus.parameters import GRAVITIES
+from ..calibrated import Number, Size
 from ..calibration import calibrate
 from ..calibration.calibration import checked_noise_bound
-from ..calibration.result import Number, Size
 from ..diagnosis import Diagnosis
 from ..errors import InputError
 from ..planning import DWELL_S, checked_dwell

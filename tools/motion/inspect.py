@@ -10,10 +10,11 @@ from pydantic import Field
 from ...fmus.units import STANDARD_GRAVITY
 from ...models.turntable import EARTH_RATE
 from ..bounded.programmes import chebyshev_radius
+from ..calibrated import Calibration
 from ..errors import InputError
 from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
-from .norm import NormCalibration, calibrate_by_norm, inputs_of
+from .norm import calibrate_by_norm, inputs_of, norm_values
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
 from .rests import Rests, Sampling, find_rests, rates_of, sampling_of
 from .turning import TurningCheck, check_turning
@@ -139,7 +140,7 @@ class Inspection(Result):
         between rests
     excitation : (3,) array
         rms of each gyro's rate outside the rests [rad/s]
-    accelerometers : NormCalibration or None
+    accelerometers : Calibration or None
         None where there are no rests, their noise cannot be told, or a table tells more
     at_table : AtTable or None
         of a bench record; None of any other
@@ -158,7 +159,7 @@ class Inspection(Result):
     moves: tuple[Move, ...]
     excitation: Array = Field(alias="rate_rms_radps")
     turning: TurningCheck
-    accelerometers: NormCalibration | None
+    accelerometers: Calibration | None
     gyros: GyrosAtRest | None = Field(alias="gyros_at_rest")
     at_table: AtTable | None = None
     measured: StrapdownRecord = Field(default=ABSENT, exclude=True)
@@ -208,10 +209,8 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     if len(rests) and rests.force_bound is not None and rests.rate_bound is not None:
         bound = np.maximum(rests.force_bound / gravity, LEAST_BOUND)
         calibration = calibrate_by_norm(rests.force / gravity, bound)
-        stands = calibration.verdict == "consistent" and calibration.least_squares is not None
-        x = calibration.least_squares if stands else np.zeros(9)
-        assert x is not None
-        up = inputs_of(x, rests.force / gravity)
+        x = norm_values(calibration) if calibration.verdict == "consistent" else None
+        up = inputs_of(np.zeros(9) if x is None else x, rests.force / gravity)
         if noise_at_rest := gyro_noise(record, rests, sampling.period, up):
             gyros = gyros_at_rest(rests, noise_at_rest, rest_lengths(rests, sampling.period), up)
     return Inspection(

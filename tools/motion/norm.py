@@ -5,14 +5,15 @@ the norm, so the first axis is the first accelerometer's and the second lies in 
 error |ρ| ≤ σ of each reading the residual |n| − 1 is within the sum of σ |(I + Γ)⁻ᵀ u|, u = n/|n|.
 """
 
+from collections.abc import Mapping, Sequence
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from ..bounded.programmes import Polytope, SolverError, chebyshev_radius
-from ..result import Array, Result
+from ..calibrated import UNITS, Calibration, Open, Parameter, Sigma, Verdict
 
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
 """The nine parameters; Γ [1] row by row, then the biases [g]."""
@@ -24,67 +25,39 @@ LEAST_SINGULAR = 0.1
 ITERATIONS = 30
 
 
-class NormParameter(Result):
-    """One of the nine parameters, as `NormCalibration` has them; its ends are None where they are not bounded."""
-
-    name: str
-    unit: str
-    least_squares: float | None
-    standard_error: float | None
-    low: float | None
-    high: float | None
+def norm_values(calibration: Calibration | None) -> NDArray[np.float64] | None:
+    """Return the nine parameters (9,) of a calibration by the norm of gravity; None where it has none."""
+    if calibration is None or not all(p.determined for p in calibration.parameters):
+        return None
+    return np.array([p.estimate for p in calibration.parameters])
 
 
-class NormCalibration(Result):
-    """What the norm of gravity says of the accelerometers.
-
-    Attributes
-    ----------
-    verdict : str
-        "consistent", "falsified": no parameters keep every rest within its bound; "insufficient": poses are missing
-    radius : float or None
-        least possible largest residual over its bound
-    missing : tuple of str
-        poses that would determine what is not, in words
-    parameters : tuple of NormParameter
-        in the order of NAMES: least squares with its standard error, from its residuals, and the guaranteed ends: the
-        sets of parameters that errors within the bounds leave possible lie between them
-    residual : (K,) array or None
-        |n| − 1 of least squares [g]
-    bound : (K,) array or None
-        of each residual [g]
-    """
-
-    verdict: str
-    radius: float | None = None
-    missing: tuple[str, ...] = ()
-    parameters: tuple[NormParameter, ...]
-    residual: Array | None = Field(default=None, exclude=True)
-    bound: Array | None = Field(default=None, exclude=True)
-
-    def column(self, name: str) -> NDArray[np.float64] | None:
-        """A figure (9,) of all the parameters, by its name; None where one has none."""
-        values = [getattr(parameter, name) for parameter in self.parameters]
-        return None if None in values else np.array(values)
-
-    @property
-    def least_squares(self) -> NDArray[np.float64] | None:
-        """The nine parameters (9,)."""
-        return self.column("least_squares")
-
-
-def _parameters(*columns: NDArray | None) -> tuple[NormParameter, ...]:
-    """The parameters of least squares, standard errors, low and high ends (9,), as far as there are any."""
-    figures = ("least_squares", "standard_error", "low", "high")
-    found = {name: column for name, column in zip(figures, columns, strict=False) if column is not None}
-    missing = dict.fromkeys(figures)
-    return tuple(
-        NormParameter(
+def _calibration(
+    verdict: Verdict,
+    radius: float | None = None,
+    missing: Sequence[str] = (),
+    columns: Mapping[str, NDArray] = MappingProxyType({}),
+) -> Calibration:
+    """Return the calibration with some columns (9,) of numbers, and the poses that are missing, in words."""
+    nothing = dict.fromkeys(("estimate", "standard_error", "low", "high"))
+    parameters = [
+        Parameter(
+            symbol=name,
             name=name,
             unit="g" if name.startswith("bias") else "1",
-            **(missing | {figure: float(column[k]) for figure, column in found.items()}),
+            determined="estimate" in columns,
+            **(nothing | {key: float(column[k]) for key, column in columns.items()}),
         )
         for k, name in enumerate(NAMES)
+    ]
+    return Calibration(
+        verdict=verdict,
+        sigma=Sigma(value=None, kind="estimated", basis="three Allan deviations of each mean at rest"),
+        radius=radius,
+        estimator="least squares" if columns else None,
+        parameters=parameters,
+        open=[Open(parameters=list(NAMES), close_by=pose) for pose in missing],
+        units={"radius": "1", "parameters": UNITS["parameters"]},
     )
 
 
@@ -109,7 +82,7 @@ def norm_equations(x: NDArray, reading: NDArray) -> tuple[NDArray, NDArray, NDAr
     return norm - 1.0, -np.hstack([back[:, ROWS] * n[:, COLUMNS], back]), back
 
 
-def calibrate_by_norm(reading: NDArray, bound: NDArray) -> NormCalibration:
+def calibrate_by_norm(reading: NDArray, bound: NDArray) -> Calibration:
     """Calibrate the accelerometers from rests whose directions are not known.
 
     Parameters
@@ -121,36 +94,36 @@ def calibrate_by_norm(reading: NDArray, bound: NDArray) -> NormCalibration:
 
     Returns
     -------
-    NormCalibration
+    Calibration
+        with the parameters of NAMES: least squares, standard errors from their residuals, and the guaranteed ends; what
+        is open is closed by poses, in words
     """
     x = np.zeros(9)
     _, slopes, _ = norm_equations(x, reading)
     missing = missing_poses(slopes)
     if missing:
-        return NormCalibration(verdict="insufficient", missing=missing, parameters=_parameters())
+        return _calibration("insufficient", missing=missing)
     for _ in range(ITERATIONS):
         residual, slopes, _ = norm_equations(x, reading)
         change = np.linalg.lstsq(slopes, -residual, rcond=None)[0]
         x = x + change
         if np.abs(x).max() > LARGEST:
-            return NormCalibration(verdict="falsified", parameters=_parameters(x))
+            return _calibration("falsified", columns={"estimate": x})
         if np.abs(change).max() < 1e-14:
             break
     residual, slopes, back = norm_equations(x, reading)
     allowed = (np.abs(back) * bound).sum(axis=1)
-    free = len(reading) - 9
-    inverse = np.linalg.inv(slopes.T @ slopes)
-    error = np.sqrt(np.diag(inverse) * (residual @ residual) / free) if free else None
+    columns = {"estimate": x}
+    freedom = len(reading) - 9
+    if freedom:
+        inverse = np.linalg.inv(slopes.T @ slopes)
+        columns["standard_error"] = np.sqrt(np.diag(inverse) * (residual @ residual) / freedom)
     ends, radius = _guaranteed(x, reading, bound, allowed)
-    verdict = "falsified" if radius > 1.0 else "insufficient" if ends is None else "consistent"
-    return NormCalibration(
-        verdict=verdict,
-        radius=radius,
-        missing=_best_pose(slopes)[:1] if verdict == "insufficient" else (),
-        parameters=_parameters(x, error, *(ends if ends is not None and verdict == "consistent" else ())),
-        residual=residual,
-        bound=allowed,
-    )
+    if radius > 1.0:
+        return _calibration("falsified", radius, columns=columns)
+    if ends is None:
+        return _calibration("insufficient", radius, _best_pose(slopes)[:1], columns)
+    return _calibration("consistent", radius, columns=columns | dict(zip(("low", "high"), ends, strict=True)))
 
 
 def _guaranteed(

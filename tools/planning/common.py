@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..calibration.result import Number
+from ..calibrated import Number
 from ..errors import InputError
 from ..progress import shown_status
 from ..result import Result

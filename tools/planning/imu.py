@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..calibrated import Number
 from ..calibration import Bench
 from ..calibration.calibration import checked_noise_bound
-from ..calibration.result import Number
 from ..errors import InputError
 from ..progress import progress_bar
 from ..result import Result, finite_or_none

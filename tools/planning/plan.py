@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 
+from ..calibrated import Axis, Number, Size
 from ..calibration.model import Parametrisation, mountings_of, parametrise
-from ..calibration.result import Accelerometer, Number, Size
 from ..calibration.targets import asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import tracked
@@ -111,7 +111,7 @@ class Grid:
 class PlannedReading(Result):
     """A reading of a plan: the accelerometer, from 1, the angles of the table [deg], and its weight Φ."""
 
-    accelerometer: Accelerometer
+    accelerometer: Axis
     alpha_deg: Degrees
     beta_deg: Degrees
     weight: Number

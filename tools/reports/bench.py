@@ -87,7 +87,7 @@ def run_section(table: "DataFrame", gravity: float, files: list[Path]) -> Sectio
 
 def basis(result: Calibration) -> str:
     """On what the noise bound rests, in words."""
-    return "as given" if result.noise_bound_basis == "given" else result.noise_bound_basis
+    return "as given" if result.sigma.kind == "bound" else result.sigma.basis
 
 
 def key_figures(result: Calibration) -> dict[str, object]:
@@ -254,7 +254,7 @@ def provenance(result: Calibration, more: Mapping[str, object] | None = None) ->
 
 def calibration_sources(result: Calibration) -> list[str]:
     """Of a calibration."""
-    falsified, allan = result.verdict == "falsified", "Allan" in result.noise_bound_basis
+    falsified, allan = result.verdict == "falsified", "Allan" in result.sigma.basis
     return cited("guaranteed", "simplex", falsified and "chebyshev", allan and "allan")
 
 
@@ -308,10 +308,10 @@ def open_targets(result: Calibration) -> str:
     gaps = result.missing
     if not gaps:
         return "whether an error that holds over a rest is in them" if result.radius > 1.0 else "more than they have"
-    if len(gaps) == len(result.parameters):
+    if len(gaps) == len(result.targets):
         return "any of the targets"
     if len(gaps) > MOST_NAMED:
-        return f"{len(gaps)} of the {len(result.parameters)} targets"
+        return f"{len(gaps)} of the {len(result.targets)} targets"
     return ", ".join(physical_words(gap.name) for gap in gaps)
 
 
@@ -319,7 +319,7 @@ def missing_lines(result: Calibration) -> list[str]:
     """What the measurements leave open, in words."""
     if not result.missing:
         return []
-    if len(result.missing) == len(result.parameters):
+    if len(result.missing) == len(result.targets):
         return ["The readings determine no target. Measure the positions named, or say what is known by --prior."]
     named = ", ".join(f"{physical_words(gap.name)} ({gap.symbol})" for gap in result.missing)
     return [f"The readings do not determine: {named}. Measure the positions named, or say what is known by --prior."]
@@ -351,7 +351,7 @@ def calibrated_values(result: Calibration) -> dict[str, Value]:
     """The targets of case (A1): estimates where there are such, else the fit."""
     here = result.linearised
     at_fit = dict(zip(TARGETS, (here.parametrisation.selection[0] @ here.point).tolist(), strict=True))
-    found = {e.symbol: (e.estimate, half_width(e.low, e.high)) for e in result.parameters if e.estimate is not None}
+    found = {e.symbol: (e.central, half_width(e.low, e.high)) for e in result.targets if e.central is not None}
     values: dict[str, Value] = {symbol: (value, None) for symbol, value in at_fit.items()}
     return values | found | {gap.symbol: (None, None) for gap in result.missing}
 

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calibration import Calibration
+from ..calibrated import Calibration, Gyros, Parameter
 from ..calibration.correction import Application, Correction, Levelling, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..calibration.gyros import said_of_place
-from ..calibration.result import Estimate, GyroCalibration
 from ..calibration.targets import ARCSEC
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import (
@@ -70,7 +69,7 @@ def verdict_sentence(result: Calibration) -> str:
         )
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
-    bounds = [e.error_bound for e in result.parameters if e.error_bound is not None]
+    bounds = [e.error_bound for e in result.targets if e.error_bound is not None]
     told = ""
     if bounds:
         told = f", and all {len(bounds)} targets are known, each to within {upwards(max(bounds))} or better"
@@ -105,7 +104,7 @@ def joint_set_sections(result: Calibration) -> list[Section]:
         return []
     p = result.linearised.parametrisation
     estimates = dict(zip(p.symbols, result.linearised.point.tolist(), strict=True))
-    estimates |= {e.symbol: e.estimate for e in result.parameters if e.estimate is not None}
+    estimates |= {e.symbol: e.central for e in result.targets if e.central is not None}
     return [
         Section(
             f"Possible together: {group}",
@@ -176,7 +175,7 @@ def calibration_section(
         [
             sentence(bench.VERDICTS[result.verdict]),
             f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
-            f"({result.noise_bound_basis}); least possible largest residual {residual(result.radius)} σ.",
+            f"({result.sigma.basis}); least possible largest residual {residual(result.radius)} σ.",
             *bench.missing_lines(result),
             *map(sentence, estimator_lines(result)),
         ],
@@ -226,30 +225,35 @@ BESIDE = (
 
 def estimator_lines(result: Calibration) -> list[str]:
     """What the estimates are, or why there are none."""
-    said = [] if result.estimator is None else [ESTIMATORS[result.estimator]]
+    said = [ESTIMATORS[result.estimator]] if stands_central(result) else []
     if result.no_estimate:
-        said.append(f"no estimate{' of those' if result.estimator is not None else ''}: {result.no_estimate}")
+        said.append(f"no estimate{' of those' if stands_central(result) else ''}: {result.no_estimate}")
     return said
+
+
+def stands_central(result: Calibration) -> bool:
+    """Whether estimates are possible values."""
+    return result.estimator in ESTIMATORS
 
 
 def beside_words(result: Calibration) -> list[str]:
     """What stands beside the estimates, and why it may be outside an interval."""
     if not stands_beside(result):
         return []
-    said = [BESIDE if result.estimator is not None else BESIDE.replace("beside them", "what stands in their place")]
+    said = [BESIDE if stands_central(result) else BESIDE.replace("beside them", "what stands in their place")]
     for title, key, why in (
         ("the a-priori estimate", "a_priori", "it is a promise made before the data, which now say more"),
         ("least squares", "least_squares", "it knows no bound of the readings' errors"),
     ):
-        outside = [e.symbol for e in result.parameters if not e.possible(getattr(e, key))]
+        outside = [e.symbol for e in result.targets if not e.possible(getattr(e, key))]
         if outside:
             said.append(f"{title} lies outside the interval of {few(outside)}: {why}")
     return said
 
 
-def stands_beside(result: Calibration) -> list[Estimate]:
+def stands_beside(result: Calibration) -> list[Parameter]:
     """The targets of which other estimates are known; a file of the first schema has no others."""
-    known = [e for e in result.parameters if e.a_priori is not None]
+    known = [e for e in result.targets if e.a_priori is not None]
     return known if result.estimator != "a priori" else []
 
 
@@ -268,15 +272,15 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
     drawn, reach = bars(
         [
             Bar(
-                None if e.estimate is None or e.guaranteed_error is None else e.guaranteed_error / sigma,
-                *(over(value, e.estimate) for value in (e.low, e.high, known.get(e.symbol))),
-                about=over(e.a_priori, e.estimate) or 0.0,
+                None if e.central is None or e.guaranteed_error is None else e.guaranteed_error / sigma,
+                *(over(value, e.central) for value in (e.low, e.high, known.get(e.symbol))),
+                about=over(e.a_priori, e.central) or 0.0,
             )
-            for e in result.parameters
+            for e in result.targets
         ]
     )
     rows: list[list[Cell]] = []
-    for e, bar in zip(result.parameters, drawn, strict=True):
+    for e, bar in zip(result.targets, drawn, strict=True):
         estimate, low, high, *_ = numbers_of(e)
         row: list[Cell] = [symbol_text(e.symbol), bench.physical_words(e.name), estimate, upwards(e.error_bound)]
         rows.append([*row, bar, low, high, unit_text(e.unit), to_bound(known.get(e.symbol), e.error_bound)])
@@ -290,7 +294,7 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
 def beside_table(result: Calibration) -> Table:
     """Each target's estimates by the a-priori weights and by least squares; columns that say nothing are left out."""
     rows: list[list[Cell]] = []
-    for e in result.parameters:
+    for e in result.targets:
         estimate, _, _, a_priori, squares = numbers_of(e)
         # Of a model that the readings contradict nothing is guaranteed.
         guaranteed = NONE if result.verdict == "falsified" else upwards(e.guaranteed_error)
@@ -302,9 +306,9 @@ def beside_table(result: Calibration) -> Table:
     return Table([*header, "unit", "outside the interval"], rows).told()
 
 
-def numbers_of(e: Estimate) -> tuple[Number, Number, Number, Number, Number]:
+def numbers_of(e: Parameter) -> tuple[Number, Number, Number, Number, Number]:
     """Estimate, both ends, a-priori estimate and least squares of a target, with the same decimals."""
-    estimate, low, high = interval(e.estimate, e.low, e.high, e.error_bound)
+    estimate, low, high = interval(e.central, e.low, e.high, e.error_bound)
     half = None if e.low is None or e.high is None or e.high == e.low else 0.5 * (e.high - e.low)
     place = half or e.guaranteed_error
     return estimate, low, high, to_bound(e.a_priori, place), to_bound(e.least_squares, place)
@@ -319,10 +323,10 @@ def lines(result: Calibration) -> list[str]:
     said = [
         bench.VERDICTS[result.verdict],
         f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
-        f"({result.noise_bound_basis}), radius {residual(result.radius)}",
+        f"({result.sigma.basis}), radius {residual(result.radius)}",
         *estimator_lines(result),
         *beside_words(result),
-        *([] if result.verdict == "falsified" else target_lines(result.parameters)),
+        *([] if result.verdict == "falsified" else target_lines(result.targets)),
         *beside_lines(result),
         *gyro_lines(result),
     ]
@@ -331,19 +335,19 @@ def lines(result: Calibration) -> list[str]:
     return said + [f"warning: {warning}" for warning in result.warnings]
 
 
-def target_lines(estimates: Sequence[Estimate]) -> list[str]:
+def target_lines(estimates: Sequence[Parameter]) -> list[str]:
     """Each target with its estimate and interval."""
     said = ["", f"{'target':<12} {'name':<34} {'estimate':>13} {'to within':>11} {'low':>13} {'high':>13}  unit"]
     for e in estimates:
         estimate, low, high, *_ = numbers_of(e)
-        if e.estimate is None:
-            estimate = "none" if e.a_priori is not None else "not determined"
+        if e.central is None:
+            estimate = "none" if e.determined else "not determined"
         text = f"{e.symbol:<12} {e.name:<34} {estimate:>13} {upwards(e.error_bound):>11} {low:>13} {high:>13}"
         said.append(f"{text}  {unit_of(e.unit)}".rstrip() if low else text.rstrip())
     return said
 
 
-def gyro_words(gyros: GyroCalibration) -> list[str]:
+def gyro_words(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
     """What the gyros' calibration rests on, and what their turns say of the bench."""
     said = [
         f"gyros: {gyros.pieces} rests, moves and parts of moves; their noise {_basis(gyros)}; encoders within "
@@ -355,8 +359,9 @@ def gyro_words(gyros: GyroCalibration) -> list[str]:
         f"accelerometers alone {upwards(gain.accelerometers_alone)}"
         for gain in gyros.gains
     ]
-    if gyros.missing:
-        named = ", ".join(f"{bench.physical_words(gap.name)} ({gap.symbol})" for gap in gyros.missing)
+    missing = [p for p in parameters if not p.determined]
+    if missing:
+        named = ", ".join(f"{bench.physical_words(gap.name)} ({gap.symbol})" for gap in missing)
         said.append(
             f"the turns do not determine: {named}; turn the table by whole turns about both axes, the outer one at "
             "several inner angles, steadily for some seconds"
@@ -367,7 +372,7 @@ def gyro_words(gyros: GyroCalibration) -> list[str]:
     return said
 
 
-def _basis(gyros: GyroCalibration) -> str:
+def _basis(gyros: Gyros) -> str:
     return "as given" if gyros.noise_basis == "given" else f"by the {gyros.noise_basis}"
 
 
@@ -375,8 +380,8 @@ def gyro_lines(result: Calibration) -> list[str]:
     """The gyros of a bench record."""
     if result.gyros is None:
         return []
-    known = [] if result.verdict == "falsified" else target_lines(result.gyros.parameters)
-    return [*gyro_words(result.gyros), *known, ""]
+    known = [] if result.verdict == "falsified" else target_lines(result.of_gyros)
+    return [*gyro_words(result.gyros, result.of_gyros), *known, ""]
 
 
 def gyro_section(result: Calibration) -> Section | None:
@@ -384,12 +389,12 @@ def gyro_section(result: Calibration) -> Section | None:
     if result.gyros is None:
         return None
     rows: list[list[Cell]] = []
-    for e in result.gyros.parameters:
+    for e in result.of_gyros:
         estimate, low, high, _, squares = numbers_of(e)
         row: list[Cell] = [e.symbol, bench.physical_words(e.name), estimate, upwards(e.error_bound), low, high]
         rows.append([*row, upwards(e.guaranteed_error), squares, unit_text(e.unit)])
     header = ["target", "meaning", "estimate", "to within", "low", "high", "guaranteed error", "least squares", "unit"]
-    words = [sentence(line) for line in gyro_words(result.gyros)]
+    words = [sentence(line) for line in gyro_words(result.gyros, result.of_gyros)]
     return Section("The gyros, in the accelerometers' axes", words, table=Table(header, rows).told())
 
 

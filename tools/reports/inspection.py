@@ -8,6 +8,7 @@ import numpy as np
 
 from ...models.effects.definition import matrix_formula
 from ...models.turntable import EARTH_RATE
+from ..calibrated import Calibration
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Section, Table
 from ..document.notation import Cell, half_width, sentence, unit_text
@@ -15,7 +16,7 @@ from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection
-from ..motion.norm import COLUMNS, ROWS, NormCalibration
+from ..motion.norm import COLUMNS, ROWS
 from ..motion.rests import rest_warnings
 from ..rounding import Number, digits, downwards, exactly, interval, outwards, residual, upwards
 from .bench import Value, number, section_of_model
@@ -101,17 +102,17 @@ def span_of(values: np.ndarray) -> str:
     return f"of {' to '.join(outwards(least, most))}" if least < most else f"of {digits(least)}"
 
 
-def accelerometer_lines(found: NormCalibration) -> list[str]:
+def accelerometer_lines(found: Calibration) -> list[str]:
     """The accelerometers calibrated by the norm of gravity."""
     lines = [f"accelerometers by the norm of gravity: {found.verdict}"]
     if found.radius is not None:
         lines[0] += f", radius {residual(found.radius)}"
-    if found.missing:
-        lines.append("poses that are missing: " + "; ".join(found.missing))
-    if found.column("low") is not None:
+    if found.open:
+        lines.append("poses that are missing: " + "; ".join(direction.close_by for direction in found.open))
+    if all(p.bounded for p in found.parameters):
         lines.append("            least squares            guaranteed")
         for p in found.parameters:
-            value, low, high = interval(p.least_squares, p.low, p.high)
+            value, low, high = interval(p.estimate, p.low, p.high)
             error = "" if p.standard_error is None else f"± {upwards(p.standard_error)}"
             lines.append(f"  {p.name:9} {value:>10} {error:<10} {low:>10} to {high:>10}")
     return lines
@@ -156,13 +157,13 @@ def record_sections(found: Inspection, warnings: Sequence[str] = (), *, forces: 
     return [first, *sections, *([] if found.gyros is None else [_gyros(found.gyros)])]
 
 
-def _accelerometers(found: NormCalibration, *, told: bool) -> Section:
+def _accelerometers(found: Calibration, *, told: bool) -> Section:
     rows: list[list[Cell]] = []
-    for p in found.parameters if found.column("low") is not None else ():
-        value, *ends = interval(p.least_squares, p.low, p.high)
+    for p in found.parameters if all(p.bounded for p in found.parameters) else ():
+        value, *ends = interval(p.estimate, p.low, p.high)
         name = own_words(f"accelerometer {p.name}")
         rows.append([name, value, upwards(p.standard_error), *ends, unit_text(p.unit)])
-    said, *missing = accelerometer_lines(found)[: 2 if found.missing and not told else 1]
+    said, *missing = accelerometer_lines(found)[: 2 if found.open and not told else 1]
     explained = "At every rest the size of gravity must come out; nine parameters explain the rests, or none do."
     header = ["parameter", "least squares", "standard error", "low", "high", "unit"]
     table = Table(header, rows, "Low and high hold for any errors within the bounds.") if rows else None

@@ -18,6 +18,7 @@ from ..document.notation import half_width, sentence, unit_of
 from ..evidence.bench import Bench
 from ..evidence.carried_run import CarriedRecord
 from ..evidence.evidence import Evidence
+from ..motion.norm import norm_values
 from ..records import PositionRecord
 from ..rounding import digits, exactly, interval, residual, upwards
 from . import bench, calibration, evidence, witnesses
@@ -72,7 +73,7 @@ def _bench_lines(result: Diagnosis) -> list[str]:
     nominal = result.evidence.calibration
     said = [
         f"{nominal.positions} positions, {nominal.measurements} readings, σ = {upwards(nominal.noise_bound, 3)} g "
-        f"({nominal.noise_bound_basis}); nominal model: radius {residual(nominal.radius)}",
+        f"({nominal.sigma.basis}); nominal model: radius {residual(nominal.radius)}",
         *bench.proof_lines(nominal),
     ]
     said += witnesses.turn_lines(result)
@@ -270,7 +271,7 @@ def _carried_errors(result: Diagnosis) -> list[Section]:
 
 def _carried_sources(result: Diagnosis) -> list[str]:
     found, carried = result.evidence.found, bool(result.evidence.parts)
-    norm = found.accelerometers is not None and found.accelerometers.least_squares is not None
+    norm = norm_values(found.accelerometers) is not None
     first = cited(norm and "norm", found.gyros is not None and "allan")
     return first + cited("gyros", "attitude", "simplex", result.tried and "chebyshev", "fmi") if carried else first
 

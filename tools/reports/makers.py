@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...fmus import version
+from ..calibrated import Calibration
 from ..document.blocks import Document, Page
 from ..document.notation import minus
 from ..document.page import write_page
@@ -43,7 +44,6 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
     "Imported": ("makers", "import_lines", None),
     "Inspection": ("inspection", "inspection_lines", None),
     "Installation": ("makers", "installation_lines", None),
-    "JointCalibration": ("several", "joint_calibration_lines", "joint_calibration_page"),
     "Plans": ("plan", "plan_lines", "plan_page"),
     "Measured": ("measure", "measured_lines", None),
     "PositionPlan": ("plan", "position_lines", None),
@@ -62,11 +62,13 @@ MAKERS: dict[str, tuple[str, str, str | None]] = {
 def document_of(result: Result, record: Any = None) -> Document:
     """What a result has to say; the record that it was made from, its own if none is given, stands on its page."""
     module, lines, page = MAKERS[type(result).__name__]
+    if isinstance(result, Calibration) and (result.of_record or result.convention is None):
+        module, lines, page = OF_SEVERAL if result.of_record else BY_NORM
     makers = import_module(f"{__package__}.{module}")
     made_of = getattr(result, "made_of", None) if record is None else record
 
     def its_page() -> Page:
-        given = (made_of,) if type(result).__name__ in OF_RECORDS else ()
+        given = (made_of,) if type(result).__name__ in OF_RECORDS and module != "several" else ()
         if given == (None,) and type(result).__name__ == "Calibration":
             raise InputError("the page of a calibration from a file needs the record that it was made from")
         return getattr(makers, str(page))(result, *given)
@@ -78,6 +80,10 @@ def document_of(result: Result, record: Any = None) -> Document:
     )
 
 
+OF_SEVERAL = ("several", "joint_calibration_lines", "joint_calibration_page")
+"""What makes the documents of a calibration of several records."""
+BY_NORM = ("inspection", "accelerometer_lines", None)
+"""What makes the lines of a calibration by the norm of gravity."""
 OF_RECORDS = ("Calibration", "Diagnosis")
 """Results whose pages show the record, too."""
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from ..calibrated import Calibration, Parameter
 from ..calibration.targets import NAMES
 from ..diagnosis.applied import Applied
-from ..diagnosis.calibrated import JointCalibration
 from ..diagnosis.cause import SizedParameter
 from ..diagnosis.repeated import InOneRecord, Repeated
 from ..diagnosis.several import JointCause, Several
@@ -127,7 +127,7 @@ def cause_text(cause: JointCause) -> str:
     return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
 
 
-def _possible(one: SizedParameter | InOneRecord, unit: str = "1") -> str:
+def _possible(one: SizedParameter | InOneRecord | Parameter, unit: str = "1") -> str:
     """What is stated, in a unit where one is said, and the ends of what is possible."""
     value, low, high = interval(one.estimate, one.low, one.high)
     return f"{_in_unit(value, unit)} ({low} to {high})"
@@ -213,26 +213,38 @@ CALIBRATED = {
 }
 
 
-def joint_calibration_lines(result: JointCalibration) -> list[str]:
+def joint_calibration_lines(result: Calibration) -> list[str]:
     """The verdict; each parameter, the instrument's first, with its interval."""
-    said = [CALIBRATED[result.verdict], f"{len(result.records)} records, radius {residual(result.radius)}"]
-    for p in (p for p in result.parameters if p.estimate is not None):
-        where = "" if p.record is None else f" in {p.record}"
-        said.append(f"{words(p.name)}{where}: {_possible(p, p.unit)}")
-    return said + ([f"still open: {', '.join(result.missing)}"] if result.missing else [])
+    said = [CALIBRATED[result.verdict], f"{len(result.of_record)} records, radius {residual(result.radius)}"]
+    for record, parameters in _owners(result):
+        where = f" in {record}" if record else ""
+        said += [f"{words(p.symbol)}{where}: {_possible(p, p.unit)}" for p in parameters if p.bounded]
+    return said + _still_open(result)
 
 
-def joint_calibration_page(result: JointCalibration) -> Page:
+def _owners(result: Calibration) -> list[tuple[str, list[Parameter]]]:
+    """The parameters of the instrument, whose label is empty, then those of each record."""
+    return [("", result.parameters), *((label, record.parameters) for label, record in result.of_record.items())]
+
+
+def _still_open(result: Calibration) -> list[str]:
+    """What the records leave open, in a line."""
+    missing = [symbol for direction in result.open for symbol in direction.parameters]
+    return [f"still open: {', '.join(missing)}"] if missing else []
+
+
+def joint_calibration_page(result: Calibration) -> Page:
     """The page: what is the instrument's, then what is each record's own."""
     sections = []
-    for record in (None, *result.records):
+    for record, parameters in _owners(result):
         rows: list[list[Cell]] = []
-        for p in (p for p in result.parameters if p.record == record):
-            value, low, high = (None,) * 3 if p.estimate is None else interval(p.estimate, p.low, p.high)
-            rows.append([_typeset(p.name), value, low, high, unit_text(p.unit)])
-        said = ["Every value inside an interval is possible, none outside."] if record is None and rows else []
-        said += [sentence(f"still open: {', '.join(result.missing)}")] if record is None and result.missing else []
-        head = "The instrument" if record is None else f"{record} alone"
+        for p in parameters:
+            value, low, high = interval(p.estimate, p.low, p.high) if p.bounded else (None, None, None)
+            rows.append([_typeset(p.symbol), value, low, high, unit_text(p.unit)])
+        said = ["Every value inside an interval is possible, none outside."] if not record and rows else []
+        if not record:
+            said += map(sentence, _still_open(result))
+        head = f"{record} alone" if record else "The instrument"
         table = Table(["parameter", "estimate", "at least", "at most", "unit"], rows) if rows else None
         sections += [Section(head, said, table=table)] if said or table else []
     return Page(
@@ -240,8 +252,8 @@ def joint_calibration_page(result: JointCalibration) -> Page:
         sentence(CALIBRATED[result.verdict]),
         sections,
         "good" if result.verdict == "consistent" else "attention",
-        {"records": len(result.records), "radius": residual(result.radius)},
-        {**versions(), **dict(zip(result.records, result.sha256, strict=True))},
+        {"records": len(result.of_record), "radius": residual(result.radius)},
+        {**versions(), **{label: record.provenance.sha256 for label, record in result.of_record.items()}},
         cited("guaranteed", "simplex"),
     )
 

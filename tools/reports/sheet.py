@@ -86,7 +86,7 @@ def sheet_page(result: Calibration, record: PositionRecord | None, about: Mappin
 
 def _numbers(title: str, result: Calibration, *, gyros: bool = False) -> Section:
     """Each target with its guaranteed error and interval; of a falsified model there is none."""
-    parameters = result.gyros.parameters if gyros and result.gyros is not None else result.parameters
+    parameters = result.of_gyros if gyros else result.targets
     if result.verdict == "falsified":
         return Section(title, "No value is guaranteed: no parameters of the model explain the readings.")
     rows: list[list[Cell]] = []

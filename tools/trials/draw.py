@@ -21,6 +21,7 @@ from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Classes, contains
 from ..motion.inspect import inspect_record
+from ..motion.norm import norm_values
 from .bench import (
     DWELL_S,
     NOISE_BOUND,
@@ -443,7 +444,7 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
 def evidence_of(case: Case) -> Carried | None:
     """The evidence that a diagnosis makes of the record of a moved block; None where it can make none."""
     found, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
-    if reference == "gravity" and (found.accelerometers is None or found.accelerometers.least_squares is None):
+    if reference == "gravity" and norm_values(found.accelerometers) is None:
         return None
     return linear_evidence(found, BASELINE[reference])
 

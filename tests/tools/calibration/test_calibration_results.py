@@ -94,17 +94,17 @@ def test_json_is_the_published_object_and_the_same_every_time():
     assert first == second
     assert Calibration.model_validate_json(first).json_text() == first
     content = json.loads(first)
-    assert content["schema"] == "trihedron.calibration/2"
+    assert content["schema"] == "trihedron.calibration/3"
     assert (content["verdict"], content["positions"], content["measurements"]) == ("consistent", 24, 72)
-    assert (content["noise_bound"], content["gravity_mps2"]) == (1e-5, 9.80665)
+    assert (content["sigma"], content["gravity_mps2"]) == ({"value": 1e-5, "kind": "bound", "from": "given"}, 9.80665)
     assert content["witness"] == []
     assert content["priors"] == [{"expression": "X4 - X5 ", "limit": 0.1}]
     last = content["parameters"][-1]
     assert set(last) == {
-        *("symbol", "name", "unit", "estimate", "error_bound", "low", "high"),
+        *("symbol", "name", "unit", "determined", "estimate", "low", "high"),
         *("a_priori", "guaranteed_error", "least_squares", "standard_error"),
     }
-    assert (content["estimator"], content["no_estimate"]) == ("analytic centre", "")
+    assert (content["estimator"], content.get("no_estimate")) == ("analytic centre", None)
     assert (last["symbol"], last["name"], last["unit"]) == ("X4-X5", "scale-factor-asymmetry-1", "1")
     assert content["parameters"][3]["name"] == "scale-factor-error-plus-1"
 
@@ -141,8 +141,8 @@ def test_noise_bound_is_taken_from_repeats_and_the_result_says_so():
     alpha, beta = np.tile(ALPHA, 4), np.tile(BETA, 4)
     result = calibrate(simulated(bench, alpha, beta, rng.uniform(-SIGMA, SIGMA, (96, 3))))
     assert 0.8 * SIGMA < result.noise_bound < 3 * SIGMA
-    assert "repeat" in result.noise_bound_basis
-    assert result.to_json()["noise_bound_basis"] == result.noise_bound_basis
+    assert result.sigma.kind == "estimated"
+    assert "repeat" in result.to_json()["sigma"]["from"]
 
 
 def test_other_mountings_are_calibrated_as_well():

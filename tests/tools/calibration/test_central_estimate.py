@@ -151,8 +151,9 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
     noise[7, 1] = 1e-3
     falsified = calibrate(simulated(bench, noise=noise), noise_bound=SIGMA)
     assert falsified.verdict == "falsified"
-    assert np.isnan(column(falsified, "estimate")).all()
-    assert np.isfinite(column(falsified, "least_squares")).all()
+    assert np.isnan(column(falsified, "low")).all()
+    np.testing.assert_array_equal(column(falsified, "estimate"), column(falsified, "least_squares"))
+    assert falsified.estimator == "least squares"
     said = "\n".join(lines(falsified))
     assert "no estimate: no parameters of the model keep every reading within the noise bound" in said
     for refused in (bench_parameters, calibrated_block, lambda content: correction_of(content, "here")):
@@ -170,13 +171,44 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
         bench_parameters(few.to_json())
 
 
+def of_second_schema(result: Calibration) -> dict:
+    """The same calibration as the second schema wrote it."""
+    content = json.loads(result.json_text())
+    sigma = content.pop("sigma")
+    content |= {"schema": "trihedron.calibration/2", "noise_bound": sigma["value"], "noise_bound_basis": sigma["from"]}
+    for entry, parameter in zip(content["parameters"], result.parameters, strict=True):
+        del entry["determined"]
+        entry |= {"error_bound": parameter.error_bound, "estimate": parameter.central}
+    if content["estimator"] == "least squares":
+        content["estimator"] = None
+    if opened := content.pop("open", None):
+        names = {p.symbol: p.name for p in result.parameters}
+        content["missing"] = [{"symbol": one["parameters"][0], "name": names[one["parameters"][0]]} for one in opened]
+    content.pop("stands_with_sigma")
+    return content
+
+
 def of_first_schema(result: Calibration) -> dict:
     """The same calibration as the first schema wrote it."""
-    content = json.loads(result.json_text())
+    content = of_second_schema(result)
     kept = ("symbol", "name", "unit", "guaranteed_error", "low", "high")
     content["schema"] = "trihedron.calibration/1"
     content["parameters"] = [{key: e[key] for key in kept} | {"estimate": e["a_priori"]} for e in content["parameters"]]
     return {key: value for key, value in content.items() if key not in ("estimator", "no_estimate")}
+
+
+@pytest.mark.parametrize("verdict", ["consistent", "falsified", "insufficient"])
+def test_a_file_of_the_second_schema_says_the_same_as_one_of_the_third(verdict):
+    bench, noise = random_bench(np.random.default_rng(3)), np.zeros((24, 3))
+    noise[7, 1] = 1e-3 if verdict == "falsified" else 0.0
+    rows = slice(4 if verdict == "insufficient" else 24)
+    result = calibrate(simulated(bench, ALPHA[rows], BETA[rows], noise[rows]), noise_bound=SIGMA)
+    assert result.verdict == verdict
+    again = Calibration.model_validate_json(json.dumps(of_second_schema(result)))
+    assert [p.to_json() for p in again.parameters] == [p.to_json() for p in result.parameters]
+    assert (again.sigma, again.radius, again.estimator) == (result.sigma, result.radius, result.estimator)
+    assert [one.parameters for one in again.open] == [one.parameters for one in result.open]
+    assert again.reading_errors == result.reading_errors
 
 
 def test_a_file_of_the_first_schema_is_still_read(tmp_path: Path):
@@ -198,7 +230,6 @@ def test_a_file_of_the_first_schema_is_still_read(tmp_path: Path):
     again = Calibration.model_validate_json(path.read_text(encoding="utf-8"))
     assert again.estimator == "a priori"
     assert [e.estimate for e in again.parameters] == [e.a_priori for e in result.parameters]
-    assert [e.error_bound for e in again.parameters] == [None] * 18
     write_parameter_set(again, tmp_path / "old.ssv")
     bias = values["X16"].a_priori
     assert str(bias) in (tmp_path / "old.ssv").read_text(encoding="utf-8")

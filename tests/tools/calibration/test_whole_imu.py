@@ -14,9 +14,8 @@ from trihedron.models.bench import TARGETS
 from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.programmes import Polytope
-from trihedron.tools.calibration import Bench, Calibration, calibrate, calibrate_whole, strapdown_by_table
-from trihedron.tools.calibration.latency import LATENCIES
-from trihedron.tools.calibration.result import GyroCalibration
+from trihedron.tools.calibrated import LATENCIES, Calibration, Gyros
+from trihedron.tools.calibration import Bench, calibrate, calibrate_whole, strapdown_by_table
 from trihedron.tools.calibration.turns import Turns, turns_of, with_turns
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
@@ -62,16 +61,14 @@ def told(record: BenchRecord, bench: Bench = PLACE) -> Calibration:
     return calibrate_whole(position_record_of(record), bench, noise_bound=SIGMA)
 
 
-def gyros_of(result: Calibration) -> GyroCalibration:
+def gyros_of(result: Calibration) -> Gyros:
     assert result.gyros is not None
     return result.gyros
 
 
 def outside(result: Calibration, truth: Truth) -> list[str]:
     """Symbols whose interval does not hold the truth."""
-    known = zip(
-        [*result.parameters, *gyros_of(result).parameters], [*truth.targets, *truth.gyros, *truth.lags], strict=True
-    )
+    known = zip(result.parameters, [*truth.targets, *truth.gyros, *truth.lags], strict=True)
     return [e.symbol for e, x in known if e.low is None or e.high is None or not e.low <= x <= e.high]
 
 
@@ -133,7 +130,7 @@ def test_the_lag_of_a_gyro_block_is_in_its_interval(seed, lag):
     of_block = bench.truth["GyroBlock"]
     truth |= {f"M{k // 3 + 1}{k % 3 + 1}": value for k, value in enumerate(of_block["scale_misalignment"])}
     truth |= {f"B{k + 1}": value for k, value in enumerate(of_block["bias"])}
-    for one in gyros_of(found).parameters:
+    for one in found.of_gyros:
         assert one.low is not None
         assert one.high is not None
         assert one.low <= truth[one.symbol] <= one.high, one.symbol
@@ -154,12 +151,12 @@ def test_derivatives_are_those_of_the_model(record, truth):
 def test_every_interval_holds_the_truth(result, truth):
     assert result.verdict == "consistent"
     assert outside(result, truth) == []
-    assert gyros_of(result).missing == []
+    assert all(p.determined for p in result.of_gyros)
 
 
 def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
     """Accelerometers centimetres from the crossing of the axes, milliseconds late: known to microseconds."""
-    for e, x in zip(gyros_of(result).parameters[-2:], truth.lags, strict=True):
+    for e, x in zip(result.of_gyros[-2:], truth.lags, strict=True):
         told = (e.a_priori, e.guaranteed_error, e.estimate, e.error_bound, e.low, e.high)
         assert None not in told
         a_priori, guaranteed, estimate, error, low, high = (float(v) for v in told if v is not None)
@@ -174,17 +171,17 @@ def test_accelerometers_of_different_lags_have_no_latency_and_all_else_stands(re
     force = record.specific_force.copy()
     force[1:, 1] = force[:-1, 1]
     found = told(replace(record, specific_force=force))
-    late = gyros_of(found).parameters[-2:]
+    late = found.of_gyros[-2:]
     assert [e.estimate for e in late] == [None, None]
     assert sum("no one lag of all accelerometers" in text for text in found.warnings) == 1
     assert found.verdict == "consistent"
-    for e, before in zip(found.parameters, result.parameters, strict=True):
+    for e, before in zip(found.parameters[:-2], result.parameters[:-2], strict=True):
         assert abs(e.estimate - before.estimate) < before.error_bound
 
 
 def test_what_both_determine_is_never_known_worse_and_the_leaning_of_the_axes_better(result, record):
     alone = calibrate(position_record_of(record), noise_bound=SIGMA)
-    for both, before in zip(result.parameters, alone.parameters, strict=True):
+    for both, before in zip(result.targets, alone.parameters, strict=True):
         assert both.low >= before.low
         assert both.high <= before.high
         assert both.guaranteed_error <= before.guaranteed_error
@@ -215,7 +212,7 @@ def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(reco
     assert found.verdict == "falsified"
     assert gyros_of(found).witness
     assert gyros_of(found).gains == []
-    assert all(e.estimate is None for e in gyros_of(found).parameters)
+    assert all(e.central is None for e in found.of_gyros)
     assert {t.gyro for t in gyros_of(found).witness} <= {1, 2, 3}
 
 
@@ -223,8 +220,8 @@ def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(trut
     """At one inner angle gyros see one axis only: M is open, and the accelerometers' verdict stands."""
     still = replace(PROGRAMME, positions=tuple((45.0 * k, 25.0) for k in range(12)))
     found = told(bench_record(truth, still, ERRORS))
-    assert "M11" in {gap.symbol for gap in gyros_of(found).missing}
-    known = {e.symbol: e for e in gyros_of(found).parameters}
+    assert not found["M11"].determined
+    known = {e.symbol: e for e in found.of_gyros}
     assert known["M11"].low is None
 
 
@@ -232,12 +229,12 @@ def test_rates_say_what_increments_say(record, result):
     period = float(np.median(np.diff(record.time_s)))
     rates = replace(record, rate=record.increment / period, increment=None)
     found = told(rates, replace(PLACE, rates="averaged"))
-    for one, other in zip(gyros_of(found).parameters, gyros_of(result).parameters, strict=True):
+    for one, other in zip(found.of_gyros, result.of_gyros, strict=True):
         assert one.guaranteed_error is not None
         assert one.low == pytest.approx(other.low, abs=0.02 * one.guaranteed_error)
     # What a rate does between samples nobody has seen.
     sampled = told(rates, replace(PLACE, rates="instantaneous"))
-    for one, other in zip(gyros_of(sampled).parameters, gyros_of(found).parameters, strict=True):
+    for one, other in zip(sampled.of_gyros, found.of_gyros, strict=True):
         assert one.guaranteed_error is not None
         assert other.guaranteed_error is not None
         assert one.guaranteed_error > 1.02 * other.guaranteed_error or one.symbol[0] in "BSA"
@@ -327,11 +324,11 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     assert "the turns make X3 better known" in said
     assert "gyro-misalignment-12" in said
     again = Calibration.model_validate_json((tmp_path / "imu.json").read_text(encoding="utf-8"))
-    assert [e.symbol for e in gyros_of(again).parameters] == [*GYRO_PARAMETERS, *LATENCIES]
-    units = {e.name: e.unit for e in gyros_of(again).parameters}
+    assert [e.symbol for e in again.of_gyros] == [*GYRO_PARAMETERS, *LATENCIES]
+    units = {e.name: e.unit for e in again.of_gyros}
     assert (units["gyro-scale-factor-error-1"], units["gyro-misalignment-12"]) == ("1", "rad")
     written = (tmp_path / "imu-gyros.ssv").read_text(encoding="utf-8")
-    assert f'value="{gyros_of(again).parameters[3].estimate!r}"' in written
+    assert f'value="{again.of_gyros[3].estimate!r}"' in written
     assert "bias" in (tmp_path / "imu.ssv").read_text(encoding="utf-8")
     section = gyro_section(again)
     assert section is not None

@@ -11,10 +11,10 @@ import trihedron as th
 from generator.stands import random_bench, simulated
 from instrument_records import of_one_instrument
 from trihedron import calibrate_together
+from trihedron.tools.calibrated import Calibration, Parameter
 from trihedron.tools.calibration.correction import Application
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis import JointCalibration
 from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
@@ -22,10 +22,18 @@ OF_INSTRUMENT = ("X4", "X5", "X9", "X10", "X14", "X15", "X6+X8", "X7+X12", "X11+
 SCALE_FACTORS_OF_1 = [9, 12]
 
 
-def ends(found: JointCalibration) -> dict[tuple[str, str | None], tuple[float, float]]:
+def every_parameter(found: Calibration) -> list[tuple[str | None, Parameter]]:
+    """Each parameter with its record, None where it is the instrument's."""
+    pairs: list[tuple[str | None, Parameter]] = [(None, p) for p in found.parameters]
+    for label, record in found.of_record.items():
+        pairs += [(label, p) for p in record.parameters]
+    return pairs
+
+
+def ends(found: Calibration) -> dict[tuple[str, str | None], tuple[float, float]]:
     return {
-        (p.name, p.record): (-math.inf if p.low is None else p.low, math.inf if p.high is None else p.high)
-        for p in found.parameters
+        (p.symbol, record): (-math.inf if p.low is None else p.low, math.inf if p.high is None else p.high)
+        for record, p in every_parameter(found)
     }
 
 
@@ -53,12 +61,12 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
     said = capsys.readouterr().out
     assert said.startswith("consistent: one value for each parameter of the instrument does for all")
     assert "X16, bias-1 in c: " in said
-    again = JointCalibration.model_validate_json(out.read_text(encoding="utf-8"))
+    again = Calibration.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
     assert check(out).summary == ("3 records, consistent",)
     text = page.read_text(encoding="utf-8")
     assert all(f"<h2>{head}</h2>" in text for head in ("The instrument", "a alone", "b alone", "c alone"))
-    assert len(re.findall('<td class="words">−?X', text)) == len(again.parameters)
+    assert len(re.findall('<td class="words">−?X', text)) == len(every_parameter(again))
     assert main(["calibrate", *files[:1], "--noise-bound", "1e-5", "--own", "X4"]) == 2
     for wrong, why in (
         (["--target", "X4-X5"], "--target: is of one record; give one"),
@@ -77,7 +85,7 @@ def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, c
     found = calibrate_together(*records, noise_bound=SIGMA)
     for number, record in enumerate(records, start=1):
         alone = th.calibrate(record, noise_bound=SIGMA).reading_errors
-        for one, mine in zip(alone, found.of_records[f"record-{number}"].reading_errors, strict=True):
+        for one, mine in zip(alone, found.of_record[f"record-{number}"].reading_errors, strict=True):
             assert (one.accelerometer, one.input) == (mine.accelerometer, mine.input)
             low, least, most, high = np.array([one.low, mine.low, mine.high, one.high], dtype=float)
             assert low - 1e-9 <= least < most <= high + 1e-9
@@ -87,7 +95,7 @@ def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, c
     out, ssv = tmp_path / "together.json", tmp_path / "block.ssv"
     first, second, third = map(str, names)
     assert main(["calibrate", first, second, "--noise-bound", "1e-5", "--json", str(out), "--ssv", str(ssv)]) == 0
-    bias = {p.record: p.estimate for p in found.parameters if p.name == "X16"}
+    bias = {record: p.estimate for record, p in every_parameter(found) if p.symbol == "X16"}
     written = re.search(r'name="bias\[1\]">\s*<ssv:Real value="([^"]+)"', ssv.read_text(encoding="utf-8"))
     assert written is not None
     assert float(written[1]) == pytest.approx(bias["record-2"], abs=1e-9)
@@ -97,21 +105,22 @@ def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, c
         assert applied.bias_g[0] == pytest.approx(bias[of], abs=1e-9)
         assert any("of its own is that of b, the last" in text for text in applied.warnings) == (file == third)
     data = json.loads(out.read_text(encoding="utf-8"))
-    del data["of_records"]
+    del data["of_record"]["b"]["provenance"]
     out.write_text(json.dumps(data), encoding="utf-8")
     capsys.readouterr()
     assert main(["apply", str(out), first]) == 2
-    assert "lacks 'of_records'; calibrate again" in capsys.readouterr().err
+    assert "lacks 'provenance'; calibrate again" in capsys.readouterr().err
 
 
 def test_what_the_records_leave_open_has_no_estimate():
     records = of_one_instrument(17, positions=(3, 4))
     found = calibrate_together(*records[:2], noise_bound=SIGMA)
     assert found.verdict == "insufficient"
-    still_open = [p for p in found.parameters if p.estimate is None]
-    assert [p.low is None or p.high is None for p in found.parameters] == [p.estimate is None for p in found.parameters]
-    assert len(still_open) == len(found.missing) > 0
-    assert not any(f"{p.name}, " in line for p in still_open for line in str(found).splitlines()[2:-1])
+    parameters = [p for _, p in every_parameter(found)]
+    still_open = [p for p in parameters if p.estimate is None]
+    assert [p.bounded for p in parameters] == [p.estimate is not None for p in parameters]
+    assert len(still_open) == len(found.open) > 0
+    assert not any(f"{p.symbol}, " in line for p in still_open for line in str(found).splitlines()[2:-1])
 
 
 @pytest.mark.parametrize("own", [(), ("X4", "X5")])

@@ -1,0 +1,401 @@
+"""The calibration: what one or several records of any kind say of a model's parameters.
+
+A `Calibration` is what `calibrate` returns, of positions, of a bench with gyros, of several records together, and what
+`inspect` says of accelerometers by the norm of gravity. Its JSON is `trihedron.calibration/3`; a field that holds
+nothing is left out. Files of the schemas before are converted where they are read (`fmus.parameters`).
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NotRequired
+
+from pydantic import ConfigDict, Field, model_validator
+from typing_extensions import TypedDict
+
+from ..fmus import version
+from ..fmus.parameters import GRAVITIES, calibration_of
+from ..models.bench_turns import GYRO_PARAMETERS
+from .errors import InputError, nearest
+from .result import Result, finite_or_none
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Size = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0)]
+Axis = Annotated[int, Field(ge=1, le=3)]
+Verdict = Literal["consistent", "falsified", "insufficient"]
+Estimator = Literal["analytic centre", "central programme", "a priori", "least squares"]
+LATENCIES = ("A", "L-A")
+"""Lag of the accelerometers behind the encoders, and of the gyros behind the accelerometers."""
+OF_GYROS = frozenset((*GYRO_PARAMETERS, *LATENCIES))
+NUMBERS = ("estimate", "standard_error", "low", "high", "a_priori", "guaranteed_error", "least_squares")
+UNITS = {
+    "sigma": "g",
+    "gravity_mps2": "m/s2",
+    "radius": "1",
+    "parameters": "of all numbers of a parameter: as its unit says",
+    "reading_errors": "g",
+}
+
+
+class Part(Result):
+    """A part of a calibration, whose numbers are numbers already."""
+
+    model_config = ConfigDict(strict=True)
+
+
+class Sigma(Part):
+    """The bound σ of the readings' errors, as a fraction of g.
+
+    Attributes
+    ----------
+    value : float or None
+        None where each record, or each reading, has a bound of its own
+    kind : str
+        "bound": a person gave it; "estimated": the record tells it; "unknown": nothing says where it comes from
+    basis : str
+        on what it rests; `from` in the JSON
+    """
+
+    value: Annotated[float, Field(gt=0.0, lt=1.0)] | None
+    kind: Literal["bound", "estimated", "unknown"]
+    basis: str = Field(alias="from")
+
+    @staticmethod
+    def of(value: float, basis: str) -> "Sigma":
+        """The noise bound that a person gave, with "given" as its basis, or that was taken from a record."""
+        return Sigma(value=value, kind="bound" if basis == "given" else "estimated", basis=basis)
+
+
+class Parameter(Part):
+    """What is known of one parameter, or of a linear combination of parameters.
+
+    Attributes
+    ----------
+    symbol, name, unit : str
+        as the paper writes it, in words, and its unit
+    determined : bool
+        whether the records determine it
+    estimate : float or None
+        a possible value, as the calibration's `estimator` says; of a falsified model that of least squares
+    standard_error : float or None
+        of least squares, from the scatter of the residuals; None where these leave no freedom
+    low, high : float or None
+        exact ends of what the records leave possible; None where they falsify the model or leave an end open
+    a_priori, guaranteed_error : float or None
+        by the weights of the linear programme, which are best before anything is read, and the largest error that it
+        can have: σ times the l1 norm of the weights. The readings may prove the a-priori estimate impossible.
+    least_squares : float or None
+        the fit of the exact model
+    """
+
+    symbol: str
+    name: str
+    unit: str
+    determined: bool
+    estimate: Number | None
+    standard_error: Size | None = None
+    low: Number | None
+    high: Number | None
+    a_priori: Number | None = None
+    guaranteed_error: Size | None = None
+    least_squares: Number | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Parameter":
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"low = {self.low!r} is above high = {self.high!r}")
+        return self
+
+    @property
+    def bounded(self) -> bool:
+        """Whether both ends are known."""
+        return self.low is not None and self.high is not None
+
+    @property
+    def central(self) -> float | None:
+        """The estimate where both ends are known; None of a falsified model."""
+        return self.estimate if self.bounded else None
+
+    @property
+    def error_bound(self) -> float | None:
+        """The largest error that the estimate can have; None where an end is not known."""
+        if self.estimate is None or self.low is None or self.high is None:
+            return None
+        return max(self.estimate - self.low, self.high - self.estimate)
+
+    def possible(self, value: float | None) -> bool:
+        """Whether a value lies in the interval, as far as both are known."""
+        return value is None or self.low is None or self.high is None or self.low <= value <= self.high
+
+
+class ReadingError(Part):
+    """What an accelerometer reads beyond its input [g] at that input (3,) [g], at least and at most.
+
+    None where the readings do not determine it.
+    """
+
+    accelerometer: Axis
+    input: list[int]
+    low: Number | None
+    high: Number | None
+
+    @staticmethod
+    def of(accelerometer: int, n: tuple[int, int, int], low: float, high: float) -> "ReadingError":
+        """The error with ends that are not finite where it is not determined."""
+        return ReadingError(
+            accelerometer=accelerometer, input=list(n), low=finite_or_none(low), high=finite_or_none(high)
+        )
+
+
+class Open(Part):
+    """A direction that the records leave undetermined: its parameters, and what would close it."""
+
+    parameters: list[str]
+    close_by: str = ""
+
+
+class OpenTarget(Part):
+    """A parameter that a record does not determine, as diagnoses name it."""
+
+    symbol: str
+    name: str
+
+
+class Reading(Part):
+    """A reading that proves a falsification: the record's number of its position, and the accelerometer."""
+
+    position: Annotated[int, Field(ge=1)]
+    accelerometer: Axis
+
+
+class Turn(Part):
+    """A piece of a bench record that proves a falsification: its gyro, from 1, and when it begins and ends [s]."""
+
+    gyro: Axis
+    from_s: Number
+    to_s: Number
+
+
+class Gain(Part):
+    """What turns add: a parameter's guaranteed error by the accelerometers alone, and by both."""
+
+    symbol: str
+    accelerometers_alone: Size
+    with_gyros: Size
+
+
+class Gyros(Part):
+    """What the calibration of the gyros of a bench record rests on, and what it gains.
+
+    Attributes
+    ----------
+    pieces : int
+        rests, moves and parts of moves over which the gyros are integrated
+    noise_basis : str
+        what the bounds of the gyros' noise rest on
+    encoder_bound : float
+        of an encoder's error [rad]
+    latitude_deg, azimuth_deg : float
+        of the bench and its outer axis, from north towards east
+    gains : list of Gain
+        parameters of the bench that the turns make known better
+    witness : list of Turn
+        the pieces that prove a falsification
+    """
+
+    pieces: Count
+    noise_basis: str
+    encoder_bound: Size = Field(alias="encoder_bound_rad")
+    latitude_deg: Number
+    azimuth_deg: Number
+    gains: list[Gain]
+    witness: list[Turn]
+
+
+class Prior(Part):
+    """What was known before: |expression| ≤ limit."""
+
+    expression: str
+    limit: Number
+
+
+class Provenance(Part):
+    """What a calibration was made from: the record's file and its SHA-256 (empty without a file), bounds of (1.7)."""
+
+    omitted: ClassVar[frozenset[str]] = frozenset({"kind", "temperature_degC", "comments"})
+
+    trihedron: str = Field(default_factory=version)
+    record: str
+    sha256: str = Field(default="", alias="record_sha256")
+    bounds: list[Number] = Field(default=[])
+    kind: str = ""
+    temperature: list[Number] | None = Field(default=None, alias="temperature_degC")
+    comments: dict[str, str] = Field(default={})
+
+
+class TablePosition(TypedDict):
+    """Angles of the table, and the mounting where there are several."""
+
+    alpha_deg: Number
+    beta_deg: Number
+    mounting: NotRequired[str]
+
+
+class OfRecord(Part):
+    """What one of several records has of its own."""
+
+    sigma: Sigma
+    mountings: dict[str, list[list[Number]]] = Field(default={})
+    parameters: list[Parameter] = Field(default=[])
+    reading_errors: list[ReadingError] = Field(default=[])
+    provenance: Provenance
+
+
+class Calibration(Part):
+    """What one or several records say of a model's parameters.
+
+    Attributes
+    ----------
+    verdict : str
+        "consistent", "falsified" (no parameters keep every reading within its bound) or "insufficient"
+    sigma : Sigma
+    stands_with_sigma : float or None
+        the least σ with which the model stands, where all bounds grow with it
+    radius : float or None
+        least max |z − f(X)| / bound
+    gravity : float or None
+        [m/s²]
+    convention, baseline : str or None
+        "A1" or "A2"; "asymmetric" or "symmetric"
+    mountings : dict
+        Q by name
+    positions, measurements : int or None
+        N and M
+    estimator : str or None
+        what the estimates are: "analytic centre"; "central programme", where the possible parameters have no interior;
+        "least squares" of a falsified model; "a priori" in files of schema trihedron.calibration/1
+    no_estimate : str
+        why nothing, or not everything, is bounded
+    witness : list of Reading
+        the readings that prove a falsification
+    parameters : list of Parameter
+        those of the bench and the accelerometers, then those of the gyros; of several records what they share
+    priors : list of Prior
+    gyros : Gyros or None
+        of a bench record whose place is known; then all numbers are of readings and turns together
+    reading_errors : list of ReadingError
+        what the readings may be off by at the corners of the input
+    open : list of Open
+        directions that the records leave undetermined
+    next_positions : list of TablePosition
+        table positions that would determine them
+    of_record : dict of OfRecord
+        of several records, by label
+    provenance : Provenance or None
+        None of several records: each has its own
+    warnings : list of str
+    linearised : Linearisation
+        the fit; not published
+    feasible : FeasibleSet or None
+        not published; None where the measurements contradict the model
+    made_of : record
+        not published
+    """
+
+    omitted: ClassVar[frozenset[str]] = frozenset(
+        {"stands_with_sigma", "gravity_mps2", "convention", "baseline", "mountings", "positions", "measurements"}
+        | {"no_estimate", "gyros", "reading_errors", "open", "next_positions", "of_record", "provenance"}
+    )
+
+    schema_: Literal["trihedron.calibration/3"] = Field(default="trihedron.calibration/3", alias="schema")
+    verdict: Verdict
+    sigma: Sigma
+    stands_with_sigma: Size | None = None
+    radius: Size | None
+    gravity: Annotated[float, Field(ge=GRAVITIES[0], le=GRAVITIES[1])] | None = Field(
+        default=None, alias="gravity_mps2"
+    )
+    convention: Literal["A1", "A2"] | None = None
+    baseline: Literal["asymmetric", "symmetric"] | None = None
+    mountings: dict[str, list[list[Number]]] = Field(default={})
+    positions: Count | None = None
+    measurements: Count | None = None
+    estimator: Estimator | None
+    no_estimate: str = ""
+    witness: list[Reading] = Field(default=[])
+    parameters: list[Parameter]
+    units: dict[str, str] = UNITS
+    priors: list[Prior] = Field(default=[])
+    gyros: Gyros | None = None
+    reading_errors: list[ReadingError] = Field(default=[])
+    open: list[Open] = Field(default=[])
+    next_positions: list[TablePosition] = Field(default=[])
+    of_record: dict[str, OfRecord] = Field(default={})
+    provenance: Provenance | None = None
+    warnings: list[str] = Field(default=[])
+    linearised: Any = Field(default=None, exclude=True)
+    feasible: Any = Field(default=None, exclude=True)
+    made_of: Any = Field(default=None, exclude=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_former_schemas(cls, content: Any) -> Any:
+        return calibration_of(content) if isinstance(content, Mapping) and "schema" in content else content
+
+    @property
+    def noise_bound(self) -> float:
+        """σ as a fraction of g; NaN where there are several."""
+        return float("nan") if self.sigma.value is None else self.sigma.value
+
+    @property
+    def targets(self) -> list[Parameter]:
+        """The parameters of the bench and the accelerometers."""
+        return [p for p in self.parameters if p.symbol not in OF_GYROS]
+
+    @property
+    def of_gyros(self) -> list[Parameter]:
+        """The parameters of the gyros, and the latencies."""
+        return [p for p in self.parameters if p.symbol in OF_GYROS]
+
+    @property
+    def missing(self) -> list[Parameter]:
+        """The parameters of the bench and the accelerometers that the records do not determine."""
+        return [p for p in self.targets if not p.determined]
+
+    def __getitem__(self, target: str) -> Parameter:
+        """Return a parameter by its symbol, as X4, or its name, as bias-1; an InputError where there is none."""
+        for p in self.parameters:
+            if target in (p.symbol, p.name):
+                return p
+        known = [p.symbol for p in self.parameters]
+        raise InputError(f"{target}: no target of this calibration; {nearest(target, known)}")
+
+    def sheet(self, path: str | Path, *, about: Mapping[str, str] | None = None, record: Any = None) -> Path:
+        """Write one A4 page to sign: who measured what, the numbers, the correction, what they rest on.
+
+        Parameters
+        ----------
+        path : path
+            .html, or .pdf
+        about : mapping, optional
+            serial number, operator, bench, date, temperature, before what the record's comment lines say
+        record : PositionRecord, optional
+            What the result was made from, where it came from a file.
+
+        Raises
+        ------
+        InputError
+            where the file cannot be written, or the page not be printed
+        """
+        self._shown("sheet", Path(path), record, about)
+        return Path(path)
+
+    def to_polars(self) -> "DataFrame":
+        """Return a row for each parameter, with the fields of `Parameter` and its error bound."""
+        import polars as pl
+
+        rows = [p.to_json() | {"error_bound": p.error_bound} for p in self.parameters]
+        return pl.DataFrame(rows, schema_overrides=dict.fromkeys((*NUMBERS, "error_bound"), pl.Float64))
