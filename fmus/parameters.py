@@ -170,7 +170,7 @@ def _of_joint_schema(content: Mapping[str, Any]) -> Mapping[str, Any]:
         raise ValueError(f"the calibration of several records lacks {error.args[0]!r}; calibrate again") from error
     gone = ("records", "sha256", "of_records", "missing")
     present = {key: value for key, value in content.items() if key not in gone}
-    present |= {"schema": CALIBRATION, "sigma": {"value": None, "kind": "unknown", "from": "each record has its own"}}
+    present |= {"schema": CALIBRATION, "sigma": {"value": None, "kind": "estimated", "from": "each record has its own"}}
     missing = [{"parameters": [name]} for name in content.get("missing", ())]
     return present | {"parameters": shared, "of_record": of_record, "open": missing, "estimator": "analytic centre"}
 

@@ -16,7 +16,7 @@ from ..fmus import version
 from ..fmus.parameters import GRAVITIES, calibration_of
 from ..models.bench_turns import GYRO_PARAMETERS
 from .errors import InputError, nearest
-from .result import Result, finite_or_none
+from .result import ABSENT, Result, finite_or_none
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -64,9 +64,10 @@ class Sigma(Part):
     basis: str = Field(alias="from")
 
     @staticmethod
-    def of(value: float, basis: str) -> "Sigma":
-        """The noise bound that a person gave, with "given" as its basis, or that was taken from a record."""
-        return Sigma(value=value, kind="bound" if basis == "given" else "estimated", basis=basis)
+    def of(value: float | None, basis: str) -> "Sigma":
+        """Return the noise bound that a person gave, with "given" as its basis, or that records tell."""
+        kind = "bound" if basis == "given" else "estimated"
+        return Sigma.model_validate({"value": value, "kind": kind, "from": basis})
 
 
 class Parameter(Part):
@@ -266,8 +267,8 @@ class Calibration(Part):
         the least σ with which the model stands, where all bounds grow with it
     radius : float or None
         least max |z − f(X)| / bound
-    gravity : float or None
-        [m/s²]
+    gravity : float
+        [m/s²]; None where it is not asked for
     convention, baseline : str or None
         "A1" or "A2"; "asymmetric" or "symmetric"
     mountings : dict
@@ -315,9 +316,7 @@ class Calibration(Part):
     sigma: Sigma
     stands_with_sigma: Size | None = None
     radius: Size | None
-    gravity: Annotated[float, Field(ge=GRAVITIES[0], le=GRAVITIES[1])] | None = Field(
-        default=None, alias="gravity_mps2"
-    )
+    gravity: Annotated[float, Field(ge=GRAVITIES[0], le=GRAVITIES[1])] = Field(default=ABSENT, alias="gravity_mps2")
     convention: Literal["A1", "A2"] | None = None
     baseline: Literal["asymmetric", "symmetric"] | None = None
     mountings: dict[str, list[list[Number]]] = Field(default={})

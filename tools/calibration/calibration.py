@@ -147,7 +147,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         sigma=Sigma.of(sigma, noise.basis),
         stands_with_sigma=solution.radius * sigma,
         radius=solution.radius,
-        gravity=float(asked.gravity),
+        gravity_mps2=float(asked.gravity),
         convention="A2" if asked.convention == "A2" else "A1",
         baseline="symmetric" if p.symmetric else "asymmetric",
         mountings={name: q.tolist() for name, q in zip(p.mountings, p.matrices, strict=True)},
@@ -177,10 +177,10 @@ def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Proven
         kind = "bench" if isinstance(record.raw, BenchRecord) else "raw"
     return Provenance(
         record=record.path.name,
-        sha256=record.sha256,
+        record_sha256=record.sha256,
         bounds=[float(bound) for bound in bounds],
         kind=kind,
-        temperature=extent,
+        temperature_degC=extent,
         comments=dict(record.about),
     )
 

@@ -16,6 +16,7 @@ from ...models.bench import (
 )
 from ..bounded.centre import Bounded, Central, Estimator, central
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius, shortened
+from ..calibrated import Estimator as KindOfEstimate
 from ..calibrated import Parameter, ReadingError
 from ..errors import InputError
 from ..progress import tracked
@@ -275,7 +276,7 @@ class Solution:
     further: NDArray[np.float64]
 
     @property
-    def stated(self) -> str | None:
+    def stated(self) -> "KindOfEstimate | None":
         """What the estimates are; None where nothing is determined."""
         if self.estimator is None and any(p.estimate is not None for p in self.parameters):
             return "least squares"

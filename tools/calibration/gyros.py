@@ -152,7 +152,7 @@ def judged_at_table(raw: BenchRecord, gravity: float) -> AtTable:
     except InputError as error:
         return AtTable(verdict="insufficient", positions=0, lacks=str(error))
     known = {"noise_bound": found.noise_bound, "noise_bound_basis": found.sigma.basis}
-    return AtTable(verdict=found.verdict, positions=found.positions, radius=found.radius, **known)
+    return AtTable(verdict=found.verdict, positions=found.positions or 0, radius=found.radius, **known)
 
 
 def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_bound: float) -> WithTurns:
@@ -190,7 +190,7 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
         "gyros": Gyros(
             pieces=len(here.turns.first),
             noise_basis=here.turns.basis,
-            encoder_bound=bench.encoder_within(found.noise_bound),
+            encoder_bound_rad=bench.encoder_within(found.noise_bound),
             latitude_deg=float(bench.latitude_deg),
             azimuth_deg=float(bench.azimuth_deg),
             gains=[] if contradicted else _gains(found.parameters, of_bench),

@@ -281,7 +281,7 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
     return list(content) if isinstance(content, dict) else []
 
 
-def _check_calibration(content: dict[str, Any], found: Findings) -> None:
+def _check_calibration(content: Mapping[str, Any], found: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
     try:
         if content["verdict"] == "consistent" and ("reading_errors" in content or "of_record" in content):

@@ -12,7 +12,7 @@ from ..evidence.joint import Joint, join
 from .cause import centred, parameters_of
 from .several import members_of
 
-OF_EACH = Sigma(value=None, kind="unknown", basis="each record has its own")
+OF_EACH = Sigma.of(None, "each record has its own")
 
 
 def calibrated_together(
@@ -51,14 +51,14 @@ def calibrated_together(
             )
         verdict = "insufficient" if missing else "consistent"
     if verdict == "consistent":
-        errors = dict(zip(members, _reading_errors(joint, fit), strict=True))
+        errors = dict(zip(members, _reading_errors(joint, members, fit), strict=True))
     of_record = {
         label: OfRecord(
             sigma=evidence.calibration.sigma,
             mountings=evidence.calibration.mountings,
             parameters=parameters[label],
             reading_errors=errors[label],
-            provenance=Provenance(record=label, sha256=digest),
+            provenance=Provenance(record=label, record_sha256=digest),
         )
         for (label, evidence), digest in zip(members.items(), sha256, strict=True)
     }
@@ -67,7 +67,7 @@ def calibrated_together(
         verdict=verdict,
         sigma=OF_EACH,
         radius=joint.baseline_radius,
-        gravity=first.gravity,
+        gravity_mps2=first.gravity,
         convention="A1",
         baseline=first.baseline,
         estimator=None if verdict == "falsified" else "analytic centre",
@@ -77,11 +77,11 @@ def calibrated_together(
     )
 
 
-def _reading_errors(joint: Joint, fit: Fit) -> list[list[ReadingError]]:
+def _reading_errors(joint: Joint, members: Mapping[str, Any], fit: Fit) -> list[list[ReadingError]]:
     """Return what the accelerometers may be off by at the corners of the input, for each record."""
     possible = fit.possible(joint.room(fit), None, joint.most_rows).among(np.arange(len(fit.central)))
     errors = []
-    for member, chosen in zip(joint.members, joint.chosen, strict=True):
+    for member, chosen in zip(members.values(), joint.chosen, strict=True):
         weights = error_weights(member.here.parametrisation) @ chosen
         of_member = []
         for (accelerometer, n), w in zip(corners(), weights, strict=True):

@@ -52,7 +52,7 @@ def _calibration(
     ]
     return Calibration(
         verdict=verdict,
-        sigma=Sigma(value=None, kind="estimated", basis="three Allan deviations of each mean at rest"),
+        sigma=Sigma.of(None, "three Allan deviations of each mean at rest"),
         radius=radius,
         estimator="least squares" if columns else None,
         parameters=parameters,

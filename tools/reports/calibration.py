@@ -225,7 +225,7 @@ BESIDE = (
 
 def estimator_lines(result: Calibration) -> list[str]:
     """What the estimates are, or why there are none."""
-    said = [ESTIMATORS[result.estimator]] if stands_central(result) else []
+    said = [ESTIMATORS[str(result.estimator)]] if stands_central(result) else []
     if result.no_estimate:
         said.append(f"no estimate{' of those' if stands_central(result) else ''}: {result.no_estimate}")
     return said
