@@ -240,8 +240,8 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
         for what is no calibration as its schema says
     """
     content = of_one_record(calibration)
-    found = _gyros(content, 0.0)
-    if not found:
+    parameters = _gyros(content, 0.0)
+    if not parameters:
         return None
 
     def side(end: str) -> dict[str, float]:
@@ -316,8 +316,8 @@ def _consistent(calibration: Any) -> Mapping[str, Any]:
     """The calibration, of several records that of the last, when it is a consistent one; a ValueError else."""
     calibration = of_one_record(calibration)
     if not isinstance(calibration, Mapping) or calibration.get("schema") != CALIBRATION:
-        found = calibration.get("schema") if isinstance(calibration, Mapping) else None
-        raise ValueError(f"the schema is {found!r}; a calibration has '{CALIBRATION}'")
+        schema = calibration.get("schema") if isinstance(calibration, Mapping) else None
+        raise ValueError(f"the schema is {schema!r}; a calibration has '{CALIBRATION}'")
     verdict = calibration.get("verdict")
     if verdict != "consistent":
         mend = f"; {MENDS[verdict]}" if isinstance(verdict, str) and verdict in MENDS else ""
@@ -365,10 +365,13 @@ def _gyros(content: Mapping[str, Any], gravity: float) -> dict[str, Parameters]:
     known = known_values(content, (*GYRO_PARAMETERS[MATRIX], *GYRO_PARAMETERS[BIAS]))
     if known is None:
         return {}
-    wanted = {"scale_misalignment": GYRO_PARAMETERS[MATRIX], "bias": GYRO_PARAMETERS[BIAS]}
-    own: Parameters = {"gravity": gravity}
-    own |= {name: [known[symbol] for symbol in symbols] for name, symbols in wanted.items()}
-    return {"GyroBlock": own, "GyroCompensation": dict(own)}
+    matrix, bias = GYRO_PARAMETERS[MATRIX], GYRO_PARAMETERS[BIAS]
+    parameters: Parameters = {
+        "gravity": gravity,
+        "scale_misalignment": [known[symbol] for symbol in matrix],
+        "bias": [known[symbol] for symbol in bias],
+    }
+    return {"GyroBlock": parameters, "GyroCompensation": dict(parameters)}
 
 
 def known_values(content: Mapping[str, Any], symbols: Iterable[str]) -> dict[str, float] | None:

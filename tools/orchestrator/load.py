@@ -313,7 +313,7 @@ def calibrated_parameters(name: str, setting: FmuSetting, interface: Interface, 
             document = json.loads(content.decode("utf-8"))
         except (ValueError, RecursionError) as error:
             raise InputError(f"is not JSON ({error})") from error
-        if not isinstance(data, dict):
+        if not isinstance(document, dict):
             raise InputError("is not a calibration result (schema trihedron.calibration/3)")
         try:
             parameters = bench_parameters(document)
