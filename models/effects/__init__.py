@@ -8,8 +8,9 @@ import math
 import pkgutil
 from collections.abc import Mapping
 
+from .columns import MotionRows, Rows
 from .definition import CATALOGUE, Effect, EffectParameter, EffectPlace, name_of_law
-from .rows import MotionRows, Rows, Variant
+from .variants import Variant
 
 __all__ = [
     "CATALOGUE",
@@ -26,17 +27,26 @@ __all__ = [
 ]
 
 
-_names = [found.name for found in pkgutil.iter_modules(__path__) if found.name not in ("columns", "definition", "rows")]
-_modules = [importlib.import_module(f"{__name__}.{name}") for name in _names]
-_effects: list[Effect] = [e for module in _modules for e in getattr(module, "EFFECTS", None) or (module.EFFECT,)]
-CATALOGUE.update((effect.name, effect) for effect in sorted(_effects, key=lambda effect: effect.name))
+def effects_of_files() -> list[Effect]:
+    """Return the effects of every file of this package, its `EFFECTS` or its one `EFFECT`, by their names."""
+    effects: list[Effect] = []
+    for file in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{file.name}")
+        if hasattr(module, "EFFECTS"):
+            effects += module.EFFECTS
+        elif hasattr(module, "EFFECT"):
+            effects.append(module.EFFECT)
+    return sorted(effects, key=lambda effect: effect.name)
 
-POSITION_EFFECTS = {name: e for name, e in CATALOGUE.items() if not (e.in_motion or e.of_law)}
+
+CATALOGUE.update((effect.name, effect) for effect in effects_of_files())
+
+POSITION_EFFECTS = {effect.name: effect for effect in CATALOGUE.values() if not (effect.in_motion or effect.of_law)}
 """The effects that a record of rests at positions of a table can show."""
 
 STRAPDOWN_EFFECTS = {
-    name: effect
-    for name, effect in CATALOGUE.items()
+    effect.name: effect
+    for effect in CATALOGUE.values()
     if effect.in_motion and effect.component in ("GyroBlock", "AttitudeComputer")
 }
 """The effects of gyros and attitude computer, which only a record in motion can show; signatures in rad/s."""

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import ANGULAR_ACCELERATION, GRAVITY, HOURS, RATE, SENSE_INPUT, TEMPERATURE, Vector
+from .columns import Rows
 from .definition import (
     ACCELEROMETERS,
     EffectParameter,
@@ -36,7 +37,6 @@ from .definition import (
     accelerometer_column,
     accelerometer_effect,
 )
-from .rows import Rows
 
 NOMINAL_TEMPERATURE = 20.0
 """Temperature [degC] at which effects of temperature vanish."""

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import columns
-from .rows import MotionRows, Rows, Variant
+from .columns import MotionRows, Rows
+from .variants import Variant
 
 ACCELEROMETERS = ("accelerometer-1", "accelerometer-2", "accelerometer-3")
 AXES = ("outer-axis", "inner-axis")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..expression import Statements, derivatives, evaluated, followed, names_in, parsed, power_of, typeset
 from ..written import written
-from .columns import PORTS
+from .columns import PORTS, MotionRows, Rows
 from .definition import (
     ACCELEROMETERS,
     AXES,
@@ -29,7 +29,6 @@ from .definition import (
     at_port,
     name_of_law,
 )
-from .rows import MotionRows, Rows
 
 LARGEST = 1e6
 """No coefficient is larger, in its unit: a formula says nothing of sizes."""

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, INPUT, INTERVAL, PREVIOUS_RATE, PREVIOUS_STEPS, RESPONSE, STEP_LENGTH, Vector
+from .columns import MotionRows
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect, matrix_formula
-from .rows import MotionRows
 
 ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))
 """Gyro and axis of the elements of a matrix, as its parameters stand."""

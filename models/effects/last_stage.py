@@ -14,12 +14,12 @@ outlier
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, INPUT, Vector
+from .columns import MotionRows, Rows
 from .definition import (
     ACCELEROMETERS,
     GYRO_BLOCK,
@@ -29,35 +29,7 @@ from .definition import (
     last_stage_effect,
     said,
 )
-from .rows import MotionRows, Rows, Variant
-
-
-def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **given: Any) -> Variant:
-    """A variant on readings (N, 3) that without more adds nothing, widens nothing and has no coefficients.
-
-    The values of the parameters are the middles of their limits; `given` are the fields that differ.
-    """
-    none = np.zeros(shape, dtype=bool)
-    middles = tuple(0.5 * (low + high) for low, high in limits)
-    usual = {
-        "offset": np.zeros(shape),
-        "columns": np.zeros((*shape, 0)),
-        "widening": np.zeros(shape),
-        "low": np.zeros(0),
-        "high": np.zeros(0),
-        "values": lambda coefficients: middles,
-        "lost": none,
-        "fixed": none,
-    }
-    return Variant(limits=limits, **(usual | given))
-
-
-def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:
-    """True (N, 3) at some rows (n,) of an accelerometer, 0 to 2."""
-    chosen = np.zeros(shape, dtype=bool)
-    chosen[rows, accelerometer] = True
-    return chosen
-
+from .variants import Variant, at_readings, variant
 
 LARGEST_WIDTH = 0.05
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..written import written
 from .accelerometer import NOMINAL_TEMPERATURE
+from .columns import MotionRows
 from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, at_port, name_of_law
-from .rows import MotionRows
 
 TURN = 2.0 * math.pi
 KINDS = ("at", "around", "jumps at")

@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 
 from ..restricted import HOURS, KEPT, TEMPERATURE, Vector
 from .accelerometer import NOMINAL_TEMPERATURE
+from .columns import Rows
 from .definition import EffectParameter, EffectPlace, accelerometer_column, last_stage_effect
-from .last_stage import LAST_HOUR, variant
-from .rows import Rows, Variant
+from .last_stage import LAST_HOUR
+from .variants import Variant, variant
 
 LARGEST_OF_BIAS = 1e-1
 LARGEST_PER_KELVIN = 1e-3

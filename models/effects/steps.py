@@ -14,14 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, Vector
+from .columns import Rows
 from .definition import (
     EffectParameter,
     EffectPlace,
     accelerometer_column,
     last_stage_effect,
 )
-from .last_stage import LAST_HOUR, variant
-from .rows import Rows, Variant
+from .last_stage import LAST_HOUR
+from .variants import Variant, variant
 
 LARGEST_OF_BIAS = LARGEST_OF_SCALE = 1e-1
 LARGEST_SLIP = 1e-2

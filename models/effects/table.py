@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..restricted import HOURS, RATE, SENSE_ALPHA, Vector
+from .columns import Rows
 from .definition import AXES, Effect, EffectParameter, EffectPlace, said, table_effect
-from .rows import Rows
 
 
 def encoder_harmonic(

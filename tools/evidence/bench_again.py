@@ -56,7 +56,7 @@ def simulated_turns(
             since = [time for other, time in (set_in or {}).items() if other == place]
             on_gyros.append((place, [*place.definition.from_coefficients(coefficients), *since]))
         elif place.definition.turns_table:
-            added = (travel.way_of(place) @ coefficients) @ travel.to_block.T
+            added = (travel.table.sums(place.definition.turns(place, travel.rows)) @ coefficients) @ travel.to_block.T
             hours = (time - time[0]) / 3600.0
             turned = turned + np.stack([np.interp(hours, travel.hours, added[:, k]) for k in range(3)], axis=1)
         elif place == SLIP:

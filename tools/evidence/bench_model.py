@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
-from ...models.effects.rows import Variant
+from ...models.effects.variants import Variant
 from ..bounded.programmes import Growth, any_centre, chebyshev_radius, least_squares
 from ..bounded.sets import Work
 from ..calibration.model import (

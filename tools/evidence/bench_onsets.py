@@ -1,7 +1,7 @@
 """Effects of the gyros that set in at a time, or fade, and a slip of the block, as a bench record shows them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -39,29 +39,21 @@ def fades(fit: Fit) -> bool:
     return any(place.definition.fades for place in fit.places)
 
 
-@dataclass(frozen=True, eq=False)
-class TurnOnsets(Onsets):
-    """What gyros on a table integrate of effects that set in after a row of its record."""
+def onsets_of_turns(raw: BenchRecord, whole: WithTurns, travel: Travel) -> Onsets:
+    """Columns of effects of gyros on a table that set in after a row of its record."""
+    hours = (raw.time_s - raw.time_s[0]) / 3600.0
 
-    travel: Travel
-
-    @staticmethod
-    def of(raw: BenchRecord, whole: WithTurns, travel: Travel) -> "TurnOnsets":
-        """Of the pieces of a bench record."""
-        turns = whole.turns
-        each = np.broadcast_to(np.eye(3), (len(turns.first), 3, 3))
-        pieces = Pieces("turns", "turns", turns.first, turns.last)
-        hours = (raw.time_s - raw.time_s[0]) / 3600.0
-        return TurnOnsets(hours, (pieces,), (each,), None, np.zeros(len(hours), dtype=bool), travel)
-
-    def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def grown(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What an effect adds to the gyros' integrals up to each row (N, 3, K); no mean at rest is taken out."""
-        sums = self.travel.sums_of(place)
-        flat = sums.reshape(len(sums), -1).T
+        sums = travel.gyros.sums(place.definition.signature(place, travel.motion))
         # Between the rows that are looked at the table turns by little: rates, and what a bias adds, are even.
-        found = np.stack([np.interp(self.hours, self.travel.hours, own) for own in flat], axis=1)
-        found = found.reshape(len(self.hours), *sums.shape[1:])
-        return found, np.zeros_like(found)
+        flat = [np.interp(hours, travel.hours, own) for own in sums.reshape(len(sums), -1).T]
+        integral = np.stack(flat, axis=1).reshape(len(hours), *sums.shape[1:])
+        return integral, np.zeros_like(integral)
+
+    pieces = Pieces("turns", "turns", whole.turns.first, whole.turns.last)
+    group = replace(travel.gyros.groups[0], pieces=pieces)
+    return Onsets(hours, (group,), np.zeros(len(hours), dtype=bool), grown)
 
 
 class TurnsInTime(SettingIn):
@@ -89,16 +81,16 @@ class TurnsInTime(SettingIn):
         return self.narrowed
 
     @cached_property
-    def onsets(self) -> TurnOnsets:
+    def onsets(self) -> Onsets:
         """Columns of effects that set in after a row."""
-        return TurnOnsets.of(self.raw, self.whole, self.travel)
+        return onsets_of_turns(self.raw, self.whole, self.travel)
 
     @cached_property
     def slips(self) -> SlipOnsets:
         """Columns of a slip after a moment."""
         return SlipOnsets.of(self.raw, self.whole, self.moving, self.slipping)
 
-    def onsets_of(self, place: EffectPlace) -> TurnOnsets | SlipOnsets:
+    def onsets_of(self, place: EffectPlace) -> Onsets:
         """Those of the gyros, or of the slip."""
         return self.slips if place == SLIP else self.onsets
 

@@ -12,8 +12,10 @@ from ...models.effects import Rows
 from ...models.effects.definition import ACCELEROMETERS
 from ..bounded.programmes import column_space
 from .bench_travel import Travel
-from .carried_pairs import NODES_OF_TIME, GyroPairs, OnKnots, Summed
+from .carried_pairs import NODES_OF_TIME, GyroPairs
+from .observation import Group, Observation, OnKnots
 from .pairs import TURN, Pair, Spread
+from .rows import Pieces
 
 AROUND = 144
 """Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
@@ -138,13 +140,12 @@ def pairs_of_whole(read: Rows, travel: Travel, bound: NDArray, nominal: NDArray)
             yield replace(pair, spread=_above(pair.spread, readings, len(bound)))
     for way in Way.every(read):
         yield _imitated(_of_both(way, read, travel, bound), base)
-    of_readings = np.zeros(len(read.hours), dtype=int)
-    still = Summed(of_readings, of_readings, np.zeros((len(read.hours), 3, 3)), None, readings.reshape(-1, 3))
-    each = np.broadcast_to(np.eye(3), (len(travel.first), 3, 3))
-    turning = Summed(travel.first, travel.last, each, None, bound[read.n.size :].reshape(-1, 3))
-    seen = travel.motion
-    unit = seen.step[:, None, None] * np.eye(3)
-    every = GyroPairs(seen, unit, (still, turning), np.zeros(len(seen.step), dtype=bool)).pairs()
+    # Readings say nothing of the gyros.
+    nowhere = np.zeros(len(read.hours), dtype=int)
+    still = Group(Pieces("rests", "readings", nowhere, nowhere), np.zeros((len(read.hours), 3, 3)))
+    observation = Observation((still, *travel.gyros.groups), travel.gyros.adds)
+    bounds = [readings.reshape(-1, 3), bound[read.n.size :].reshape(-1, 3)]
+    every = GyroPairs(travel.motion, observation, bounds).pairs()
     for pair in every:
         alone = _imitated(pair, base)
         yield replace(alone, members=tuple(_imitated(own, base) for own in pair.members))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
-from ...models.effects.rows import Variant
+from ...models.effects.variants import Variant
 from ..bounded.programmes import least_squares
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.estimates import widening

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ...models.bench import small_turn
 from ...models.bench_turns import GYRO_PARAMETERS, LAG, MATRIX, integrated_readings, moments_of
-from ...models.effects import EffectPlace
 from ...models.effects.steps import MOUNTING_SLIP
 from ..calibration.model import slip_jacobian
 from ..calibration.turns import WithTurns
@@ -20,6 +19,7 @@ from ..records import BenchRecord
 from ..records.rests import without_turns
 from .bench_moving import Moving
 from .fit import Fit
+from .observation import Group
 from .onsets import Acting, Columns, Fading, Onsets
 from .rows import Pieces
 
@@ -34,12 +34,10 @@ class SlipOnsets(Onsets):
 
     `hours` are of one or several moments a row, since the record's first rest; `whole` (S, 3, 3) of each part what the
     slip adds where it is within a piece, or before a reading: nothing is told of a reading that is of both sides of it.
-    `turned` (N, 3, 3): how far gyros turn more up to each moment, by the slip. `missed`: what so few moments miss, in
-    bounds.
+    `missed`: what so few moments miss, in bounds.
     """
 
     whole: tuple[NDArray[np.float64], ...]
-    turned: NDArray[np.float64]
     missed: float
 
     at_once: ClassVar[int] = 1
@@ -70,25 +68,21 @@ class SlipOnsets(Onsets):
         # A gyro that is read now and then does not tell how far it turned at once.
         across = np.full((len(turns.first), 3, 3), np.nan) if raw.increment is None else [gain] * len(turns.first)
         turning = np.broadcast_to(np.eye(3), (len(turns.first), 3, 3))
+        grown = np.einsum("gi,kij,nj->ngk", gain, slopes, fine)
         return SlipOnsets(
             (time - moving.read.readings.circumstances.began) / 3600.0,
-            pieces,
-            (np.zeros_like(seen), turning),
-            None,
+            (Group(pieces[0], np.zeros_like(seen)), Group(pieces[1], turning)),
             np.zeros(len(time), dtype=bool),
+            # Gyros of a block that stands otherwise have turned more; no mean at rest is taken out.
+            lambda place: (grown, np.zeros_like(grown)),
             (seen, np.asarray(across)),
-            np.einsum("gi,kij,nj->ngk", gain, slopes, fine),
             step / finer,
         )
-
-    def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """By how much more (N, 3, 3) gyros of a block that stands otherwise have turned; no mean at rest."""
-        return self.turned, np.zeros_like(self.turned)
 
     def columns(self, acting: Acting | Fading, row: float) -> tuple[Columns, NDArray[np.float64]]:
         """As of other effects, with the slip itself; NaN of readings that are of both sides of it."""
         found, mean = super().columns(acting, row)
-        read, turned = self.pieces
+        read, turned = (group.pieces for group in self.groups)
         before, across = read.last <= row, (turned.first <= row) & (row < turned.last)
         found[0] = self.whole[0] * ~before[:, None, None]
         found[0][~before & (read.first <= row)] = np.nan
@@ -97,13 +91,13 @@ class SlipOnsets(Onsets):
 
     def within(self, acting: Acting, begin: int, end: int) -> Columns:
         """As of other effects, where the slip is behind the moment `end` at the latest and a moment follows it."""
-        found = self.columns(acting, end)[0]
-        for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
-            holding = (pieces.first <= begin) & (pieces.last > end) & (k > 0)
-            turn = turns * holding[:, None, None]
-            turn[~(holding | (pieces.last <= begin) | (pieces.first > end))] = np.nan
-            found[k] = np.concatenate([found[k], turn], axis=2)
-        return found
+        columns = self.columns(acting, end)[0]
+        for k, group in enumerate(self.groups):
+            holding = (group.pieces.first <= begin) & (group.pieces.last > end) & (k > 0)
+            turn = group.gain * holding[:, None, None]
+            turn[~(holding | (group.pieces.last <= begin) | (group.pieces.first > end))] = np.nan
+            columns[k] = np.concatenate([columns[k], turn], axis=2)
+        return columns
 
 
 def block_turns(raw: BenchRecord, both: WithTurns, point: NDArray) -> NDArray[np.float64]:

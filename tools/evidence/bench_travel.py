@@ -17,8 +17,9 @@ from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord, RawRecord
 from ..records.rests import without_turns
-from .carried_pairs import OnKnots, integrated
 from .fit import coefficient_count
+from .observation import Group, Observation, OnKnots, integrated
+from .rows import Pieces
 
 FINE = 0.01
 """So far [rad] the table turns from one row that is looked at to the next."""
@@ -139,15 +140,28 @@ class Travel:
     def columns(self, place: EffectPlace) -> NDArray[np.float64]:
         """What a unit of each coefficient adds to the integrals of the gyros over all pieces (3 S, K) [rad]."""
         if place.definition.component == "GyroBlock":
-            sums = self.sums_of(place)
-            return self._read(sums[self.last] - sums[self.first], np.eye(3))
+            return self.gyros.of(place.definition.signature(place, self.motion))
         if place.definition.component == "AttitudeComputer":
             # It adds up the record's own rows, whatever the table does between them.
             return -self.coning.reshape(-1, 1)
         if not place.definition.turns_table:
             return np.zeros((3 * len(self.first), coefficient_count(place)))
-        sums = self.way_of(place)
-        return self._read(sums[self.last] - sums[self.first], self.to_gyros)
+        return self.table.of(place.definition.turns(place, self.rows))
+
+    @cached_property
+    def gyros(self) -> Observation:
+        """What the pieces say of additions to the gyros' rates over the steps."""
+        each = np.broadcast_to(np.eye(3), (len(self.first), 3, 3))
+        pieces = Pieces("turns", "turns", self.first, self.last)
+        return Observation((Group(pieces, each),), self.step[:, None, None] * np.eye(3))
+
+    @cached_property
+    def table(self) -> Observation:
+        """What the pieces say of small turns at the rows, and of what these turn as the frame turns."""
+        (group,) = self.gyros.groups
+        gain = np.broadcast_to(self.to_gyros, group.gain.shape)
+        across = np.cross(self.turning[:, None, :], np.eye(3)).transpose(0, 2, 1)
+        return Observation((replace(group, gain=gain),), across, ends=np.moveaxis(self.axes, 0, 2))
 
     @cached_property
     def rows(self) -> Rows:
@@ -180,22 +194,8 @@ class Travel:
         sums = integrated(weights, count, across, ends)
         sums += slope[ends, :, None] * functions.at(values[ends])[:, None, :]
         begin, end = (np.searchsorted(ends, rows) for rows in (self.first, self.last))
-        return self._read(sums[end] - sums[begin], self.to_gyros)
-
-    def way_of(self, place: EffectPlace) -> NDArray[np.float64]:
-        """By how much more (R, 3, K) the inner frame has turned up to each row with an effect on the table."""
-        tilts = np.einsum("jra,rjk->rak", self.axes, place.definition.turns(place, self.rows))
-        middle = 0.5 * (tilts[1:] + tilts[:-1])
-        grown = np.zeros_like(tilts)
-        np.cumsum(np.cross(self.turning[:, :, None], middle, axis=1), axis=0, out=grown[1:])
-        return tilts + grown
-
-    def sums_of(self, place: EffectPlace) -> NDArray[np.float64]:
-        """The integral up to each row (R, 3, K) of a gyro effect's signature, at the rates that the table gives."""
-        signature = place.definition.signature(place, self.motion) * self.step[:, None, None]
-        sums = np.zeros((len(self.hours), *signature.shape[1:]))
-        np.cumsum(signature, axis=0, out=sums[1:])
-        return sums
+        (group,) = self.table.groups
+        return group.columns(sums, np.zeros((3, count)), begin, end).reshape(-1, count)
 
     @cached_property
     def motion(self) -> MotionRows:
@@ -213,11 +213,6 @@ class Travel:
             gravity=self.gravity,
             response=self.to_gyros @ np.linalg.inv(self.to_block),
         )
-
-    @staticmethod
-    def _read(turns: NDArray, matrix: NDArray) -> NDArray[np.float64]:
-        """Turns (S, 3, K) as a matrix (3, 3) reads them, piece by piece (3 S, K)."""
-        return np.einsum("ga,sak->sgk", matrix, turns).reshape(3 * len(turns), -1)
 
 
 def senses_of_moves(swing: NDArray) -> NDArray[np.float64]:

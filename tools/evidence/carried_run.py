@@ -16,9 +16,11 @@ from ..motion.norm import inputs_of
 from .carried_pairs import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over
 from .fit import Fit, coefficient_count
-from .onsets import CarriedOnsets
+from .observation import Group, Observation
+from .onsets import Onsets
 from .pairs import Pair
-from .references import Gravity, Truth, force_columns, has_truth
+from .references import Gravity, Run, Truth, force_columns, has_truth, integrals, matrices_of, turning
+from .rows import Pieces
 from .setting_in import SettingIn
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
@@ -62,6 +64,14 @@ class CarriedRecord(Evidence):
         }
 
 
+class UnitTurns(Run):
+    """A run of the same attitude in which each piece gains a turn, a unit about each axis of the reference."""
+
+    def columns(self, pieces: Pieces) -> NDArray[np.float64]:
+        """Rotations (S, 3, 3) into axes of each piece's beginning."""
+        return matrices_of(self.attitude[pieces.first]).transpose(0, 2, 1)
+
+
 @dataclass(frozen=True, eq=False)
 class CarriedRun(CarriedRecord, SettingIn):
     """Rows of a run of the gyros through a record, beside which effects may set in at a time.
@@ -92,23 +102,47 @@ class CarriedRun(CarriedRecord, SettingIn):
         return fewer if self.at_rest is None else replace(fewer, at_rest=self.at_rest[:, self.numbers_of(fewer.places)])
 
     @cached_property
-    def onsets(self) -> CarriedOnsets:
-        """Columns of effects that set in after a row."""
-        own = None if self.at_rest is None else self.numbers_of([BIAS])
+    def groups(self) -> tuple[Group, ...]:
+        """The pieces of each part, by what a turn within one adds to its error, and what the mean at rest takes out."""
+        bias = None if self.at_rest is None else self.numbers_of([BIAS])
+        run = UnitTurns(self.attitude, self.reference.rows, np.zeros((0, 3, 3)), 0)
+        gains = {part.label: part.columns for part in self.reference.parts(run, self.point[: self.of_forces], ())}
+        groups = []
+        for part in self.parts:
+            mean = None if bias is None else part.columns[..., bias]
+            groups.append(Group(part.pieces, gains[part.label], mean))
+        return tuple(groups)
+
+    @cached_property
+    def resting(self) -> NDArray[np.bool_]:
+        """Whether each row (N,) belongs to a rest."""
         resting = np.zeros(len(self.motion), dtype=bool)
         for rows in self.found.rests.rows:
             resting[rows] = True
+        return resting
+
+    @cached_property
+    def observation(self) -> Observation:
+        """What the parts say of additions to the gyros' rates over the steps of the run."""
+        adds = turning(self.motion, self.model, self.attitude, 1, len(self.motion))
+        return Observation(self.groups, adds, self.resting[1:])
+
+    @cached_property
+    def onsets(self) -> Onsets:
+        """Columns of effects that set in after a row."""
         time = self.motion.time_s
-        return CarriedOnsets(
-            (time - time[0]) / 3600.0,
-            tuple(part.pieces for part in self.parts),
-            CarriedOnsets.turns_of(self.reference, self.attitude, self.point[: self.of_forces], self.parts),
-            None if own is None else tuple(part.columns[..., own] for part in self.parts),
-            resting,
-            self.motion,
-            self.model,
-            self.attitude,
-        )
+        return Onsets((time - time[0]) / 3600.0, self.groups, self.resting, self._grown)
+
+    def _grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """∫ C (I + Γ)⁻¹ δω dt up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest."""
+        rows = np.arange(len(self.motion))
+        integral = integrals(self.motion, self.model, self.attitude, [place], rows)
+        counted = np.zeros_like(integral)
+        if self.at_rest is not None:
+            steps = self.motion.rows(1, len(rows), self.model.inverse, self.model.bias)
+            counted[1:] = place.definition.signature(place, steps) * self.resting[1:, None, None]
+            counted /= max(int(self.resting[1:].sum()), 1)
+        return integral, counted
 
     def pairs(self) -> Sequence[Pair]:
         """Gyros, and accelerometers where gravity is the reference, each with every quantity of the record."""
@@ -118,10 +152,11 @@ class CarriedRun(CarriedRecord, SettingIn):
     def _pairs(self) -> Sequence[Pair]:
         if len(self.motion) > LONG:
             return ()
-        found, reference = list(GyroPairs.carried(self, self.onsets).pairs()), self.reference
-        if isinstance(reference, Gravity):
-            found += pairs_of_accelerometers(self, reference, self.point[: self.of_forces], self.attitude)
-        return tuple(found)
+        steps = self.motion.rows(1, len(self.motion), self.model.inverse, self.model.bias)
+        pairs = list(GyroPairs(steps, self.observation, [part.bound for part in self.parts]).pairs())
+        if isinstance(self.reference, Gravity):
+            pairs += pairs_of_accelerometers(self, self.reference, self.point[: self.of_forces], self.attitude)
+        return tuple(pairs)
 
     @property
     def second_order(self) -> float:

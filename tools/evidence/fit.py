@@ -16,7 +16,7 @@ from ...fmus.catalogue import COMPONENTS
 from ...fmus.component import can_extend
 from ...fmus.units import ARCMIN as ARCMIN
 from ...models.effects import EffectPlace, place_from_mapping
-from ...models.effects.rows import Variant
+from ...models.effects.variants import Variant
 from ..bounded.centre import Bounded, analytic_centre, central_programme
 from ..bounded.possible import ROOM, AnyOf, Possible, Proofs, Reach, Steps, grown_rows, polar_intervals
 from ..bounded.programmes import (

@@ -10,7 +10,7 @@ polynomials of its logarithm, those of each within it but for an error that deri
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -22,10 +22,8 @@ from ...models.effects import EffectPlace
 from ...models.effects.last_stage import LAST_HOUR
 from ...models.effects.settling import most_bent
 from ..bounded.sets import Work, sharpened
-from ..motion.carry import GyroModel, Motion
 from .fit import estimated, least_radius
-from .references import Gravity, Run, Truth, integrals, matrices_of
-from .rows import Part, Pieces
+from .observation import Group, rows_of
 
 STRETCHES = 16
 """Stretches of times that are tried first."""
@@ -48,14 +46,6 @@ HELD = 1e-9
 Columns = list[NDArray[np.float64]]
 FEWEST = 2
 """So many moves, or windows of the least length, are wholly before an onset, and so many after."""
-
-
-class Turned(Run):
-    """A run of the same attitude in which each piece gains a turn, a unit about each axis of the reference."""
-
-    def columns(self, pieces: Pieces) -> NDArray[np.float64]:
-        """Rotations (S, 3, 3) into axes of each piece's beginning."""
-        return matrices_of(self.attitude[pieces.first]).transpose(0, 2, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,18 +102,16 @@ def _up_to(each: NDArray, rows: NDArray) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Onsets:
-    """Columns of effects that set in after a row of a record, for the parts of its evidence.
+    """Columns of effects that set in after a row of a record, for the groups of its pieces.
 
-    `hours` (N,) of each row since the first; `turns` (S, d, 3) of each part: what a turn within a piece adds to its
-    error; `bias` (S, d, 3) what a bias adds, which the mean at rest takes out, None where none is; `rests` (N,) whether
-    a row belongs to a rest.
+    `hours` (N,) of each row since the first; `resting` (N,) whether a row belongs to a rest; `grown`: place -> what an
+    effect turns up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest.
     """
 
     hours: NDArray[np.float64]
-    pieces: tuple[Pieces, ...]
-    turns: tuple[NDArray[np.float64], ...]
-    bias: tuple[NDArray[np.float64], ...] | None
-    rests: NDArray[np.bool_]
+    groups: tuple[Group, ...]
+    resting: NDArray[np.bool_]
+    grown: Callable[[EffectPlace], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
     at_once: ClassVar[int] = 0
     """1 of what changes at once: the last row of a stretch is the one before its end."""
@@ -131,16 +119,12 @@ class Onsets:
     @cached_property
     def ends_of_pieces(self) -> NDArray[np.int_]:
         """Rows at which pieces begin or end."""
-        return np.unique(np.concatenate([rows for p in self.pieces for rows in (p.first, p.last)]))
-
-    def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What an effect turns up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest."""
-        raise NotImplementedError
+        return rows_of([group.pieces for group in self.groups])
 
     @cached_property
     def edges(self) -> NDArray[np.int_]:
         """Rows at which pieces begin or end, where enough of them are before and after."""
-        main = max((p for p in self.pieces if p.kind not in ("rests", "norms")), key=len)
+        main = max((g.pieces for g in self.groups if g.pieces.kind not in ("rests", "norms")), key=len)
         first, last = np.sort(main.first)[-FEWEST], np.sort(main.last)[FEWEST - 1]
         every = self.ends_of_pieces
         return every[(every >= last) & (every <= first)]
@@ -185,33 +169,32 @@ class Onsets:
 
         Of one that fades with the time constant of that number.
         """
-        found = []
         if isinstance(acting, Fading):
-            integral, mean = acting.at(row, self.ends_of_pieces)
-            at = [[np.searchsorted(self.ends_of_pieces, rows) for rows in (p.last, p.first)] for p in self.pieces]
-        else:
-            integral, mean = acting.integral, acting.at_rest[-1] - acting.at_rest[int(row)]
-            at = [[np.maximum(rows, int(row)) for rows in (p.last, p.first)] for p in self.pieces]
-        for k, (turns, (last, first)) in enumerate(zip(self.turns, at, strict=True)):
-            mine = turns @ (integral[last] - integral[first])
-            found.append(mine if self.bias is None else mine - self.bias[k] @ mean)
-        return found, mean
+            sums, mean = acting.at(row, self.ends_of_pieces)
+            return [self._between(group, sums, mean) for group in self.groups], mean
+        mean = acting.at_rest[-1] - acting.at_rest[int(row)]
+        return [group.since(acting.integral, mean, int(row)) for group in self.groups], mean
+
+    def _between(self, group: Group, sums: NDArray, mean: NDArray) -> NDArray[np.float64]:
+        """Columns (S, d, K) of one group by sums up to the rows at which pieces begin or end."""
+        first, last = (np.searchsorted(self.ends_of_pieces, rows) for rows in (group.pieces.first, group.pieces.last))
+        return group.columns(sums, mean, first, last)
 
     def within(self, acting: Acting, begin: int, end: int) -> Columns:
         """Columns (S, d, L) of each part that hold what the effect does whenever it sets in from one row to another.
 
         NaN where a piece begins or ends between.
         """
-        found, none = self.columns(acting, end)[0], np.zeros((3, 0))
-        rested = self.bias is not None and self.rests[begin : end + 1].any()
-        for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
-            holding = (pieces.first <= begin) & (pieces.last >= end)
-            apart = (pieces.last <= begin) | (pieces.first >= end)
-            turn = turns * holding[:, None, None]
+        columns, none = self.columns(acting, end)[0], np.zeros((3, 0))
+        rested = self.resting[begin : end + 1].any()
+        for k, group in enumerate(self.groups):
+            holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
+            apart = (group.pieces.last <= begin) | (group.pieces.first >= end)
+            turn = group.gain * holding[:, None, None]
             turn[~(holding | apart)] = np.nan
-            mean = self.bias[k] if rested and self.bias is not None else turns @ none
-            found[k] = np.concatenate([found[k], turn, mean], axis=2)
-        return found
+            mean = group.mean if rested and group.mean is not None else group.gain @ none
+            columns[k] = np.concatenate([columns[k], turn, mean], axis=2)
+        return columns
 
     def swept(self, acting: Acting, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
         """What the effect does at every row from one to another.
@@ -221,13 +204,13 @@ class Onsets:
         """
         rows = slice(begin, end + 1)
         ways = [acting.integral[end] - acting.integral[rows]]
-        moving = [
-            turns * ((pieces.first <= begin) & (pieces.last >= end))[:, None, None]
-            for pieces, turns in zip(self.pieces, self.turns, strict=True)
-        ]
-        if self.bias is not None:
+        moving = []
+        for group in self.groups:
+            holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
+            turn = group.gain * holding[:, None, None]
+            moving.append(turn if group.mean is None else np.concatenate([turn, group.mean], axis=2))
+        if self.groups[0].mean is not None:
             ways.append(acting.at_rest[rows] - acting.at_rest[end])
-            moving = [np.concatenate(both, axis=2) for both in zip(moving, self.bias, strict=True)]
         return self.columns(acting, end)[0], moving, np.concatenate(ways, axis=1)
 
     def faded(self, acting: Fading, begin: float, end: float) -> tuple[Columns, Columns]:
@@ -283,41 +266,8 @@ class Onsets:
         """What a part (N - 1,), of either sign, of what the effect does at each row does to the errors at most."""
         ends = self.ends_of_pieces
         grown = _up_to(np.abs(acting.turning) * part[:, None, None], ends)
-        mean, found = np.einsum("nik,n->ik", np.abs(acting.resting), part), []
-        for k, (pieces, turns) in enumerate(zip(self.pieces, self.turns, strict=True)):
-            last, first = (np.searchsorted(ends, rows) for rows in (pieces.last, pieces.first))
-            mine = np.abs(turns) @ (grown[last] - grown[first])
-            found.append(mine if self.bias is None else mine + np.abs(self.bias[k]) @ mean)
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class CarriedOnsets(Onsets):
-    """Columns of effects that set in after a row of a run of the gyros, about which its evidence is linear."""
-
-    motion: Motion
-    model: GyroModel
-    attitude: NDArray[np.float64]
-
-    @staticmethod
-    def turns_of(
-        reference: Gravity | Truth, attitude: NDArray, x: NDArray, parts: Sequence[Part]
-    ) -> tuple[NDArray, ...]:
-        """What a turn within each piece of some parts of a reference's evidence adds to its error (S, d, 3)."""
-        every = reference.parts(Turned(attitude, reference.rows, np.zeros((0, 3, 3)), 0), x, ())
-        known = {part.label: part.columns for part in every}
-        return tuple(known[part.label] for part in parts)
-
-    def grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """∫ C (I + Γ)⁻¹ δω dt up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest."""
-        rows = np.arange(len(self.motion))
-        integral = integrals(self.motion, self.model, self.attitude, [place], rows)
-        counted = np.zeros_like(integral)
-        if self.bias is not None:
-            seen = self.motion.rows(1, len(rows), self.model.inverse, self.model.bias)
-            counted[1:] = place.definition.signature(place, seen) * self.rests[1:, None, None]
-            counted /= max(int(self.rests[1:].sum()), 1)
-        return integral, counted
+        mean = np.einsum("nik,n->ik", np.abs(acting.resting), part)
+        return [self._between(group.largest, grown, mean) for group in self.groups]
 
 
 def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ...models.effects.last_stage import variant
+from ...models.effects.variants import variant
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes
 from .evidence import Evidence

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.last_stage import place_of
-from ...models.effects.rows import Variant
 from ...models.effects.settling import lagged
+from ...models.effects.variants import Variant
 from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation

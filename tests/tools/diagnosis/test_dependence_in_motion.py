@@ -14,7 +14,7 @@ from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, Standing, dependence
 from trihedron.tools.diagnosis.rivals import Listed, Unlisted
 from trihedron.tools.evidence.carried import Carried
-from trihedron.tools.evidence.carried_pairs import GyroPairs, pairs_of_accelerometers
+from trihedron.tools.evidence.carried_pairs import pairs_of_accelerometers
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.evidence.references import Gravity
@@ -170,7 +170,7 @@ def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_
     """A linear function of a rate is a scale factor or a misalignment, one of time a drift: exactly, by two ways."""
     evidence = carried_evidence(record_of(at_gyro(1, swing)))
     assert isinstance(evidence, Carried)
-    pairs = {(pair.where, pair.name): pair for pair in GyroPairs.carried(evidence, evidence.onsets).pairs()}
+    pairs = {(pair.where, pair.name): pair for pair in evidence.pairs()}
     hours = evidence.columns_of([EffectPlace("gyro-bias-drift", "gyro-block")])
     drift = evidence.columns_of([EffectPlace("gyro-scale-drift", "gyro-block")])
     for p in (1, 2, 3):

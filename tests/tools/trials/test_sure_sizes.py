@@ -10,7 +10,8 @@ from scipy.optimize import linprog
 from generator.stands import random_bench, record
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.models.effects.last_stage import place_of, variant
+from trihedron.models.effects.last_stage import place_of
+from trihedron.models.effects.variants import variant
 from trihedron.tools.bounded.programmes import chebyshev_radius, spread_directions
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.model import Linearisation

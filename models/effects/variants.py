@@ -1,0 +1,117 @@
+"""The ways in which an effect that is not linear in its parameters can act on the readings of a record."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .columns import Rows
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way in which an effect that is not linear in its parameters can act on N rows: which readings it changes.
+
+    Within a variant the effect is linear: the prediction gains ``offset + columns @ coefficients``.
+
+    Attributes
+    ----------
+    offset : (N, 3)
+        what is added to the prediction of the nominal model [g]
+    columns : (N, 3, K)
+        derivatives by the K coefficients that remain; K may be 0
+    widening : (N, 3)
+        by which the bounds of the readings grow [g]
+    low, high : (K,)
+        limits of the coefficients
+    values : callable
+        K coefficients -> values of the parameters
+    limits : tuple of (low, high)
+        for each parameter, the values with which the effect acts in this way
+    lost : (N, 3) of bool
+        readings to which the accelerometer's own input adds nothing, derivatives by the bench's parameters included
+    fixed : (N, 3) of bool
+        readings that do not depend on the bench at all
+    stands : callable
+        rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> whether the effect
+        would change these readings there, and no others
+    paid : (N, 3, K) or None
+        by how much a reading may differ [g] per unit of the size of each coefficient, which then all have one sign: the
+        bounds grow by it; None where the columns are exact
+    sizes : (S, K) or None
+        sums of coefficients that are the first of the parameters; None where these are the coefficients
+    slipped : (N,) of bool or None
+        rows at which the coefficients, three, are the vector by which the block is turned on the table: the columns are
+        what that does to first order; None where they say it all
+    elsewhere : callable or None
+        other rows, later than these -> (n, 3, K): the columns there; None where only the kernel says what it does
+    mixed : (N, 3, 3) or None
+        what becomes of the three readings where channels are exchanged: matrix times readings; None where they are not
+    undecided : callable
+        other rows, σ [g] -> (N, 3) of bool: readings of which the limits of the parameters leave open what the effect
+        does to them
+    """
+
+    offset: NDArray[np.float64]
+    columns: NDArray[np.float64]
+    widening: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    values: Callable[[NDArray[np.float64]], tuple[float, ...]]
+    limits: tuple[tuple[float, float], ...]
+    lost: NDArray[np.bool_]
+    fixed: NDArray[np.bool_]
+    paid: NDArray[np.float64] | None = None
+    sizes: NDArray[np.float64] | None = None
+    slipped: NDArray[np.bool_] | None = None
+    mixed: NDArray[np.float64] | None = None
+    elsewhere: Callable[[Rows], NDArray[np.float64]] | None = None
+    stands: Callable[[Rows, NDArray[np.float64]], bool] = lambda rows, coefficients: True
+    undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
+
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """Sums (S, K) of coefficients that are the first of the parameters."""
+        return np.eye(self.columns.shape[2]) if self.sizes is None else self.sizes
+
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        """Readings (N, 3) that the effect changes, but for what widens their bounds."""
+        changed = self.lost | self.fixed | (self.offset != 0.0) | np.any(self.columns != 0.0, axis=2)
+        return changed if self.mixed is None else changed | np.any(self.mixed != np.eye(3), axis=2)
+
+    @property
+    def adds(self) -> bool:
+        """Whether it adds its columns and does no more: then it is linear."""
+        return self.mixed is None and not any(
+            values.any() for values in (self.offset, self.widening, self.lost, self.fixed)
+        )
+
+
+def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **given: Any) -> Variant:
+    """A variant on readings (N, 3) that without more adds nothing, widens nothing and has no coefficients.
+
+    The values of the parameters are the middles of their limits; `given` are the fields that differ.
+    """
+    none = np.zeros(shape, dtype=bool)
+    middles = tuple(0.5 * (low + high) for low, high in limits)
+    usual = {
+        "offset": np.zeros(shape),
+        "columns": np.zeros((*shape, 0)),
+        "widening": np.zeros(shape),
+        "low": np.zeros(0),
+        "high": np.zeros(0),
+        "values": lambda coefficients: middles,
+        "lost": none,
+        "fixed": none,
+    }
+    return Variant(limits=limits, **(usual | given))
+
+
+def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:
+    """True (N, 3) at some rows (n,) of an accelerometer, 0 to 2."""
+    chosen = np.zeros(shape, dtype=bool)
+    chosen[rows, accelerometer] = True
+    return chosen
