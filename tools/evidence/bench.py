@@ -38,7 +38,6 @@ from .bench_model import (
     least_radius,
     with_possible_sizes,
 )
-from .bench_pairs import pairs_of_bench
 from .bench_power import powers
 from .bench_predictions import (
     can_be_run,
@@ -56,6 +55,7 @@ from .bench_search import (
     with_usual_signs,
 )
 from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
+from .dependences import pairs_of_bench
 from .evidence import Evidence, Trial
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of

@@ -20,7 +20,7 @@ from ..calibration.turns import WithTurns
 from ..orchestrator import simulate
 from ..records import BenchRecord
 from ..records.rests import without_turns
-from .bench_slip import SLIP, block_turns
+from .bench_onsets import SLIP, block_turns
 from .bench_travel import Travel
 from .carried import LATENCY
 from .fit import composed

@@ -31,13 +31,12 @@ from .bench_again import effects_of_model, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
 from .bench_moving import Moving
-from .bench_onsets import NOT_EXCLUDED, SETTING_IN, SLACK, TurnsInTime, fades
-from .bench_pairs import pairs_of_whole
+from .bench_onsets import NOT_EXCLUDED, SETTING_IN, SLACK, SLIP, TurnsInTime, fades
 from .bench_scenario import extension_of_bench
-from .bench_slip import SLIP
 from .bench_travel import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .bench_visits import is_linear
 from .carried import SHOWN_BY
+from .dependences import pairs_of_whole
 from .evidence import Evidence, Trial
 from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from ...models.effects import Rows
 from ..bounded.programmes import column_space
 from ..calibration.model import Parametrisation, Positions, parametrise, reading_jacobian
-from .bench_pairs import pairs_of_bench
 from .bench_visits import Circumstances, Visits
+from .dependences import pairs_of_bench
 from .pairs import TURN, Form, Pair
 from .power import INPUTS, PIECES, SECTORS, Power, largest_hidden
 

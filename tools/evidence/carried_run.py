@@ -13,7 +13,7 @@ from ..bounded.sets import Work
 from ..motion.carry import GyroModel, Motion
 from ..motion.inspect import Inspection
 from ..motion.norm import inputs_of
-from .carried_pairs import GyroPairs, pairs_of_accelerometers
+from .dependences import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over
 from .fit import Fit, coefficient_count
 from .observation import Group, Observation

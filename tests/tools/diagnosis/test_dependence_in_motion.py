@@ -14,8 +14,8 @@ from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, Standing, dependence
 from trihedron.tools.diagnosis.rivals import Listed, Unlisted
 from trihedron.tools.evidence.carried import Carried
-from trihedron.tools.evidence.carried_pairs import pairs_of_accelerometers
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.dependences import pairs_of_accelerometers
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.evidence.references import Gravity
 from trihedron.tools.records import StrapdownRecord

@@ -10,8 +10,7 @@ import pytest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.evidence.bench_in_motion import BenchInMotion, whole_evidence
-from trihedron.tools.evidence.bench_onsets import SLACK
-from trihedron.tools.evidence.bench_slip import SLIP
+from trihedron.tools.evidence.bench_onsets import SLACK, SLIP
 from trihedron.tools.evidence.fit import Fit
 from trihedron.tools.trials.sizes import Hidden
 from trihedron.tools.trials.whole import draw_whole

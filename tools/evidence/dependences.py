@@ -1,0 +1,369 @@
+"""Which place may depend on which quantity, whatever the law: pairs of a table's rests, of a whole bench, of gyros.
+
+What a gyro reads too much acts at every step. Its functions are therefore taken at nodes of their quantity, straight
+between them, and what they add up to over each piece is one matrix by the values at the nodes.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import MotionRows, Rows
+from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
+from ..bounded.programmes import column_space
+from ..motion.norm import inputs_of
+from .bench_travel import Travel
+from .evidence import Evidence, rows_over
+from .observation import Group, Observation, OnKnots
+from .pairs import GYROS, TURN, Pair, Spread
+from .references import Gravity
+from .rows import Pieces
+
+NODES, NODES_OF_TIME = 64, 192
+"""Nodes of a function of a quantity, and of time."""
+AROUND = 144
+"""Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
+BLUR = 2e-3
+"""Of functions on nodes, and of turns between rows that are looked at, about so much is not exact."""
+ROOM_TEMPERATURE = 20.0
+"""[degC]"""
+COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}
+"""A quantity of gyro 1 alone, and the same where each gyro has its own."""
+
+
+def slow_quantities(hours: NDArray, temperature: NDArray | None) -> dict[str, NDArray[np.float64]]:
+    """Return time and temperature (N,), where they change."""
+    slow = {"hours": hours}
+    if temperature is not None:
+        slow["temperature"] = temperature
+    return {name: values for name, values in slow.items() if np.ptp(values) > 0.0}
+
+
+def inputs_and_products(n: NDArray) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+    """Return three inputs (N,) by name, and their products."""
+    inputs = {f"n{axis + 1}": values for axis, values in enumerate(n.T)}
+    products = {f"{one} {other}": inputs[one] * inputs[other] for one, other in combinations(inputs, 2)}
+    return inputs, products
+
+
+def through(slope: NDArray[np.float64]) -> Spread:
+    """Return what functions (N, K) do to readings (3 N, K) that change by a slope (N, 3) with them."""
+    return lambda functions: (slope[:, :, None] * functions[:, None, :]).reshape(slope.size, -1)
+
+
+def through_matrix(matrix: NDArray[np.float64]) -> Spread:
+    """Return what functions (N, K) do to rows (M, K) by a matrix (M, N)."""
+    return lambda functions: matrix @ functions
+
+
+# Rests on a table
+
+
+def pairs_of_bench(rows: Rows) -> Iterator[Pair]:
+    """Yield each accelerometer, turn and tilt of the table with every quantity of the record's rows."""
+    for p in range(3):
+        yield from pairs_of_accelerometer(p, rows)
+    turns = np.moveaxis(rows.by_turns, 2, 0)
+    for way in Way.every(rows):
+        yield way.pair(way.values(rows), through(way.slope(rows, turns)))
+
+
+def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
+    """Yield what one accelerometer's error may depend on at positions of a table."""
+    place, slow = ACCELEROMETERS[p], slow_quantities(rows.hours, rows.temperature)
+    inputs, products = inputs_and_products(rows.n)
+    own = f"n{p + 1}"
+
+    def pair(name: str, values: NDArray, factor: str = "", times: NDArray | float = 1.0) -> Pair:
+        slope = np.zeros(rows.n.shape)
+        slope[:, p] = times
+        return Pair(place, name, values, through(slope), place, factor)
+
+    for name, values in (inputs | slow).items():
+        yield pair(name, values)
+    for name, angle in (("alpha", rows.alpha), ("beta", rows.beta)):
+        yield replace(pair(name, angle), circle=True)
+    for name, values in products.items():
+        yield pair(name, values)
+    if rows.input_sense[:, p].any():
+        yield replace(pair("sense", rows.input_sense[:, p]), told=True)
+    for name, values in slow.items():
+        # A factor counts from where it is zero: what it does there is nothing.
+        zero = values - (ROOM_TEMPERATURE if name == "temperature" else 0.0)
+        yield pair(name, values, own, inputs[own])
+        yield pair(own, inputs[own], name, zero / np.abs(zero).max())
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way in which the table acts: small turns, of four as of `models.effects`, as functions of a quantity."""
+
+    where: str
+    quantity: str
+    turn: int
+    freedom: str
+    factor: str = ""
+
+    @staticmethod
+    def every(rows: Rows) -> "Iterator[Way]":
+        """Yield all of which rows have the quantity."""
+        slow = slow_quantities(rows.hours, rows.temperature)
+        axes = (("outer-axis", "alpha", rows.sense_alpha), ("inner-axis", "beta", rows.sense_beta))
+        for k, (place, angle, sense) in enumerate(axes):
+            yield Way(place, angle, 2 * k + 1, f"{place} turn")
+            yield Way(place, angle, 2 * k, f"{place} tilt", "tilt")
+            if sense.any():
+                yield Way(place, "sense", 2 * k + 1, f"{place} turn")
+            for when in slow:
+                yield Way(place, when, 2 * k + 1, f"{place} turn")
+                yield Way(place if k else "base", when, 2 * k, f"{place} tilt", "tilt")
+        # An inner axis that wobbles tilts about the outer axis, too; elastic turns grow with the load across the axis.
+        yield Way("inner-axis", "beta", 1, "outer-axis turn", "outer tilt")
+        yield Way("inner-axis", "beta", 3, "inner-axis turn", "sin alpha")
+
+    @property
+    def circle(self) -> bool:
+        """Whether the quantity is an angle."""
+        return self.quantity in ("alpha", "beta")
+
+    def values(self, rows: Rows) -> NDArray[np.float64]:
+        """Return the quantity (N,)."""
+        if self.quantity == "sense":
+            return rows.sense_alpha if self.where == "outer-axis" else rows.sense_beta
+        return np.asarray(getattr(rows, self.quantity))
+
+    def slope(self, rows: Rows, turns: NDArray) -> NDArray[np.float64]:
+        """Return what a unit does (N, 3), by what each of the four small turns does (4, N, 3)."""
+        own = turns[self.turn]
+        return own * np.sin(rows.alpha)[:, None] if self.factor == "sin alpha" else own
+
+    def pair(self, values: NDArray, spread: Spread) -> Pair:
+        """Return the pair at values (n,) of the quantity."""
+        own = (self.freedom, self.factor, self.circle, self.quantity == "sense")
+        return Pair(self.where, self.quantity, values, spread, *own)
+
+
+# A whole bench: what its gyros integrate stands behind the readings.
+
+
+def pairs_of_whole(read: Rows, travel: Travel, bound: NDArray, nominal: NDArray) -> Iterator[Pair]:
+    """Yield accelerometers, table and gyros with every quantity; of the table gyros are a second witness.
+
+    `bound` (M,) of readings and integrals; `nominal` (M, P) the model over it.
+    """
+    base = column_space(nominal)
+    of_readings, of_turns = np.split(bound, [read.n.size])
+    for p in range(3):
+        for pair in pairs_of_accelerometer(p, read):
+            yield replace(pair, spread=_above(pair.spread, of_readings, len(bound)))
+    for way in Way.every(read):
+        yield imitated(_of_both(way, read, travel, bound), base)
+    # Readings say nothing of the gyros.
+    nowhere = np.zeros(len(read.hours), dtype=int)
+    still = Group(Pieces("rests", "readings", nowhere, nowhere), np.zeros((len(read.hours), 3, 3)))
+    observation = Observation((still, *travel.gyros.groups), travel.gyros.adds)
+    bounds = [of_readings.reshape(-1, 3), of_turns.reshape(-1, 3)]
+    for pair in GyroPairs(travel.motion, observation, bounds).pairs():
+        members = tuple(imitated(own, base) for own in pair.members)
+        yield replace(imitated(pair, base), members=members)
+
+
+def _above(spread: Spread, bound: NDArray, count: int) -> Spread:
+    """Return what is spread on readings, over their bounds, with zeros behind up to a count of rows."""
+
+    def spread_on_all(functions: NDArray) -> NDArray[np.float64]:
+        own = spread(functions) / bound[:, None]
+        return np.vstack([own, np.zeros((count - len(own), own.shape[1]))])
+
+    return spread_on_all
+
+
+def _of_both(way: Way, read: Rows, travel: Travel, bound: NDArray) -> Pair:
+    """Return the pair of a way of the table, on readings and integrals alike."""
+    at_readings, on_way = way.values(read), way.values(travel.rows)
+    if way.circle:
+        nodes = TURN * np.arange(AROUND + 1) / AROUND
+    elif way.quantity == "sense":
+        nodes = np.array([-1.0, 0.0, 1.0])
+    else:
+        both = np.append(at_readings, on_way)
+        nodes = np.linspace(both.min(), both.max(), NODES_OF_TIME)
+
+    @cache
+    def matrix() -> NDArray[np.float64]:
+        functions = OnKnots(nodes, circle=way.circle)
+        slope = way.slope(read, np.moveaxis(read.by_turns, 2, 0))
+        on_readings = through(slope)(functions.at(at_readings))
+        on_turns = travel.turned(functions, on_way, way.slope(travel.rows, travel.axes))
+        return np.vstack([on_readings, on_turns]) / bound[:, None]
+
+    pair = way.pair(nodes[:AROUND] if way.circle else nodes, lambda functions: matrix() @ functions)
+    return replace(pair, anything=True)
+
+
+def imitated(pair: Pair, base: NDArray) -> Pair:
+    """Return a pair whose constant, straight line or wave is within the model's space (M, P) where it nearly is.
+
+    On nodes, and between rows that are looked at, functions are not exact: what is left of these is no function.
+    """
+    if pair.told:
+        return pair
+    values = pair.values
+    plain = [np.ones(len(values)), values]
+    if pair.circle:
+        plain[1:] = np.cos(values), np.sin(values)
+    space = np.linalg.qr(np.stack(plain, axis=1))[0]
+
+    @cache
+    def inexact() -> NDArray[np.float64]:
+        columns = pair.spread(space)
+        remainder = columns - base @ (base.T @ columns)
+        _, sizes, directions = np.linalg.svd(remainder, full_matrices=False)
+        near = directions[sizes <= BLUR * np.linalg.norm(columns @ directions.T, axis=0)]
+        return (remainder @ near.T) @ (space @ near.T).T
+
+    return replace(pair, spread=lambda functions: pair.spread(functions) - inexact() @ functions)
+
+
+# Gyros, on a table or carried by hand
+
+
+@dataclass(frozen=True, eq=False)
+class GyroPairs:
+    """Gyros with every quantity of steps in motion (R,), by an observation of what is added to their rates.
+
+    `bounds` (S, d) are those of the errors of its groups.
+    """
+
+    steps: MotionRows
+    observation: Observation
+    bounds: Sequence[NDArray[np.float64]]
+
+    @cached_property
+    def moves(self) -> tuple[tuple[float, float], ...]:
+        """From when to when [h] each piece, with those that overlap it, goes."""
+        first = np.concatenate([group.pieces.first for group in self.observation.groups])
+        last = np.concatenate([group.pieces.last for group in self.observation.groups])
+        order = np.argsort(first, kind="stable")
+        first, last = first[order], last[order]
+        until = np.maximum.accumulate(last)
+        begins = np.flatnonzero(np.append(True, first[1:] >= until[:-1]))
+        ends = np.append(begins[1:], len(first)) - 1
+        hours, moves = self.steps.hours, []
+        for begin, end in zip(first[begins].tolist(), until[ends].tolist(), strict=True):
+            if end > begin:
+                moves.append((float(hours[begin]), float(hours[min(end, len(hours)) - 1])))
+        return tuple(moves)
+
+    def pairs(self) -> Iterator[Pair]:
+        """Yield each gyro by itself, then all three, each with a function of its own."""
+        alone = [self.of_gyro(p) for p in range(3)]
+        for own in alone:
+            yield from own.values()
+        for name, first in alone[0].items():
+            if not name[0].isdigit():
+                members = tuple(own[name] for own in alone)
+                quantity, factor = COMMON.get(first.quantity, first.quantity), COMMON.get(first.factor, first.factor)
+                own = replace(first, where=GYRO_BLOCK, freedom=GYRO_BLOCK, quantity=quantity, factor=factor)
+                yield replace(own, moves=(), missed=None, members=members)
+
+    def of_gyro(self, p: int) -> dict[str, Pair]:
+        """Return the pairs of one gyro; what is not the gyro's own has a number before its name."""
+        steps, rate, turn = self.steps, f"w{p + 1}", f"dw{p + 1}"
+        own_rate, own_turn, force = steps.rate[:, p], steps.acceleration[:, p], steps.specific_force
+        pairs = {
+            "rate": self.pair(p, rate, own_rate),
+            "acceleration": self.pair(p, turn, own_turn),
+            "force": self.pair(p, f"n{p + 1}", force[:, p]),
+        }
+        slow = {"hours": steps.hours} | slow_quantities(steps.hours, steps.temperature)
+        for name, values in slow.items():
+            pairs[name] = self.pair(p, name, values)
+            pairs[f"{name} rate"] = self.pair(p, name, values, rate, own_rate)
+            pairs[f"{name} acceleration"] = self.pair(p, name, values, turn, own_turn)
+        for q in range(3):
+            if q != p:
+                pairs[f"{q} rate"] = self.pair(p, f"w{q + 1}", steps.rate[:, q])
+                pairs[f"{q} force"] = self.pair(p, f"n{q + 1}", force[:, q])
+        for i, j in combinations(range(3), 2):
+            pairs[f"{i}{j} rate"] = self.pair(p, f"w{i + 1} w{j + 1}", steps.rate[:, i] * steps.rate[:, j])
+            pairs[f"{i}{j} force"] = self.pair(p, f"n{i + 1} n{j + 1}", force[:, i] * force[:, j])
+        return pairs
+
+    def pair(self, p: int, name: str, values: NDArray, factor: str = "", times: NDArray | float = 1.0) -> Pair:
+        """Return one gyro's error as a function of values (R,), times a factor (R,)."""
+        time = name == "hours"
+        nodes = np.linspace(values.min(), values.max(), NODES_OF_TIME if time else NODES)
+        if not time and nodes[0] < 0.0 < nodes[-1]:
+            # At rest it is zero: what is taken there is exact.
+            nodes[np.abs(nodes).argmin()] = 0.0
+        spread, moves = OnNodes(self, p, nodes, values, times), self.moves if time and not factor else ()
+        fields = {"waves": time, "moves": moves, "anything": True, "missed": spread.missed}
+        return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, **fields)
+
+
+@dataclass(frozen=True, eq=False)
+class OnNodes:
+    """What the values of a function at nodes (n,) of a quantity add to the rows of evidence, at one gyro `p`."""
+
+    of: GyroPairs
+    p: int
+    nodes: NDArray[np.float64]
+    values: NDArray[np.float64]
+    times: NDArray[np.float64] | float
+
+    def __call__(self, functions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return rows (M, K) of functions (n, K)."""
+        return self.matrix @ functions
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """Rows (M, n) over their bounds of a unit at each node."""
+        weights = [(knot, self.times * weight) for knot, weight in OnKnots(self.nodes).weights(self.values)]
+        return self._over_bounds(self.of.observation.of_functions(weights, len(self.nodes), self.p))
+
+    def missed(self, knots: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return by how much rows (M,) over their bounds miss those of a function whose slope changes by one in all.
+
+        They are those of one that is straight between knots (k,) and has its values there. At x between two knots the
+        two are (x - a)(b - x)/(b - a) apart at most, for each unit of change between a and b.
+        """
+        after = np.clip(np.searchsorted(knots, self.values), 1, len(knots) - 1)
+        low, high = knots[after - 1], knots[after]
+        apart = np.abs(self.times) * np.maximum(0.0, (self.values - low) * (high - self.values)) / (high - low)
+        # All steps of a piece may differ in the same sense, and so may the mean at rest that is taken out.
+        largest = self.of.observation.largest.of_functions(((after - 1, apart),), len(knots), self.p)
+        return self._over_bounds(largest).max(axis=1, initial=0.0)
+
+    def _over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+        """Return columns (S, d, K) of each group as rows (M, K) over their bounds."""
+        pairs = zip(columns, self.of.bounds, strict=True)
+        return np.concatenate([rows_over(own, bound) for own, bound in pairs])
+
+
+def pairs_of_accelerometers(evidence: Evidence, reference: Gravity, x: NDArray, attitude: NDArray) -> Iterator[Pair]:
+    """Yield each accelerometer with every quantity of its rests, where gravity is the reference.
+
+    `x` are their nine parameters; the attitude (N, 4) was carried.
+    """
+    n, rests = inputs_of(x, reference.reading), reference.rests
+    hours = (rests.time_s - rests.time_s[0]) / 3600.0
+    slow = {"hours": hours} | slow_quantities(hours, rests.temperature)
+    inputs, products = inputs_and_products(n)
+    of_readings = reference.of_readings(x, attitude)
+    for p, place in enumerate(ACCELEROMETERS):
+        parts = []
+        for part in evidence.parts:
+            if part.label in of_readings:
+                parts.append(rows_over(of_readings[part.label][..., p], part.bound))
+            else:
+                parts.append(np.zeros((part.bound.size, len(n))))
+        matrix = np.concatenate(parts)
+        for name, values in (inputs | slow | products).items():
+            yield Pair(place, name, values, through_matrix(matrix), place)
+        for name, values in slow.items():
+            yield Pair(place, name, values, through_matrix(matrix * n[:, p]), place, f"n{p + 1}")
