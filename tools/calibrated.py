@@ -369,8 +369,8 @@ class Calibration(Part):
         for p in self.parameters:
             if target in (p.symbol, p.name):
                 return p
-        known = [p.symbol for p in self.parameters]
-        raise InputError(f"{target}: no target of this calibration; {nearest(target, known)}")
+        symbols = [p.symbol for p in self.parameters]
+        raise InputError(f"{target}: no target of this calibration; {nearest(target, symbols)}")
 
     def sheet(self, path: str | Path, *, about: Mapping[str, str] | None = None, record: Any = None) -> Path:
         """Write one A4 page to sign: who measured what, the numbers, the correction, what they rest on.

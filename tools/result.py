@@ -81,11 +81,11 @@ class Result(BaseModel):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        said = handler.resolve_ref_schema(handler(schema))
+        published = handler.resolve_ref_schema(handler(schema))
         for name, field in cls.model_fields.items():
             if field.exclude:
-                said.get("properties", {}).pop(field.alias or name, None)
-        return said
+                published.get("properties", {}).pop(field.alias or name, None)
+        return published
 
     @model_serializer(mode="wrap")
     def _without_what_is_empty(self, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
@@ -136,11 +136,11 @@ class Result(BaseModel):
 
     def figure(self, name: str, record: Any = None) -> "Figure":
         """One of `figures`, by its name or a part that no other has; an InputError where there is none."""
-        known = self.figures(record)
-        found = [name] if name in known else [title for title in known if name.lower() in title]
-        if len(found) != 1:
-            raise InputError(f"{name}: no picture has this name alone; known: {', '.join(known)}")
-        return known[found[0]]
+        figures = self.figures(record)
+        titles = [name] if name in figures else [title for title in figures if name.lower() in title]
+        if len(titles) != 1:
+            raise InputError(f"{name}: no picture has this name alone; known: {', '.join(figures)}")
+        return figures[titles[0]]
 
     def _shown(self, *how: Any) -> Any:
         if tools.shown is None:
@@ -148,8 +148,8 @@ class Result(BaseModel):
         return tools.shown(self, *how)
 
     def __str__(self) -> str:
-        said = None if tools.shown is None else tools.shown(self, "text")
-        return super().__repr__() if said is None else said
+        text = None if tools.shown is None else tools.shown(self, "text")
+        return super().__repr__() if text is None else text
 
     def __repr__(self) -> str:
         return str(self)
@@ -170,10 +170,10 @@ class Told(Result):
 Kind = TypeVar("Kind", bound=Result)
 
 
-def object_of(data: bytes, where: str) -> dict[str, Any]:
+def object_of(text: bytes, where: str) -> dict[str, Any]:
     """The object of JSON that bytes hold; an InputError, which begins with `where`, for anything else."""
     try:
-        content = json.loads(data.decode("utf-8"))
+        content = json.loads(text.decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: is not JSON text") from error
     if not isinstance(content, dict):
@@ -223,7 +223,7 @@ def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) 
     """
     schema = model.model_fields["schema_"].default
     try:
-        data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
+        sections = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start + 1})") from error
     except ValueError as error:
@@ -231,26 +231,26 @@ def read_sections(content: bytes, path: Path, model: type[File], **origin: Any) 
     except RecursionError as error:
         what = schema.partition(".")[2].partition("/")[0]
         raise InputError(f"{path}: is not a {what} (nested too deeply)") from error
-    if "schema" not in data:
+    if "schema" not in sections:
         raise InputError(f'{path}: schema is missing; write schema = "{schema}"')
-    for said in not_for_files(data, model).values():
-        raise InputError(f"{path}: {said}")
-    return checked_sections({**data, **origin}, model, str(path))
+    for problem in not_for_files(sections, model).values():
+        raise InputError(f"{path}: {problem}")
+    return checked_sections({**sections, **origin}, model, str(path))
 
 
-def not_for_files(data: Mapping[str, Any], model: type[BaseModel]) -> dict[str, str]:
+def not_for_files(sections: Mapping[str, Any], model: type[BaseModel]) -> dict[str, str]:
     """Keys that only a program sets, with what is said of each."""
-    known = model.model_fields
-    return {k: f"{k}: unknown key; it is not for files" for k in data if k in known and known[k].exclude}
+    fields = model.model_fields
+    return {k: f"{k}: unknown key; it is not for files" for k in sections if k in fields and fields[k].exclude}
 
 
-def checked_sections(data: Mapping[str, Any], model: type[File], label: str = "") -> File:
+def checked_sections(sections: Mapping[str, Any], model: type[File], label: str = "") -> File:
     """The same from what would stand in a file, which messages call by its label."""
     try:
-        return model.model_validate(dict(data))
+        return model.model_validate(dict(sections))
     except ValidationError as error:
-        said = field_problems(error, model)[0][1]
-        raise InputError(f"{label}: {said}" if label else said) from error
+        problem = field_problems(error, model)[0][1]
+        raise InputError(f"{label}: {problem}" if label else problem) from error
 
 
 def dotted(location: Location) -> str:
@@ -285,24 +285,24 @@ def _deeper(location: Location, deep: Set[Location]) -> bool:
 @cache
 def _members_of_unions(model: type[BaseModel]) -> frozenset[str]:
     """Names of the members of unions, which stand in pydantic's locations and are no keys of a file."""
-    seen: set[type[BaseModel]] = set()
-    found: set[str] = set()
+    models: set[type[BaseModel]] = set()
+    names: set[str] = set()
 
     def walk(annotation: Any) -> None:
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            if annotation not in seen:
-                seen.add(annotation)
+            if annotation not in models:
+                models.add(annotation)
                 for field in annotation.model_fields.values():
                     walk(field.annotation)
             return
         members = [inner for inner in get_args(annotation) if inner is not type(None)]
         if get_origin(annotation) in (Union, UnionType) and len(members) > 1:
-            found.update(inner.__name__ for inner in members)
+            names.update(inner.__name__ for inner in members)
         for inner in members:
             walk(inner)
 
     walk(model)
-    return frozenset(found)
+    return frozenset(names)
 
 
 def _problem(
@@ -312,14 +312,14 @@ def _problem(
     if problem["type"] == "extra_forbidden":
         return where, f"{name}: unknown key; {nearest(str(where[-1]), _keys_beside(where, model))}"
     if problem["type"] == "missing":
-        beside = [str(other[-1]) for other in unknown if other[:-1] == where[:-1]]
-        close = get_close_matches(str(where[-1]), beside, n=1)
+        siblings = [str(place[-1]) for place in unknown if place[:-1] == where[:-1]]
+        close = get_close_matches(str(where[-1]), siblings, n=1)
         meant = f" (is '{close[0]}' meant?)" if close else ""
         return where, f"{name}: is missing{meant}"
     message = problem["msg"].removeprefix("Value error, ")
-    shown = repr(problem["input"])
-    if problem["type"] != "value_error" and len(shown) < 60:
-        message += f", not {shown}"
+    value = repr(problem["input"])
+    if problem["type"] != "value_error" and len(value) < 60:
+        message += f", not {value}"
     return where, " ".join((f"{name}: {message}" if name else message).split())
 
 
@@ -340,4 +340,4 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     """The model that an annotation holds: alone, in a list or as the values of a dictionary."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((found for inner in get_args(annotation) if (found := _model_in(inner)) is not None), None)
+    return next((model for inner in get_args(annotation) if (model := _model_in(inner)) is not None), None)

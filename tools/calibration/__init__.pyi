@@ -1,4 +1,3 @@
-from .attitudes import strapdown_by_table as strapdown_by_table
 from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate
 from .calibration import fit_record as fit_record
@@ -8,3 +7,4 @@ from .correction import write_parameter_set as write_parameter_set
 from .gyros import Bench as Bench
 from .gyros import calibrate_whole as calibrate_whole
 from .gyros import judged_at_table as judged_at_table
+from .gyros import strapdown_by_table as strapdown_by_table

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...fmus.parameters import GRAVITIES
-from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input
+from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input, up
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..calibrated import (
     Calibration,
@@ -24,10 +24,20 @@ from ..calibrated import (
 )
 from ..errors import InputError, said_of
 from ..records import BenchRecord, PositionRecord
+from ..records.channels import (
+    LARGEST_MISFIT,
+    LEAST_MISFIT,
+    PERMUTATIONS,
+    SENSES,
+    USUAL,
+    Channels,
+    advice,
+    far_better,
+    reading_of,
+)
 from ..records.noise import NoiseBound, noise_bound_from
 from ..rounding import digits, exactly, residual, upwards
 from .estimates import Solution, fit, solve
-from .exchanged import channels_advice
 from .model import (
     Linearisation,
     Parametrisation,
@@ -61,6 +71,17 @@ GRID_STEP_DEG = 15
 WELL_DETERMINED = 2.0
 """Standard deviation of a target over that of a reading, with the positions added, that is good enough."""
 MAX_POSITIONS = 24
+FEWEST = 6
+"""Fewer positions fit too many ways."""
+CHANGES = 0.25
+"""Where the first or the last rows, but for one of them, are nearer to an ideal bench as they are read, by squares of
+so much in all [g²], channels change during the record: that is an effect, and no way of reading it."""
+TURNS = tuple((unit, *senses) for unit in (1.0, 180.0 / np.pi) for senses in SENSES)
+"""Units and senses of the angles that are tried; the first changes nothing."""
+PLACES = np.array(
+    [[row.argmax() if row.max() > 0.0 else row.argmin() + 3 for row in matrix] for matrix in PERMUTATIONS]
+)
+"""Where the costs of the rows (48, 3) of each signed permutation stand: of inputs 1, 2, 3, then of these reversed."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +104,9 @@ class Asked:
 
     def __post_init__(self) -> None:
         choices = {"convention": ("A1", "A2"), "baseline": ("asymmetric", "symmetric")}
-        for name, known in choices.items():
-            if (value := getattr(self, name)) not in known:
-                raise InputError(f"--{name} {value}: must be {' or '.join(known)}")
+        for name, choice in choices.items():
+            if (value := getattr(self, name)) not in choice:
+                raise InputError(f"--{name} {value}: must be {' or '.join(choice)}")
 
 
 def calibrate(record: PositionRecord, **options: Any) -> Calibration:
@@ -103,17 +124,17 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     the a-priori estimates, whose weights and guaranteed errors are those of the linear programmes (2.4), (2.5) on the
     angles measured, and least squares. Source: Golovan, Matasov, Tarygin 2022, sections 2 to 5.
     """
-    asked = Asked(**options)
-    noise = _noise_bound(record, asked.noise_bound)
+    request = Asked(**options)
+    noise = _noise_bound(record, request.noise_bound)
     sigma = noise.value
-    here = fit_record(record, sigma, asked)
-    p = here.parametrisation
-    priors = asked_priors(asked.priors, p, asked.bounds)
-    bounded = with_priors(here, priors)
-    wanted = wanted_targets(p, asked)
-    resolution = record.written_to(asked.gravity)
+    linearised = fit_record(record, sigma, request)
+    p = linearised.parametrisation
+    priors = asked_priors(request.priors, p, request.bounds)
+    bounded = with_priors(linearised, priors)
+    targets = wanted_targets(p, request)
+    resolution = record.written_to(request.gravity)
     try:
-        solution = solve(bounded, wanted, reading_uncertainty(resolution), sigma, error_weights(p), here)
+        solution = solve(bounded, targets, reading_uncertainty(resolution), sigma, error_weights(p), linearised)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {exactly(sigma)} a fraction of g?") from error
     _check_scale_factors(record, solution.parameters)
@@ -123,20 +144,20 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     unbounded = solution.contradicted and not noise.complete
     positions: list[TablePosition] = []
     if missing:
-        positions += next_positions(here, np.array([target.weights for target in wanted]), asked.bounds)
+        positions += next_positions(linearised, np.array([target.weights for target in targets]), request.bounds)
     if unbounded:
-        positions += repeats(here)
-    warnings = [*record.warnings, *_remarks(here, falsified and bool(missing), unbounded)]
+        positions += repeats(linearised)
+    warnings = [*record.warnings, *_remarks(linearised, falsified and bool(missing), unbounded)]
     if not solution.contradicted and solution.radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
         warnings.append(
             "the readings are written too coarsely for this noise bound: half a last digit is "
             f"{upwards(resolution)} g, and the verdict and the intervals allow for it, so that a radius of "
             f"{residual(solution.radius)} falsifies nothing"
         )
-    if here.deficient and noise.complete:
+    if linearised.deficient and noise.complete:
         # what the readings leave open hides it from the radius
         limit = 2.0 * (sigma + reading_uncertainty(resolution)) * (1.0 + RELATIVE_TOLERANCE)
-        warnings += _contradiction(here, record.position, limit)
+        warnings += _contradiction(linearised, record.position, limit)
     verdict: Verdict = "consistent"
     if missing or unbounded:
         verdict = "insufficient"
@@ -147,23 +168,23 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         sigma=Sigma.of(sigma, noise.basis),
         stands_with_sigma=solution.radius * sigma,
         radius=solution.radius,
-        gravity_mps2=float(asked.gravity),
-        convention="A2" if asked.convention == "A2" else "A1",
+        gravity_mps2=float(request.gravity),
+        convention="A2" if request.convention == "A2" else "A1",
         baseline="symmetric" if p.symmetric else "asymmetric",
         mountings={name: q.tolist() for name, q in zip(p.mountings, p.matrices, strict=True)},
         positions=len(record.position),
-        measurements=len(here.residual),
+        measurements=len(linearised.residual),
         estimator=solution.stated,
         no_estimate=_without_estimate(falsified, unbounded, missing),
         witness=_witness(record, bounded, solution) if falsified else [],
         parameters=solution.parameters,
         priors=[Prior(expression=x.text.rpartition("=")[0], limit=x.limit) for x in priors],
         reading_errors=solution.reading_errors,
-        provenance=provenance_of(record, asked.bounds),
+        provenance=provenance_of(record, request.bounds),
         open=[Open(parameters=[gap.symbol], close_by="the next positions") for gap in missing],
         next_positions=positions,
         warnings=warnings,
-        linearised=here,
+        linearised=linearised,
         feasible=solution.feasible,
     )
 
@@ -192,12 +213,12 @@ def _witness(record: PositionRecord, bounded: Linearisation, solution: Solution)
     return [Reading(position=int(record.position[k // 3]), accelerometer=int(k % 3 + 1)) for k in rows]
 
 
-def wanted_targets(p: Parametrisation, asked: Asked) -> list[Target]:
+def wanted_targets(p: Parametrisation, request: Asked) -> list[Target]:
     """The targets of the convention, and others that are asked for."""
-    named: dict[str, Target] = {}
-    for target in (*convention_targets(p, asked.convention), *asked_targets(asked.targets, p)):
-        named.setdefault(target.symbol, target)
-    return list(named.values())
+    by_symbol: dict[str, Target] = {}
+    for target in (*convention_targets(p, request.convention), *asked_targets(request.targets, p)):
+        by_symbol.setdefault(target.symbol, target)
+    return list(by_symbol.values())
 
 
 def _without_estimate(falsified: bool, unbounded: bool, missing: Sequence[Parameter]) -> str:
@@ -221,9 +242,9 @@ def radius_limit(noise_bound: float, resolution: float) -> float:
     return 1.0 + reading_uncertainty(resolution) / noise_bound + RELATIVE_TOLERANCE
 
 
-def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked()) -> Linearisation:
+def fit_record(record: PositionRecord, noise_bound: float, request: Asked = Asked()) -> Linearisation:
     """The exact model fitted to a record and linearised at the fit, σ as a fraction of g; errors as of `calibrate`."""
-    gravity, bounds = asked.gravity, asked.bounds
+    gravity, bounds = request.gravity, request.bounds
     if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
         least, most = map(exactly, GRAVITIES)
         raise InputError(f"--gravity {exactly(gravity)}: must be from {least} to {most}, as 9.80665 [m/s²]")
@@ -231,45 +252,45 @@ def fit_record(record: PositionRecord, noise_bound: float, asked: Asked = Asked(
         raise InputError(f"--bounds {' '.join(map(exactly, bounds))}: must be two numbers from 0 to 0.5")
     if len(record.position) == 0:
         raise InputError(f"{record.path}: holds no positions")
-    matrices = mountings_for(record, asked.mounting)
+    matrices = mountings_for(record, request.mounting)
     names = list(matrices)
     index = [0] * len(record.position) if record.mounting is None else [names.index(name) for name in record.mounting]
     positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
-    p = parametrise(matrices, symmetric=asked.baseline == "symmetric")
+    p = parametrise(matrices, symmetric=request.baseline == "symmetric")
     reading = np.asarray(record.specific_force) / gravity
     _refuse_dead(record, reading, nominal_input(positions.alpha, positions.beta, p.matrices[positions.mounting]))
-    if said := channels_advice(record, reading, p, positions):
-        raise InputError(said)
-    extent = parameter_limits(p.symbols, bounds, asked_priors(asked.priors, p, bounds))
+    if advice_line := channels_advice(record, reading, p, positions):
+        raise InputError(advice_line)
+    extent = parameter_limits(p.symbols, bounds, asked_priors(request.priors, p, bounds))
     with said_of(str(record.path)):
         return fit(p, positions, reading, noise_bound, bounds, extent)
 
 
-def checked_noise_bound(given: float) -> float:
+def checked_noise_bound(value: float) -> float:
     """A noise bound that readings can have; an InputError for another."""
     least, most = NOISE_BOUNDS
-    if not least <= given <= most:
-        said = f"must be a fraction of g from {exactly(least)} to {exactly(most)}, as 1e-5"
-        raise InputError(f"--noise-bound {exactly(given)}: {said}")
-    return float(given)
+    if not least <= value <= most:
+        limits = f"must be a fraction of g from {exactly(least)} to {exactly(most)}, as 1e-5"
+        raise InputError(f"--noise-bound {exactly(value)}: {limits}")
+    return float(value)
 
 
-def _noise_bound(record: PositionRecord, given: float | None) -> NoiseBound:
-    if given is not None:
-        return NoiseBound(checked_noise_bound(given), "given")
-    found = noise_bound_from(record)
-    if found is None:
+def _noise_bound(record: PositionRecord, option: float | None) -> NoiseBound:
+    if option is not None:
+        return NoiseBound(checked_noise_bound(option), "given")
+    noise = noise_bound_from(record)
+    if noise is None:
         raise InputError(
             f"{record.path}: no position is repeated and no scatter is known, so the record does not say how large "
             "the noise is; give --noise-bound, a fraction of g, as 1e-5"
         )
     least, most = NOISE_BOUNDS
-    if not least <= found.value <= most:
+    if not least <= noise.value <= most:
         raise InputError(
-            f"{record.path}: the noise bound taken from the record is {upwards(found.value, 3)} g ({found.basis}), "
+            f"{record.path}: the noise bound taken from the record is {upwards(noise.value, 3)} g ({noise.basis}), "
             f"where {exactly(least)} to {exactly(most)} can be used; give --noise-bound, a fraction of g, as 1e-5"
         )
-    return found
+    return noise
 
 
 def _check_scale_factors(record: PositionRecord, estimates: Sequence[Parameter]) -> None:
@@ -284,9 +305,9 @@ def _check_scale_factors(record: PositionRecord, estimates: Sequence[Parameter])
         raise InputError(_no_scale_factor(record, axis, 1.0 + (estimate.low + estimate.high) / 2.0))
 
 
-def _refuse_dead(record: PositionRecord, reading: NDArray, given: NDArray) -> None:
+def _refuse_dead(record: PositionRecord, reading: NDArray, inputs: NDArray) -> None:
     """Refuse readings (N, 3) that stand still where inputs (N, 3) do not, both over g: their fit would lead nowhere."""
-    for axis in np.flatnonzero(np.ptp(reading, axis=0) < DEAD * np.ptp(given, axis=0)):
+    for axis in np.flatnonzero(np.ptp(reading, axis=0) < DEAD * np.ptp(inputs, axis=0)):
         raise InputError(_no_scale_factor(record, int(axis) + 1, 0.0))
 
 
@@ -302,10 +323,10 @@ def _no_scale_factor(record: PositionRecord, axis: int, factor: float) -> str:
     )
 
 
-def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:
+def _remarks(linearised: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:
     """Warnings: a fit far from any bench, measurements too few but contradictory already, a noise bound too small."""
     remarks = []
-    values = zip(here.symbols, here.point, strict=True)
+    values = zip(linearised.symbols, linearised.point, strict=True)
     large = [f"{symbol} = {digits(value, 2)}" for symbol, value in values if abs(value) > 0.2]
     if large:
         remarks.append(f"values far from an aligned bench ({', '.join(large)}): are --mounting and --gravity right?")
@@ -319,40 +340,40 @@ def _remarks(here: Linearisation, contradicts: bool, unbounded: bool) -> list[st
     return remarks
 
 
-def _contradiction(here: Linearisation, number: NDArray, limit: float) -> list[str]:
+def _contradiction(linearised: Linearisation, number: NDArray, limit: float) -> list[str]:
     """Return a sentence on the worst contradiction between readings at exactly the same angles in the same mounting.
 
     They may be apart by the limit, a fraction of g; `number` (N,) are the record's position numbers.
     """
-    at = here.positions
+    at = linearised.positions
     _, label = np.unique(np.stack([at.alpha, at.beta, at.mounting], axis=1), axis=0, return_inverse=True)
     label = label.reshape(-1)
     order = np.argsort(label, kind="stable")
     starts = np.flatnonzero(np.diff(label[order], prepend=-1))
-    reading = here.reading[order]
+    reading = linearised.reading[order]
     spread = np.maximum.reduceat(reading, starts) - np.minimum.reduceat(reading, starts)
     group, axis = np.unravel_index(int(np.argmax(spread)), spread.shape)
     if spread[group, axis] <= limit:
         return []
     rows = order[label[order] == label[order[starts[group]]]]
-    values = here.reading[rows, axis]
+    values = linearised.reading[rows, axis]
     first, second = sorted((int(number[rows[values.argmin()]]), int(number[rows[values.argmax()]])))
     apart = f"{digits(spread[group, axis], 2)} g differently there, more than two noise bounds"
     same = f"positions {first} and {second} are the same, but accelerometer {axis + 1} reads"
     return [f"{same} {apart}: no model explains that"]
 
 
-def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, float]) -> list[TablePosition]:
+def next_positions(linearised: Linearisation, weights: NDArray, bounds: tuple[float, float]) -> list[TablePosition]:
     """A few positions that, added to those measured, determine every target with weights (T, P).
 
     Chosen one by one from a coarse grid, the one that adds most information (the determinant) first; only readings
     whose sign is certain by (1.7), with its bounds u^max and v^0max, count.
     """
-    p = here.parametrisation
+    p = linearised.parametrisation
     grid = every_position(p, np.radians(np.arange(0, 360, GRID_STEP_DEG)))
-    rows = reading_jacobian(p, here.point, grid)
+    rows = reading_jacobian(p, linearised.point, grid)
     rows = np.where(admissible(grid.alpha, grid.beta, p.matrices[grid.mounting], bounds=bounds)[..., None], rows, 0.0)
-    information = here.jacobian.T @ here.jacobian
+    information = linearised.jacobian.T @ linearised.jacobian
     chosen: list[TablePosition] = []
     while len(chosen) < MAX_POSITIONS and not _determines(information, weights):
         spread = np.linalg.inv(information + 1e-8 * np.eye(len(information)))
@@ -363,9 +384,9 @@ def next_positions(here: Linearisation, weights: NDArray, bounds: tuple[float, f
     return chosen
 
 
-def repeats(here: Linearisation, count: int = 4) -> list[TablePosition]:
+def repeats(linearised: Linearisation, count: int = 4) -> list[TablePosition]:
     """Positions of the record, spread over it, that would tell the noise if they were measured again."""
-    p, at = here.parametrisation, here.positions
+    p, at = linearised.parametrisation, linearised.positions
     rows = np.unique(np.linspace(0, len(at.alpha) - 1, count).round().astype(int))
     return [TablePosition(**table_position(p, at, k)) for k in rows]
 
@@ -373,3 +394,91 @@ def repeats(here: Linearisation, count: int = 4) -> list[TablePosition]:
 def _determines(information: NDArray, weights: NDArray) -> bool:
     spread = np.linalg.inv(information + 1e-8 * np.eye(len(information)))
     return bool((np.einsum("tp,pq,tq->t", weights, spread, weights) < WELL_DETERMINED**2).all())
+
+
+def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation, at: Positions) -> str:
+    """One line where another way of reading a record fits far better than the one it is read in; else nothing.
+
+    The readings (N, 3) are over g. Nothing is said where a person has said that the file stands as it is.
+    """
+    if len(reading) < FEWEST or record.channels == Channels():
+        return ""
+    inputs = [
+        np.einsum("nij,nj->ni", p.matrices[at.mounting], up(alpha * unit * at.alpha, beta * unit * at.beta))
+        for unit, alpha, beta in TURNS
+    ]
+    costs, scale = costs_of(reading, inputs)
+    same = far_better(costs)
+    if scale > LARGEST_MISFIT or not len(same):
+        return ""
+
+    def apart(way: int) -> NDArray[np.float64]:
+        """Squares (N,) of what the readings are apart from an ideal bench that is read so [g²]."""
+        turn, permutation = divmod(int(way), len(PERMUTATIONS))
+        return np.square(reading - inputs[turn] @ PERMUTATIONS[permutation].T).sum(axis=1)
+
+    as_read, better = apart(0), apart(same[0])
+    if _changes(better - as_read):
+        return ""
+    ways = []
+    for turn, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
+        unit, alpha, beta = TURNS[turn]
+        matrix = PERMUTATIONS[permutation]
+        channels = Channels(reading_of(matrix), alpha=alpha, beta=beta, radians=unit != 1.0)
+        ways.append((channels, _mounting(matrix, p, channels)))
+    return (
+        f"{record.path}: the readings are {digits(np.sqrt(as_read.mean()), 2)} g rms from those of an ideal bench, and "
+        f"{digits(np.sqrt(better.mean()), 2)} g when they are read with {advice(ways, record.channels)}"
+    )
+
+
+def _changes(gains: NDArray[np.float64]) -> bool:
+    """Whether the first or the last rows, but for one, gain more than `CHANGES` as they are read; gains (N,) [g²]."""
+    return any(
+        bool(np.any(np.cumsum(rows) - np.maximum.accumulate(np.maximum(rows, 0.0)) > CHANGES))
+        for rows in (gains, gains[::-1])
+    )
+
+
+def costs_of(reading: NDArray, inputs: Sequence[NDArray]) -> tuple[NDArray[np.float64], float]:
+    """Costs of every signed permutation with each of some inputs (N, 3), one after the other; the usual misfit [g].
+
+    That is what the best of the inputs leaves with any linear map to readings (N, 3), and not less than `LEAST_MISFIT`.
+    """
+    designs = [np.hstack([n, np.ones((len(n), 1))]) for n in inputs]
+    scale = max(LEAST_MISFIT, min(_left(design, reading) for design in designs))
+    of_rows = [_costs(design, reading, scale) for design in designs]
+    return np.concatenate([table[np.arange(3), PLACES].sum(axis=1) for table in of_rows]), scale
+
+
+def _left(design: NDArray, reading: NDArray) -> float:
+    """Root mean square of what any linear map leaves, by the readings that are more than its parameters [g]."""
+    solution, _, rank, _ = np.linalg.lstsq(design, reading, rcond=1e-6)
+    if rank >= len(reading):
+        return LEAST_MISFIT
+    return float(np.sqrt(np.square(reading - design @ solution).sum() / (3 * (len(reading) - rank))))
+
+
+def _costs(design: NDArray, reading: NDArray, scale: float) -> NDArray[np.float64]:
+    """Least penalised squares (3, 6) of each reading taken for each input, and for each input reversed."""
+    columns = np.hstack([reading, design[:, :3]])
+    across = design.T @ columns
+    normal = design.T @ design + (scale / USUAL) ** 2 * np.eye(4)
+    unexplained = (columns.T @ columns - across.T @ np.linalg.solve(normal, across)) / scale**2
+    of_readings, mixed, of_inputs = np.diag(unexplained)[:3, None], unexplained[:3, 3:], np.diag(unexplained)[3:]
+    return np.hstack([of_readings - 2.0 * mixed + of_inputs, of_readings + 2.0 * mixed + of_inputs])
+
+
+def _mounting(matrix: NDArray, p: Parametrisation, channels: Channels) -> str:
+    """The mounting that a signed permutation with these senses is, too; nothing where it is none."""
+    if np.linalg.det(matrix) < 0.0 or np.array_equal(matrix, np.eye(3)):
+        return ""
+    senses = str(Channels(alpha=channels.alpha, beta=channels.beta, radians=channels.radians))
+    addition = f" with {senses}" if senses else ""
+    if len(p.matrices) > 1:
+        return f"mountings that are {_written(matrix)} times those given{addition}"
+    return f"--mounting FILE with matrix = {_written(matrix @ p.matrices[0])}{addition}"
+
+
+def _written(matrix: NDArray) -> str:
+    return str([[round(float(value), 9) + 0.0 for value in row] for row in matrix]).replace(".0", "")

@@ -63,10 +63,10 @@ class GyroCorrection:
     @staticmethod
     def of(calibration: Mapping[str, Any]) -> "GyroCorrection | None":
         """Return the gyros of a calibration's object; None where it has none, or not all of them."""
-        known = known_values(calibration, GYRO_PARAMETERS)
-        if known is None:
+        estimates = known_values(calibration, GYRO_PARAMETERS)
+        if estimates is None:
             return None
-        values = np.array([known[symbol] for symbol in GYRO_PARAMETERS])
+        values = np.array([estimates[symbol] for symbol in GYRO_PARAMETERS])
         matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
         if not np.linalg.cond(matrix) < WELL_POSED:
             raise ValueError("the gyros' scale factors and misalignments have no inverse")
@@ -151,14 +151,16 @@ def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray]:
     ends = np.full((2, 3, 3, 3, 3), np.nan)
     try:
         entries = calibration["reading_errors"]
-        given = {(e["accelerometer"], tuple(e["input"])): (e["low"], e["high"]) for e in entries}
+        ends_at = {(e["accelerometer"], tuple(e["input"])): (e["low"], e["high"]) for e in entries}
     except (KeyError, TypeError) as error:
         raise ValueError("its reading_errors are not as the schema says; calibrate again") from error
-    wanted = corners()
-    if len(entries) != len(wanted) or not all(corner in given for corner in wanted):
+    cube = corners()
+    if len(entries) != len(cube) or not all(corner in ends_at for corner in cube):
         raise ValueError("its reading_errors are not complete; calibrate again")
-    for p, n in wanted:
-        low, high = (checked_number(end, f"reading_errors, accelerometer {p}, input {list(n)}") for end in given[p, n])
+    for p, n in cube:
+        low, high = (
+            checked_number(end, f"reading_errors, accelerometer {p}, input {list(n)}") for end in ends_at[p, n]
+        )
         if not -1.0 <= low <= high <= 1.0:
             raise ValueError("its reading_errors are not low <= high, between -1 and 1; calibrate again")
         ends[(slice(None), p - 1, *(x + 1 for x in n))] = low, high
@@ -174,8 +176,8 @@ def corrected(correction: Correction, specific_force: NDArray) -> NDArray:
     right = specific_force / correction.gravity - correction.bias
     n = np.zeros_like(right)
     for p in range(3):
-        own = right[:, p] - n[:, :p] @ correction.gamma[p, :p]
-        n[:, p] = own / np.where(own > 0.0, correction.plus[p], correction.minus[p])
+        along_axis = right[:, p] - n[:, :p] @ correction.gamma[p, :p]
+        n[:, p] = along_axis / np.where(along_axis > 0.0, correction.plus[p], correction.minus[p])
     return correction.gravity * n
 
 
@@ -189,10 +191,10 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
     lows, highs = np.zeros((count, 3)), np.zeros((count, 3))
     rows = np.arange(count)
     for p in range(3):
-        own = np.where(np.arange(3) <= p, n, 0.0)
-        order = np.argsort(-np.abs(own), axis=1, kind="stable")
-        size = np.take_along_axis(np.abs(own), order, axis=1)
-        sign = np.where(own > 0.0, 1, np.where(own < 0.0, -1, 0))
+        inputs = np.where(np.arange(3) <= p, n, 0.0)
+        order = np.argsort(-np.abs(inputs), axis=1, kind="stable")
+        size = np.take_along_axis(np.abs(inputs), order, axis=1)
+        sign = np.where(inputs > 0.0, 1, np.where(inputs < 0.0, -1, 0))
         first = 1.0 - size[:, 0]
         low, high = correction.low[p], correction.high[p]
         # beyond the unit cube the input's weight of zero is negative: its other end counts
@@ -351,7 +353,7 @@ def apply_calibration(
     better = corrected(correction, measured.specific_force)
     if not np.isfinite(better).all():
         raise InputError(f"{measured.path}: the corrected readings are not finite")
-    own = f"what each record has of its own is that of {correction.of_record}, the last that was calibrated"
+    caution = f"what each record has of its own is that of {correction.of_record}, the last that was calibrated"
     gained = levelling(correction, still.specific_force / correction.gravity, noise_bound)
     before, after = gained.worst
     further: dict[str, Any] = {"specific_force": better}
@@ -374,7 +376,7 @@ def apply_calibration(
         rows=len(measured),
         levelled_at=at,
         levelling_error_rad=LevellingError(as_read=before, corrected_at_most=after),
-        warnings=[*measured.warnings, *([own] if correction.of_record else [])],
+        warnings=[*measured.warnings, *([caution] if correction.of_record else [])],
         correction=correction,
         record=replace(measured, **further),
         **told,
@@ -401,10 +403,10 @@ def write_parameter_set(result: Result, path: Path) -> None:
     sets = [(path, "AccelerometerBlock", block, intervals)]
     if of_gyros is not None:
         sets.append((path.with_name(f"{path.stem}-gyros{path.suffix}"), "GyroBlock", *of_gyros))
-    made = [(at, _checked_set(at, name, values, ends, text)) for at, name, values, ends in sets]
-    for at, written in made:
-        with whole_file(at) as beside:
-            beside.write_bytes(written)
+    contents = [(at, _checked_set(at, name, values, ends, text)) for at, name, values, ends in sets]
+    for at, written in contents:
+        with whole_file(at) as temporary:
+            temporary.write_bytes(written)
 
 
 def _checked_set(path: Path, name: str, values: Parameters, intervals: Mapping[str, Interval], text: str) -> bytes:

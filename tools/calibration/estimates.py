@@ -99,32 +99,32 @@ def fit(
     point = np.zeros(len(parametrisation.symbols))
     point = point + problem.step(point, certain.ravel().astype(float), nominal_sign, COARSE)
     gross = np.abs(reading - nominal_input(positions.alpha, positions.beta, matrices)).ravel() > GROSS
-    told = np.ones(reading.size)
+    trusted = np.ones(reading.size)
     for _ in range(5):
-        weight = told * noise_bound / bound
+        weight = trusted * noise_bound / bound
         point, sign, settled = problem.minimise(point, weight)
         if not settled and 0.0 < gross.mean() < MOST_GROSS:
-            told = np.where(gross, 0.0, 1.0)
-            weight = weight * told
+            trusted = np.where(gross, 0.0, 1.0)
+            weight = weight * trusted
             point, sign, settled = problem.minimise(np.zeros(len(point)), weight)
-        here = linearise(parametrisation, positions, reading, point, bound, sign)
-        if here.span.shape[1] < problem.span.shape[1]:
-            problem = replace(problem, span=here.span)
+        linearised = linearise(parametrisation, positions, reading, point, bound, sign)
+        if linearised.span.shape[1] < problem.span.shape[1]:
+            problem = replace(problem, span=linearised.span)
             point, sign, settled = problem.minimise(np.zeros(len(point)), weight)
-            here = linearise(parametrisation, positions, reading, point, bound, sign)
+            linearised = linearise(parametrisation, positions, reading, point, bound, sign)
         if not settled:
             raise InputError(
                 "the fit of the bench model does not converge: are the angles in degrees and the mounting right?"
             )
         if parametrisation.symmetric:
             break
-        widened = noise_bound + widening(here, certain & (sign == nominal_sign), noise_bound, bounds)
+        widened = noise_bound + widening(linearised, certain & (sign == nominal_sign), noise_bound, bounds)
         if np.allclose(widened, bound, rtol=1e-6, atol=0.0):
             break
         bound = widened
-    if here.deficient:
-        here = replace(here, bound=here.bound + _open_remainder(here, extent))
-    return here
+    if linearised.deficient:
+        linearised = replace(linearised, bound=linearised.bound + _open_remainder(linearised, extent))
+    return linearised
 
 
 @dataclass(frozen=True)
@@ -143,13 +143,13 @@ class _Problem:
     def step(self, point: NDArray, weight: NDArray, sign: NDArray, cut: float | None = None) -> NDArray:
         """One linear step; directions with singular values below `cut` of the largest are left alone."""
         jacobian = reading_jacobian(self.parametrisation, point, self.positions, sign).reshape(-1, len(point))
-        target, both = self.residual(point, sign) * weight, []
+        target, triangles = self.residual(point, sign) * weight, []
         for rows in np.array_split(np.arange(len(target)), len(target) // MANY_ROWS + 1):
             part = slice(rows[0], rows[-1] + 1)
             scaled = (jacobian[part] @ self.span) * weight[part, None]
-            both.append(shortened(np.column_stack((scaled, target[part]))))
-        both = np.vstack(both)
-        return self.span @ np.linalg.lstsq(both[:, :-1], both[:, -1], rcond=cut)[0]
+            triangles.append(shortened(np.column_stack((scaled, target[part]))))
+        triangles = np.vstack(triangles)
+        return self.span @ np.linalg.lstsq(triangles[:, :-1], triangles[:, -1], rcond=cut)[0]
 
     def misfit(self, point: NDArray, weight: NDArray, sign: NDArray | None) -> float:
         """Norm of the weighted residual at a point."""
@@ -179,7 +179,7 @@ class _Problem:
         return point, sign, last < 1e-8
 
 
-def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
+def widening(linearised: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
     """|Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
 
     What to add to the bound of each measurement (3 N,), as a fraction of g; `certain` (N, 3) is where the sign was
@@ -189,69 +189,69 @@ def widening(here: Linearisation, certain: NDArray, noise_bound: float, bounds: 
     together say it better, by any weights that are unbiased (those of least squares are at hand), and so on until
     nothing is gained: truth is within the bounds of the readings at every step, the fit within its residuals.
     """
-    extra = np.zeros(here.input.shape)
+    extra = np.zeros(linearised.input.shape)
     if certain.all():
         return extra.ravel()
-    p = here.parametrisation
-    matrices = p.matrices[here.positions.mounting]
-    margin = sign_margin(here.positions.alpha, here.positions.beta, matrices, bounds=bounds)
+    p = linearised.parametrisation
+    matrices = p.matrices[linearised.positions.mounting]
+    margin = sign_margin(linearised.positions.alpha, linearised.positions.beta, matrices, bounds=bounds)
     some = np.flatnonzero(~certain.all(axis=1))
-    gradient = direction_jacobian(p, here.point, here.positions.selected(some))
-    size = np.abs(here.input)
+    gradient = direction_jacobian(p, linearised.point, linearised.positions.selected(some))
+    size = np.abs(linearised.input)
     uncertainty = np.where(certain, 0.0, np.maximum(margin, size))
     difference = p.selection[0, 3:9:2] - p.selection[0, 4:9:2]
-    estimate = np.abs(difference @ here.point)
+    estimate = np.abs(difference @ linearised.point)
     asymmetry = np.maximum(estimate, 2.0 * bounds[1])
     for _ in range(MAX_ROUNDS):
         still_open = ~certain & (size <= uncertainty)
         last, extra = extra, np.where(still_open, asymmetry * (size + uncertainty), 0.0)
         if np.abs(extra - last).max() <= 1e-3 * noise_bound:
             break
-        spread = _spread(here, noise_bound + extra.ravel())
+        spread = _spread(linearised, noise_bound + extra.ravel())
         i, k = np.nonzero(still_open)
         uncertainty[i, k] = np.minimum(uncertainty[i, k], spread(gradient[np.searchsorted(some, i), k]))
         asymmetry = np.minimum(asymmetry, estimate + spread(difference))
     return extra.ravel()
 
 
-def _spread(here: Linearisation, bound: NDArray) -> Callable[[NDArray], NDArray]:
+def _spread(linearised: Linearisation, bound: NDArray) -> Callable[[NDArray], NDArray]:
     """How far linear functions (K, P) of the parameters may be from estimates when readings are within `bound`."""
     every = len(bound) // ENOUGH + 1
     # three readings for each position: a stride of a multiple of three would leave accelerometers out
     every += every % 3 == 0
-    jacobian = here.jacobian[::every] / bound[::every, None]
+    jacobian = linearised.jacobian[::every] / bound[::every, None]
     span = determined(jacobian * bound.min(), float(bound.min()))
-    if every > 1 and span.shape[1] < here.span.shape[1]:
-        jacobian = here.jacobian / bound[:, None]
+    if every > 1 and span.shape[1] < linearised.span.shape[1]:
+        jacobian = linearised.jacobian / bound[:, None]
         span = determined(jacobian * bound.min(), float(bound.min()))
     weights = span @ np.linalg.pinv(jacobian @ span)
-    excess = 1.0 + min(3.0, float(np.abs(here.residual / bound).max()))
+    excess = 1.0 + min(3.0, float(np.abs(linearised.residual / bound).max()))
 
     def spread(directions: NDArray) -> NDArray:
-        found = np.full(len(directions), np.inf)
-        told = np.linalg.norm(directions - (directions @ span) @ span.T, axis=1) <= NOT_OUTSIDE
-        for some in np.array_split(np.flatnonzero(told), told.sum() // AT_ONCE + 1):
-            found[some] = excess * np.abs(directions[some] @ weights).sum(axis=1)
-        return found
+        largest = np.full(len(directions), np.inf)
+        inside = np.linalg.norm(directions - (directions @ span) @ span.T, axis=1) <= NOT_OUTSIDE
+        for some in np.array_split(np.flatnonzero(inside), inside.sum() // AT_ONCE + 1):
+            largest[some] = excess * np.abs(directions[some] @ weights).sum(axis=1)
+        return largest
 
     return spread
 
 
-def _open_remainder(here: Linearisation, extent: NDArray) -> NDArray:
+def _open_remainder(linearised: Linearisation, extent: NDArray) -> NDArray:
     """How far the parameters that the measurements leave open may move readings (M,), as a fraction of g.
 
     Truth is within `extent` (P,): the bounds of (1.7), the biases like v, or priors. To first order that moves readings
     hardly at all; to second order what is left open turns into errors of everything else. The second differences along
     all pairs of moves are summed in absolute value.
     """
-    directions = np.linalg.svd(here.span, full_matrices=True)[0][:, here.span.shape[1] :].T
+    directions = np.linalg.svd(linearised.span, full_matrices=True)[0][:, linearised.span.shape[1] :].T
     # as far as truth may be from the fit, which is where it is
-    moves = directions * (np.abs(directions) @ extent + np.abs(directions @ here.point))[:, None]
+    moves = directions * (np.abs(directions) @ extent + np.abs(directions @ linearised.point))[:, None]
 
     def shift(move: NDArray) -> NDArray:
-        return here.residual_at(here.point + move) - here.residual
+        return linearised.residual_at(linearised.point + move) - linearised.residual
 
-    moved = np.zeros(len(here.bound))
+    moved = np.zeros(len(linearised.bound))
     single = [shift(move) for move in moves]
     for j, move in enumerate(moves):
         moved += np.maximum(np.abs(single[j]), np.abs(shift(-move)))
@@ -295,8 +295,8 @@ class Solution:
 
 
 def solve(
-    here: Linearisation,
-    wanted: Sequence[Target],
+    system: Linearisation,
+    targets: Sequence[Target],
     slack: float,
     noise_bound: float,
     further: NDArray | None = None,
@@ -307,19 +307,19 @@ def solve(
     The slack is what writing down the readings adds to the noise bound, both fractions of g. Least squares are those of
     the system `fitted`, where it is another. A SolverError where a programme cannot be solved.
     """
-    weights = np.array([target.weights for target in wanted])
+    weights = np.array([target.weights for target in targets])
     combinations = weights if further is None else np.vstack([weights, further])
-    radius, centre, duals = chebyshev_centre(here)
+    radius, centre, duals = chebyshev_centre(system)
     feasible, estimator = None, None
     possible = np.full((len(combinations), 3), np.nan)
     if radius <= 1.0 + slack / noise_bound + RELATIVE_TOLERANCE:
-        feasible = FeasibleSet(here, centre, slack)
+        feasible = FeasibleSet(system, centre, slack)
         possible, estimator = possible_values(feasible, combinations)
-    a_priori = a_priori_values(here, wanted)
-    squares = least_squares_values(here if fitted is None else fitted, weights)
-    numbers = np.hstack((possible[: len(wanted)], a_priori, squares))
-    parameters = [_parameter(target, row.tolist()) for target, row in zip(wanted, numbers, strict=True)]
-    return Solution(radius, duals, feasible, estimator, parameters, possible[len(wanted) :, 1:])
+    a_priori = a_priori_values(system, targets)
+    squares = least_squares_values(system if fitted is None else fitted, weights)
+    numbers = np.hstack((possible[: len(targets)], a_priori, squares))
+    parameters = [_parameter(target, row.tolist()) for target, row in zip(targets, numbers, strict=True)]
+    return Solution(radius, duals, feasible, estimator, parameters, possible[len(targets) :, 1:])
 
 
 def _parameter(target: Target, numbers: Sequence[float]) -> Parameter:
@@ -349,65 +349,65 @@ class FeasibleSet:
     slack: float
 
 
-def chebyshev_centre(here: Linearisation) -> tuple[float, NDArray, NDArray]:
+def chebyshev_centre(system: Linearisation) -> tuple[float, NDArray, NDArray]:
     """The least max |z − f(X)| / bound of the exact model, where it is attained (P,), and the duals (M,) that prove it.
 
     The programme is solved again about its own centre with exact residuals until it stays there: near the fit
     one more time is enough. Where the measurements leave parameters open, the programme at the fit stands.
     """
-    radius, step, duals = chebyshev_radius(here.jacobian, here.residual, here.bound)
-    if here.deficient:
-        return radius, here.point, duals
-    best = here.point
-    attained = float(np.abs(here.residual / here.bound).max())
+    radius, step, duals = chebyshev_radius(system.jacobian, system.residual, system.bound)
+    if system.deficient:
+        return radius, system.point, duals
+    best = system.point
+    attained = float(np.abs(system.residual / system.bound).max())
     for _ in range(8):
         centre = best + step
-        residual = here.residual_at(centre)
-        worst = float(np.abs(residual / here.bound).max())
+        residual = system.residual_at(centre)
+        worst = float(np.abs(residual / system.bound).max())
         if worst >= attained:
             break
         best, attained = centre, worst
         # By the same duals the programme about this centre has no smaller radius.
         if attained - min(radius, float(duals @ residual)) <= 1e-9 * radius:
             break
-        radius, step, duals = chebyshev_radius(here.jacobian, residual, here.bound)
+        radius, step, duals = chebyshev_radius(system.jacobian, residual, system.bound)
     return radius, best, duals
 
 
-def a_priori_values(here: Linearisation, wanted: Sequence[Target]) -> NDArray:
+def a_priori_values(system: Linearisation, targets: Sequence[Target]) -> NDArray:
     """Each target's a-priori estimate and guaranteed error (T, 2), NaN where the measurements do not determine it.
 
     The weights of (2.4), (2.5) are chosen before anything is read: their worst error is least, and the readings may
     afterwards prove their estimate impossible.
     """
-    values = np.full((len(wanted), 2), np.nan)
-    known = [k for k, target in enumerate(wanted) if _is_determined(here, target.weights)]
-    reduced = Polytope(here.jacobian @ here.span, here.bound)
-    if known:
-        reduced.confine(-here.bound, here.bound)
-    for k in tracked(known, "guaranteed errors", show=_takes_long(here)):
-        weights = wanted[k].weights
-        error, _, phi = reduced.maximise(here.span.T @ weights)
-        values[k] = weights @ here.point + phi @ here.residual, error
+    values = np.full((len(targets), 2), np.nan)
+    determinable = [k for k, target in enumerate(targets) if _is_determined(system, target.weights)]
+    reduced = Polytope(system.jacobian @ system.span, system.bound)
+    if determinable:
+        reduced.confine(-system.bound, system.bound)
+    for k in tracked(determinable, "guaranteed errors", show=_takes_long(system)):
+        weights = targets[k].weights
+        error, _, phi = reduced.maximise(system.span.T @ weights)
+        values[k] = weights @ system.point + phi @ system.residual, error
     return values
 
 
-def least_squares_values(here: Linearisation, weights: NDArray) -> NDArray:
+def least_squares_values(system: Linearisation, weights: NDArray) -> NDArray:
     """Least squares as practitioners do it: weights'X (K,) at the fit and its standard error, together (K, 2).
 
     The standard error is from the scatter of the residuals with M − rank degrees of freedom. NaN where the measurements
     do not determine it, and a standard error where they leave no freedom. Readings whose sign is open weigh less.
     """
     values = np.full((len(weights), 2), np.nan)
-    weight = here.bound.min() / here.bound
-    rank = here.span.shape[1]
-    freedom = len(here.residual) - rank
-    variance = float(np.sum((weight * here.residual) ** 2)) / freedom if freedom > 0 else np.nan
-    _, triangle = np.linalg.qr(shortened((here.jacobian @ here.span) * weight[:, None]))
+    weight = system.bound.min() / system.bound
+    rank = system.span.shape[1]
+    freedom = len(system.residual) - rank
+    variance = float(np.sum((weight * system.residual) ** 2)) / freedom if freedom > 0 else np.nan
+    _, triangle = np.linalg.qr(shortened((system.jacobian @ system.span) * weight[:, None]))
     for k, row in enumerate(weights):
-        if _is_determined(here, row):
-            spread = np.linalg.solve(triangle.T, here.span.T @ row)
-            values[k] = row @ here.point, np.sqrt(variance * (spread @ spread))
+        if _is_determined(system, row):
+            spread = np.linalg.solve(triangle.T, system.span.T @ row)
+            values[k] = row @ system.point, np.sqrt(variance * (spread @ spread))
     return values
 
 
@@ -417,18 +417,20 @@ def central_point(feasible: FeasibleSet, weights: NDArray, intervals: NDArray) -
     The centre of the linearised set is sought again about itself, from the Chebyshev centre on, until it stays. Where
     the set has no interior the central programme takes its place, for weights'X (K, P) and their intervals (K, 2).
     """
-    here, point, room = feasible.linearised, feasible.centre, _room(feasible)
-    known = np.isfinite(intervals).all(axis=1)
+    system, point, room = feasible.linearised, feasible.centre, _room(feasible)
+    bounded = np.isfinite(intervals).all(axis=1)
     estimator: Estimator = "analytic centre"
     for _ in range(MAX_CENTRED):
-        jacobian = here.jacobian_at(point) @ here.span
-        about = Bounded(jacobian, here.residual_at(point), room)
-        found = central(about, weights[known] @ here.span, intervals[known] - (weights[known] @ point)[:, None])
-        step, estimator = found.x, found.estimator
-        while (np.abs(here.residual_at(point + here.span @ step)) > room).any() and step.any():
+        jacobian = system.jacobian_at(point) @ system.span
+        about = Bounded(jacobian, system.residual_at(point), room)
+        centre = central(
+            about, weights[bounded] @ system.span, intervals[bounded] - (weights[bounded] @ point)[:, None]
+        )
+        step, estimator = centre.x, centre.estimator
+        while (np.abs(system.residual_at(point + system.span @ step)) > room).any() and step.any():
             # The exact model leaves less than the linear one.
             step = np.where(np.abs(step) > SMALLEST, step / 2.0, 0.0)
-        point = point + here.span @ step
+        point = point + system.span @ step
         if np.abs(jacobian @ step / room).max(initial=0.0) <= STILL:
             break
     return Central(point, estimator)
@@ -457,57 +459,57 @@ def exact_intervals(feasible: FeasibleSet, weights: NDArray) -> NDArray:
 
     Shape (K, 2) for weights (K, P), NaN where the measurements do not determine it.
     """
-    here, centre = feasible.linearised, feasible.centre
+    system, centre = feasible.linearised, feasible.centre
     intervals = np.full((len(weights), 2), np.nan)
-    known = [k for k, row in enumerate(weights) if _is_determined(here, row)]
-    if not known:
+    determinable = [k for k, row in enumerate(weights) if _is_determined(system, row)]
+    if not determinable:
         return intervals
     polytope, residual = _steps_of(feasible)
     tops, steps = {}, []
-    for k in tracked(known, "exact intervals", show=_takes_long(here)):
+    for k in tracked(determinable, "exact intervals", show=_takes_long(system)):
         for side, sense in enumerate((-1.0, 1.0)):
-            value, step, phi = polytope.maximise(here.span.T @ (sense * weights[k]))
-            steps.append(here.span @ step)
-            used = np.flatnonzero(phi)
-            tops[k, side] = value, used, np.abs(phi[used])
-    rows = here.rows_of(np.unique(np.concatenate([used for _, used, _ in tops.values()]) // 3))
-    near, remainder = here.selected(rows), np.zeros(len(residual))
+            value, step, phi = polytope.maximise(system.span.T @ (sense * weights[k]))
+            steps.append(system.span @ step)
+            support = np.flatnonzero(phi)
+            tops[k, side] = value, support, np.abs(phi[support])
+    rows = system.rows_of(np.unique(np.concatenate([support for _, support, _ in tops.values()]) // 3))
+    near, remainder = system.selected(rows), np.zeros(len(residual))
     for step in steps:
-        left = residual[rows] - near.residual_at(centre + step) - near.jacobian @ step
-        remainder[rows] = np.maximum(remainder[rows], np.abs(left))
-    for k in known:
+        beyond = residual[rows] - near.residual_at(centre + step) - near.jacobian @ step
+        remainder[rows] = np.maximum(remainder[rows], np.abs(beyond))
+    for k in determinable:
         middle = float(weights[k] @ centre)
         for side, sense in enumerate((-1.0, 1.0)):
-            value, used, phi = tops[k, side]
-            intervals[k, side] = middle + sense * (value + phi @ remainder[used])
+            value, support, phi = tops[k, side]
+            intervals[k, side] = middle + sense * (value + phi @ remainder[support])
     # where hardly a point is left, rounding alone decides which end is which
     return np.sort(intervals, axis=1)
 
 
 def _steps_of(feasible: FeasibleSet) -> tuple[Polytope, NDArray]:
     """Steps from the centre, in coordinates of `span`, that keep residuals within bounds; the residuals (M,) there."""
-    here = feasible.linearised
-    residual, room = here.residual_at(feasible.centre), _room(feasible)
-    polytope = Polytope(here.jacobian @ here.span, here.bound)
+    system = feasible.linearised
+    residual, room = system.residual_at(feasible.centre), _room(feasible)
+    polytope = Polytope(system.jacobian @ system.span, system.bound)
     polytope.confine(residual - room, residual + room)
     return polytope, residual
 
 
 def _room(feasible: FeasibleSet) -> NDArray:
     """What every residual (M,) may be: its bound and the slack, or what the Chebyshev centre leaves of it."""
-    here = feasible.linearised
-    left = np.abs(here.residual_at(feasible.centre))
-    return np.maximum(here.bound + feasible.slack, left) * (1.0 + RELATIVE_TOLERANCE)
+    system = feasible.linearised
+    size = np.abs(system.residual_at(feasible.centre))
+    return np.maximum(system.bound + feasible.slack, size) * (1.0 + RELATIVE_TOLERANCE)
 
 
-def _takes_long(here: Linearisation) -> bool:
+def _takes_long(system: Linearisation) -> bool:
     """Whether there are so many measurements that progress is worth showing."""
-    return len(here.bound) >= MANY_MEASUREMENTS
+    return len(system.bound) >= MANY_MEASUREMENTS
 
 
-def _is_determined(here: Linearisation, weights: NDArray) -> bool:
+def _is_determined(system: Linearisation, weights: NDArray) -> bool:
     """Whether the measurements determine weights'X."""
-    outside = float(np.linalg.norm(weights - here.span @ (here.span.T @ weights)))
+    outside = float(np.linalg.norm(weights - system.span @ (system.span.T @ weights)))
     return outside <= NOT_OUTSIDE * float(np.linalg.norm(weights))
 
 
@@ -522,22 +524,22 @@ class PairSet:
 
 def joint_sets(feasible: FeasibleSet) -> dict[str, list[PairSet]]:
     """The pairwise projections of the feasible set, group by group; targets that readings leave open are left out."""
-    here = feasible.linearised
+    system = feasible.linearised
     polytope, _ = _steps_of(feasible)
-    known = {
+    by_symbol = {
         t.symbol.split("@")[0]: t
-        for t in reversed(convention_targets(here.parametrisation, "A1"))
-        if _is_determined(here, t.weights)
+        for t in reversed(convention_targets(system.parametrisation, "A1"))
+        if _is_determined(system, t.weights)
     }
-    wanted = []
+    pairs = []
     for group, symbols in GROUPS:
-        targets = [known[symbol] for symbol in symbols if symbol in known]
-        wanted += [(group, first, second) for i, second in enumerate(targets) for first in targets[:i]]
+        targets = [by_symbol[symbol] for symbol in symbols if symbol in by_symbol]
+        pairs += [(group, first, second) for i, second in enumerate(targets) for first in targets[:i]]
     result: dict[str, list[PairSet]] = {}
-    for group, first, second in tracked(wanted, "joint feasible set", show=_takes_long(here)):
+    for group, first, second in tracked(pairs, "joint feasible set", show=_takes_long(system)):
         weights = np.array([first.weights, second.weights])
         middle = weights @ feasible.centre
-        result.setdefault(group, []).append(PairSet(first, second, middle + _polygon(polytope, weights @ here.span)))
+        result.setdefault(group, []).append(PairSet(first, second, middle + _polygon(polytope, weights @ system.span)))
     return result
 
 
@@ -553,15 +555,15 @@ def _polygon(polytope: Polytope, weights: NDArray) -> NDArray:
     vertices = [furthest(np.array(d)) for d in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))]
     k = 0
     while k < len(vertices) and len(vertices) < 100:
-        here, after = vertices[k], vertices[(k + 1) % len(vertices)]
-        edge = after - here
+        vertex, after = vertices[k], vertices[(k + 1) % len(vertices)]
+        edge = after - vertex
         if np.abs(edge).max() <= SAME:
             k += 1
             continue
         outwards = np.array([edge[1], -edge[0]])
-        found = furthest(outwards)
-        if (found - here) @ outwards > SAME * np.linalg.norm(outwards):
-            vertices.insert(k + 1, found)
+        outermost = furthest(outwards)
+        if (outermost - vertex) @ outwards > SAME * np.linalg.norm(outwards):
+            vertices.insert(k + 1, outermost)
         else:
             k += 1
     return np.array(vertices) * scale

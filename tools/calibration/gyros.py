@@ -6,12 +6,15 @@ make one system, whose linear programmes give every target again. What both dete
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from ...fmus.units import ARCMIN
+from ...models.bench import TARGETS
 from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base
 from ..bounded.programmes import SolverError
 from ..calibrated import Calibration, Gain, Gyros, Open, Parameter, Turn
@@ -19,12 +22,12 @@ from ..errors import InputError
 from ..motion.inspect import AtTable
 from ..motion.rests import check_meaning
 from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
-from ..records.rests import position_record_of
-from ..rounding import exactly
+from ..records.comments import INERTIAL
+from ..records.rests import position_record_of, without_turns
+from ..rounding import exactly, upwards
 from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets
 from .estimates import Solution, solve
-from .in_motion import InMotion
-from .latency import lag_targets, with_motion
+from .in_motion import InMotion, lag_targets, with_motion
 from .model import Linearisation
 from .targets import Target, error_weights
 from .turns import WithTurns, turns_of, with_turns
@@ -36,6 +39,8 @@ WORDS = {
     "L": ("gyro-lag", "s"),
 }
 """Name and unit of the gyros' parameters by their symbols' letter; the diagonal of M are scale-factor errors."""
+OF_AXES = ("X3", "X8", "-X12", "X13")
+"""Targets whose errors turn the block by an angle that depends on the table's; what stays in the base drops out."""
 GAINED = 0.99
 """A guaranteed error that becomes smaller than this part of itself is a gain."""
 ANGLES_DEG = {"latitude_deg": 90.0, "azimuth_deg": 360.0}
@@ -88,19 +93,19 @@ class Bench:
 
         An InputError for an option without the place, or one that contradicts where the record says it was measured.
         """
-        told: dict[str, Any] = {}
+        place: dict[str, Any] = {}
         if isinstance(record, PositionRecord) and isinstance(record.raw, BenchRecord):
-            told = said_of_place(record.raw)
-        said = {name: value for name, value in options.items() if value not in (None, "instantaneous")}
-        for name in ANGLES_DEG.keys() & said.keys() & told.keys():
-            if abs(math.remainder(said[name] - told[name], 360.0)) > SAME_DEG:
+            place = said_of_place(record.raw)
+        chosen = {name: value for name, value in options.items() if value not in (None, "instantaneous")}
+        for name in ANGLES_DEG.keys() & chosen.keys() & place.keys():
+            if abs(math.remainder(chosen[name] - place[name], 360.0)) > SAME_DEG:
                 raise InputError(
-                    f"--{name.replace('_', '-')} {exactly(said[name])}: {record.path} says '# {name}: "
-                    f"{exactly(told[name])}'; leave the option out, or correct that line"
+                    f"--{name.replace('_', '-')} {exactly(chosen[name])}: {record.path} says '# {name}: "
+                    f"{exactly(place[name])}'; leave the option out, or correct that line"
                 )
-        if told.keys() | said.keys() >= ANGLES_DEG.keys():
-            return cls(**told | said)
-        if name := next(iter(said), None):
+        if place.keys() | chosen.keys() >= ANGLES_DEG.keys():
+            return cls(**place | chosen)
+        if name := next(iter(chosen), None):
             raise InputError(
                 f"--{name.replace('_', '-')}: gyros are calibrated where --latitude-deg and --azimuth-deg are given"
             )
@@ -109,14 +114,14 @@ class Bench:
 
 def said_of_place(raw: RawRecord | PositionRecord | StrapdownRecord) -> dict[str, float]:
     """What comment lines of a record say of its place, and of how well turns are measured there."""
-    found = {}
+    numbers = {}
     for name in (*ANGLES_DEG, "gyro_noise", "encoder_bound"):
         if (text := raw.about.get(name)) is not None:
             try:
-                found[name] = float(text)
+                numbers[name] = float(text)
             except ValueError:
                 raise InputError(f"{raw.path}: '# {name}: {text[:40]}': a number must stand there") from None
-    return found
+    return numbers
 
 
 def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **options: Any) -> Calibration:
@@ -127,32 +132,38 @@ def calibrate_whole(record: PositionRecord, bench: Bench | None = None, **option
     """
     is_of_bench = isinstance(record.raw, BenchRecord)
     if bench is None:
-        found = calibrate(record, **options)
-        said = f"{record.path}: its gyros are not looked at; --latitude-deg and --azimuth-deg calibrate them too"
-        return found.model_copy(update={"warnings": [*found.warnings, said]}) if is_of_bench else found
+        calibration = calibrate(record, **options)
+        warning = f"{record.path}: its gyros are not looked at; --latitude-deg and --azimuth-deg calibrate them too"
+        return (
+            calibration.model_copy(update={"warnings": [*calibration.warnings, warning]})
+            if is_of_bench
+            else calibration
+        )
     if not is_of_bench:
         raise InputError(f"--latitude-deg: {record.path} has no gyros; a bench record (w1_radps, ...) is needed")
-    asked = Asked(**options)
-    if asked.priors:
+    request = Asked(**options)
+    if request.priors:
         raise InputError(
-            f"--prior {asked.priors[0]}: is of accelerometers alone; leave out where {record.path} was measured "
+            f"--prior {request.priors[0]}: is of accelerometers alone; leave out where {record.path} was measured "
             "(--latitude-deg, its comment line)"
         )
-    found = calibrate(record, **options)
-    whole = fit_whole(found.linearised, record, bench, found.noise_bound)
-    made = with_gyros(found, record, bench, whole, asked)
-    return _with_latency(made, record, bench, whole)
+    calibration = calibrate(record, **options)
+    system = fit_whole(calibration.linearised, record, bench, calibration.noise_bound)
+    with_turns_too = with_gyros(calibration, record, bench, system, request)
+    return _with_latency(with_turns_too, record, bench, system)
 
 
 def judged_at_table(raw: BenchRecord, gravity: float) -> AtTable:
     """What the rests of a bench record say of its accelerometers, with σ as the record tells it; gravity [m/s²]."""
     try:
         rests = position_record_of(raw)
-        found = calibrate(rests, gravity=gravity)
+        calibration = calibrate(rests, gravity=gravity)
     except InputError as error:
         return AtTable(verdict="insufficient", positions=0, lacks=str(error))
-    known = {"noise_bound": found.noise_bound, "noise_bound_basis": found.sigma.basis}
-    return AtTable(verdict=found.verdict, positions=found.positions or 0, radius=found.radius, **known)
+    sigma = {"noise_bound": calibration.noise_bound, "noise_bound_basis": calibration.sigma.basis}
+    return AtTable(
+        verdict=calibration.verdict, positions=calibration.positions or 0, radius=calibration.radius, **sigma
+    )
 
 
 def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_bound: float) -> WithTurns:
@@ -168,38 +179,40 @@ def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_
     return with_turns(alone, turns, str(record.path))
 
 
-def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: WithTurns, asked: Asked) -> Calibration:
+def with_gyros(
+    calibration: Calibration, record: PositionRecord, bench: Bench, system: WithTurns, request: Asked
+) -> Calibration:
     """The calibration of a bench record's accelerometers taken together with its gyros, as they are fitted `here`."""
-    raw, alone = record.raw, found.linearised
+    raw, alone = record.raw, calibration.linearised
     assert isinstance(raw, BenchRecord)
-    targets = wanted_targets(alone.parametrisation, asked)
-    wanted = [widened(target, len(here.point)) for target in (*targets, *gyro_targets(here.own))]
+    targets = wanted_targets(alone.parametrisation, request)
+    of_whole = [widened(target, len(system.point)) for target in (*targets, *gyro_targets(system.own))]
     of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
-    slack = reading_uncertainty(record.written_to(found.gravity))
+    slack = reading_uncertainty(record.written_to(calibration.gravity))
     try:
-        solution = solve(here, wanted, slack, found.noise_bound, of_errors)
+        solution = solve(system, of_whole, slack, calibration.noise_bound, of_errors)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --gyro-noise in rad/s?") from error
     count, contradicted = len(targets), solution.contradicted
     of_gyros = solution.parameters[count:]
-    pairs = zip(solution.parameters[:count], found.parameters, strict=True)
-    of_bench = [_no_wider(both, before) for both, before in pairs]
+    pairs = zip(solution.parameters[:count], calibration.parameters, strict=True)
+    of_bench = [_no_wider(together, before) for together, before in pairs]
     changed: dict[str, Any] = {
         "radius": solution.radius,
-        "stands_with_sigma": solution.radius * found.noise_bound,
+        "stands_with_sigma": solution.radius * calibration.noise_bound,
         "gyros": Gyros(
-            pieces=len(here.turns.first),
-            noise_basis=here.turns.basis,
-            encoder_bound_rad=bench.encoder_within(found.noise_bound),
+            pieces=len(system.turns.first),
+            noise_basis=system.turns.basis,
+            encoder_bound_rad=bench.encoder_within(calibration.noise_bound),
             latitude_deg=float(bench.latitude_deg),
             azimuth_deg=float(bench.azimuth_deg),
-            gains=[] if contradicted else _gains(found.parameters, of_bench),
-            witness=_turns(here, raw.time_s, solution) if contradicted else [],
+            gains=[] if contradicted else _gains(calibration.parameters, of_bench),
+            witness=_turns(system, raw.time_s, solution) if contradicted else [],
         ),
-        "parameters": [*(found.parameters if found.verdict == "insufficient" else of_bench), *of_gyros],
-        "open": [*found.open, *_open(of_gyros)],
+        "parameters": [*(calibration.parameters if calibration.verdict == "insufficient" else of_bench), *of_gyros],
+        "open": [*calibration.open, *_open(of_gyros)],
     }
-    if contradicted and found.verdict == "consistent":
+    if contradicted and calibration.verdict == "consistent":
         changed |= {
             "verdict": "falsified",
             "estimator": "least squares",
@@ -208,29 +221,31 @@ def with_gyros(found: Calibration, record: PositionRecord, bench: Bench, here: W
         }
     if not contradicted:
         changed["reading_errors"] = solution.reading_errors
-    return found.model_copy(update=changed)
+    return calibration.model_copy(update=changed)
 
 
-def _with_latency(found: Calibration, record: PositionRecord, bench: Bench, here: WithTurns) -> Calibration:
+def _with_latency(calibration: Calibration, record: PositionRecord, bench: Bench, system: WithTurns) -> Calibration:
     """A calibration of the whole IMU with the accelerometers' latency, as what they read in motion tells it."""
-    moving = InMotion.of(record, found.linearised, found.gravity, bench.encoder_within(found.noise_bound))
-    slack = reading_uncertainty(record.written_to(found.gravity))
+    moving = InMotion.of(
+        record, calibration.linearised, calibration.gravity, bench.encoder_within(calibration.noise_bound)
+    )
+    slack = reading_uncertainty(record.written_to(calibration.gravity))
     try:
-        lags = lag_targets(len(here.point))
-        solution = solve(with_motion(here, moving, found.gravity), lags, slack, found.noise_bound)
+        lags = lag_targets(len(system.point))
+        solution = solve(with_motion(system, moving, calibration.gravity), lags, slack, calibration.noise_bound)
     except SolverError as error:
         warning = f"the accelerometers' latency is not told: {error}"
-        return found.model_copy(update={"warnings": [*found.warnings, warning]})
-    parameters, warnings = solution.parameters, found.warnings
-    if solution.contradicted and found.verdict != "falsified":
+        return calibration.model_copy(update={"warnings": [*calibration.warnings, warning]})
+    parameters, warnings = solution.parameters, calibration.warnings
+    if solution.contradicted and calibration.verdict != "falsified":
         parameters = [parameter.model_copy(update={"estimate": None}) for parameter in parameters]
         warnings = [*warnings, NO_LAG]
     changed = {
-        "parameters": [*found.parameters, *parameters],
-        "open": [*found.open, *_open(parameters)],
+        "parameters": [*calibration.parameters, *parameters],
+        "open": [*calibration.open, *_open(parameters)],
         "warnings": warnings,
     }
-    return found.model_copy(update=changed)
+    return calibration.model_copy(update=changed)
 
 
 def _open(parameters: Sequence[Parameter]) -> list[Open]:
@@ -243,7 +258,7 @@ def gyro_names() -> list[tuple[str, str]]:
     return [(target.symbol, target.unit) for target in gyro_targets(0)]
 
 
-def gyro_targets(own: int) -> list[Target]:
+def gyro_targets(before: int) -> list[Target]:
     """Each of the gyros' parameters, which come behind so many of bench and accelerometers."""
     targets = []
     for k, symbol in enumerate(GYRO_PARAMETERS):
@@ -251,8 +266,8 @@ def gyro_targets(own: int) -> list[Target]:
         place = symbol[1:]
         if name == "gyro-misalignment" and place[0] == place[1]:
             name, unit, place = "gyro-scale-factor-error", "1", place[0]
-        weights = np.zeros(own + len(GYRO_PARAMETERS))
-        weights[own + k] = 1.0
+        weights = np.zeros(before + len(GYRO_PARAMETERS))
+        weights[before + k] = 1.0
         targets.append(Target(symbol, f"{name}-{place}" if place else name, unit, weights))
     return targets
 
@@ -262,31 +277,88 @@ def widened(target: Target, count: int) -> Target:
     return Target(target.symbol, target.name, target.unit, np.pad(target.weights, (0, count - len(target.weights))))
 
 
-def _no_wider(both: Parameter, alone: Parameter) -> Parameter:
+def _no_wider(together: Parameter, alone: Parameter) -> Parameter:
     """The narrower of what both together and the accelerometers alone guarantee; rounding may favour either."""
-    if both.estimate is None or both.low is None or both.high is None or alone.low is None or alone.high is None:
-        return both
-    low, high = max(both.low, alone.low), min(both.high, alone.high)
-    changed: dict[str, Any] = {"low": low, "high": high, "estimate": min(max(both.estimate, low), high)}
-    if (alone.guaranteed_error or 0.0) < (both.guaranteed_error or 0.0):
+    if (
+        together.estimate is None
+        or together.low is None
+        or together.high is None
+        or alone.low is None
+        or alone.high is None
+    ):
+        return together
+    low, high = max(together.low, alone.low), min(together.high, alone.high)
+    changed: dict[str, Any] = {"low": low, "high": high, "estimate": min(max(together.estimate, low), high)}
+    if (alone.guaranteed_error or 0.0) < (together.guaranteed_error or 0.0):
         changed |= {"a_priori": alone.a_priori, "guaranteed_error": alone.guaranteed_error}
-    return both.model_copy(update=changed)
+    return together.model_copy(update=changed)
 
 
-def _gains(alone: Sequence[Parameter], both: Sequence[Parameter]) -> list[Gain]:
+def _gains(alone: Sequence[Parameter], together: Sequence[Parameter]) -> list[Gain]:
     """The targets that turns make known better."""
     gains = []
-    for parameter, other in zip(alone, both, strict=True):
-        before, after = parameter.guaranteed_error, other.guaranteed_error
+    for parameter, improved in zip(alone, together, strict=True):
+        before, after = parameter.guaranteed_error, improved.guaranteed_error
         if before is not None and after is not None and after < GAINED * before:
             gains.append(Gain(symbol=parameter.symbol, accelerometers_alone=before, with_gyros=after))
     return gains
 
 
-def _turns(here: WithTurns, time: NDArray, solution: Solution) -> list[Turn]:
+def _turns(system: WithTurns, time: NDArray, solution: Solution) -> list[Turn]:
     """Return the pieces whose duals prove a falsification."""
-    behind, turns = here.reading.size, here.turns
-    proof = np.flatnonzero((np.abs(solution.duals) * here.bound > 1e-9)[behind:])
+    behind, turns = system.reading.size, system.turns
+    proof = np.flatnonzero((np.abs(solution.duals) * system.bound > 1e-9)[behind:])
     begin, end = time[turns.first[proof // 3]].tolist(), time[turns.last[proof // 3]].tolist()
     gyros = (proof % 3 + 1).tolist()
     return [Turn(gyro=gyro, from_s=a, to_s=b) for gyro, a, b in zip(gyros, begin, end, strict=True)]
+
+
+def attitudes(
+    targets: NDArray, time: NDArray, alpha: NDArray, beta: NDArray, mounting: NDArray, earth: NDArray
+) -> NDArray[np.float64]:
+    """Attitude (N, 4) of the block against inertial space, unit quaternions, scalar first, body to reference.
+
+    Parameters
+    ----------
+    targets : (18,) array
+        in the order of `TARGETS`
+    time, alpha, beta : (N,) array
+        [s]; encoder readings [rad]
+    mounting, earth : (3, 3), (3,) array
+        Q; Earth's rotation in axes of the base [rad/s], whose axes are the reference at time zero
+    """
+    kappa, shift, epsilon = targets[:3]
+
+    def about(axis: int, angle: NDArray | float) -> Rotation:
+        return Rotation.from_rotvec(np.atleast_1d(angle)[:, None] * np.eye(3)[axis])
+
+    base = Rotation.from_rotvec(time[:, None] * earth) * about(1, kappa)
+    inner = base * about(0, alpha - shift) * about(1, epsilon) * about(2, beta)
+    block = inner * Rotation.from_matrix(mounting.T) * Rotation.from_rotvec(targets[14:11:-1])
+    return block.as_quat()[:, [3, 0, 1, 2]]
+
+
+def strapdown_by_table(calibration: Calibration, record: PositionRecord, bench: Bench | None) -> StrapdownRecord:
+    """The strapdown record of a bench record, with the true attitude by the table as it was calibrated.
+
+    Its comments say that the attitude is inertial, and by how much it may err at a row. An InputError for a calibration
+    that is not consistent, or not of the gyros too.
+    """
+    raw = record.raw
+    if not isinstance(raw, BenchRecord) or calibration.gyros is None or bench is None:
+        raise InputError("--strapdown: is of a bench record with --latitude-deg and --azimuth-deg")
+    if calibration.verdict != "consistent":
+        raise InputError(f"--strapdown: the calibration is {calibration.verdict}: no table tells a true attitude")
+    parameters = {e.symbol: e for e in calibration.parameters}
+    if any(symbol not in parameters for symbol in TARGETS):
+        raise InputError("--strapdown: is of --convention A1 and --baseline asymmetric")
+    values = np.array([parameters[symbol].estimate for symbol in TARGETS], dtype=float)
+    errors = np.array([parameters[symbol].error_bound for symbol in OF_AXES], dtype=float)
+    earth = earth_in_base(math.radians(bench.latitude_deg), math.radians(bench.azimuth_deg))
+    (mounting,) = calibration.mountings.values()
+    angles = without_turns(raw.alpha), without_turns(raw.beta)
+    attitude = attitudes(values, raw.time_s - raw.time_s[0], *angles, np.array(mounting), earth)
+    bound = math.sqrt(2.0) * calibration.gyros.encoder_bound + float(errors.sum())
+    key, value = INERTIAL
+    comments = {key: value, "attitude_bound_arcmin": upwards(bound / ARCMIN, 2)}
+    return replace(raw.gyros, attitude=attitude, about={**raw.about, **comments})

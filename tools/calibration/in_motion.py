@@ -3,6 +3,10 @@
 Over a few rows over which both axes speed up steadily, or not at all, a parabola is fitted to each reading; its value
 in the middle is that of one more position, at which the block turns. Beside σ it errs by the rows' own scatter, by what
 the encoder and the time stamp of the middle row are off, and by what a parabola cannot follow of a wave of gravity.
+
+Beside rests and turns these readings make one system. In it all accelerometers lag by one time behind the encoders, and
+the place of each in the block follows from how its reading depends on rate and acceleration. The interval of the lag is
+guaranteed; the intervals of all other parameters stay those of rests and turns.
 """
 
 from dataclasses import dataclass, replace
@@ -10,13 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench_turns import rates_of_turning
-from ...models.effects import MotionRows
+from ...models.bench import SYMMETRIC_PAIRS, TARGETS
+from ...models.bench_turns import GYRO_PARAMETERS, LAG, rates_of_turning
+from ...models.effects import CATALOGUE, MotionRows
+from ..calibrated import LATENCIES
 from ..motion.rest_noise import factor_for
 from ..motion.rests import sampling_of
 from ..records import BenchRecord, PositionRecord
 from ..records.rests import without_turns
-from .model import Linearisation, Parametrisation, Positions, predicted_input, predicted_reading
+from .model import Linearisation, Parametrisation, Positions, predicted_input, predicted_reading, reading_jacobian
+from .targets import Target
+from .turns import ROUNDS, STILL, WithTurns, fitted_step
 
 HALF_S, HALF_RAD, FEWEST = 0.08, 0.08, 3
 """To either side of the middle so much time [s] and turn [rad] is taken, and at least so many rows."""
@@ -35,6 +43,11 @@ UNTOLD = 1.0
 """Bound of a reading of which nothing is said, as where the input's sign is not sure [g]."""
 SLOW = 0.02
 """An axis that turns by less [rad/s] hardly turns."""
+FURTHER = ("A", *(f"r{p}{k}" for p in (1, 2, 3) for k in (1, 2, 3)))
+"""Lag of the accelerometers [s]; places of each of them from where the axes cross [m]."""
+PLAUSIBLE = np.array([1e-2, *[0.1] * 9])
+NEAR = 1e-4
+"""So far [s] before and after a moment."""
 QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
 """What a parabola over angles of -1 to 1 rad lacks of a wave of up to 1.5 g in the middle [g]."""
 
@@ -58,7 +71,7 @@ class InMotion:
     senses: NDArray[np.float64]
 
     @staticmethod
-    def of(record: PositionRecord, here: Linearisation, gravity: float, encoder_bound: float) -> "InMotion":
+    def of(record: PositionRecord, linearised: Linearisation, gravity: float, encoder_bound: float) -> "InMotion":
         """What a bench record says between its rests, linearised `here`; an encoder's error is within a bound [rad]."""
         raw = record.raw
         assert isinstance(raw, BenchRecord)
@@ -69,19 +82,22 @@ class InMotion:
         value, gain = _parabola(reading, rows, half)
         off = encoder_bound + sampling.jitter_max * np.abs(rate)
         at = Positions(angles[rows, 0], angles[rows, 1], np.zeros(len(rows), dtype=int))
-        slopes = np.abs(slopes_by_angles(here.parametrisation, here.point, at))
+        slopes = np.abs(slopes_by_angles(linearised.parametrisation, linearised.point, at))
         wave = QUARTIC * (half * sampling.period * np.abs(rate).sum(axis=1)) ** 4
         noise = factor_for(3 * len(rows)) * gain[:, None] * _scatter(reading, record)
-        bound = float(here.bound.min()) + noise + (slopes * off[:, None]).sum(axis=2) + wave[:, None]
-        bound[~_one_sign(here, angles, rows, half)] = UNTOLD
+        bound = float(linearised.bound.min()) + noise + (slopes * off[:, None]).sum(axis=2) + wave[:, None]
+        bound[~_one_sign(linearised, angles, rows, half)] = UNTOLD
         # A reading may be a mean since the row before.
         span = rows[:, None] + np.array([-half - 1, half])
-        found = InMotion(rows, span, angles[rows], value, bound, rate, acceleration, np.zeros_like(value))
-        lags, point = (half + 1.0) * sampling.period * np.array([1.0, 0.0, -1.0]), (here.parametrisation, here.point)
-        grown = np.stack([-found.by_lag(*point, lag).reshape(-1, 3) for lag in lags.tolist()])
+        unsigned = InMotion(rows, span, angles[rows], value, bound, rate, acceleration, np.zeros_like(value))
+        lags, point = (
+            (half + 1.0) * sampling.period * np.array([1.0, 0.0, -1.0]),
+            (linearised.parametrisation, linearised.point),
+        )
+        grown = np.stack([-unsigned.by_lag(*point, lag).reshape(-1, 3) for lag in lags.tolist()])
         least = CERTAIN * np.abs(rate).max(axis=1, initial=0.0)[:, None]
         rising, falling = (grown > least).all(axis=0), (grown < -least).all(axis=0)
-        return replace(found, senses=rising.astype(float) - falling)
+        return replace(unsigned, senses=rising.astype(float) - falling)
 
     def at(self, lag: float) -> Positions:
         """Where the table stood a lag [s] earlier."""
@@ -108,7 +124,7 @@ def _steady_rows(
     time: NDArray, angles: NDArray, reading: NDArray, record: PositionRecord, encoder_bound: float
 ) -> tuple[NDArray, int, NDArray, NDArray]:
     """Rows (W,) in motion, rows to either side, and rates and accelerations (W, 2) of both axes there."""
-    used = [rest for rest in record.rests if rest.refused is None]
+    rests = [rest for rest in record.rests if rest.refused is None]
     period = float(np.median(np.diff(time)))
     fastest = float(np.quantile(np.abs(np.diff(angles, axis=0)).sum(axis=1), 0.99)) / period
     half = max(FEWEST, int(min(HALF_S, HALF_RAD / max(fastest, SLOW)) / period))
@@ -117,27 +133,27 @@ def _steady_rows(
     bent = np.abs(np.diff(angles, 2, axis=0)).max(initial=0.0) - 4.0 * encoder_bound
     unseen = (UNSEEN * STEADY * encoder_bound / max(bent / period**2, SLOW)) ** 0.5
     wide = half + 1 + int(np.ceil(unseen / period))
-    if len(used) < 2 or len(time) < 4 * wide:
+    if len(rests) < 2 or len(time) < 4 * wide:
         return np.zeros(0, int), half, np.zeros((0, 2)), np.zeros((0, 2))
     lags = period * np.arange(-wide, wide + 1)
     inverse = np.linalg.pinv(np.vander(lags, 3, increasing=True))
     windows = np.lib.stride_tricks.sliding_window_view(angles, 2 * wide + 1, axis=0)
-    seen = np.abs(angles[2 * wide :] - angles[: -2 * wide]).max(axis=1) > SLOW * 2 * wide * period
-    for rest in used:
-        seen[max(rest.first - 2 * wide, 0) : rest.last + 1] = False
+    turning = np.abs(angles[2 * wide :] - angles[: -2 * wide]).max(axis=1) > SLOW * 2 * wide * period
+    for rest in rests:
+        turning[max(rest.first - 2 * wide, 0) : rest.last + 1] = False
     even = np.abs(time[2 * wide :] - time[: -2 * wide] - 2 * wide * period) < 0.5 * period
     # Windows that overlap by three quarters say hardly more than each other.
-    first = np.flatnonzero(seen & even)[:: max(half // 2, 1)]
+    first = np.flatnonzero(turning & even)[:: max(half // 2, 1)]
     terms = windows[first] @ inverse.T
-    left = windows[first] - terms @ np.vander(lags, 3, increasing=True).T
+    misfit = windows[first] - terms @ np.vander(lags, 3, increasing=True).T
     forces = np.lib.stride_tricks.sliding_window_view(reading, 2 * wide + 1, axis=0)[first]
     one_sign = (np.abs(np.sign(forces).sum(axis=2)) == 2 * wide + 1).all(axis=1)
-    good = (np.abs(left).max(axis=(1, 2)) <= STEADY * encoder_bound) & one_sign
+    good = (np.abs(misfit).max(axis=(1, 2)) <= STEADY * encoder_bound) & one_sign
     rows, rate, acceleration = first[good] + wide, terms[good, :, 1], 2.0 * terms[good, :, 2]
-    between = np.searchsorted([rest.first for rest in used], rows)
-    gone = np.floor(np.append(0.0, np.abs(np.diff(angles, axis=0)).sum(axis=1)).cumsum()[rows] / APART)
+    between = np.searchsorted([rest.first for rest in rests], rows)
+    travel = np.floor(np.append(0.0, np.abs(np.diff(angles, axis=0)).sum(axis=1)).cumsum()[rows] / APART)
     largest = np.abs(acceleration).max(initial=0.0)
-    kinds = np.column_stack([between, gone, np.round(2.0 * acceleration / max(largest, 1e-9))])
+    kinds = np.column_stack([between, travel, np.round(2.0 * acceleration / max(largest, 1e-9))])
     _, chosen = np.unique(kinds, axis=0, return_index=True)
     chosen = np.sort(chosen)
     if len(chosen) > MOST:
@@ -145,11 +161,11 @@ def _steady_rows(
     return rows[chosen], half, rate[chosen], acceleration[chosen]
 
 
-def _one_sign(here: Linearisation, angles: NDArray, rows: NDArray, half: int) -> NDArray[np.bool_]:
+def _one_sign(linearised: Linearisation, angles: NDArray, rows: NDArray, half: int) -> NDArray[np.bool_]:
     """Whether (W, 3) inputs have one sign, surely, over the rows that readings at rows (W,) are of."""
     over = angles[rows + np.array([[-half - 1], [0], [half]])]
-    at = [Positions(one[:, 0], one[:, 1], np.zeros(len(rows), dtype=int)) for one in over]
-    inputs = np.stack([predicted_input(here.parametrisation, here.point, one) for one in at])
+    at = [Positions(pair[:, 0], pair[:, 1], np.zeros(len(rows), dtype=int)) for pair in over]
+    inputs = np.stack([predicted_input(linearised.parametrisation, linearised.point, pair) for pair in at])
     return np.all(inputs > SURE, axis=0) | np.all(inputs < -SURE, axis=0)
 
 
@@ -163,11 +179,96 @@ def _parabola(reading: NDArray, rows: NDArray, half: int) -> tuple[NDArray, NDAr
 
 def _scatter(reading: NDArray, record: PositionRecord) -> NDArray[np.float64]:
     """Standard deviation (3,) of single readings about the means of their rests."""
-    kept = [reading[rest.kept] for rest in record.rests if rest.refused is None]
-    return np.sqrt(np.median([np.var(own, axis=0) for own in kept], axis=0))
+    at_rest = [reading[rest.kept] for rest in record.rests if rest.refused is None]
+    return np.sqrt(np.median([np.var(of_rest, axis=0) for of_rest in at_rest], axis=0))
 
 
 def slopes_by_angles(parametrisation: Parametrisation, point: NDArray, at: Positions) -> NDArray[np.float64]:
     """Derivatives (N, 3, 2) of readings by the angles, at a point (P,)."""
     from_angles = [replace(at, **{name: getattr(at, name) + 1j * 1e-30}) for name in ("alpha", "beta")]
-    return np.stack([np.imag(predicted_reading(parametrisation, point, one)) / 1e-30 for one in from_angles], axis=2)
+    return np.stack(
+        [np.imag(predicted_reading(parametrisation, point, moved)) / 1e-30 for moved in from_angles], axis=2
+    )
+
+
+@dataclass(frozen=True)
+class WithMotion(WithTurns):
+    """Rests, turns and, behind them, readings in motion, with the parameters `FURTHER` behind those of the gyros.
+
+    `gravity` is the model value [m/s²].
+    """
+
+    moving: InMotion
+    gravity: float
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return (*super().symbols, *FURTHER)
+
+    def residual_at(self, point: NDArray) -> NDArray:
+        """Exact residuals of readings at rest [g], integrals [rad] and readings in motion [g] at another point."""
+        at, sign, arms = self._moved(point)
+        predicted = predicted_reading(self.parametrisation, point[: self.own], at, sign)
+        in_motion = (self.moving.reading - predicted).ravel() - arms @ point[-9:]
+        return np.append(super().residual_at(point[: -len(FURTHER)]), in_motion)
+
+    def jacobian_at(self, point: NDArray) -> NDArray:
+        """Exact derivatives at another point, but for how scale factors change what a place adds."""
+        x, lag = point[: self.own], float(point[-len(FURTHER)])
+        at, sign, arms = self._moved(point)
+        by_bench = reading_jacobian(self.parametrisation, x, at, sign).reshape(-1, self.own)
+        later, before = (self._moved(point, side * NEAR)[2] for side in (1.0, -1.0))
+        by_lag = self.moving.by_lag(self.parametrisation, x, lag) + (later - before) @ point[-9:] / (2.0 * NEAR)
+        none = np.zeros((len(by_bench), len(GYRO_PARAMETERS)))
+        rows = np.hstack([by_bench, none, by_lag[:, None], arms])
+        before = np.pad(super().jacobian_at(point[: -len(FURTHER)]), ((0, 0), (0, len(FURTHER))))
+        return np.vstack([before, rows])
+
+    def _moved(self, point: NDArray, later: float = 0.0) -> tuple[Positions, NDArray, NDArray[np.float64]]:
+        """Where the table stood, signs (W, 3) of the inputs, and what a metre of each place adds (3 W, 9) [g].
+
+        An accelerometer reads what its own place adds along its axis and, misaligned, along the others'.
+        """
+        lag, places = float(point[-len(FURTHER)]) + later, point[-9:].reshape(3, 3)
+        targets, at = self.parametrisation.selection[0] @ point[: self.own], self.moving.at(lag)
+        x = dict(zip(TARGETS, targets, strict=True))
+        rows = self.moving.motion(self.turns.block_axes(targets), float(x["X3"]), self.gravity, lag)
+        effect = CATALOGUE["lever-arm"]
+        by_place = np.stack([effect.signature(place, rows)[:, p] for p, place in enumerate(effect.places)], axis=1)
+        n = predicted_input(self.parametrisation, point[: self.own], at) + np.einsum("wpk,pk->wp", by_place, places)
+        slopes = np.tile(np.eye(3), (len(n), 1, 1))
+        slopes[:, 1, 0], slopes[:, 2, 0], slopes[:, 2, 1] = x["X6+X8"], x["X7+X12"], x["X11+X13"]
+        for p, (plus, minus) in enumerate(SYMMETRIC_PAIRS):
+            slopes[:, p, p] += np.where(n[:, p] >= 0.0, x[plus], x[minus])
+        arms = np.zeros((len(n), 3, 3, 3))
+        for p in range(3):
+            arms[:, p, p] = np.einsum("wq,wqk->wk", slopes[:, p], by_place)
+        return at, np.where(n >= 0.0, 1, -1), arms.reshape(-1, 9)
+
+
+def with_motion(system: WithTurns, moving: InMotion, gravity: float) -> WithMotion:
+    """The model of rests and turns with readings in motion, fitted together by least squares; gravity [m/s²]."""
+    point, bound = np.append(system.point, np.zeros(len(FURTHER))), np.append(system.bound, moving.bound)
+    fitted, sizes = WithMotion(**vars(system), moving=moving, gravity=gravity), np.append(system.sizes, PLAUSIBLE)
+    for _ in range(ROUNDS):
+        fitted, step = fitted_step(fitted, point, bound, sizes)
+        point = point + step
+        if np.abs(step / sizes).max() < STILL:
+            break
+    return fitted
+
+
+def lag_targets(count: int) -> list[Target]:
+    """The accelerometers' lag behind the encoders, and the gyros' behind the accelerometers.
+
+    That many parameters are those of bench, accelerometers and gyros.
+    """
+    behind = np.zeros(count + len(FURTHER))
+    behind[count] = 1.0
+    between = -behind
+    between[count - len(GYRO_PARAMETERS) + LAG] = 1.0
+    return [
+        Target(LATENCIES[0], "accelerometer-lag", "s", behind),
+        Target(LATENCIES[1], "gyro-lag-behind-accelerometers", "s", between),
+    ]

@@ -69,9 +69,9 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
     """The mountings of a TOML file, `[name] matrix = [[...], [...], [...]]` for each; an InputError for any other."""
     if not path.exists():
         raise InputError(f"--mounting {path}: neither a file nor a preset ({nearest(str(path), tuple(PRESETS))})")
-    data = bytes_of(path, "a file of mountings is needed", label=f"--mounting {path}", most=LARGEST_TEXT)
+    content_bytes = bytes_of(path, "a file of mountings is needed", label=f"--mounting {path}", most=LARGEST_TEXT)
     try:
-        content = tomllib.loads(data.decode("utf-8"))
+        content = tomllib.loads(content_bytes.decode("utf-8"))
     except UnicodeDecodeError as error:
         raise InputError(f"--mounting {path}: not UTF-8 text") from error
     except (ValueError, RecursionError) as error:
@@ -91,34 +91,34 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
     return mountings
 
 
-def mountings_of(given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
+def mountings_of(mounting: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
     """The matrices (3, 3) of mountings by name, of a preset, or of a TOML file; an InputError for any other."""
-    if not isinstance(given, str):
-        return {name: checked_mounting(q, f"mounting '{name}'") for name, q in given.items()}
-    return {given: PRESETS[given]} if given in PRESETS else read_mounting_file(Path(given))
+    if not isinstance(mounting, str):
+        return {name: checked_mounting(q, f"mounting '{name}'") for name, q in mounting.items()}
+    return {mounting: PRESETS[mounting]} if mounting in PRESETS else read_mounting_file(Path(mounting))
 
 
-def mountings_for(record: PositionRecord, given: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
+def mountings_for(record: PositionRecord, choice: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
     """The matrix (3, 3) of every mounting of a record, in the order in which they first appear.
 
     The record's `mounting` column, where it has one, names them; else there is one entry. Given are matrices by name, a
     preset's name, or the path of a TOML file. An InputError for an unreadable file, a matrix that is no rotation, a
     mounting of the record without a matrix.
     """
-    option = given if isinstance(given, str) else ""
+    option = choice if isinstance(choice, str) else ""
     preset, source = option in PRESETS, f"--mounting {option}" if option else "mounting"
-    known = given if not isinstance(given, str) else PRESETS if preset else read_mounting_file(Path(given))
+    available = choice if not isinstance(choice, str) else PRESETS if preset else read_mounting_file(Path(choice))
     if record.mounting is None:
         if preset:
             return {option: PRESETS[option]}
-        if option and len(known) > 1:
+        if option and len(available) > 1:
             raise InputError(
-                f"{record.path}: has no column mounting, and --mounting {option} holds {len(known)} mountings "
-                f"({', '.join(known)}); give a file with one, or the column"
+                f"{record.path}: has no column mounting, and --mounting {option} holds {len(available)} mountings "
+                f"({', '.join(available)}); give a file with one, or the column"
             )
-        if len(known) != 1:
+        if len(available) != 1:
             raise InputError(f"{record.path}: has no column mounting, so exactly one mounting must be given")
-        return mountings_of(known)
+        return mountings_of(available)
     names = tuple(dict.fromkeys(record.mounting))
     if preset and len(names) == 1 and names[0] not in PRESETS:
         return {names[0]: PRESETS[option]}
@@ -128,13 +128,13 @@ def mountings_for(record: PositionRecord, given: Mapping[str, ArrayLike] | str) 
             "give a TOML file with a matrix for each name"
         )
     for name in names:
-        if name not in known:
+        if name not in available:
             row = int(record.row[record.mounting.index(name)])
             raise InputError(
                 f"{record.path}: row {row}, column mounting: {source} has no mounting '{name}' "
-                f"({nearest(name, tuple(known))}); give a TOML file with [{name}] matrix = [[...], [...], [...]]"
+                f"({nearest(name, tuple(available))}); give a TOML file with [{name}] matrix = [[...], [...], [...]]"
             )
-    return mountings_of({name: known[name] for name in names})
+    return mountings_of({name: available[name] for name in names})
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ class Positions:
 
     def selected(self, rows: NDArray | slice) -> "Positions":
         """Some of them."""
-        return replace(self, **{name: own[rows] for name, own in vars(self).items() if own is not None})
+        return replace(self, **{name: column[rows] for name, column in vars(self).items() if column is not None})
 
 
 def every_position(p: Parametrisation, angles: NDArray) -> Positions:
@@ -232,11 +232,11 @@ def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
         first, count = of(slice(BLOCK)), len(at.alpha)
         if count <= BLOCK:
             return first
-        whole = np.empty((count, *first.shape[1:]), first.dtype)
-        whole[:BLOCK] = first
+        values = np.empty((count, *first.shape[1:]), first.dtype)
+        values[:BLOCK] = first
         for start in range(BLOCK, count, BLOCK):
-            whole[start : start + BLOCK] = of(slice(start, start + BLOCK))
-        return whole
+            values[start : start + BLOCK] = of(slice(start, start + BLOCK))
+        return values
 
     return evaluated
 
@@ -319,8 +319,8 @@ class Linearisation:
     def rows_of(self, positions: NDArray) -> NDArray[np.int_]:
         """The rows of some positions (n,), and all that stand behind those of the readings."""
         count = self.reading.size
-        own = 3 * positions[3 * positions < count, None] + np.arange(3)
-        return np.append(own.ravel(), np.arange(count, len(self.bound)))
+        of_readings = 3 * positions[3 * positions < count, None] + np.arange(3)
+        return np.append(of_readings.ravel(), np.arange(count, len(self.bound)))
 
     def selected(self, rows: NDArray) -> Self:
         """The same of some rows, as `rows_of` has them."""
@@ -380,5 +380,5 @@ def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     """
     rows, missing = shortened(jacobian), max(0, jacobian.shape[1] - len(jacobian))
     _, values, directions = np.linalg.svd(np.pad(rows, ((0, missing), (0, 0))), full_matrices=False)
-    kept = values > least_singular(noise_bound)
-    return np.eye(len(directions)) if kept.all() else directions[kept].T
+    large = values > least_singular(noise_bound)
+    return np.eye(len(directions)) if large.all() else directions[large].T

@@ -95,8 +95,8 @@ class Target:
 def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
     """The targets of the paper under convention "A1" or "A2"; the mounting's once for each mounting."""
     targets = []
-    for own in p.symbols:
-        target, at, mounting = own.partition("@")
+    for parameter in p.symbols:
+        target, at, mounting = parameter.partition("@")
         symbol = SYMMETRIC_CONVENTION.get(target, target) if convention == "A2" else target
         name, unit = NAMES[symbol]
         symbol = SYMBOL.sub(lambda match, suffix=at + mounting: match[0] + suffix, symbol)
@@ -109,14 +109,14 @@ def asked_targets(expressions: Sequence[str], p: Parametrisation) -> list[Target
 
     An InputError for what is not a linear combination of X1..X18.
     """
-    named = []
+    combinations = []
     for symbol, (name, unit) in NAMES.items():
         with suppress(InputError):
-            named.append((name, unit, expression_weights(symbol, p)))
+            combinations.append((name, unit, expression_weights(symbol, p)))
     targets = []
     for expression in expressions:
         weights = expression_weights(expression, p)
-        fitting = [(n, u) for n, u, known in named if np.array_equal(known, weights)]
+        fitting = [(n, u) for n, u, row in combinations if np.array_equal(row, weights)]
         name, unit = fitting[0] if fitting else ("linear-combination", _common_unit(weights, p))
         targets.append(Target(" ".join(expression.split()), name, unit, weights))
     return targets
@@ -139,7 +139,7 @@ def expression_weights(expression: str, p: Parametrisation, option: str = "--tar
     if len(expression) > MAX_EXPRESSION:
         raise InputError(f"{where}: longer than {MAX_EXPRESSION} characters")
     results = [_Expression(expression, where, p, k).weights() for k in range(len(p.mountings))]
-    if any(not np.allclose(other, results[0], rtol=1e-12, atol=0.0) for other in results[1:]):
+    if any(not np.allclose(weights, results[0], rtol=1e-12, atol=0.0) for weights in results[1:]):
         raise InputError(
             f"{where}: X6, X7, X8, X11, X12 and X13 differ by mounting; write X8@{p.mountings[0]} "
             f"(mountings: {', '.join(p.mountings)})"
@@ -177,9 +177,9 @@ class _Expression:
     def _taken(self, signs: str) -> str:
         """The next sign where it is one of these, passed by; else nothing."""
         sign = self._peek()
-        taken = sign if sign and sign in signs else ""
-        self._at += len(taken)
-        return taken
+        passed = sign if sign and sign in signs else ""
+        self._at += len(passed)
+        return passed
 
     def _peek(self) -> str:
         while self._at < len(self._text) and self._text[self._at] in " \t":
@@ -195,14 +195,14 @@ class _Expression:
     def _product(self) -> NDArray:
         value = self._factor()
         while sign := self._taken("*/"):
-            other = self._factor()
+            factor = self._factor()
             if sign == "/":
-                if other[:-1].any() or other[-1] == 0.0:
+                if factor[:-1].any() or factor[-1] == 0.0:
                     self._refuse("divides by a parameter or by zero; a target is linear, as X6/3")
-                other[-1] = 1.0 / other[-1]
-            elif value[:-1].any() and other[:-1].any():
+                factor[-1] = 1.0 / factor[-1]
+            elif value[:-1].any() and factor[:-1].any():
                 self._refuse("multiplies two parameters; a target is linear, as 2*X4")
-            value = value * other[-1] + np.append(other[:-1] * value[-1], 0.0)
+            value = value * factor[-1] + np.append(factor[:-1] * value[-1], 0.0)
             if not np.isfinite(value).all():
                 self._refuse("its numbers are too large")
         return value
@@ -242,8 +242,8 @@ class _Expression:
             rest = self._text[self._at + 1 :]
             fitting = [name for name in self._p.mountings if rest.startswith(name)]
             if not fitting:
-                given = re.match(r"[\w-]*", rest)
-                hint = nearest(given[0] if given else rest, self._p.mountings)
+                word = re.match(r"[\w-]*", rest)
+                hint = nearest(word[0] if word else rest, self._p.mountings)
                 self._refuse(f"{symbol}@: there is no such mounting ({hint})")
             name = max(fitting, key=len)
             if symbol not in (*IN_TARGETS, "X8", "X13"):
@@ -270,12 +270,12 @@ def error_weights(p: Parametrisation) -> NDArray:
     """Weights (39, P) of (Γ n + b) of each of the `corners`, by the parameters of the fit."""
     rows = np.zeros((len(corners()), len(TARGETS)))
     for row, (accelerometer, n) in zip(rows, corners(), strict=True):
-        own = accelerometer - 1
-        plus, minus = SYMMETRIC_PAIRS[own]
-        row[TARGETS.index(plus if n[own] > 0 else minus)] += n[own]
-        for c, target in enumerate(MISALIGNMENT_TARGETS[own]):
+        axis = accelerometer - 1
+        plus, minus = SYMMETRIC_PAIRS[axis]
+        row[TARGETS.index(plus if n[axis] > 0 else minus)] += n[axis]
+        for c, target in enumerate(MISALIGNMENT_TARGETS[axis]):
             row[TARGETS.index(target)] += n[c]
-        row[TARGETS.index(BIAS_TARGETS[own])] += 1.0
+        row[TARGETS.index(BIAS_TARGETS[axis])] += 1.0
     # the block is the same in every mounting
     return rows @ p.selection[0]
 
@@ -337,27 +337,27 @@ def asked_priors(texts: Sequence[str], p: Parametrisation, bounds: tuple[float, 
 def parameter_limits(symbols: Sequence[str], bounds: tuple[float, float], priors: Sequence[Prior] = ()) -> NDArray:
     """How large each parameter (P,) may be: u^max or v^0max of (1.7), or what a prior on it alone says."""
     limits = np.array([bounds[0] if symbol in ("X1", "X2", "X3") else bounds[1] for symbol in symbols])
-    said: dict[int, float] = {}
+    by_prior: dict[int, float] = {}
     for prior in priors:
         if np.count_nonzero(prior.weights) == 1:
             k = int(np.argmax(np.abs(prior.weights)))
-            said[k] = min(said.get(k, math.inf), prior.limit / abs(prior.weights[k]))
-    for k, limit in said.items():
+            by_prior[k] = min(by_prior.get(k, math.inf), prior.limit / abs(prior.weights[k]))
+    for k, limit in by_prior.items():
         limits[k] = limit
     return limits
 
 
-def with_priors(here: Linearisation, priors: Sequence[Prior]) -> Linearisation:
+def with_priors(linearised: Linearisation, priors: Sequence[Prior]) -> Linearisation:
     """The linearisation with the priors' rows; itself when there are none."""
     if not priors:
-        return here
+        return linearised
     rows = np.array([prior.weights for prior in priors])
-    jacobian = np.vstack([here.jacobian, rows])
-    values = {own.name: getattr(here, own.name) for own in fields(here)} | {
-        "residual": np.append(here.residual, -rows @ here.point),
+    jacobian = np.vstack([linearised.jacobian, rows])
+    values = {field.name: getattr(linearised, field.name) for field in fields(linearised)} | {
+        "residual": np.append(linearised.residual, -rows @ linearised.point),
         "jacobian": jacobian,
-        "bound": np.append(here.bound, [prior.limit for prior in priors]),
+        "bound": np.append(linearised.bound, [prior.limit for prior in priors]),
         # a direction that a prior bounds is bounded, however loosely
-        "span": determined(jacobian, float(here.bound.min())),
+        "span": determined(jacobian, float(linearised.bound.min())),
     }
     return WithPriors(**values, prior=rows)

@@ -102,8 +102,8 @@ class Turns:
         turns[0, 0], turns[1, 1], turns[2, 3] = 1.0, -1.0, 1.0
         still = gyros.copy()
         still[LAG] = 0.0
-        read = integrated_readings(targets, still, turns, np.zeros((2, *turns.shape)), self.mounting, self.earth)
-        return read.T
+        readings = integrated_readings(targets, still, turns, np.zeros((2, *turns.shape)), self.mounting, self.earth)
+        return readings.T
 
 
 def turns_of(
@@ -139,19 +139,19 @@ def turns_of(
     assert isinstance(raw, BenchRecord)
     gyros = raw.gyros
     sampling = sampling_of(gyros)
-    used = [rest for rest in record.rests if rest.refused is None]
-    if len(used) < 2:
-        raise InputError(f"{raw.path}: has {len(used)} rest that can be used; turns go from one rest to another")
+    rests = [rest for rest in record.rests if rest.refused is None]
+    if len(rests) < 2:
+        raise InputError(f"{raw.path}: has {len(rests)} rest that can be used; turns go from one rest to another")
     time = raw.time_s
     alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
     angle = np.zeros((len(time), 3))
-    taken = raw.increment[1:] if raw.increment is not None else mean_rates(gyros, rates) * np.diff(time)[:, None]
-    np.cumsum(taken, axis=0, out=angle[1:])
+    steps = raw.increment[1:] if raw.increment is not None else mean_rates(gyros, rates) * np.diff(time)[:, None]
+    np.cumsum(steps, axis=0, out=angle[1:])
     coning = np.zeros_like(angle)
-    np.cumsum(np.cross(taken[:-1], taken[1:]), axis=0, out=coning[2:])
+    np.cumsum(np.cross(steps[:-1], steps[1:]), axis=0, out=coning[2:])
     sums = integrated_angles(time, alpha, beta)
     swung = np.cumsum([motion_of(values, encoder_bound) for values in (alpha, beta)], axis=1)
-    ends = [_within(rest) for rest in used]
+    ends = [_within(rest) for rest in rests]
     for (_, begin), (end, _) in pairwise(list(ends)):
         ends.append((begin, end))
         if cuts := _steady_rows(time, alpha, beta, begin, end):
@@ -160,8 +160,8 @@ def turns_of(
     gap = np.cumsum(np.append(False, np.diff(time) > 1.5 * sampling.period))
     limits = sampling.limits.of("w")
     clipped = np.cumsum(limits)
-    kept = [(a, b) for a, b in ends if all(c[a] == c[b] for c in (broken, gap, clipped))]
-    first, last = np.array(kept, dtype=int).T
+    sound = [(a, b) for a, b in ends if all(c[a] == c[b] for c in (broken, gap, clipped))]
+    first, last = np.array(sound, dtype=int).T
     turning = [slopes_of(values, time) for values in (alpha, beta)]
     faster = [slopes_of(values, time) for values in turning]
     growth = growth_of(np.stack([alpha, beta]), np.stack(turning), np.stack(faster))
@@ -210,13 +210,13 @@ def _smear(lag: float, period: float) -> float:
 
 def _noise(gyros: StrapdownRecord, sampling: Sampling, seconds: NDArray) -> NDArray[np.float64]:
     """Bounds (S,) of the gyros' noise over pieces [rad], from what they do within rests."""
-    found = rest_noise(rates_of(gyros), gyros.time_s, find_rests(gyros, sampling), sampling.period)
-    if found is None:
+    noise = rest_noise(rates_of(gyros), gyros.time_s, find_rests(gyros, sampling), sampling.period)
+    if noise is None:
         raise InputError(
             f"{gyros.path}: its rests are too few or too short to tell the gyros' noise; give --gyro-noise, the bound "
             "of a mean over one second [rad/s]"
         )
-    return factor_for(3 * len(seconds)) * np.sqrt(found.angle_square(seconds))
+    return factor_for(3 * len(seconds)) * np.sqrt(noise.angle_square(seconds))
 
 
 def _within(rest: Rest) -> tuple[int, int]:
@@ -227,12 +227,12 @@ def _within(rest: Rest) -> tuple[int, int]:
 
 def motion_of(angle: NDArray, bound: float) -> NDArray[np.float64]:
     """How far an axis has gone since the row before (N,) [rad]; what an encoder's error may make is none."""
-    gone, at = np.zeros(len(angle)), angle[0]
+    travel, at = np.zeros(len(angle)), angle[0]
     far = np.flatnonzero(np.abs(np.diff(angle, prepend=at)) > 0.0)
     for k in far.tolist():
         if abs(angle[k] - at) > SEEN * bound:
-            gone[k], at = abs(angle[k] - at), angle[k]
-    return gone
+            travel[k], at = abs(angle[k] - at), angle[k]
+    return travel
 
 
 def _bends(angle: NDArray) -> NDArray[np.float64]:
@@ -269,16 +269,16 @@ def _steady_rows(time: NDArray, alpha: NDArray, beta: NDArray, begin: int, end: 
         return np.stack([(a[high] - a[low]) / (time[high] - time[low]) for a in (alpha, beta)])
 
     # Where a short move is fastest the rates to either side are alike, and less.
-    here = rate(0)
-    changes = np.ptp([rate(-2 * BESIDE), here, rate(2 * BESIDE)], axis=0).max(axis=0)
-    fast = np.abs(here).max(axis=0)
+    middle = rate(0)
+    changes = np.ptp([rate(-2 * BESIDE), middle, rate(2 * BESIDE)], axis=0).max(axis=0)
+    fast = np.abs(middle).max(axis=0)
     steady = (changes <= STEADY * fast) & (fast > 0.5 * fast.max())
     good = rows[steady]
     if not len(good):
         return []
-    gone = np.abs(alpha[good] - alpha[good[0]]) + np.abs(beta[good] - beta[good[0]])
-    parts = max(2, int(gone[-1] / APART))
-    at = np.searchsorted(gone, np.linspace(0.0, gone[-1], parts + 1)[1:-1])
+    travel = np.abs(alpha[good] - alpha[good[0]]) + np.abs(beta[good] - beta[good[0]])
+    parts = max(2, int(travel[-1] / APART))
+    at = np.searchsorted(travel, np.linspace(0.0, travel[-1], parts + 1)[1:-1])
     return np.unique(good[np.minimum(at, len(good) - 1)]).tolist()
 
 
@@ -309,33 +309,33 @@ class WithTurns(Linearisation):
     def residual_at(self, point: NDArray) -> NDArray:
         """Exact residuals of readings [g] and integrals [rad] at another point."""
         x = point[: self.own]
-        left = self.turns.residual(self.parametrisation.selection[0] @ x, point[self.own :])
-        return np.append(super().residual_at(x), left)
+        of_turns = self.turns.residual(self.parametrisation.selection[0] @ x, point[self.own :])
+        return np.append(super().residual_at(x), of_turns)
 
     def jacobian_at(self, point: NDArray) -> NDArray:
         """Exact derivatives at another point."""
         return _joined(super().jacobian_at(point[: self.own]), self, point)
 
 
-def _joined(of_readings: NDArray, here: WithTurns, point: NDArray) -> NDArray:
-    selection = here.parametrisation.selection[0]
-    turned = here.turns.jacobian(selection @ point[: here.own], point[here.own :])
+def _joined(of_readings: NDArray, system: WithTurns, point: NDArray) -> NDArray:
+    selection = system.parametrisation.selection[0]
+    turned = system.turns.jacobian(selection @ point[: system.own], point[system.own :])
     columns = np.hstack([turned[:, : len(selection)] @ selection, turned[:, len(selection) :]])
     return np.vstack([np.pad(of_readings, ((0, 0), (0, len(GYRO_PARAMETERS)))), columns])
 
 
-def with_turns(here: Linearisation, turns: Turns, where: str) -> WithTurns:
+def with_turns(linearised: Linearisation, turns: Turns, where: str) -> WithTurns:
     """Readings and integrals fitted together by least squares, and linearised at the fit.
 
     An InputError that begins with `where` for gyros that do not follow the table.
     """
-    selection, count = here.parametrisation.selection[0], len(here.point)
-    point = np.append(here.point, np.zeros(len(GYRO_PARAMETERS)))
-    values = {own.name: getattr(here, own.name) for own in fields(here)}
-    found = WithTurns(**values, turns=turns)
+    selection, count = linearised.parametrisation.selection[0], len(linearised.point)
+    point = np.append(linearised.point, np.zeros(len(GYRO_PARAMETERS)))
+    values = {field.name: getattr(linearised, field.name) for field in fields(linearised)}
+    fitted = WithTurns(**values, turns=turns)
     for _ in range(ROUNDS):
-        bound = np.append(here.bound, turns.bound(selection @ point[:count], point[count:]))
-        found, step = fitted_step(found, point, bound, found.sizes)
+        bound = np.append(linearised.bound, turns.bound(selection @ point[:count], point[count:]))
+        fitted, step = fitted_step(fitted, point, bound, fitted.sizes)
         point = point + step
         matrix = point[count:][MATRIX]
         if np.abs(matrix).max() > LARGEST:
@@ -345,9 +345,9 @@ def with_turns(here: Linearisation, turns: Turns, where: str) -> WithTurns:
                 f"{digits(float(matrix[worst] + (worst % 4 == 0)), 2)} times the turn about axis {worst % 3 + 1}; give "
                 "order, signs or units by --channels, as w=2,1,-3 or w=deg"
             )
-        if np.abs(step / found.sizes).max() < STILL:
+        if np.abs(step / fitted.sizes).max() < STILL:
             break
-    return found
+    return fitted
 
 
 def fitted_step(model: Model, point: NDArray, bound: NDArray, sizes: NDArray) -> tuple[Model, NDArray]:
@@ -358,8 +358,8 @@ def fitted_step(model: Model, point: NDArray, bound: NDArray, sizes: NDArray) ->
     residual, jacobian = model.residual_at(point), model.jacobian_at(point)
     rows = np.asarray(np.linalg.qr(np.column_stack([jacobian, residual]) / bound[:, None], mode="r"))
     span = _determined(rows[:, :-1], sizes)
-    made = replace(model, point=point, bound=bound, residual=residual, jacobian=jacobian, span=span)
-    return made, span @ np.linalg.lstsq(rows[:, :-1] @ span, rows[:, -1], rcond=None)[0]
+    at_point = replace(model, point=point, bound=bound, residual=residual, jacobian=jacobian, span=span)
+    return at_point, span @ np.linalg.lstsq(rows[:, :-1] @ span, rows[:, -1], rcond=None)[0]
 
 
 def _determined(rows: NDArray, sizes: NDArray) -> NDArray:
@@ -368,7 +368,7 @@ def _determined(rows: NDArray, sizes: NDArray) -> NDArray:
     The identity where they determine everything.
     """
     _, values, directions = np.linalg.svd(rows * sizes, full_matrices=False)
-    kept = values > 1.0
-    if kept.all() and len(values) == len(sizes):
+    large = values > 1.0
+    if large.all() and len(values) == len(sizes):
         return np.eye(len(sizes))
-    return np.linalg.qr(directions[kept].T / sizes[:, None])[0]
+    return np.linalg.qr(directions[large].T / sizes[:, None])[0]

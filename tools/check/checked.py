@@ -23,45 +23,45 @@ def check(path: Path | str, channels: Sequence[str] = ()) -> Check:
     """
     path = Path(path)
     ending = path.suffix.lower()
-    data = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
-    found = Findings(path)
-    if data.startswith(ZIP) and not is_workbook(data):
-        (_check_ssp if ending == ".ssp" else _check_fmu)(found)
+    content = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
+    findings = Findings(path)
+    if content.startswith(ZIP) and not is_workbook(content):
+        (_check_ssp if ending == ".ssp" else _check_fmu)(findings)
     elif ending in (".fmu", ".ssp"):
-        found.kind = "FMU" if ending == ".fmu" else "SSP archive"
-        found.add(f"is not a ZIP archive, which an {ending} is")
+        findings.kind = "FMU" if ending == ".fmu" else "SSP archive"
+        findings.add(f"is not a ZIP archive, which an {ending} is")
     else:
         # An archive of somebody else is refused before the half of the program is imported that reads records.
         from .files import check_content
 
-        return found.check(check_content(found, data, channels))
-    return found.check()
+        return findings.check(check_content(findings, content, channels))
+    return findings.check()
 
 
-def _check_fmu(found: Findings) -> None:
+def _check_fmu(findings: Findings) -> None:
     """What FMPy's validation and the orchestrator's own say of an FMU; nothing of it is run."""
-    found.kind = "FMU"
-    with own_folder() as folder, found.of():
+    findings.kind = "FMU"
+    with own_folder() as folder, findings.of():
         # Before anything else opens the archive: this refuses what is not safe to unpack.
-        described = unpack(found.path, str(found.path), lambda _: folder / "fmu").description
-        interface = interface_of("fmu", str(found.path), described)
-        for text in validate_fmu(str(found.path)):
-            found.add(" ".join(text.split()))
+        described = unpack(findings.path, str(findings.path), lambda _: folder / "fmu").description
+        interface = interface_of("fmu", str(findings.path), described)
+        for text in validate_fmu(str(findings.path)):
+            findings.add(" ".join(text.split()))
         counts = {c: sum(v.causality == c for v in interface.variables.values()) for c in ("input", "output")}
-        if not found.problems:
+        if not findings.problems:
             tool = described.generationTool or "an unnamed tool"
-            found.summary = (
+            findings.summary = (
                 f"{described.modelName}, FMI {described.fmiVersion}, by {tool}",
                 f"{len(interface.variables)} variables, {counts['input']} inputs, {counts['output']} outputs",
             )
 
 
-def _check_ssp(found: Findings) -> None:
+def _check_ssp(findings: Findings) -> None:
     """Whether an .ssp can be read as a scenario; nothing of it is run."""
-    found.kind = "SSP archive"
-    with found.of(), scenario_of_ssp(found.path) as (scenario, ignored):
-        found.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
-        found.summary = (
+    findings.kind = "SSP archive"
+    with findings.of(), scenario_of_ssp(findings.path) as (scenario, ignored):
+        findings.warnings = tuple(f"parameter {name} names nothing in the system" for name in ignored)
+        findings.summary = (
             f"FMUs: {', '.join(scenario.fmus)}",
             f"{len(scenario.connections)} connections, step {exactly(scenario.run.step_s)} s",
         )

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ValidationError
 from ...fmus.parameters import CALIBRATIONS, JOINT_SCHEMA, RENAMED, calibration_of, of_one_record, target_estimates
 from ...fmus.units import STANDARD_GRAVITY
 from ..calibrated import Calibration
+from ..calibration.calibration import channels_advice
 from ..calibration.correction import correction_of
-from ..calibration.exchanged import channels_advice
 from ..calibration.model import Positions, checked_mounting, parametrise
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
@@ -69,109 +69,109 @@ MOST = 200
 """So many problems of a record are listed."""
 
 
-def check_content(found: Findings, data: bytes, channels: Sequence[str]) -> int | None:
+def check_content(findings: Findings, content: bytes, channels: Sequence[str]) -> int | None:
     """Note what is wrong with a file that is no archive; so many problems of it are listed, all without a number.
 
     A scenario, campaign or file of mountings (TOML); a calibration, diagnosis or plan (JSON); anything else is a table.
     """
-    ending = found.path.suffix.lower()
+    ending = findings.path.suffix.lower()
     if ending not in (".toml", ".json"):
-        _check_table(found, data, channels)
+        _check_table(findings, content, channels)
         return MOST
     try:
-        text = data.decode("utf-8-sig").replace("\r\n", "\n")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        found.add(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", line=line)
+        line = content[: error.start].count(b"\n") + 1
+        findings.add(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", line=line)
     else:
-        (_check_json if ending == ".json" else _check_toml)(found, text)
+        (_check_json if ending == ".json" else _check_toml)(findings, text)
     return None
 
 
-def _check_toml(found: Findings, text: str) -> None:
+def _check_toml(findings: Findings, text: str) -> None:
     """A scenario, a campaign or a file of mountings."""
     try:
-        data = tomllib.loads(text)
+        content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        said, _, place = str(error).partition(" (at line ")
+        problem, _, place = str(error).partition(" (at line ")
         line = place.partition(",")[0]
-        found.add(f"is not TOML: {said}", line=int(line) if line.isdigit() else None)
+        findings.add(f"is not TOML: {problem}", line=int(line) if line.isdigit() else None)
         return
     except (ValueError, RecursionError) as error:
-        found.add(f"is not TOML: {error}")
+        findings.add(f"is not TOML: {error}")
         return
-    found.lines = toml_lines(text)
-    schema = data.get("schema")
-    for name, said in not_for_files(data, Campaign if schema == CAMPAIGN else Scenario).items():
-        found.add(said, (name,))
-        del data[name]
+    findings.lines = toml_lines(text)
+    schema = content.get("schema")
+    for name, problem in not_for_files(content, Campaign if schema == CAMPAIGN else Scenario).items():
+        findings.add(problem, (name,))
+        del content[name]
     if schema == CAMPAIGN:
-        found.kind = "campaign"
+        findings.kind = "campaign"
         try:
-            Campaign.model_validate(data)
+            Campaign.model_validate(content)
         except ValidationError as error:
             for where, text in field_problems(error, Campaign):
-                found.add(text, where)
-    elif schema == SCENARIO or "fmus" in data or "run" in data:
-        found.kind = "scenario"
-        if "schema" not in data:
-            found.add(f'schema is missing; write schema = "{SCENARIO}"')
-        check_scenario(data, found)
-    elif schema is None and data and all(isinstance(v, dict) and "matrix" in v for v in data.values()):
-        found.kind, found.summary = "file of mountings", (f"mountings {', '.join(data)}",)
-        for name, table in data.items():
+                findings.add(text, where)
+    elif schema == SCENARIO or "fmus" in content or "run" in content:
+        findings.kind = "scenario"
+        if "schema" not in content:
+            findings.add(f'schema is missing; write schema = "{SCENARIO}"')
+        check_scenario(content, findings)
+    elif schema is None and content and all(isinstance(v, dict) and "matrix" in v for v in content.values()):
+        findings.kind, findings.summary = "file of mountings", (f"mountings {', '.join(content)}",)
+        for name, table in content.items():
             for key in table:
                 if key != "matrix":
-                    found.add(f"{name}.{key}: unknown key; write matrix = [[...], [...], [...]]", (name, key))
-            with found.of((name, "matrix")):
+                    findings.add(f"{name}.{key}: unknown key; write matrix = [[...], [...], [...]]", (name, key))
+            with findings.of((name, "matrix")):
                 checked_mounting(table["matrix"], f"[{name}]")
     elif schema is None:
-        found.add(f'schema is missing; as "{SCENARIO}"')
+        findings.add(f'schema is missing; as "{SCENARIO}"')
     else:
-        found.add(f"schema: {schema!r} is not known; {nearest(str(schema), [SCENARIO, CAMPAIGN])}", ("schema",))
+        findings.add(f"schema: {schema!r} is not known; {nearest(str(schema), [SCENARIO, CAMPAIGN])}", ("schema",))
 
 
-def _check_table(found: Findings, data: bytes, channels: Sequence[str]) -> None:
+def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) -> None:
     """A table of measured or commanded numbers, CSV or Parquet.
 
     Of a record every field that is wrong, by row; of a series without such fields also the limits of its channels, and
     whether a raw record has rests.
     """
-    names = [] if data.startswith(MAGIC) else _header(data)
+    names = [] if content.startswith(MAGIC) else _header(content)
     if names and not set(names) & {*FORCE, *VELOCITY} and set(names) & {*ANGLES, "time_s"}:
-        _check_commands(found, names)
+        _check_commands(findings, names)
         return
 
     def listed():
         """The faults; what the reader has at its end is the columns."""
         nonlocal columns
-        columns = yield from all_faults(found.path, data)
+        columns = yield from all_faults(findings.path, content)
 
     columns: Columns | None = None
     for fault in listed():
-        found.add(f"column {fault.column}: {fault.what}" if fault.column is not None else fault.what, line=fault.row)
-    found.kind = "record" if columns is None else columns.layout.kind.name
+        findings.add(f"column {fault.column}: {fault.what}" if fault.column is not None else fault.what, line=fault.row)
+    findings.kind = "record" if columns is None else columns.layout.kind.name
     if columns is None:
         return
-    found.warnings = extra_warning(columns)
-    if found.problems:
+    findings.warnings = extra_warning(columns)
+    if findings.problems:
         return
-    found.warnings += warnings(columns)
-    there = [name for name in columns.layout.present if name in (names or read_parquet_schema(BytesIO(data)))]
-    found.summary = (f"{len(columns.row)} rows, columns {', '.join(there)}",)
-    record = read_record(found.path, channels=channels)
-    found.warnings += tuple(line for line in record.warnings if line not in found.warnings)
+    findings.warnings += warnings(columns)
+    present = [name for name in columns.layout.present if name in (names or read_parquet_schema(BytesIO(content)))]
+    findings.summary = (f"{len(columns.row)} rows, columns {', '.join(present)}",)
+    record = read_record(findings.path, channels=channels)
+    findings.warnings += tuple(line for line in record.warnings if line not in findings.warnings)
     if isinstance(record, PositionRecord):
-        found.warnings += channels_warning(record)
+        findings.warnings += channels_warning(record)
         return
-    found.warnings += tuple(limits_of(record).lines)
+    findings.warnings += tuple(limits_of(record).lines)
     if isinstance(record, StrapdownRecord):
-        found.warnings += channels_warning(record)
+        findings.warnings += channels_warning(record)
         return
-    with found.of():
+    with findings.of():
         averaged = position_record_of(record)
-        found.warnings += channels_warning(averaged)
-        found.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)
+        findings.warnings += channels_warning(averaged)
+        findings.summary += (f"{len(averaged.rests)} rests, {len(averaged)} of them good",)
 
 
 def channels_warning(
@@ -184,8 +184,8 @@ def channels_warning(
     rows, or no rests, tells nothing.
     """
     if isinstance(record, StrapdownRecord):
-        said = wrong_channels(inspect_record(record)) if len(record) >= FEWEST_ROWS else ()
-        return (*said, *downward_warning(record))
+        advice = wrong_channels(inspect_record(record)) if len(record) >= FEWEST_ROWS else ()
+        return (*advice, *downward_warning(record))
     if isinstance(record, RawRecord):
         try:
             record = position_record_of(record)
@@ -194,13 +194,13 @@ def channels_warning(
     if record.mounting is not None or mounting is None:
         return ()
     at = Positions(record.alpha, record.beta, np.zeros(len(record), dtype=int))
-    said = channels_advice(record, record.specific_force / STANDARD_GRAVITY, parametrise({"": mounting}), at)
-    return (said,) if said else ()
+    advice = channels_advice(record, record.specific_force / STANDARD_GRAVITY, parametrise({"": mounting}), at)
+    return (advice,) if advice else ()
 
 
-def _header(data: bytes) -> list[str]:
+def _header(content: bytes) -> list[str]:
     """The names in the first written line; none where there is no text."""
-    lines = data[:100_000].decode("utf-8-sig", "replace").splitlines()
+    lines = content[:100_000].decode("utf-8-sig", "replace").splitlines()
     written = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     try:
         return [name.strip() for name in next(csv.reader([written]))]
@@ -208,42 +208,42 @@ def _header(data: bytes) -> list[str]:
         return []
 
 
-def _check_commands(found: Findings, names: list[str]) -> None:
+def _check_commands(findings: Findings, names: list[str]) -> None:
     """A table without readings: a position programme, the angles of a plan that were set, or rows for inputs."""
-    found.kind = "position programme" if set(names) <= {*ANGLES, "dwell_s"} else "table of numbers"
+    findings.kind = "position programme" if set(names) <= {*ANGLES, "dwell_s"} else "table of numbers"
     try:
         if any(name.startswith("planned_") for name in names):
-            found.kind = "angles of a plan"
-            found.summary = (f"{len(read_angles(found.path)[0])} positions",)
+            findings.kind = "angles of a plan"
+            findings.summary = (f"{len(read_angles(findings.path)[0])} positions",)
             return
-        table, _ = read_table(found.path, str(found.path), [name for name in names if name != "mounting"])
+        table, _ = read_table(findings.path, str(findings.path), [name for name in names if name != "mounting"])
     except InputError as error:
-        found.add(str(error).removeprefix(f"{found.path}").lstrip(":, "))
+        findings.add(str(error).removeprefix(f"{findings.path}").lstrip(":, "))
         return
     for value, line in zip(table.columns.get("dwell_s", ()), table.lines, strict=False):
         if value <= 0.0:
-            found.add(f"column 'dwell_s': {exactly(value)} must be positive", line=int(line))
-    found.summary = (f"{len(table.lines)} rows, columns {', '.join(names)}",)
+            findings.add(f"column 'dwell_s': {exactly(value)} must be positive", line=int(line))
+    findings.summary = (f"{len(table.lines)} rows, columns {', '.join(names)}",)
 
 
-def _check_json(found: Findings, text: str) -> None:
+def _check_json(findings: Findings, text: str) -> None:
     """A file of results; one of a schema that is not known is not of this program."""
     try:
         content = json.loads(text, parse_constant=_refused)
     except json.JSONDecodeError as error:
-        found.add(f"is not JSON: {error.msg}, column {error.colno}", line=error.lineno)
+        findings.add(f"is not JSON: {error.msg}, column {error.colno}", line=error.lineno)
         return
     except (ValueError, RecursionError) as error:
-        found.add(f"is not JSON: {error}")
+        findings.add(f"is not JSON: {error}")
         return
     if not isinstance(content, dict) or "schema" not in content:
-        found.add("has no schema; a file of results begins with one")
+        findings.add("has no schema; a file of results begins with one")
         return
-    found.lines, schema = json_lines(text), content["schema"]
+    findings.lines, schema = json_lines(text), content["schema"]
     if not isinstance(schema, str) or schema not in SCHEMAS:
-        found.add(f"schema: {schema!r} cannot be checked; {nearest(str(schema), list(SCHEMAS))}", ("schema",))
+        findings.add(f"schema: {schema!r} cannot be checked; {nearest(str(schema), list(SCHEMAS))}", ("schema",))
         return
-    kind = found.kind = SCHEMAS[schema]
+    kind = findings.kind = SCHEMAS[schema]
     model: type[BaseModel] = MODELS.get(kind, PositionPlan)
     if kind == "plan":
         model = Plans if "plans" in content else Plan if "target" in content else PositionPlan
@@ -251,23 +251,23 @@ def _check_json(found: Findings, text: str) -> None:
     try:
         model.model_validate_json(text, strict=True)
     except ValidationError as error:
-        known = [field.alias or name for name, field in model.model_fields.items()]
-        for place, said in field_problems(error, model):
+        keys = [field.alias or name for name, field in model.model_fields.items()]
+        for place, problem in field_problems(error, model):
             where = former.get(place, place)
-            said = said.replace(dotted(place), dotted(where), 1)
+            problem = problem.replace(dotted(place), dotted(where), 1)
             meant = ""
-            if said.endswith(": is missing"):
-                beside = _at(content, where[:-1])
-                close = get_close_matches(str(where[-1]), [k for k in beside if k not in known], n=1)
+            if problem.endswith(": is missing"):
+                siblings = _at(content, where[:-1])
+                close = get_close_matches(str(where[-1]), [k for k in siblings if k not in keys], n=1)
                 meant = f" (is '{close[0]}' meant?)" if close else ""
-            found.add(said + meant, where)
-    if kind == "calibration" and not found.problems:
+            findings.add(problem + meant, where)
+    if kind == "calibration" and not findings.problems:
         content = calibration_of(content)
         if content.get("of_record"):
-            found.kind = "calibration of several records"
-        _check_calibration(content, found)
-    if not found.problems:
-        found.summary = (_summary_of(kind, content),)
+            findings.kind = "calibration of several records"
+        _check_calibration(content, findings)
+    if not findings.problems:
+        findings.summary = (_summary_of(kind, content),)
 
 
 def _refused(constant: str) -> float:
@@ -281,7 +281,7 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
     return list(content) if isinstance(content, dict) else []
 
 
-def _check_calibration(content: Mapping[str, Any], found: Findings) -> None:
+def _check_calibration(content: Mapping[str, Any], findings: Findings) -> None:
     """What uses of a calibration ask for beside its fields: symbols, intervals, bounds that fit together."""
     try:
         if content["verdict"] == "consistent" and ("reading_errors" in content or "of_record" in content):
@@ -289,11 +289,11 @@ def _check_calibration(content: Mapping[str, Any], found: Findings) -> None:
         else:
             target_estimates(of_one_record(content))
     except (InputError, ValueError) as error:
-        said = str(error).removeprefix("calibration: ")
-        named = (k for k, entry in enumerate(content["parameters"]) if said.startswith(f"{entry.get('symbol')}:"))
-        found.add(said, ("parameters", *list(named)[:1]))
+        problem = str(error).removeprefix("calibration: ")
+        numbers = (k for k, entry in enumerate(content["parameters"]) if problem.startswith(f"{entry.get('symbol')}:"))
+        findings.add(problem, ("parameters", *list(numbers)[:1]))
     except KeyError as error:
-        found.add(f"parameters: lack {error.args[0]!r}", ("parameters",))
+        findings.add(f"parameters: lack {error.args[0]!r}", ("parameters",))
 
 
 def _summary_of(kind: str, content: Mapping[str, Any]) -> str:

@@ -95,7 +95,7 @@ class Findings:
 
     def add(self, text: str, location: Location = (), line: int | None = None) -> None:
         """Note a problem, of a field once."""
-        if line is not None or all(text != known.text for known in self.problems):
+        if line is not None or all(text != problem.text for problem in self.problems):
             self.problems.append(Problem(text=text, line=line_of(self.lines, location) if line is None else line))
 
     @contextmanager
@@ -130,9 +130,9 @@ def named_location(text: str) -> Location:
     """The location of the dotted name that a message begins with."""
     location: list[int | str] = []
     at = 0
-    while found := _PART.match(text, at):
-        location.append(found[1] if found[1] is not None else int(found[2]) - 1)
-        at = found.end()
+    while match := _PART.match(text, at):
+        location.append(match[1] if match[1] is not None else int(match[2]) - 1)
+        at = match.end()
     return tuple(location)
 
 
@@ -147,7 +147,7 @@ def line_of(lines: Mapping[Location, int], location: Location) -> int | None:
 def toml_lines(text: str) -> dict[Location, int]:
     """Location -> line, counted from 1, of every table and key of a TOML file that `tomllib` reads, with line feeds."""
     lines = text.split("\n")
-    found: dict[Location, int] = {}
+    line_at: dict[Location, int] = {}
     tables: dict[Location, int] = {}
     section: Location = ()
     row = 0
@@ -158,14 +158,14 @@ def toml_lines(text: str) -> dict[Location, int]:
         elif written.startswith("["):
             section = _header(written, tables)
             for length in range(1, len(section) + 1):
-                found.setdefault(section[:length], row + 1)
+                line_at.setdefault(section[:length], row + 1)
             row += 1
         else:
             after, statement = _statement(lines, row)
             for location in _locations(statement):
-                found.setdefault((*section, *location), row + 1)
+                line_at.setdefault((*section, *location), row + 1)
             row = after
-    return found
+    return line_at
 
 
 def _header(written: str, tables: dict[Location, int]) -> Location:
@@ -213,7 +213,7 @@ def _locations(value: object) -> Iterator[Location]:
 
 def json_lines(text: str) -> dict[Location, int]:
     """Location -> line, counted from 1, of every member and element of a JSON text that `json` reads."""
-    found: dict[Location, int] = {}
+    line_at: dict[Location, int] = {}
     counted = [0, 1]
 
     def line(at: int) -> int:
@@ -228,7 +228,7 @@ def json_lines(text: str) -> dict[Location, int]:
     def walk(at: int, location: Location) -> int:
         at = blank(at)
         if location:
-            found.setdefault(location, line(at))
+            line_at.setdefault(location, line(at))
         if text[at] not in "{[":
             return json.JSONDecoder().raw_decode(text, at)[1]
         is_object, number = text[at] == "{", 0
@@ -238,7 +238,7 @@ def json_lines(text: str) -> dict[Location, int]:
             if is_object:
                 found_key, at = json.JSONDecoder().raw_decode(text, at)
                 key = str(found_key)
-                found[(*location, key)] = line(at)
+                line_at[(*location, key)] = line(at)
                 at = blank(at) + 1
             at = blank(walk(at, (*location, key)))
             at = blank(at + 1) if text[at] == "," else at
@@ -246,4 +246,4 @@ def json_lines(text: str) -> dict[Location, int]:
         return at + 1
 
     walk(0, ())
-    return found
+    return line_at

@@ -21,16 +21,16 @@ LISTS = ("connections", "stimuli")
 """Lists of a scenario's file whose items are looked at one by one."""
 
 
-def check_scenario(data: dict[str, Any], found: Findings) -> None:
+def check_scenario(content: dict[str, Any], findings: Findings) -> None:
     """Note the problems of a scenario's fields, and of what those say that are right by themselves; nothing is run."""
-    origin = {"base_folder": found.path.parent, "source": found.path}
-    system = _System(found, data)
+    origin = {"base_folder": findings.path.parent, "source": findings.path}
+    system = _System(findings, content)
     try:
-        scenario = Scenario.model_validate({**data, **origin})
+        scenario = Scenario.model_validate({**content, **origin})
     except ValidationError as error:
         wrong = field_problems(error, Scenario)
         for where, text in wrong:
-            found.add(text, where)
+            findings.add(text, where)
         try:
             right = system.without([where for where, _ in wrong])
             scenario = Scenario.model_validate({**right, **origin})
@@ -38,10 +38,10 @@ def check_scenario(data: dict[str, Any], found: Findings) -> None:
             return
     with temporary_folder() as folder:
         system.check(scenario, folder)
-    if not found.problems:
+    if not findings.problems:
         fmus = ", ".join(f"{name} ({setting.component or setting.fmu})" for name, setting in scenario.fmus.items())
         counts = f"{len(scenario.connections)} connections, {len(scenario.stimuli)} stimuli"
-        found.summary = (
+        findings.summary = (
             scenario.title or "no title",
             f"FMUs: {fmus}",
             f"{counts}, step {exactly(scenario.run.step_s)} s",
@@ -55,32 +55,32 @@ class _System:
     by themselves or cannot be had, the others are `loaded`; `wires` are the connections that are right.
     """
 
-    def __init__(self, found: Findings, data: dict[str, Any]):
-        self.found, self.data = found, data
-        self.numbers = {part: list(range(1, len(data.get(part, ())) + 1)) for part in LISTS}
+    def __init__(self, findings: Findings, content: dict[str, Any]):
+        self.found, self.data = findings, content
+        self.numbers = {part: list(range(1, len(content.get(part, ())) + 1)) for part in LISTS}
         self.absent: set[str] = set()
         self.loaded: dict[str, Loaded] = {}
         self.wires: list[Wire] = []
 
     def without(self, wrong: Sequence[Location]) -> dict[str, Any]:
         """What remains without the FMUs, connections, stimuli, columns and keys at these locations."""
-        data = dict(self.data)
+        right = dict(self.data)
         self.absent = {str(where[1]) for where in wrong if where[0] == "fmus" and len(where) > 1}
         if self.absent:
-            data["fmus"] = {name: value for name, value in data["fmus"].items() if name not in self.absent}
+            right["fmus"] = {name: value for name, value in right["fmus"].items() if name not in self.absent}
         for part in LISTS:
             indices = {where[1] for where in wrong if where[0] == part and len(where) > 1}
             if indices:
-                data[part] = [item for k, item in enumerate(data[part]) if k not in indices]
+                right[part] = [item for k, item in enumerate(right[part]) if k not in indices]
                 self.numbers[part] = [number for number in self.numbers[part] if number - 1 not in indices]
         for where in wrong:
             if where[0] == "record" or len(where) == 1:
-                data.pop(str(where[0]), None)
-        return data
+                right.pop(str(where[0]), None)
+        return right
 
     def check(self, scenario: Scenario, folder: Path) -> None:
         """Load the FMUs one by one, then resolve connections, stimuli and columns one by one."""
-        found, sources, coupling = self.found, Sources(scenario.base_folder), scenario.run.coupling
+        findings, sources, coupling = self.found, Sources(scenario.base_folder), scenario.run.coupling
         scenario = self.right_steps(scenario)
         for number, name in enumerate(scenario.fmus):
             loaded = self.load(scenario, name, sources, folder / str(number))
@@ -91,19 +91,19 @@ class _System:
         interfaces = {name: entry.interface for name, entry in self.loaded.items()}
         for number, connection in zip(self.numbers["connections"], scenario.connections, strict=True):
             if self.present(connection.source, connection.target):
-                with found.of(("connections", number - 1), number):
+                with findings.of(("connections", number - 1), number):
                     self.wires += resolve_connections([connection], interfaces)
         if not self.absent:
-            with found.of(("connections",)):
+            with findings.of(("connections",)):
                 groups = stepping_groups(list(interfaces), self.wires, coupling)
-                with found.of():
+                with findings.of():
                     paces_of(scenario, self.loaded, self.wires, groups)
-                with found.of():
+                with findings.of():
                     check_states(groups, self.loaded, coupling)
         self.check_stimuli(scenario, sources)
         for name, text in (scenario.record.columns or {}).items():
             if self.present(text):
-                with found.of(("record", "columns", name)):
+                with findings.of(("record", "columns", name)):
                     resolve_columns({name: text}, interfaces)
 
     def right_steps(self, scenario: Scenario) -> Scenario:
@@ -116,9 +116,9 @@ class _System:
                 right[name] = setting
         return scenario.model_copy(update={"fmus": right})
 
-    def present(self, *named: str) -> bool:
+    def present(self, *variables: str) -> bool:
         """Whether the FMUs of all these variables (`fmu.name`) are there."""
-        return self.absent.isdisjoint(text.partition(".")[0] for text in named)
+        return self.absent.isdisjoint(text.partition(".")[0] for text in variables)
 
     def load(self, scenario: Scenario, name: str, sources: Sources, folder: Path) -> Loaded | None:
         """The FMU with all that is right of its setting; None where it cannot be had at all."""
@@ -130,8 +130,8 @@ class _System:
             with self.found.of((*at, *where), number):
                 target = folder / str(next(numbers))
                 target.mkdir(parents=True)
-                one = setting.model_copy(update={**right, **changed})
-                loaded = load(scenario.model_copy(update={"fmus": {name: one}}), sources, target)[name]
+                changed_setting = setting.model_copy(update={**right, **changed})
+                loaded = load(scenario.model_copy(update={"fmus": {name: changed_setting}}), sources, target)[name]
                 right.update(changed)
                 return loaded
             return None
@@ -140,8 +140,8 @@ class _System:
         if loaded is None:
             return None
         if setting.effects:
-            own = enumerate(setting.effects)
-            effects = [entry for k, entry in own if load_as("effects", k, number=k + 1, effects=[entry])]
+            numbered = enumerate(setting.effects)
+            effects = [entry for k, entry in numbered if load_as("effects", k, number=k + 1, effects=[entry])]
             right["effects"] = []
             loaded = load_as("effects", effects=effects) or loaded
         if setting.parameters_from is not None:
@@ -167,8 +167,8 @@ class _System:
             return False
 
         numbered = zip(self.numbers["stimuli"], scenario.stimuli, strict=True)
-        own = [(k, s) for k, s in numbered if self.present(*(s.columns if s.columns is not None else [str(s.to)]))]
-        for number, stimulus in own:
+        present = [(k, s) for k, s in numbered if self.present(*(s.columns if s.columns is not None else [str(s.to)]))]
+        for number, stimulus in present:
             if stimulus.kind == "programme" and resolve(stimulus, number):
                 programmes.append(stimulus)
         # Without its programmes nothing says when such a run ends; what is wrong with them has been said.
@@ -177,7 +177,7 @@ class _System:
         unknown_end = scenario.run.stop_s is None and not programmes and written
         longest = max(setting.step_s or scenario.run.step_s for setting in scenario.fmus.values())
         step = scenario.run.model_copy(update={"stop_s": scenario.run.start_s + longest})
-        for number, stimulus in own:
+        for number, stimulus in present:
             if stimulus.kind != "programme" and not unknown_end:
                 resolve(stimulus, number)
             elif stimulus.kind == "constant":

@@ -57,9 +57,9 @@ def read_diagnosis(path: Path) -> Diagnosed | None:
 
     An InputError where it is not as its schema says.
     """
-    data = bytes_of(path, most=LARGEST_RESULT)
+    content_bytes = bytes_of(path, most=LARGEST_RESULT)
     try:
-        content = object_of(data, str(path))
+        content = object_of(content_bytes, str(path))
     except InputError:
         return None
     return result_of(content, DIAGNOSES, str(path))
@@ -67,24 +67,24 @@ def read_diagnosis(path: Path) -> Diagnosed | None:
 
 def coefficients_of(cause: Cause) -> NDArray[np.float64]:
     """Linear coefficients (K,) of a cause: of an amplitude and its phase those of cosine and sine."""
-    values, found = list(cause.values), []
+    values, coefficients = list(cause.values), []
     for parameter, value, after in zip(cause.parameters, values, [*values[1:], 0.0], strict=True):
         if parameter.name.endswith("amplitude"):
-            found += [value * np.cos(after), value * np.sin(after)]
+            coefficients += [value * np.cos(after), value * np.sin(after)]
         elif not parameter.name.endswith("phase"):
-            found.append(value)
-    return np.array(found)
+            coefficients.append(value)
+    return np.array(coefficients)
 
 
-def applied_to(found: Diagnosed, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
+def applied_to(diagnosis: Diagnosed, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
     """What a diagnosis names, applied to another record, whose evidence is given.
 
     Of several records what is the instrument's, and what is the record's own where it is one of them. An InputError for
     a diagnosis that names nothing, or a record that cannot be run.
     """
-    if found.verdict != "explained":
-        raise InputError(f"the diagnosis is {found.verdict}: it names nothing that could be applied")
-    if not (causes := found.causes if isinstance(found, Diagnosis) else found.causes_in(record.sha256)):
+    if diagnosis.verdict != "explained":
+        raise InputError(f"the diagnosis is {diagnosis.verdict}: it names nothing that could be applied")
+    if not (causes := diagnosis.causes if isinstance(diagnosis, Diagnosis) else diagnosis.causes_in(record.sha256)):
         raise InputError("the diagnosis names nothing that is the instrument's: what is a run's is of no other record")
     if missing := evidence.missing():
         raise InputError(f"{record.path}: cannot be run: {'; '.join(map(str, missing.get('missing', ())))}")
@@ -98,14 +98,14 @@ def applied_to(found: Diagnosed, record: PositionRecord | StrapdownRecord, evide
         )
         for cause in causes
     )
-    told: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
+    errors: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
     before, after = (evidence.applied(those) for those in ({}, sizes)) if sizes else (None, None)
     if before is not None and after is not None:
         over, unit, scale = evidence.quoted_errors
-        told |= {"over": over, "unit": unit}
+        errors |= {"over": over, "unit": unit}
         for name, error in (("without", before), ("with", after)):
-            told |= {f"{key}_{name}": value for key, value in figures_of(error, scale).items()}
-    return Applied(effects=effects, record=replace(record, **readings) if corrected else None, **told)
+            errors |= {f"{key}_{name}": value for key, value in figures_of(error, scale).items()}
+    return Applied(effects=effects, record=replace(record, **readings) if corrected else None, **errors)
 
 
 def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
@@ -124,8 +124,8 @@ def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python")
     titles = " and ".join(place.title for place in effects)
     try:
         evidence = diagnosis.evidence.including(finding.fit.places)
-        with whole_folder(folder) as beside:
-            written = evidence.extension(finding.fit, effects).write(beside, f"found of a record: {titles}", flavour)
+        with whole_folder(folder) as temporary:
+            written = evidence.extension(finding.fit, effects).write(temporary, f"found of a record: {titles}", flavour)
         return [folder / path.name for path in written]
     except ValueError as error:
         raise InputError(f"--export {folder}: {error}") from error

@@ -103,65 +103,65 @@ def add_to_instrument(
     several records together the last that says it. An InputError for a file that is no such result, for no
     date, another instrument's serial number, a result or record that is there.
     """
-    data = bytes_of(result, most=LARGEST_RESULT)
-    content = object_of(data, str(result))
-    read = _held(content, str(result))
-    by_label = digests_of(read)
+    content_bytes = bytes_of(result, most=LARGEST_RESULT)
+    content = object_of(content_bytes, str(result))
+    parsed = _held(content, str(result))
+    by_label = digests_of(parsed)
     digests = [digest for digest in by_label.values() if digest]
-    said = _said_by(records, result, digests)
-    known = {"date": date, "serial": serial, "temperature": None if temperature is None else str(temperature)}
-    for name in known:
-        told = [one[name] for digest in (digests or said) if (one := said.get(digest, {})).get(name)]
-        known[name] = known[name] or next(reversed(told), None)
+    comments = _said_by(records, result, digests)
+    facts = {"date": date, "serial": serial, "temperature": None if temperature is None else str(temperature)}
+    for name in facts:
+        told = [one[name] for digest in (digests or comments) if (one := comments.get(digest, {})).get(name)]
+        facts[name] = facts[name] or next(reversed(told), None)
         if name == "serial" and serial is None and len(set(told)) > 1:
             raise InputError(f"{result}: its records are of several instruments: {', '.join(dict.fromkeys(told))}")
-    if known["date"] is None:
+    if facts["date"] is None:
         raise InputError(f"{result}: no date: give --date, or --record with a comment line '# date: 2026-11-23'")
-    on = [(label, said.get(digest, {}).get("date")) for label, digest in by_label.items() if label]
+    on = [(label, comments.get(digest, {}).get("date")) for label, digest in by_label.items() if label]
     dates = tuple(OnDate(record=label, date=_minute(date, "--record")) for label, date in on if date)
-    made = Entry(
-        kind="diagnosis" if isinstance(read, Diagnosed) else "calibration",
-        date=_minute(known["date"], "--date"),
-        temperature_degC=_degrees(known["temperature"]),
-        serial=known["serial"],
+    entry = Entry(
+        kind="diagnosis" if isinstance(parsed, Diagnosed) else "calibration",
+        date=_minute(facts["date"], "--date"),
+        temperature_degC=_degrees(facts["temperature"]),
+        serial=facts["serial"],
         verdict=str(content["verdict"]),
-        sha256=hashlib.sha256(data).hexdigest(),
-        record_sha256=" ".join(sorted(digests or said)),
+        sha256=hashlib.sha256(content_bytes).hexdigest(),
+        record_sha256=" ".join(sorted(digests or comments)),
         dates=dates,
-        result=read.to_json() if isinstance(read, Diagnosis) else content,
+        result=parsed.to_json() if isinstance(parsed, Diagnosis) else content,
     )
-    for other in entries_of(folder).entries if folder.exists() else ():
-        if other.sha256 == made.sha256:
-            raise InputError(f"{result}: is there already: {folder / other.file}")
-        if made.record_sha256 and (other.record_sha256, other.kind) == (made.record_sha256, made.kind):
-            raise InputError(f"{result}: a {made.kind} of this record is there already: {folder / other.file}")
-        if made.serial and other.serial and made.serial != other.serial:
-            raise InputError(f"{folder}: is of the instrument {other.serial}, not of {made.serial}")
-    name = f"{made.date.replace(':', '')}-{made.kind}-{made.sha256[:8]}.json"
-    write_text(folder / name, made.json_text())
-    return made.model_copy(update={"file": name})
+    for present in entries_of(folder).entries if folder.exists() else ():
+        if present.sha256 == entry.sha256:
+            raise InputError(f"{result}: is there already: {folder / present.file}")
+        if entry.record_sha256 and (present.record_sha256, present.kind) == (entry.record_sha256, entry.kind):
+            raise InputError(f"{result}: a {entry.kind} of this record is there already: {folder / present.file}")
+        if entry.serial and present.serial and entry.serial != present.serial:
+            raise InputError(f"{folder}: is of the instrument {present.serial}, not of {entry.serial}")
+    name = f"{entry.date.replace(':', '')}-{entry.kind}-{entry.sha256[:8]}.json"
+    write_text(folder / name, entry.json_text())
+    return entry.model_copy(update={"file": name})
 
 
 def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dict[str, dict[str, str]]:
     """What records say of date, temperature and serial number, by their SHA-256; an InputError for other records."""
-    found: dict[str, dict[str, str]] = {}
+    comments: dict[str, dict[str, str]] = {}
     for path in paths:
         measured = read_record(path)
-        if measured.sha256 not in digests if digests else found:
+        if measured.sha256 not in digests if digests else comments:
             raise InputError(f"{path}: is not the record of {result}: its SHA-256 is another")
         about = measured.about
         of_it = {name: about[key] for name, keys in SAID.items() for key in reversed(keys) if key in about}
         if measured.temperature is not None:
             of_it.setdefault("temperature", str(float(measured.temperature.mean())))
-        found[measured.sha256] = of_it
-    return found
+        comments[measured.sha256] = of_it
+    return comments
 
 
 def entries_of(folder: Path) -> Entries:
     """What an instrument's folder holds, in order of the dates; an InputError for a file in it that is no entry."""
     if not folder.is_dir():
         raise InputError(f"{folder}: is no folder")
-    found = []
+    entries = []
     for path in sorted(folder.glob("*.json")):
         content = object_of(bytes_of(path, most=LARGEST_RESULT), str(path))
         entry = result_of(content, {INSTRUMENT: Entry}, str(path))
@@ -169,9 +169,9 @@ def entries_of(folder: Path) -> Entries:
             raise InputError(f"{path}: schema {content.get('schema')!r}: is no entry of an instrument's folder")
         _held(entry.result, f"{path}: result")
         moment(entry.date, f"{path}: date")
-        found.append(entry.model_copy(update={"file": path.name}))
-    found.sort(key=lambda entry: (moment(entry.date, ""), entry.file))
-    return Entries(serial=next((entry.serial for entry in found if entry.serial), None), entries=tuple(found))
+        entries.append(entry.model_copy(update={"file": path.name}))
+    entries.sort(key=lambda entry: (moment(entry.date, ""), entry.file))
+    return Entries(serial=next((entry.serial for entry in entries if entry.serial), None), entries=tuple(entries))
 
 
 def nearest_of_instrument(
@@ -194,8 +194,8 @@ def nearest_of_instrument(
         raise InputError(f"{folder}: holds no {kind or 'entry'}{'' if temperature is None else ' with a temperature'}")
     if temperature is not None:
         return min(of_kind, key=lambda entry: abs((entry.temperature or 0.0) - temperature))
-    wanted = None if date is None else moment(date, "--date")
-    return of_kind[-1] if wanted is None else min(of_kind, key=lambda entry: abs(moment(entry.date, "") - wanted))
+    target = None if date is None else moment(date, "--date")
+    return of_kind[-1] if target is None else min(of_kind, key=lambda entry: abs(moment(entry.date, "") - target))
 
 
 def trend_of_instrument(folder: Path) -> Trend:
@@ -204,21 +204,21 @@ def trend_of_instrument(folder: Path) -> Trend:
     A constant is falsified at the first date whose interval does not meet one before it: of intervals each two of which
     meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
     """
-    held = entries_of(folder)
-    told = [pair for entry in held.entries for pair in _dated(entry) if pair[1]]
-    told.sort(key=lambda pair: moment(pair[0], ""))
-    if len(told) < 2:
+    content = entries_of(folder)
+    dated = [pair for entry in content.entries for pair in _dated(entry) if pair[1]]
+    dated.sort(key=lambda pair: moment(pair[0], ""))
+    if len(dated) < 2:
         raise InputError(f"{folder}: two records at least must tell parameters, of consistent or explained results")
-    labels = _labels([date for date, _ in told])
+    labels = _labels([date for date, _ in dated])
     by_name: dict[tuple[str, str], dict[str, SizedParameter]] = {}
-    for label, (_, values) in zip(labels, told, strict=True):
+    for label, (_, values) in zip(labels, dated, strict=True):
         for key, value in values.items():
             by_name.setdefault(key, {})[label] = value
     parameters = []
     for key, values in by_name.items():
         falsified, against = first_falsified([(label, *values[label].ends) for label in labels if label in values])
         parameters.append(Trended(**dict(repeated_of(*key, values, labels)), falsified=falsified, against=against))
-    return Trend(serial=held.serial, dates=tuple(labels), parameters=tuple(parameters))
+    return Trend(serial=content.serial, dates=tuple(labels), parameters=tuple(parameters))
 
 
 def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str | None, str | None]:
@@ -232,71 +232,71 @@ def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str 
     return min(apart, key=lambda pair: (order.index(pair[0]), order.index(pair[1])), default=(None, None))
 
 
-def digests_of(read: Held) -> dict[str, str]:
+def digests_of(result: Held) -> dict[str, str]:
     """SHA-256 of each record of a result by its label, in their order; empty where it is not known."""
-    if isinstance(read, Several):
-        return {one.record: one.sha256 for one in read.records}
-    if isinstance(read, Calibration) and read.of_record:
-        return {label: record.provenance.sha256 for label, record in read.of_record.items()}
-    used = read.provenance if isinstance(read, Calibration) else read.record
-    return {"": "" if used is None else used.sha256}
+    if isinstance(result, Several):
+        return {alone.record: alone.sha256 for alone in result.records}
+    if isinstance(result, Calibration) and result.of_record:
+        return {label: record.provenance.sha256 for label, record in result.of_record.items()}
+    source = result.provenance if isinstance(result, Calibration) else result.record
+    return {"": "" if source is None else source.sha256}
 
 
-def parameters_of(read: Held) -> Iterator[tuple[str, str, str, Any]]:
+def parameters_of(result: Held) -> Iterator[tuple[str, str, str, Any]]:
     """What a consistent or explained result tells: label of the record, name, unit, and what has estimate and ends.
 
     What several records share stands once, with the last of them that has the shared value.
     """
-    if read.verdict not in ("consistent", "explained"):
+    if result.verdict not in ("consistent", "explained"):
         return
-    if isinstance(read, Several):
-        yield from _of_several(read)
-    elif isinstance(read, Calibration):
-        last = list(read.of_record)[-1] if read.of_record else ""
-        yield from ((last, p.symbol, p.unit, p) for p in read.targets)
-        for label, record in read.of_record.items():
+    if isinstance(result, Several):
+        yield from _of_several(result)
+    elif isinstance(result, Calibration):
+        last = list(result.of_record)[-1] if result.of_record else ""
+        yield from ((last, p.symbol, p.unit, p) for p in result.targets)
+        for label, record in result.of_record.items():
             yield from ((label, p.symbol, p.unit, p) for p in record.parameters)
     else:
-        for t in read.targets or ():
+        for t in result.targets or ():
             unit = NAMES.get(t["symbol"].partition("@")[0], ("", "1"))[1]
-            own = SizedParameter(name=t["symbol"], unit=unit, estimate=t["after"], low=t["low"], high=t["high"])
-            yield "", own.name, unit, own
-        yield from (("", p.name, p.unit, p) for p in read.baseline.parameters or ())
-        for cause in read.causes:
+            parameter = SizedParameter(name=t["symbol"], unit=unit, estimate=t["after"], low=t["low"], high=t["high"])
+            yield "", parameter.name, unit, parameter
+        yield from (("", p.name, p.unit, p) for p in result.baseline.parameters or ())
+        for cause in result.causes:
             yield from (("", f"{cause.place.title}: {p.name}", p.unit, p) for p in cause.parameters)
 
 
-def _of_several(read: Several) -> Iterator[tuple[str, str, str, Any]]:
+def _of_several(result: Several) -> Iterator[tuple[str, str, str, Any]]:
     """Of records that were judged together: of a shared parameter that differs in one, that tells it by itself."""
-    apart = {(cause.record, cause.parameter) for cause in read.causes}
-    for p in read.parameters:
-        yield next((one for one in reversed(read.judged) if (one, p.name) not in apart), ""), p.name, p.unit, p
-    named = [(cause, cause.effect.place.title) for cause in read.causes if cause.effect is not None]
-    for cause, title in named:
-        yield from ((cause.record or read.judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
-    for one in read.repeatability:
+    apart = {(cause.record, cause.parameter) for cause in result.causes}
+    for p in result.parameters:
+        yield next((one for one in reversed(result.judged) if (one, p.name) not in apart), ""), p.name, p.unit, p
+    effects = [(cause, cause.effect.place.title) for cause in result.causes if cause.effect is not None]
+    for cause, title in effects:
+        yield from ((cause.record or result.judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
+    for one in result.repeatability:
         for own in one.records:
-            if own.record in read.judged and (one.of == "run" or (own.record, one.name) in apart):
+            if own.record in result.judged and (one.of == "run" or (own.record, one.name) in apart):
                 yield own.record, one.name, one.unit, own
 
 
 def _dated(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter]]]:
     """Of each record of an entry its date, and by name and unit what is possible of each parameter that is bounded."""
-    read, known = _held(entry.result, entry.file), {one.record: one.date for one in entry.dates}
-    values: dict[str, dict[tuple[str, str], SizedParameter]] = {label: {} for label in digests_of(read)}
-    for label, name, unit, p in parameters_of(read):
+    result, dates = _held(entry.result, entry.file), {on_date.record: on_date.date for on_date in entry.dates}
+    values: dict[str, dict[tuple[str, str], SizedParameter]] = {label: {} for label in digests_of(result)}
+    for label, name, unit, p in parameters_of(result):
         if label in values and None not in (p.estimate, p.low, p.high):
             values[label][name, unit] = SizedParameter.of(name, unit, p.estimate, (p.low, p.high))
-    return [(known.get(label, entry.date), of_it) for label, of_it in values.items()]
+    return [(dates.get(label, entry.date), of_it) for label, of_it in values.items()]
 
 
 def moment(text: str, where: str) -> datetime:
     """A date, with or without a time, without a zone: one that has a zone is taken to UTC."""
     try:
-        read = datetime.fromisoformat(text.strip())
+        parsed = datetime.fromisoformat(text.strip())
     except ValueError as error:
         raise InputError(f"{where} {text}: write a date as 2026-11-23 or 2026-11-23T14:00") from error
-    return read if read.tzinfo is None else read.astimezone(UTC).replace(tzinfo=None)
+    return parsed if parsed.tzinfo is None else parsed.astimezone(UTC).replace(tzinfo=None)
 
 
 def _minute(text: str, where: str) -> str:
@@ -323,7 +323,7 @@ def _degrees(text: str | None) -> float | None:
 
 def _held(content: Mapping[str, Any], where: str) -> Held:
     """The result of which this is the object; an InputError, which begins with `where`, for any other."""
-    read = result_of(content, KINDS, where)
-    if read is None:
+    result = result_of(content, KINDS, where)
+    if result is None:
         raise InputError(f"{where}: schema {content.get('schema')!r}: a calibration or a diagnosis is needed")
-    return read
+    return result

@@ -167,10 +167,10 @@ def candidate_poses() -> dict[str, NDArray]:
     words = ((1.0, "up"), (-1.0, "down"))
     poses = {f"axis {p + 1} {word}": sign * np.eye(3)[p] for p in range(3) for sign, word in words}
     for p, q in combinations(range(3), 2):
-        for first, one in words:
-            for second, other in words:
+        for first, first_word in words:
+            for second, second_word in words:
                 direction = (first * np.eye(3)[p] + second * np.eye(3)[q]) / np.sqrt(2.0)
-                poses[f"axis {p + 1} {one} and axis {q + 1} {other}, both at 45°"] = direction
+                poses[f"axis {p + 1} {first_word} and axis {q + 1} {second_word}, both at 45°"] = direction
     return poses
 
 
@@ -190,6 +190,6 @@ def _best_pose(slopes: NDArray) -> tuple[str, NDArray]:
         return float(np.linalg.slogdet(equations.T @ equations + 1e-6 * np.eye(9))[1])
 
     poses = candidate_poses().items()
-    tried = {name: np.vstack([slopes, norm_equations(np.zeros(9), n[None, :])[1]]) for name, n in poses}
-    best = max(tried, key=lambda name: (information(tried[name]), name))
-    return best, tried[best]
+    equations_with = {name: np.vstack([slopes, norm_equations(np.zeros(9), n[None, :])[1]]) for name, n in poses}
+    best = max(equations_with, key=lambda name: (information(equations_with[name]), name))
+    return best, equations_with[best]
