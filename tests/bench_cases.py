@@ -1,15 +1,10 @@
-"""Single records of a table's positions for the tests: cases of their own choosing, and files."""
-
-from pathlib import Path
-from typing import Any
+"""Cases of the suites' benches with effects of the tests' own choosing."""
 
 import numpy as np
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.trials import suite
 from trihedron.tools.trials.bench import bench_positions, draw_truth, plain_bench
 from trihedron.tools.trials.case import Case
-from trihedron.tools.trials.draw import draw_alone
 from trihedron.tools.trials.sizes import Hidden
 
 
@@ -23,8 +18,3 @@ def bench_case(
     order = rng.permutation(len(alpha))
     bench = plain_bench(truth, alpha[order], beta[order], symmetric=symmetric)
     return Case(seed, None, bench, () if place is None else (Hidden(place, values),))
-
-
-def write_hidden_record(path: Path, seed: int, answer: Path | None = None, **options: Any) -> None:
-    """A record in a file; options of `trihedron.tools.trials.draw.draw_alone`."""
-    suite.write_hidden_record(draw_alone(seed, **options), path, answer)

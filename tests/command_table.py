@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from bench_cases import write_hidden_record
 from generator.carried import POSES, strapdown_record, true_motion
+from generator.positions import write_hidden_record
 from generator.tables import PROGRAMME, Errors, Programme, Truth, bench_record
 from simulated_table import SimulatedTable
+from trihedron.models.effects import EffectPlace
 from trihedron.tools import cli
 from trihedron.tools.records import write_record
 from trihedron.tools.templates import new
@@ -125,8 +126,8 @@ def make_inputs(folder: Path) -> None:
     (folder / "run.toml").write_text(SCENARIO, encoding="utf-8")
     (folder / "about.toml").write_text('operator = "A. Person"\n', encoding="utf-8")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
-    write_hidden_record(folder / "measured.csv", 5, None, effects=["quadratic"])
-    write_hidden_record(folder / "clean.csv", 5, None, effects=())
+    write_hidden_record(folder / "measured.csv", 5, EffectPlace("quadratic", "accelerometer-2"), (6e-4,))
+    write_hidden_record(folder / "clean.csv", 5)
     clean = (folder / "clean.csv").read_text(encoding="utf-8")
     (folder / "foreign.csv").write_text(clean.replace(",", ";").replace(".", ","), encoding="cp1252")
     calibration = calibrate(read_record(folder / "clean.csv", PositionRecord), noise_bound=1e-5)

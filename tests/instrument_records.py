@@ -1,37 +1,17 @@
-"""Several records of one instrument, simulated: the block is the same; bias, mounting and table are the day's."""
+"""Records of one block at a table and by hand, simulated."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.evidence.of_record import in_record
 from trihedron.tools.records import PositionRecord, StrapdownRecord
 from trihedron.tools.trials.bench import draw_bench, draw_truth, plain_bench
-from trihedron.tools.trials.days import Days
 from trihedron.tools.trials.draw import draw_clean_block
 from trihedron.tools.trials.sizes import Hidden
 
-SIGMA = 1e-5
-
 Sized = tuple[EffectPlace, tuple[float, ...]]
-
-
-def of_one_instrument(
-    seed: int,
-    count: int = 3,
-    *,
-    positions: tuple[int, int] = (24, 24),
-    shared: Sequence[Sized] = (),
-    own: Mapping[int, Sequence[Sized]] | None = None,
-) -> list[PositionRecord]:
-    """Position records of one instrument; effects in all of them, and in some (by number) alone."""
-    rng = np.random.default_rng(seed)
-    draw_bench(rng, positions)
-    hidden = [Hidden(place, values) for place, values in shared]
-    hidden += [Hidden(in_record(p, f"record-{k + 1}"), v) for k, those in (own or {}).items() for p, v in those]
-    return list(Days.drawn(rng, count, positions).measured(seed, None, hidden).values())
 
 
 def at_a_table_and_by_hand(

@@ -23,9 +23,9 @@ STATIC = SCENARIOS / "static-calibration.toml"
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A position record that is as it should be."""
     path = tmp_path_factory.mktemp("record") / "measured.csv"
-    from bench_cases import write_hidden_record
+    from generator.positions import write_hidden_record
 
-    write_hidden_record(path, 5, None, effects=())
+    write_hidden_record(path, 5)
     return path
 
 

@@ -17,11 +17,12 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from bench_cases import write_hidden_record
 from command_table import files, make_inputs
 from forked_commands import Done, ForkedCommands
 from fuzzed_inputs import changed, option
+from generator.positions import write_hidden_record
 from laboratory_workbooks import ods, xls, xlsb, xlsx
+from trihedron.models.effects import EffectPlace
 from trihedron.tools import cli
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="processes are forked")]
@@ -211,7 +212,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pl.read_parquet(folder / "raw" / "run.parquet").head(3000).write_csv(folder / "raw.csv")
     for made in ("made", "planned", "raw"):
         shutil.rmtree(folder / made)
-    write_hidden_record(folder / "second.csv", 5, None, effects=["cross-product"])
+    place = EffectPlace("cross-product", "accelerometer-3", axes=(1, 2))
+    write_hidden_record(folder / "second.csv", 6, place, (6e-4,))
     clean = (folder / "clean.csv").read_text(encoding="utf-8")
     rows = [line.split(",") for line in clean.splitlines() if not line.startswith("#")]
     cells = [rows[0], *([float(cell) for cell in row] for row in rows[1:])]

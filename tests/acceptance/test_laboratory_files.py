@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from bench_cases import write_hidden_record
+from generator.positions import write_hidden_record
 from laboratory_files import Bench, position_files
+from trihedron.models.effects import EffectPlace
 from trihedron.tools.records import PositionRecord, read_record
 
 pytestmark = pytest.mark.acceptance
 
 
 def test_verdict_radius_and_cause_are_those_of_the_clean_record(tmp_path: Path):
-    write_hidden_record(tmp_path / "measured.csv", 7, None)
+    write_hidden_record(tmp_path / "measured.csv", 7, EffectPlace("quadratic", "accelerometer-2"), (6e-4,))
     record = read_record(tmp_path / "measured.csv", PositionRecord)
     time, alpha, beta = np.round(record.time_s), *(np.round(np.degrees(a), 4) for a in (record.alpha, record.beta))
     bench = Bench(time, alpha, beta, record.specific_force, np.full(len(time), 20.0))

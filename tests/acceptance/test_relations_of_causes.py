@@ -12,10 +12,9 @@ import polars as pl
 import pytest
 
 import trihedron as th
-from bench_cases import write_hidden_record
 from command_table import SCENARIO
 from generator.carried import POSES, strapdown_record, true_motion
-from instrument_records import of_one_instrument
+from generator.positions import of_one_instrument, write_hidden_record
 from relations import CYCLE, EXACT, QUARTER, SAME, axes_renamed, differences, named
 from trihedron.models.effects import EffectPlace
 from trihedron.tools import library, measured
@@ -23,7 +22,15 @@ from trihedron.tools.records import write_record
 
 pytestmark = pytest.mark.acceptance
 SIGMA = 1e-5
-EFFECTS = ("quadratic", "encoder-harmonic", "cross-product", "outlier", "scale-drift", "none")
+QUADRATIC = EffectPlace("quadratic", "accelerometer-2"), (6e-4,)
+EFFECTS = {
+    "quadratic": QUADRATIC,
+    "encoder-harmonic": (EffectPlace("encoder-harmonic", "outer-axis", 2), (3e-4, 0.4)),
+    "cross-product": (EffectPlace("cross-product", "accelerometer-3", axes=(1, 2)), (6e-4,)),
+    "outlier": (EffectPlace("outlier", "position-7", axes=(1,)), (2e-4,)),
+    "scale-drift": (EffectPlace("scale-drift", "accelerometer-1"), (2e-3,)),
+    "none": (),
+}
 IN_ORDER = ("outlier", "scale-drift")
 """What depends on order, time or single positions."""
 SHOWN = ("band", "gain", "next_positions", "judgement", "laws", "power", "provenance", "warnings")
@@ -31,7 +38,7 @@ SHOWN = ("band", "gain", "next_positions", "judgement", "laws", "power", "proven
 
 
 def hidden(folder: Path, effect: str) -> pl.DataFrame:
-    write_hidden_record(folder / "r.csv", 11, None, effects=() if effect == "none" else [effect])
+    write_hidden_record(folder / "r.csv", 11, *EFFECTS[effect])
     return pl.read_csv(folder / "r.csv", comment_prefix="#")
 
 
@@ -76,8 +83,7 @@ def test_a_diagnosis_names_the_same(name, case):
 @pytest.mark.parametrize("effect", ["quadratic", "none"])
 def test_axes_renamed_with_the_mounting_name_the_renamed_accelerometer(effect, tmp_path):
     """With one scale factor for each accelerometer."""
-    effects = () if effect == "none" else (effect,)
-    write_hidden_record(tmp_path / "s.csv", 11, None, effects=effects, symmetric=True)
+    write_hidden_record(tmp_path / "s.csv", 11, *EFFECTS[effect], symmetric=True)
     table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
     changed = axes_renamed(table)
     first = stated(table, baseline="symmetric")
@@ -142,7 +148,7 @@ def test_several_records_of_renamed_axes_name_the_renamed_accelerometer(tmp_path
     """With one scale factor for each accelerometer, as for one record."""
     tables = []
     for seed in (11, 12):
-        write_hidden_record(tmp_path / "s.csv", seed, None, effects=("quadratic",), symmetric=True)
+        write_hidden_record(tmp_path / "s.csv", seed, *QUADRATIC, symmetric=True)
         tables.append(pl.read_csv(tmp_path / "s.csv", comment_prefix="#"))
     changed = [axes_renamed(table) for table in tables]
     first = together(tables, baseline="symmetric")

@@ -10,7 +10,7 @@ import numpy as np
 from generator import SIGMA, G
 from generator.effects import Sized, Visits, axes_off, encoders_off, readings_added
 from generator.stands import Stand, record
-from trihedron.tools.records import PositionRecord
+from trihedron.tools.records import PositionRecord, write_record
 
 COLUMNS = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2,temperature_degC,approach_alpha,approach_beta"
 FORMATS = ("%d", "%.1f", "%.9f", "%.9f", "%.9f", "%.9f", "%.9f", "%.4f", "%d", "%d")
@@ -74,13 +74,12 @@ class Session:
         return angles, self.stand.readings(n) + readings_added(self.visits(n), hidden)
 
     def record(self, hidden: Sequence[Sized] = (), error: Any = 0.0) -> PositionRecord:
-        """The record with effects and errors (N, 3) [g], with nine decimals."""
+        """The record with effects and errors (N, 3) [g]."""
         angles, reading = self.read(hidden)
-        plain = record(np.zeros_like(reading), *np.round(angles, 11).T, resolution=5e-10)
+        plain = record(reading + error, *angles.T)
         return replace(
             plain,
             time_s=self.time_s,
-            specific_force=np.round(G * (reading + error), 9),
             temperature=self.temperature,
             approach_alpha=self.senses[:, 0],
             approach_beta=self.senses[:, 1],
@@ -114,8 +113,9 @@ def hidden_record(
 ) -> PositionRecord:
     """The standard positions in random order, with one effect or none; errors are uniform within σ."""
     rng = np.random.default_rng(seed)
+    session = standard_session(rng, symmetric=symmetric)
     hidden = [] if place is None else [(place, sizes)]
-    return standard_session(rng, symmetric=symmetric).record(hidden, rng.uniform(-SIGMA, SIGMA, (40, 3)))
+    return session.record(hidden, rng.uniform(-SIGMA, SIGMA, (40, 3)))
 
 
 def standard_session(rng: np.random.Generator, *, symmetric: bool = False) -> Session:
@@ -158,3 +158,10 @@ def errors(rng: np.random.Generator, count: int) -> tuple[np.ndarray, str]:
     if shape == "bound":
         error = SIGMA * rng.choice([-1.0, 1.0], (count, 3))
     return error, shape
+
+
+def write_hidden_record(
+    path: Path, seed: int, place: Any = None, sizes: Sequence[float] = (), *, symmetric: bool = False
+) -> None:
+    """Write a `hidden_record`."""
+    write_record(hidden_record(seed, place, sizes, symmetric=symmetric), path)

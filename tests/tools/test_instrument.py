@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import trihedron as th
+from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
-from instrument_records import of_one_instrument
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis.several import JointCause
@@ -114,7 +114,7 @@ def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_
 def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_date(tmp_path):
     """Two days without a secret; then the same as if a scale factor of the second differed: that day tells it alone."""
     files = [tmp_path / f"{k}.csv" for k in range(2)]
-    for path, date, record in zip(files, DATES, of_one_instrument(21, 2, positions=(20, 20)), strict=False):
+    for path, date, record in zip(files, DATES, of_one_instrument(21, 2, positions=20), strict=False):
         write_record(record, path)
         path.write_text(f"# date: {date}\n{path.read_text('utf-8')}", "utf-8")
     found = th.diagnose_together(*files, noise_bound=SIGMA)

@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from bench_cases import write_hidden_record
 from generator.carried import POSES, strapdown_record, true_motion
+from generator.positions import write_hidden_record
 from relations import (
     EXACT,
     READINGS,
@@ -37,7 +37,7 @@ FILE = ("provenance", "sha256", "record", "path", "files")
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     path = tmp_path_factory.mktemp("clean") / "clean.csv"
-    write_hidden_record(path, 5, None, effects=())
+    write_hidden_record(path, 5)
     return pl.read_csv(path, comment_prefix="#")
 
 
@@ -86,7 +86,7 @@ def test_a_block_taken_off_and_put_back_leaves_more_possible(clean, first):
 
 def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
     """With one scale factor for each accelerometer; two go by the signs of inputs along the convention's own axes."""
-    write_hidden_record(tmp_path / "s.csv", 5, None, effects=(), symmetric=True)
+    write_hidden_record(tmp_path / "s.csv", 5, symmetric=True)
     table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
     changed = axes_renamed(table)
     first, other = found(table, baseline="symmetric"), found(changed.table, baseline="symmetric", **changed.options)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import trihedron
-from bench_cases import write_hidden_record
 from trihedron.tools import cli
 from trihedron.tools.records import PositionRecord, read_record
 
@@ -21,7 +20,8 @@ SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 def record(tmp_path_factory) -> Path:
     """A measured record with a hidden quadratic term."""
     path = tmp_path_factory.mktemp("record") / "measured.csv"
-    write_hidden_record(path, 5, path.with_name("answer.json"), effects=["quadratic"])
+    secret = path.with_name("answer.json")
+    assert cli.main(["hidden", str(path), "--seed", "5", "--effect", "quadratic", "--answer", str(secret), "-q"]) == 0
     return path
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import trihedron as th
-from instrument_records import of_one_instrument
+from generator.positions import of_one_instrument
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main

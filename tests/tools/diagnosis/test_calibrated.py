@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
-from instrument_records import of_one_instrument
 from trihedron import calibrate_together
 from trihedron.tools.calibrated import Calibration, Parameter
 from trihedron.tools.calibration.correction import Application
@@ -39,7 +39,7 @@ def ends(found: Calibration) -> dict[tuple[str, str | None], tuple[float, float]
 
 def test_together_each_interval_lies_in_that_of_every_record():
     """All of them hold the truth, so none may be outside; the instrument's are narrower than any record's own."""
-    records = of_one_instrument(21, positions=(20, 20))
+    records = of_one_instrument(21, positions=20)
     found = ends(calibrate_together(*records, noise_bound=SIGMA))
     alone = [{p.symbol: p for p in th.calibrate(record, noise_bound=SIGMA).parameters} for record in records]
     assert {name for name, record in found if record is None} == set(OF_INSTRUMENT)
@@ -53,7 +53,7 @@ def test_together_each_interval_lies_in_that_of_every_record():
 
 
 def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_together(tmp_path, capsys):
-    for name, record in zip("abc", of_one_instrument(17, positions=(6, 6)), strict=True):
+    for name, record in zip("abc", of_one_instrument(17, positions=6), strict=True):
         write_record(record, tmp_path / f"{name}.csv")
     out, files = tmp_path / "together.json", [str(tmp_path / f"{name}.csv") for name in "abc"]
     page = tmp_path / "together.html"
@@ -81,7 +81,7 @@ def test_three_of_six_positions_which_alone_prove_nothing_are_calibrated_togethe
 
 def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, capsys):
     """A record among them has its own biases, another one those of the last; what it promises is the tighter."""
-    *records, other = of_one_instrument(21, 3, positions=(20, 20))
+    *records, other = of_one_instrument(21, 3, positions=20)
     found = calibrate_together(*records, noise_bound=SIGMA)
     for number, record in enumerate(records, start=1):
         alone = th.calibrate(record, noise_bound=SIGMA).reading_errors
@@ -113,7 +113,7 @@ def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, c
 
 
 def test_what_the_records_leave_open_has_no_estimate():
-    records = of_one_instrument(17, positions=(3, 4))
+    records = of_one_instrument(17, positions=3)
     found = calibrate_together(*records[:2], noise_bound=SIGMA)
     assert found.verdict == "insufficient"
     parameters = [p for _, p in every_parameter(found)]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import trihedron as th
+from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
-from instrument_records import at_a_table_and_by_hand, of_one_instrument
+from instrument_records import at_a_table_and_by_hand
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
@@ -97,7 +98,7 @@ def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_a
     What only contains one of these, as a lag contains the temperature itself, is none.
     """
     step = EffectPlace("bias-step", "accelerometer-2")
-    records = of_one_instrument(33, 2, positions=(16, 16), own={1: [(step, (3e-5, 0.009))]})
+    records = of_one_instrument(33, 2, positions=16, own={1: [(step, (3e-5, 0.009))]})
     result = judged(monkeypatch, records)
     assert "bias-step" in result.not_searched
     sets = [[cause.title for cause in causes] for causes in (result.causes, *result.alternatives)]
@@ -112,7 +113,7 @@ def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_
     """By itself the second record needs the step and the term of all: together the step is one of two, not three."""
     step = EffectPlace("bias-step", "accelerometer-2")
     own = {1: [(step, (3e-5, 0.009))]}
-    result = judged(monkeypatch, of_one_instrument(33, positions=(16, 16), shared=[(QUADRATIC, (4e-4,))], own=own))
+    result = judged(monkeypatch, of_one_instrument(33, positions=16, shared=[(QUADRATIC, (4e-4,))], own=own))
     sets = [{cause.title for cause in causes} for causes in (result.causes, *result.alternatives)]
     assert {len(titles) for titles in sets} == {2}
     assert {"bias-step accelerometer-2 in record-2", QUADRATIC.title} in sets
@@ -123,7 +124,7 @@ def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_
 def test_a_step_that_only_the_others_show_is_not_taken_for_what_is_sought_in_all(monkeypatch):
     """By itself the second record falsifies nothing, so its step was never sought: no single cause is said."""
     step = EffectPlace("bias-step", "accelerometer-2")
-    records = of_one_instrument(32, 2, positions=(16, 16), own={1: [(step, (3e-5, 0.009))]})
+    records = of_one_instrument(32, 2, positions=16, own={1: [(step, (3e-5, 0.009))]})
     result = judged(monkeypatch, records)
     assert {one.diagnosis.verdict for one in result.records} == {"consistent"}
     assert result.verdict == "ambiguous"
@@ -135,14 +136,14 @@ def test_a_name_that_no_parameter_has_is_refused_before_any_diagnosis(monkeypatc
         raise AssertionError("a record was diagnosed")
 
     monkeypatch.setattr(procedure, "diagnosed", unwanted)
-    records = of_one_instrument(21, 2, positions=(20, 20))
+    records = of_one_instrument(21, 2, positions=20)
     with pytest.raises(InputError, match=r"^own X99: no parameter of these records"):
         th.diagnose_together(*records, noise_bound=SIGMA, own=["X99"])
 
 
 @pytest.mark.acceptance
 def test_records_without_a_secret_need_nothing():
-    clean = th.diagnose_together(*of_one_instrument(21, positions=(20, 20)), noise_bound=SIGMA)
+    clean = th.diagnose_together(*of_one_instrument(21, positions=20), noise_bound=SIGMA)
     assert clean.verdict == "consistent"
     assert clean.causes == ()
     assert clean.radius is not None
@@ -153,10 +154,8 @@ def test_records_without_a_secret_need_nothing():
 
 def test_three_that_are_each_insufficient_end_together_in_a_verdict():
     """Six positions do not determine eighteen parameters; three days of six determine the shared nine and their own."""
-    clean = th.diagnose_together(*of_one_instrument(17, positions=(6, 6)), noise_bound=SIGMA)
-    wrong = th.diagnose_together(
-        *of_one_instrument(17, positions=(6, 6), shared=[(QUADRATIC, (2e-3,))]), noise_bound=SIGMA
-    )
+    clean = th.diagnose_together(*of_one_instrument(18, positions=6), noise_bound=SIGMA)
+    wrong = th.diagnose_together(*of_one_instrument(18, positions=6, shared=[(QUADRATIC, (3e-3,))]), noise_bound=SIGMA)
     for result in (clean, wrong):
         assert {one.diagnosis.verdict for one in result.records} == {"insufficient"}
         assert "each by itself is insufficient, together they are not" in str(result)
@@ -174,7 +173,7 @@ def test_three_that_are_each_insufficient_end_together_in_a_verdict():
     ],
 )
 def test_three_that_are_each_insufficient_name_what_all_of_them_have(monkeypatch, seed, place, values):
-    result = judged(monkeypatch, of_one_instrument(seed, positions=(6, 6), shared=[(place, values)]))
+    result = judged(monkeypatch, of_one_instrument(seed, positions=6, shared=[(place, values)]))
     assert {one.diagnosis.verdict for one in result.records} == {"insufficient"}
     assert (result.verdict, [cause.title for cause in result.causes]) == ("explained", [place.title])
 
@@ -183,7 +182,7 @@ def test_three_that_are_each_insufficient_name_what_all_of_them_have(monkeypatch
 def test_where_a_record_by_itself_needs_less_than_together_what_is_not_sought_was_not_tried_beside_it(monkeypatch):
     """Seven positions tell one effect at a time; what is the second record's own is of that run, whatever it is."""
     own = {1: [(CUBIC, (3e-3,))]}
-    result = judged(monkeypatch, of_one_instrument(23, positions=(7, 7), shared=[(QUADRATIC, (3e-3,))], own=own))
+    result = judged(monkeypatch, of_one_instrument(23, positions=7, shared=[(QUADRATIC, (3e-3,))], own=own))
     assert result.verdict == "ambiguous"
     assert {cause.title for cause in result.causes} == {QUADRATIC.title, f"{CUBIC.title} in record-2"}
     assert any(text.startswith("record-2: fewer effects mend it by itself") for text in result.caution)
@@ -191,7 +190,7 @@ def test_where_a_record_by_itself_needs_less_than_together_what_is_not_sought_wa
 
 
 def test_too_few_positions_stay_insufficient_whatever_they_would_fit():
-    few = th.diagnose_together(*of_one_instrument(16, positions=(5, 5)), noise_bound=SIGMA)
+    few = th.diagnose_together(*of_one_instrument(16, positions=4), noise_bound=SIGMA)
     assert few.verdict == "insufficient"
     assert "X4" in few.missing
 
@@ -215,7 +214,7 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
 def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypatch):
     """Its signature is constant: where it belongs only other accelerometers can say."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
-    result = th.diagnose_together(*of_one_instrument(21, 2, positions=(20, 20)), noise_bound=SIGMA, shared=["bias-1"])
+    result = th.diagnose_together(*of_one_instrument(21, 2, positions=20), noise_bound=SIGMA, shared=["bias-1"])
     sets = (result.causes, *result.alternatives)
     assert [[(cause.parameter, cause.of) for cause in causes] for causes in sets] == [[("X16", "run")]]
 
@@ -237,7 +236,7 @@ def test_where_more_than_three_must_differ_that_is_said_of_each_and_nothing_is_n
 
 @pytest.mark.acceptance
 def test_a_record_that_nothing_mends_is_left_out_and_said():
-    records = of_one_instrument(21, positions=(20, 20))
+    records = of_one_instrument(21, positions=20)
     rng = np.random.default_rng(0)
     broken = records[1].specific_force + 0.02 * rng.normal(size=records[1].specific_force.shape)
     records[1] = replace(records[1], specific_force=broken)
@@ -277,7 +276,7 @@ def test_files_are_called_by_their_names():
 
 def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsys):
     names = ("monday", "tuesday")
-    for name, record in zip(names, of_one_instrument(21, 2, positions=(20, 20)), strict=True):
+    for name, record in zip(names, of_one_instrument(21, 2, positions=20), strict=True):
         write_record(record, tmp_path / f"{name}.csv")
     files = [str(tmp_path / f"{name}.csv") for name in names]
     out, page = tmp_path / "several.json", tmp_path / "several.html"
@@ -318,7 +317,7 @@ def test_what_the_true_attitude_errs_by_is_stated_for_all_records(monkeypatch):
 
 def test_a_bound_of_the_true_attitude_is_refused_of_records_of_a_table():
     with pytest.raises(InputError, match="reference_bound 1: is of a strapdown record"):
-        th.diagnose_together(*of_one_instrument(21, 2, positions=(20, 20)), reference_bound=1.0)
+        th.diagnose_together(*of_one_instrument(21, 2, positions=20), reference_bound=1.0)
 
 
 @pytest.mark.acceptance
@@ -334,7 +333,7 @@ def test_records_of_a_table_and_by_hand_are_judged_together():
 
 
 def test_options_of_one_kind_are_for_records_of_that_kind_and_refused_where_there_are_none():
-    table, hand = of_one_instrument(21, 1, positions=(20, 20))[0], draw_clean_block(77, 0, "gravity").instrument
+    table, hand = of_one_instrument(21, 1, positions=20)[0], draw_clean_block(77, 0, "gravity").instrument
     named = {"table": table, "hand": replace(hand, temperature=None).measured(7, 0)}
     asked = {"noise_bound": SIGMA, "baseline": "symmetric", "rates": "averaged"}
     of_each = {label: evidence_options(run, among=named, **asked) for label, run in named.items()}

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench_cases import bench_case
 from generator.carried import strapdown_record
+from generator.positions import hidden_record
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.cause import causes_of, centred
@@ -44,7 +44,7 @@ def exact_misfit(result: Any) -> float:
 )
 def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
     """Least squares is not one: some reading is beyond its bound there."""
-    record = bench_case(4, place, values).measured()
+    record = hidden_record(4, place, values)
     fit = bench_evidence(record, noise_bound=NOISE_BOUND).refit([place])
     rng = np.random.default_rng(0)
     errors = rng.choice([-1.0, 1.0], size=(len(record), 3)) if at_bound else rng.uniform(-1.0, 1.0, (len(record), 3))
@@ -60,7 +60,7 @@ def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
 
 def test_a_size_that_rounding_put_beyond_its_end_is_stated_at_the_end():
     place = EffectPlace("quadratic", "accelerometer-2")
-    evidence = bench_evidence(bench_case(3, place, (2e-3,)).measured(), noise_bound=NOISE_BOUND)
+    evidence = bench_evidence(hidden_record(3, place, (2e-3,)), noise_bound=NOISE_BOUND)
     fit = centred(evidence, evidence.refit([place]))
     ((low, high),) = causes_of(evidence, fit)[0].intervals
     assert low < fit.stated[0] < high

@@ -8,10 +8,10 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from bench_cases import bench_case
 from generator import SIGMA
 from generator import G as GRAVITY
 from generator.fresh import position_record as fresh_record
+from generator.positions import hidden_record
 from generator.stands import random_bench, simulated
 from generator.stands import record as position_record
 from other_solver import farthest
@@ -78,7 +78,7 @@ def test_an_effect_that_is_not_there_is_objected_to():
 
 def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to():
     quadratic, cubic = EffectPlace("quadratic", "accelerometer-1"), EffectPlace("cubic", "accelerometer-2")
-    record = bench_case(511, quadratic, (2e-4,)).measured()
+    record = hidden_record(511, quadratic, (2e-4,))
     evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
     witness: Any = judgement_of(evidence, evidence.refit([quadratic, cubic]))
     there, none = witness.each
@@ -92,7 +92,7 @@ def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to()
 def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_wrong():
     """Noise at its very bound is no objection; a reading that is off by six bounds is one, where it fits by chance."""
     place = EffectPlace("quadratic", "accelerometer-1")
-    record = bench_case(512, place, (2e-4,)).measured()
+    record = hidden_record(512, place, (2e-4,))
     rng = np.random.default_rng(512)
     here = bench_evidence(record, noise_bound=NOISE_BOUND)
     exact = 9.80665 * (here.readings.reading.ravel() - here.refit([place]).left).reshape(-1, 3)
@@ -162,7 +162,7 @@ def test_no_mounting_tells_apart_what_belongs_to_one_accelerometer_or_one_axis()
 
 
 def test_a_mounting_is_proposed_for_sets_that_remain_or_not_at_all():
-    record = bench_case(4, ENCODER, (1.2e-4, 0.7)).measured().selected(np.arange(0, 40, 3))
+    record = hidden_record(4, ENCODER, (1.2e-4, 0.7)).selected(np.arange(0, 40, 3))
     result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
     if result.second_mounting is not None:
         assert result.verdict == "ambiguous"
@@ -225,7 +225,7 @@ def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
 
 def test_positions_that_separate_put_candidates_further_apart_than_both_bounds():
     """A reading may be within σ of two predictions that are less than 2 σ apart, rounded as it is written."""
-    evidence = bench_evidence(bench_case(5, CUBIC, (1e-4,)).measured(), noise_bound=NOISE_BOUND)
+    evidence = bench_evidence(hidden_record(5, CUBIC, (1e-4,)), noise_bound=NOISE_BOUND)
     fits = [evidence.refit([place]) for place in (CUBIC, ODD)]
     readings, room = evidence.readings, 3e-7
     with mock.patch.object(bench_predictions, "decide", wraps=bench_predictions.decide) as asked:
@@ -237,7 +237,7 @@ def test_positions_that_separate_put_candidates_further_apart_than_both_bounds()
 def test_from_where_a_sag_counts_is_within_what_the_bounds_grow_by():
     """The sine of the outer angle from the encoder's zero or from the vertical: the record does not tell."""
     place, part = EffectPlace("sag", "inner-axis"), np.array([3e-3, 4e-3])
-    evidence = bench_evidence(bench_case(4).measured(), noise_bound=NOISE_BOUND)
+    evidence = bench_evidence(hidden_record(4), noise_bound=NOISE_BOUND)
     readings, point = evidence.readings, evidence.search.centre.point
     model, without = Cast((place,)).model(readings, point, part), Cast(()).model(readings, point, np.zeros(0))
     assert model is not None

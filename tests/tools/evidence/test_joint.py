@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
-from instrument_records import at_a_table_and_by_hand, of_one_instrument
+from instrument_records import at_a_table_and_by_hand
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import members_of
 from trihedron.tools.errors import InputError
@@ -27,7 +28,7 @@ TRUE_G = (2e-3, 0.0, 0.0, 0.0, -1e-3, 0.0, 0.0, 0.0, 1.5e-3)
 @pytest.fixture(scope="module")
 def whole():
     """A record of 40 positions, with an effect on an encoder that is large: its second order counts."""
-    (record,) = of_one_instrument(3, 1, positions=(40, 40), shared=[(ENCODER, (3e-3, 0.4))])
+    (record,) = of_one_instrument(3, 1, positions=40, shared=[(ENCODER, (3e-3, 0.4))])
     return record
 
 

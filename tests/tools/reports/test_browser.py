@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from bench_cases import write_hidden_record
 from browser import Window
 from command_table import make_inputs
+from generator.positions import write_hidden_record
 from page_text import text_of
 from trihedron.tools import cli
 from trihedron.tools.document.page import write_html
@@ -84,7 +84,7 @@ def test_pages_fit_wide_and_narrow_light_and_dark_and_printed(pages, window: Win
 def test_pages_of_every_command_fit(window: Window, tmp_path, monkeypatch):
     make_inputs(tmp_path)
     (tmp_path / "kept.toml").write_text(KEPT, encoding="utf-8")
-    write_hidden_record(tmp_path / "again.csv", 6, None, effects=())
+    write_hidden_record(tmp_path / "again.csv", 6)
     monkeypatch.chdir(tmp_path)
     for line in COMMANDS_WITH_PAGES:
         assert cli.main([*line.split(), "--quiet"]) == 0, line
