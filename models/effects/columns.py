@@ -162,6 +162,15 @@ class Rows:
         """Derivatives (N, 3, 4) of the readings by the small turns: of κ, outer, of ε, inner [g/rad]."""
         return np.stack((self.by_kappa, self.by_alpha, self.by_epsilon, self.by_beta), axis=2)
 
+    def by_ports(self, stage: str | None) -> NDArray[np.float64]:
+        """Derivatives (N, 3, ports) of the readings by what is added at a stage of table or accelerometers."""
+        if stage == "encoder_effects":
+            # The true angle is the reading less what an encoder errs by.
+            return -np.stack((self.by_alpha, self.by_beta), axis=2)
+        if stage == "geometry_effects":
+            return np.concatenate((self.by_turns, self.by_slip), axis=2)
+        return np.broadcast_to(np.eye(3), (len(self.hours), 3, 3))
+
     def seen_by(self, component: str | None) -> Seen:
         """Context and values of a kernel of the table, or of the accelerometers."""
         if component == "TurntableMotion":
@@ -373,10 +382,7 @@ def turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.floa
 
 
 def signature(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows) -> NDArray[np.float64]:
-    """Return how the readings [g], or of a gyro the rates [rad/s], change with each linear coefficient (N, 3, K)."""
-    if effect.component == "TurntableMotion":
-        assert isinstance(rows, Rows)
-        return rows.by_turns @ turns(effect, place, rows)
+    """Return how readings [g], or of a gyro rates [rad/s], change with each coefficient (N, 3, K); not of the table."""
     added = ports(effect, place, rows)
     if effect.component == "AttitudeComputer":
         assert isinstance(rows, MotionRows)

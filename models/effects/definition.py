@@ -258,10 +258,17 @@ class Effect:
         return columns.turns(self, place, rows)
 
     def signature(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
-        """How the readings (N, 3, K) [g, rad/s] change with each linear coefficient; TypeError where it has none."""
+        """How readings (N, 3, K) [g, rad/s] change with each coefficient; TypeError where the effect is not linear.
+
+        Of an effect on the table `ports` says what it adds, and an observation what that does to readings or turns.
+        """
         if self.variants is not None:
             raise TypeError(f"{place.title} is not linear: it has variants, no signature")
         return columns.signature(self, place, rows)
+
+    def ports(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
+        """What a unit of each linear coefficient adds at the stage (N, ports, K), as of `columns.ports`."""
+        return columns.ports(self, place, rows)
 
     def from_coefficients(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
         """Values of the linear parameters, amplitude and phase of each harmonic; TypeError where it is not linear."""

@@ -21,6 +21,7 @@ from ..calibration.model import (
 )
 from ..records import PositionRecord
 from .fit import Fit
+from .observation import Observation
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
@@ -255,9 +256,17 @@ def readings_at(rows: NDArray) -> NDArray:
 
 
 def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
-    """Signatures (3 N, K) of all effects, side by side."""
-    columns = [place.definition.signature(place, rows).reshape(3 * len(rows.hours), -1) for place in places]
-    return np.hstack(columns) if columns else np.zeros((3 * len(rows.hours), 0))
+    """Return what a unit of each coefficient of linear effects adds to the readings (3 N, K), side by side."""
+    columns = [np.zeros((3 * len(rows.hours), 0))]
+    for place in places:
+        effect = place.definition
+        columns.append(observation_of_rests(rows, effect.stage).of(effect.ports(place, rows)))
+    return np.hstack(columns)
+
+
+def observation_of_rests(rows: Rows, stage: str | None) -> Observation:
+    """Return what readings, each by itself, say of additions at the ports of a stage."""
+    return Observation((), rows.by_ports(stage))
 
 
 def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.bool_]:

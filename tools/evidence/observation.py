@@ -1,7 +1,7 @@
 """An observation: errors of pieces of a record as a linear functional of what is added at ports over its rows.
 
-Turns of a table and a block that is carried make one each. Columns of effects, of effects that set in or fade, and of
-unknown functions of a quantity are what it makes of different additions.
+Rests on a table, turns of a table and a block that is carried make one each. Columns of effects, of effects that set in
+or fade, and of unknown functions of a quantity are what it makes of different additions.
 """
 
 from collections.abc import Sequence
@@ -52,6 +52,7 @@ class Observation:
 
     `adds` (R, 3, P): what a unit at each port adds to the sums of a step. `resting` (R,): steps of which the mean is
     taken. `ends` (R + 1, 3, P): what a unit adds at a row itself, to where the block stands; None where nothing does.
+    Without groups each step is a piece by itself, whose errors are what is added there.
     """
 
     groups: tuple[Group, ...]
@@ -61,6 +62,8 @@ class Observation:
 
     def of(self, added: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the errors (M, K) of what is added (R, P, K), or (R + 1, P, K) at the rows where these count."""
+        if not self.groups:
+            return (self.adds @ added).reshape(-1, added.shape[2])
         sums, mean, parts = self.sums(added), self.mean(added), []
         for group in self.groups:
             errors = group.columns(sums, mean, group.pieces.first, group.pieces.last)
