@@ -34,6 +34,7 @@ from ..restricted import (
     STEP_LENGTH,
     TEMPERATURE,
 )
+from ..written import written
 
 if TYPE_CHECKING:
     from .definition import Effect, EffectPlace
@@ -364,6 +365,12 @@ def added_by(
 def chosen(columns: list[Column], rows: NDArray[np.bool_]) -> list[Column]:
     """Return some rows of columns."""
     return [column[rows].view(Column) for column in columns]
+
+
+def values_read(text: str, values: str, component: str, rows: Rows | MotionRows) -> NDArray[np.float64]:
+    """Return what a kernel of a component reads (N,) by an expression of its context and of its values' name."""
+    kernel = written(f"def reading(context: Vector, {values}: Vector, added: Vector) -> None:\n    added[0] = {text}\n")
+    return added_by(on_columns(kernel), *rows.seen_by(component), (), 1)[:, 0]
 
 
 def turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.float64]:

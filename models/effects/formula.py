@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..expression import Statements, derivatives, evaluated, followed, names_in, parsed, power_of, typeset
 from ..written import written
-from .columns import PORTS, MotionRows, Rows
+from .columns import PORTS, MotionRows, Rows, values_read
 from .definition import (
     ACCELEROMETERS,
     AXES,
@@ -25,7 +25,6 @@ from .definition import (
     Effect,
     EffectParameter,
     EffectPlace,
-    Sentence,
     at_port,
     name_of_law,
 )
@@ -45,76 +44,51 @@ class Quantity:
 
     Attributes
     ----------
-    attribute : str
-        of the rows: `Rows` or `MotionRows`
-    column : int or None
-        of it
     kernel : str
         how a kernel reads it
     unit : mapping
     symbol : str
         on a page
-    said : str
+    words : str
         in words
     """
 
-    attribute: str
-    column: int | None
     kernel: str
     unit: Powers
     symbol: str
-    said: str
-
-    def of(self, rows: Rows | MotionRows) -> NDArray[np.float64]:
-        """Its values (N,)."""
-        values = getattr(rows, self.attribute)
-        return values if self.column is None else values[:, self.column]
+    words: str
 
 
-QUANTITIES = {
-    **{
-        f"n{p}": Quantity("n", p - 1, f"context[INPUT + {p - 1}]", {"g": 1}, f"n_{p}", f"input of accelerometer {p}, g")
-        for p in (1, 2, 3)
-    },
-    **{
-        f"w{p}": Quantity("rate", p - 1, f"rate[{p - 1}]", {"rad": 1, "s": -1}, f"ω_{p}", f"rate about axis {p}, rad/s")
-        for p in (1, 2, 3)
-    },
-    **{
-        f"dw{p}": Quantity(
-            "acceleration",
-            p - 1,
-            f"((rate[{p - 1}] - context[PREVIOUS_RATE + {p - 1}]) / context[STEP_LENGTH])",
-            {"rad": 1, "s": -2},
-            f"dω_{p}/dt",
-            f"angular acceleration about axis {p}, rad/s²",
-        )
-        for p in (1, 2, 3)
-    },
-    "alpha": Quantity("alpha", None, "context[ALPHA]", {}, "α", "true angle of the outer axis, rad"),
-    "beta": Quantity("beta", None, "context[BETA]", {}, "β", "true angle of the inner axis, rad"),
-    "hours": Quantity("hours", None, "context[HOURS]", {"h": 1}, "t", "since the first row"),
-    "time_s": Quantity("hours", None, "(3600.0 * context[HOURS])", {"s": 1}, "t_s", "seconds since the first row"),
-    "temperature": Quantity("temperature", None, "context[TEMPERATURE]", {"K": 1}, "T", "°C"),
-    **{
-        f"sense{p}": Quantity(
-            "input_sense",
-            p - 1,
-            f"context[SENSE_INPUT + {p - 1}]",
-            {},
-            f"'sense of the last change of' n_{p}",
-            f"sense of the last change of n{p}: 1, -1, or 0",
-        )
-        for p in (1, 2, 3)
-    },
-    "sense_alpha": Quantity(
-        "sense_alpha", None, "context[SENSE_ALPHA]", {}, "'sense of' α", "sense of the last move of the outer axis"
-    ),
-    "sense_beta": Quantity(
-        "sense_beta", None, "context[SENSE_BETA]", {}, "'sense of' β", "sense of the last move of the inner axis"
-    ),
-}
-"""What may stand on the right, beside numbers, pi and coefficients."""
+def _quantities() -> dict[str, Quantity]:
+    """Return what may stand on the right, beside numbers, pi and coefficients."""
+    quantities = {}
+    for k in range(3):
+        text, words = f"context[INPUT + {k}]", f"input of accelerometer {k + 1}, g"
+        quantities[f"n{k + 1}"] = Quantity(text, {"g": 1}, f"n_{k + 1}", words)
+    for k in range(3):
+        words = f"rate about axis {k + 1}, rad/s"
+        quantities[f"w{k + 1}"] = Quantity(f"rate[{k}]", {"rad": 1, "s": -1}, f"ω_{k + 1}", words)
+    for k in range(3):
+        text = f"((rate[{k}] - context[PREVIOUS_RATE + {k}]) / context[STEP_LENGTH])"
+        words = f"angular acceleration about axis {k + 1}, rad/s²"
+        quantities[f"dw{k + 1}"] = Quantity(text, {"rad": 1, "s": -2}, f"dω_{k + 1}/dt", words)
+    quantities["alpha"] = Quantity("context[ALPHA]", {}, "α", "true angle of the outer axis, rad")
+    quantities["beta"] = Quantity("context[BETA]", {}, "β", "true angle of the inner axis, rad")
+    quantities["hours"] = Quantity("context[HOURS]", {"h": 1}, "t", "since the first row")
+    seconds = "(3600.0 * context[HOURS])"
+    quantities["time_s"] = Quantity(seconds, {"s": 1}, "t_s", "seconds since the first row")
+    quantities["temperature"] = Quantity("context[TEMPERATURE]", {"K": 1}, "T", "°C")
+    for k in range(3):
+        symbol, words = f"'sense of the last change of' n_{k + 1}", f"sense of the last change of n{k + 1}: 1, -1, or 0"
+        quantities[f"sense{k + 1}"] = Quantity(f"context[SENSE_INPUT + {k}]", {}, symbol, words)
+    for axis, symbol, words in (("alpha", "α", "outer"), ("beta", "β", "inner")):
+        text = f"context[SENSE_{axis.upper()}]"
+        words = f"sense of the last move of the {words} axis"
+        quantities[f"sense_{axis}"] = Quantity(text, {}, f"'sense of' {symbol}", words)
+    return quantities
+
+
+QUANTITIES = _quantities()
 ALIASES = {"t": "hours", "T": "temperature"}
 """As formulas on pages write them."""
 ALWAYS = ("hours", "time_s", "temperature")
@@ -139,7 +113,7 @@ class Target:
     names : tuple of str
         of the quantities that are known there
     unit : mapping
-    symbol, said : str
+    symbol, words : str
         of the error on a page; in words
     """
 
@@ -150,64 +124,36 @@ class Target:
     names: tuple[str, ...]
     unit: Powers
     symbol: str
-    said: str
+    words: str
+
+    @property
+    def values(self) -> str:
+        """The name of the values that a kernel of the stage takes."""
+        return {"AccelerometerBlock": "n", "GyroBlock": "rate", "TurntableMotion": "angles"}[self.component]
 
 
-TARGETS = {
-    **{
-        f"f{p}": Target(
-            where,
-            "AccelerometerBlock",
-            "reading_effects",
-            p - 1,
-            (*INPUTS, *OF_TABLE, *ALWAYS),
-            {"g": 1},
-            f"Δf_{p}/g =",
-            f"the reading of accelerometer {p}, in g,",
-        )
-        for p, where in enumerate(ACCELEROMETERS, start=1)
-    },
-    **{
-        f"w{p}": Target(
-            GYRO_BLOCK,
-            "GyroBlock",
-            "reading_effects",
-            p - 1,
-            (*RATES, *GROWTHS, *INPUTS, *ALWAYS),
-            {"rad": 1, "s": -1},
-            f"Δω_{p} =",
-            f"the reading of gyro {p}, in rad/s,",
-        )
-        for p in (1, 2, 3)
-    },
-    **{
-        name: Target(
-            where,
-            "TurntableMotion",
-            "encoder_effects",
-            k,
-            (*ANGLES, "sense_alpha", "sense_beta", *ALWAYS),
-            {"rad": 1},
-            f"{symbol}_read = {symbol} +",
-            f"the reading of the encoder of the {where.replace('-', ' ')}, in rad,",
-        )
-        for k, (name, where, symbol) in enumerate(zip(ANGLES, AXES, "αβ", strict=True))
-    },
-    **{
-        name: Target(
-            where,
-            "TurntableMotion",
-            "geometry_effects",
-            2 * k,
-            (*ANGLES, *ALWAYS),
-            {"rad": 1},
-            f"Δ{symbol} =",
-            f"{symbol}, in rad,",
-        )
-        for k, (name, where, symbol) in enumerate(zip(("kappa", "epsilon"), AXES, "κε", strict=True))
-    },
-}
-"""What may stand on the left."""
+def _targets() -> dict[str, Target]:
+    """Return what may stand on the left."""
+    targets = {}
+    for k, where in enumerate(ACCELEROMETERS):
+        home = (where, "AccelerometerBlock", "reading_effects", k, (*INPUTS, *OF_TABLE, *ALWAYS), {"g": 1})
+        targets[f"f{k + 1}"] = Target(*home, f"Δf_{k + 1}/g =", f"the reading of accelerometer {k + 1}, in g,")
+    names = (*RATES, *GROWTHS, *INPUTS, *ALWAYS)
+    for k in range(3):
+        home = (GYRO_BLOCK, "GyroBlock", "reading_effects", k, names, {"rad": 1, "s": -1})
+        targets[f"w{k + 1}"] = Target(*home, f"Δω_{k + 1} =", f"the reading of gyro {k + 1}, in rad/s,")
+    names = (*ANGLES, "sense_alpha", "sense_beta", *ALWAYS)
+    for k, where in enumerate(AXES):
+        symbol, words = "αβ"[k], f"the reading of the encoder of the {where.replace('-', ' ')}, in rad,"
+        home = (where, "TurntableMotion", "encoder_effects", k, names, {"rad": 1})
+        targets[ANGLES[k]] = Target(*home, f"{symbol}_read = {symbol} +", words)
+    for k, where in enumerate(AXES):
+        home = (where, "TurntableMotion", "geometry_effects", 2 * k, (*ANGLES, *ALWAYS), {"rad": 1})
+        targets[("kappa", "epsilon")[k]] = Target(*home, f"Δ{'κε'[k]} =", f"{'κε'[k]}, in rad,")
+    return targets
+
+
+TARGETS = _targets()
 
 
 @dataclass(frozen=True)
@@ -216,15 +162,15 @@ class Formula:
 
     Attributes
     ----------
-    left : str
-        a key of `TARGETS`
+    name : str
+        of its target, a key of `TARGETS`
     tree : ast.expr
         what is added
     columns : dict
         coefficient -> exact derivative by it, in the order of appearance
     """
 
-    left: str
+    name: str
     tree: ast.expr
     columns: dict[str, ast.expr]
 
@@ -237,29 +183,29 @@ class Formula:
         ValueError
             in one line what cannot be used, and what would be right
         """
-        left, plus, right = (part.strip() for part in text.partition("+="))
-        if not plus or not left or not right:
+        target, _, right = (part.strip() for part in text.partition("+="))
+        if not target or not right:
             raise ValueError("must be written as f2 += c*sin(3*alpha): what errs, += and what is added to it")
-        left = {"α": "alpha", "β": "beta"}.get(left, left)
-        if left not in TARGETS:
-            raise ValueError(f"{_short(left)} is nothing that can err; {_nearest(left, list(TARGETS))}")
+        target = {"α": "alpha", "β": "beta"}.get(target, target)
+        if target not in TARGETS:
+            raise ValueError(f"{_short(target)} is nothing that can err; {_nearest(target, list(TARGETS))}")
         tree = _renamed(parsed(right))
-        columns = derivatives(tree, _coefficients(tree, left))
+        columns = derivatives(tree, _coefficients(tree, target))
         if not columns:
             raise ValueError("has no unknown coefficient; a letter is one, as in f2 += c*sin(3*alpha)")
         if len(columns) > MOST_COEFFICIENTS:
             raise ValueError(f"has {len(columns)} unknown coefficients; {MOST_COEFFICIENTS} are the most")
-        return Formula(left, tree, columns)
+        return Formula(target, tree, columns)
 
     @property
     def target(self) -> Target:
         """What errs."""
-        return TARGETS[self.left]
+        return TARGETS[self.name]
 
     @property
     def law(self) -> str:
         """As it is written, in one way."""
-        return f"{self.left} += {ast.unparse(self.tree)}"
+        return f"{self.name} += {ast.unparse(self.tree)}"
 
     @property
     def place(self) -> EffectPlace:
@@ -271,86 +217,86 @@ class Formula:
         """What it depends on."""
         return tuple(name for name in names_in(self.tree) if name in QUANTITIES)
 
+    @property
+    def texts(self) -> dict[str, str]:
+        """How a kernel at the place of the formula reads each quantity."""
+        texts = {name: quantity.kernel for name, quantity in QUANTITIES.items()}
+        texts["pi"] = "math.pi"
+        if self.target.component == "TurntableMotion":
+            texts |= {"alpha": "angles[0]", "beta": "angles[1]"}
+        return texts
+
     def values(self, rows: Rows | MotionRows) -> dict[str, Any]:
-        """The values (N,) of what it depends on; a ValueError where the rows have none."""
-        known: dict[str, Any] = {"pi": np.pi}
+        """Return the values (N,) of what it depends on; a ValueError where the rows have none."""
+        values: dict[str, Any] = {"pi": np.pi}
         for name in self.quantities:
-            attribute = QUANTITIES[name].attribute
-            # The inputs of a block that is carried are its specific force.
-            if attribute == "n" and isinstance(rows, MotionRows):
-                known[name] = rows.specific_force[:, int(name[1]) - 1]
-                continue
-            if getattr(rows, attribute, None) is None:
+            missing = name == "temperature" and rows.temperature is None
+            if missing or (isinstance(rows, MotionRows) and name in OF_TABLE):
                 raise ValueError(f"{self.law}: the record has no {name}")
-            own = QUANTITIES[name].of(rows)
-            known[name] = 3600.0 * own if name == "time_s" else own
-        return known
+            values[name] = values_read(self.texts[name], self.target.values, self.target.component, rows)
+        return values
 
     def factors(self, rows: Rows | MotionRows) -> NDArray[np.float64]:
-        """What each coefficient is multiplied by (N, K); a ValueError where that is no number."""
-        known, count = self.values(rows), len(rows.hours)
-        found = np.stack([np.broadcast_to(evaluated(c, known), count) for c in self.columns.values()], axis=1)
-        if not np.isfinite(found).all():
-            row = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
-            at = ", ".join(f"{name} = {known[name][row]:.6g}" for name in self.quantities)
+        """Return what each coefficient is multiplied by (N, K); a ValueError where that is no number."""
+        values = self.values(rows)
+        factors = np.zeros((len(rows.hours), len(self.columns)))
+        for k, column in enumerate(self.columns.values()):
+            factors[:, k] = evaluated(column, values)
+        finite = np.isfinite(factors).all(axis=1)
+        if not finite.all():
+            row = int(np.flatnonzero(~finite)[0])
+            at = ", ".join(f"{name} = {values[name][row]:.6g}" for name in self.quantities)
             raise ValueError(f"{self.law}: is no finite number at row {row + 1}, where {at}")
-        return found
+        return factors
 
     def open_factors(self, rows: Rows) -> NDArray[np.float64]:
-        """By how much the factors may differ (N,), with what is not told of temperature and inner angle, as a length.
+        """Return by how much the factors may differ (N,), as a length, with what the record leaves open.
 
-        To first order: exact slopes times half a last digit, and the offset of an encoder's zero.
+        To first order: exact slopes times half a last digit, and the offset of the inner encoder's zero.
         """
-        known, count = self.values(rows), len(rows.hours)
-        found = np.zeros((count, len(self.columns)))
+        values, ones = self.values(rows), np.ones(len(rows.hours))
+        differences = np.zeros((len(rows.hours), len(self.columns)))
         for name, size in (("temperature", rows.temperature_resolution), ("beta", TURNED)):
-            if name in known:
-                slopes = [followed(c, known, {name: np.ones(count)})[1] for c in self.columns.values()]
-                found += size * np.abs(np.stack([np.broadcast_to(s, count) for s in slopes], axis=1))
-        return np.linalg.norm(np.nan_to_num(found), axis=1)
+            if name in values:
+                for k, column in enumerate(self.columns.values()):
+                    differences[:, k] += size * np.abs(followed(column, values, {name: ones})[1])
+        return np.linalg.norm(np.nan_to_num(differences), axis=1)
 
     def kernel_source(self) -> str:
         """A kernel in restricted Python that adds what the formula says."""
-        target = self.target
-        of_table, of_gyros = target.component == "TurntableMotion", target.component == "GyroBlock"
-        texts = {name: quantity.kernel for name, quantity in QUANTITIES.items()} | {"pi": "math.pi"}
-        texts |= {name: f"coefficient_{name}" for name in self.columns}
-        if of_table:
-            texts |= {"alpha": "angles[0]", "beta": "angles[1]"}
+        target, coefficients = self.target, {name: f"coefficient_{name}" for name in self.columns}
         added = "turns" if target.stage == "geometry_effects" else "added"
-        seen = "angles" if of_table else "rate" if of_gyros else "n"
-        statements = Statements(texts)
-        what = statements.of(self.tree)
-        coefficients = "".join(f"coefficient_{name}: float, " for name in self.columns)
-        lines = [
-            f"def formula_{name_of_law(self.law)}(context: Vector, {seen}: Vector, {coefficients}{added}: Vector) "
-            "-> None:",
-            f'    """Add what a formula says: {self.law}."""',
-            *(f"    {line}" for line in statements.lines),
-            f"    {added}[{target.index}] = {added}[{target.index}] + {what}",
-        ]
+        arguments = ["context: Vector", f"{target.values}: Vector"]
+        arguments += [f"{name}: float" for name in coefficients.values()]
+        statements = Statements(self.texts | coefficients)
+        addition = statements.of(self.tree)
+        lines = [f"def formula_{name_of_law(self.law)}({', '.join(arguments)}, {added}: Vector) -> None:"]
+        lines.append(f'    """Add what a formula says: {self.law}."""')
+        lines += [f"    {line}" for line in statements.lines]
+        lines.append(f"    {added}[{target.index}] = {added}[{target.index}] + {addition}")
         return "\n".join(lines) + "\n"
 
     def effect(self) -> Effect:
         """The formula as an effect."""
-        target, columns = self.target, list(self.columns.items())
+        target, law = self.target, self.law
         untold = {"temperature", "beta"} & set(self.quantities)
         open_argument = self._open_argument if untold and target.component == "AccelerometerBlock" else None
-        names = {name: quantity.symbol for name, quantity in QUANTITIES.items()} | {"pi": "π"}
-        shown = typeset(self.tree, names | {name: f"{{{name}}}" for name in self.columns})
+        symbols = {name: quantity.symbol for name, quantity in QUANTITIES.items()} | {"pi": "π"}
+        parameters, degrees = [], []
+        for name, column in self.columns.items():
+            symbols[name] = f"{{{name}}}"
+            parameters.append(EffectParameter(name, unit_of(target.unit, column), f"{name} of {law}", LARGEST))
+            degrees.append(degree_of(column))
         return Effect(
             name="formula",
             places=(self.place,),
-            parameters=tuple(
-                EffectParameter(name, unit_of(target.unit, column), f"{name} of {self.law}", LARGEST)
-                for name, column in columns
-            ),
-            sentence=self._sentence(),
+            parameters=tuple(parameters),
+            sentence=self._sentence,
             component=target.component,
             stage=target.stage,
             kernel=written(self.kernel_source()),
-            degree=max(degree_of(column) for _, column in columns),
-            formula=f"{target.symbol} {shown}",
+            degree=max(degrees),
+            formula=f"{target.symbol} {typeset(self.tree, symbols)}",
             columns=self._columns,
             open_argument=open_argument,
         )
@@ -359,18 +305,11 @@ class Formula:
         return at_port(PORTS[self.target.stage], self.target.index, self.factors(rows))
 
     def _open_argument(self, place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-        found = np.zeros(rows.n.shape)
-        found[:, self.target.index] = self.open_factors(rows)
-        return found
+        return at_port(3, self.target.index, self.open_factors(rows)[:, None])[..., 0]
 
-    def _sentence(self) -> Sentence:
-        what, said = ast.unparse(self.tree), self.target.said
-
-        def say(place: EffectPlace, values: Mapping[str, float]) -> str:
-            sizes = ", ".join(f"{name} = {value:+.2e}" for name, value in values.items())
-            return f"{said} gains {what}, {sizes}"
-
-        return say
+    def _sentence(self, place: EffectPlace, values: Mapping[str, float]) -> str:
+        sizes = ", ".join(f"{name} = {value:+.2e}" for name, value in values.items())
+        return f"{self.target.words} gains {ast.unparse(self.tree)}, {sizes}"
 
 
 def _short(text: str) -> str:
@@ -378,9 +317,9 @@ def _short(text: str) -> str:
     return repr(line if len(line) <= 40 else f"{line[:37]}...")
 
 
-def _nearest(name: str, known: Sequence[str]) -> str:
-    close = get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
+def _nearest(name: str, names: Sequence[str]) -> str:
+    close = get_close_matches(name, names, n=1, cutoff=0.6)
+    return f"did you mean {close[0]}?" if close else f"there are {', '.join(names)}"
 
 
 class _Renamed(ast.NodeTransformer):
@@ -394,34 +333,37 @@ def _renamed(tree: ast.expr) -> ast.expr:
     return _Renamed().visit(tree)
 
 
-def _coefficients(tree: ast.expr, left: str) -> list[str]:
+def _coefficients(tree: ast.expr, target: str) -> list[str]:
     """The unknown coefficients; a ValueError for a name that is neither a coefficient nor known where it stands."""
-    known, found = TARGETS[left].names, []
+    names, coefficients = TARGETS[target].names, []
     for name in names_in(tree):
-        if name in known or name == "pi":
+        if name in names or name == "pi":
             continue
         if name in QUANTITIES:
-            raise ValueError(f"{name} is not known to what adds to {left}; it knows {', '.join(known)}")
+            raise ValueError(f"{name} is not known to what adds to {target}; it knows {', '.join(names)}")
         if name in TARGETS or not re.fullmatch(r"[a-zA-Z][0-9]?", name) or (name[0] in "fnw" and len(name) == 2):
-            close = "" if len(name) > 30 else f"; {_nearest(name, known)}"
+            close = "" if len(name) > 30 else f"; {_nearest(name, names)}"
             raise ValueError(f"{_short(name)} is not known here, and a coefficient is a letter, as c or a1{close}")
-        found.append(name)
-    return found
+        coefficients.append(name)
+    return coefficients
 
 
-def unit_of(left: Powers, column: ast.expr) -> str:
+def unit_of(of_error: Powers, column: ast.expr) -> str:
     """The unit of a coefficient, such as "1/g2"; that of what errs where the other factor is a pure number.
 
     In a sum of terms with different units the numbers in it have units, which nobody knows: it counts as a number.
     """
-    powers = dict(left)
+    powers = dict(of_error)
     for name, power in (_powers(column) or {}).items():
         powers[name] = powers.get(name, 0) - power
-    texts = [
-        ".".join(f"{name}{abs(power) if abs(power) > 1 else ''}" for name, power in powers.items() if power * sign > 0)
-        for sign in (1, -1)
-    ]
-    return f"{texts[0] or '1'}/{texts[1].replace('.', '/')}" if texts[1] else texts[0] or "1"
+    above, below = "", ""
+    for name, power in powers.items():
+        digit = str(abs(power)) if abs(power) > 1 else ""
+        if power > 0:
+            above += f".{name}{digit}"
+        elif power < 0:
+            below += f"/{name}{digit}"
+    return (above[1:] or "1") + below
 
 
 def _powers(node: ast.expr) -> dict[str, int] | None:
@@ -434,21 +376,23 @@ def _powers(node: ast.expr) -> dict[str, int] | None:
         case ast.UnaryOp(operand=operand):
             return _powers(operand)
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            own = _powers(left)
-            return None if own is None else {name: power * power_of(right) for name, power in own.items()}
+            base = _powers(left)
+            return None if base is None else {name: power * power_of(right) for name, power in base.items()}
         case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
-            found, sign = dict(_powers(left) or {}), 1 if isinstance(op, ast.Mult) else -1
+            powers, sign = dict(_powers(left) or {}), 1 if isinstance(op, ast.Mult) else -1
             for name, power in (_powers(right) or {}).items():
-                found[name] = found.get(name, 0) + sign * power
-            return {name: power for name, power in found.items() if power}
+                powers[name] = powers.get(name, 0) + sign * power
+            return {name: power for name, power in powers.items() if power}
         case ast.BinOp(left=left, right=right):
             sides = [side for side in (_powers(left), _powers(right)) if side is not None]
             return None if not sides else sides[0] if all(side == sides[0] for side in sides) else {}
         case ast.Call(func=ast.Name(id="abs"), args=[argument]):
             return _powers(argument)
         case ast.Call(func=ast.Name(id="sqrt"), args=[argument]):
-            own = _powers(argument) or {}
-            return {n: p // 2 for n, p in own.items()} if all(p % 2 == 0 for p in own.values()) else {}
+            square = _powers(argument) or {}
+            if any(power % 2 for power in square.values()):
+                return {}
+            return {name: power // 2 for name, power in square.items()}
     return {}
 
 

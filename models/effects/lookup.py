@@ -6,7 +6,7 @@ around 0 2 4", "hours jumps at 0.3". At a knot in parentheses the function is ze
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..written import written
 from .accelerometer import NOMINAL_TEMPERATURE
-from .columns import MotionRows
+from .columns import PORTS, values_read
 from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, at_port, name_of_law
 
 TURN = 2.0 * math.pi
@@ -48,21 +48,27 @@ AT_REST = {
     "beta": ("context[BETA]", "rad"),
 }
 """Of each quantity of a record of rests how a kernel of the block reads it, and its unit."""
-IN_MOTION = {
-    "w1": ("rate[0]", "rad/s"),
-    "w2": ("rate[1]", "rad/s"),
-    "w3": ("rate[2]", "rad/s"),
-    **{
-        f"dw{p}": (f"((rate[{p - 1}] - context[PREVIOUS_RATE + {p - 1}]) / context[STEP_LENGTH])", "rad/s2")
-        for p in (1, 2, 3)
-    },
-    **{f"w{i}*w{j}": (f"rate[{i - 1}] * rate[{j - 1}]", "rad2/s2") for i, j in ((1, 2), (1, 3), (2, 3))},
-    **{name: AT_REST[name] for name in AT_REST if name not in ANGLES},
-}
-"""The same of a record in motion."""
+
+
+def _in_motion() -> dict[str, tuple[str, str]]:
+    """Return the same of a record in motion."""
+    known = {f"w{k + 1}": (f"rate[{k}]", "rad/s") for k in range(3)}
+    for k in range(3):
+        known[f"dw{k + 1}"] = f"((rate[{k}] - context[PREVIOUS_RATE + {k}]) / context[STEP_LENGTH])", "rad/s2"
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        known[f"w{i + 1}*w{j + 1}"] = f"rate[{i}] * rate[{j}]", "rad2/s2"
+    for name, reading in AT_REST.items():
+        if name not in ANGLES:
+            known[name] = reading
+    return known
+
+
+IN_MOTION = _in_motion()
 OF_TABLE = {
-    **{angle: (f"angles[{axis}]", "rad") for axis, angle in enumerate(ANGLES)},
-    **{name: AT_REST[name] for name in ("hours", "temperature")},
+    "alpha": ("angles[0]", "rad"),
+    "beta": ("angles[1]", "rad"),
+    "hours": AT_REST["hours"],
+    "temperature": AT_REST["temperature"],
 }
 """The same of what the table does."""
 PLACES = {
@@ -92,15 +98,18 @@ class Table:
     def of(law: str) -> "Table":
         """A table from its law; a ValueError says what would be right."""
         factor, _, function = " ".join(law.split()).rpartition(" times ")
-        quantity, *rest = function.split() or [""]
-        kind = next((kind for kind in KINDS if " ".join(rest).startswith(kind + " ")), None)
-        written = rest[len(kind.split()) if kind else 0 :]
-        zero = tuple(k for k, word in enumerate(written) if word.startswith("(") and word.endswith(")"))
-        try:
-            knots = tuple(float(word[1:-1] if k in zero else word) for k, word in enumerate(written))
-        except ValueError:
-            knots = ()
-        table = Table(quantity, kind or "", knots, factor, zero)
+        quantity, _, rest = function.partition(" ")
+        kind = next((kind for kind in KINDS if rest.startswith(kind + " ")), "")
+        knots, zero = [], []
+        for k, word in enumerate(rest[len(kind) :].split()):
+            if word.startswith("(") and word.endswith(")"):
+                zero.append(k)
+                word = word[1:-1]
+            try:
+                knots.append(float(word))
+            except ValueError:
+                knots.append(math.nan)
+        table = Table(quantity, kind, tuple(knots), factor, tuple(zero))
         if not table.is_one:
             raise ValueError(f"law {law!r} must be '[factor times] quantity at|around|jumps at knots', knots growing")
         return table
@@ -108,16 +117,16 @@ class Table:
     @property
     def is_one(self) -> bool:
         """Whether knots and names are those of a table."""
-        known = {*AT_REST, *IN_MOTION}
-        count = len(self.knots)
-        fits = {"at": count >= 2, "around": count >= 2, "jumps at": count == 1}.get(self.kind, False)
-        fits = fits and (self.kind != "around" or self.quantity in ("alpha", "beta"))
-        growing = all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
-        within = self.kind != "around" or self.knots[-1:] < (self.knots[0] + TURN,) if self.knots else False
-        finite = all(math.isfinite(knot) for knot in self.knots)
-        names = self.quantity in known and (not self.factor or self.factor in FACTORS)
-        told = len(self.zero) < count and not (self.zero and self.kind == "jumps at")
-        return fits and growing and within and finite and names and told and count <= MOST_KNOTS
+        knots, count = np.array(self.knots), len(self.knots)
+        if self.quantity not in (*AT_REST, *IN_MOTION) or self.factor not in ("", *FACTORS):
+            return False
+        if not np.isfinite(knots).all() or (np.diff(knots) <= 0.0).any() or count > MOST_KNOTS:
+            return False
+        if self.kind == "jumps at":
+            return count == 1 and not self.zero
+        if self.kind == "around" and (self.quantity not in ANGLES or (count and knots[-1] - knots[0] >= TURN)):
+            return False
+        return self.kind != "" and count >= 2 and len(self.zero) < count
 
     @property
     def entries(self) -> tuple[int, ...]:
@@ -128,8 +137,10 @@ class Table:
     def law(self) -> str:
         """As it is written."""
         factor = f"{self.factor} times " if self.factor else ""
-        words = (f"({knot!r})" if k in self.zero else repr(knot) for k, knot in enumerate(self.knots))
-        return f"{factor}{self.quantity} {self.kind} {' '.join(words)}"
+        law = f"{factor}{self.quantity} {self.kind}"
+        for k, knot in enumerate(self.knots):
+            law += f" ({knot!r})" if k in self.zero else f" {knot!r}"
+        return law
 
     def columns(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What each entry is multiplied by at values (N,) of the quantity: (N, K), without the factor."""
@@ -158,121 +169,124 @@ class Table:
         return [*lines, f"if q < {knots[0]!r}:", f"    f = {names[0]}"]
 
 
-def values_of(name: str, rows: Any) -> NDArray[np.float64]:
-    """A quantity (N,) of rows at rest or in motion; a ValueError where they have none."""
-    if "*" in name:
-        return np.prod([values_of(factor, rows) for factor in name.split("*")], axis=0)
-    if name in OF_ANGLES:
-        wave, angle = OF_ANGLES[name]
-        return np.asarray(getattr(np, wave)(values_of(angle, rows)))
-    if name[0] in ("n", "w", "d"):
-        axis = int(name[-1]) - 1
-        if isinstance(rows, MotionRows):
-            return {"n": rows.specific_force, "w": rows.rate, "d": rows.acceleration}[name[0]][:, axis]
-        return rows.n[:, axis]
-    values = getattr(rows, name)
-    if values is None:
-        raise ValueError(f"a function of the {name} needs the {name} of the rows")
-    return values
+@dataclass(frozen=True)
+class Home:
+    """Where a table joins the components: the stage, the port to which it adds, and what a kernel knows there.
+
+    `values` is the name of the values that a kernel of the stage takes, `added` that of what it adds to.
+    """
+
+    component: str
+    stage: str
+    port: int
+    values: str
+    added: str
+    known: dict[str, tuple[str, str]]
+
+    @staticmethod
+    def of(place: EffectPlace, table: Table) -> "Home":
+        """Return the home of a table at its place; a ValueError says what would be right."""
+        _, known = PLACES[place.where]
+        for name in (table.quantity, table.factor):
+            if name and name not in TILTS and not text_of(name, known):
+                raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(known)}")
+        if known is OF_TABLE:
+            return Home._of_turn(place, table)
+        if table.factor in TILTS:
+            raise ValueError(f"law {place.law!r}: only an axis has a {table.factor}")
+        if place.where != GYRO_BLOCK:
+            return Home("AccelerometerBlock", "reading_effects", place.index, "n", "added", known)
+        if len(place.axes) != 1:
+            raise ValueError(f"law {place.law!r}: needs the gyro as its one axis")
+        return Home("GyroBlock", "reading_effects", place.axes[0] - 1, "rate", "added", known)
+
+    @staticmethod
+    def _of_turn(place: EffectPlace, table: Table) -> "Home":
+        """Return the home of a turn of the table, or of the error of an encoder."""
+        axis = 0 if place.where == BASE else place.index
+        if table.factor == OUTER_TILT and place.where != AXES[1]:
+            raise ValueError(f"law {place.law!r}: only the {AXES[1]} has an {OUTER_TILT}")
+        if place.where == BASE and table.factor not in TILTS:
+            raise ValueError(f"law {place.law!r}: of the {BASE} only a {TILT} is a function")
+        if table.factor not in TILTS:
+            return Home("TurntableMotion", "encoder_effects", axis, "angles", "added", OF_TABLE)
+        port = 1 if table.factor == OUTER_TILT else 2 * axis
+        return Home("TurntableMotion", "geometry_effects", port, "angles", "turns", OF_TABLE)
+
+    def read(self, name: str, rows: Any) -> NDArray[np.float64]:
+        """Return a quantity or a factor (N,) of rows; a ValueError where they have none."""
+        if name == "temperature" and rows.temperature is None:
+            raise ValueError("a function of the temperature needs the temperature of the rows")
+        return values_read(text_of(name, self.known), self.values, self.component, rows)
+
+
+def text_of(name: str, known: dict[str, tuple[str, str]]) -> str:
+    """Return how a kernel reads a quantity, or a wave of an angle; empty where it is none that is known."""
+    wave, quantity = OF_ANGLES.get(name, ("", name))
+    text, _ = known.get(quantity, ("", ""))
+    return f"math.{wave}({text})" if wave and text else text
 
 
 @cache
 def lookup_at(place: EffectPlace) -> Effect:
-    """The table of a place's law as an effect; a ValueError says what would be right."""
+    """Return the table of a place's law as an effect; a ValueError says what would be right."""
     table = Table.of(place.law)
     if place.where not in PLACES:
         raise ValueError(f"law {place.law!r} has no place {place.where!r}; places: {', '.join(PLACES)}")
-    _, known = PLACES[place.where]
-    for name in (table.quantity, table.factor):
-        if name and name not in TILTS and not _read(name, known):
-            raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(known)}")
-    home = _home_of_turn(place, table) if known is OF_TABLE else _home_of_reading(place, table)
-    jump, unit = table.kind == "jumps at", _unit(place, table)
-    parameters = tuple(
-        EffectParameter(f"value_{k + 1}", unit, "size of the jump" if jump else f"value at {table.knots[k]!r}", LARGEST)
-        for k in table.entries
-    )
-    return Effect("lookup", (), parameters, _said, **home)
+    home, unit = Home.of(place, table), _unit(place, table)
+    parameters = []
+    for k in table.entries:
+        description = "size of the jump" if table.kind == "jumps at" else f"value at {table.knots[k]!r}"
+        parameters.append(EffectParameter(f"value_{k + 1}", unit, description, LARGEST))
+
+    def columns(place: EffectPlace, rows: Any) -> NDArray[np.float64]:
+        """What each entry adds, with the factor."""
+        entries = table.columns(home.read(table.quantity, rows))
+        if table.factor and table.factor not in TILTS:
+            factor = home.read(table.factor, rows) - FROM.get(table.factor, 0.0)
+            entries = entries * factor[:, None]
+        return at_port(PORTS[home.stage], home.port, entries)
+
+    kernel = _kernel(place, table, home)
+    fields = {"component": home.component, "stage": home.stage, "kernel": kernel, "columns": columns}
+    return Effect("lookup", (), tuple(parameters), sentence, **fields)
 
 
-def _read(name: str, known: dict[str, tuple[str, str]]) -> str:
-    """How a kernel reads a quantity or a factor; empty where it is none that is known."""
-    wave, quantity = OF_ANGLES.get(name, ("", name))
-    text = known.get(quantity, ("", ""))[0]
-    text = f"({text} - {FROM[name]!r})" if text and name in FROM else text
-    return f"math.{wave}({text})" if wave and text else text
-
-
-def _values_added(table: Table, rows: Any) -> NDArray[np.float64]:
-    """What each entry adds (N, K), with the factor."""
-    own = table.columns(values_of(table.quantity, rows))
-    if not table.factor or table.factor in TILTS:
-        return own
-    return own * (values_of(table.factor, rows) - FROM.get(table.factor, 0.0))[:, None]
-
-
-def _home_of_turn(place: EffectPlace, table: Table) -> dict[str, Any]:
-    """Where a turn of the table, or the error of an encoder, joins the components, and its signature."""
-    tilted, axis = table.factor in TILTS, 0 if place.where == BASE else place.index
-    if table.factor == OUTER_TILT and place.where != AXES[1]:
-        raise ValueError(f"law {place.law!r}: only the {AXES[1]} has an {OUTER_TILT}")
-    if place.where == BASE and not tilted:
-        raise ValueError(f"law {place.law!r}: of the {BASE} only a {TILT} is a function")
-    at = 1 if table.factor == OUTER_TILT else 2 * axis if tilted else 2 * axis + 1
-
-    stage, size, port = ("geometry_effects", 7, at) if tilted else ("encoder_effects", 2, axis)
-    target = f"{'turns' if tilted else 'added'}[{port}]"
-    own = {"columns": lambda place, rows: at_port(size, port, _values_added(table, rows))}
-    kernel = _kernel(place, table, ("context: Vector", "angles: Vector"), OF_TABLE, target)
-    return own | {"component": "TurntableMotion", "stage": stage, "kernel": kernel}
-
-
-def _home_of_reading(place: EffectPlace, table: Table) -> dict[str, Any]:
-    """Where the error of an accelerometer or a gyro joins the components, and its signature."""
-    if table.factor in TILTS:
-        raise ValueError(f"law {place.law!r}: only an axis has a {table.factor}")
-    in_motion = place.where == GYRO_BLOCK
-    if in_motion and len(place.axes) != 1:
-        raise ValueError(f"law {place.law!r}: needs the gyro as its one axis")
-    p = place.axes[0] - 1 if in_motion else place.index
-
-    seen = ("context: Vector", "rate: Vector" if in_motion else "n: Vector")
-    kernel = _kernel(place, table, seen, IN_MOTION if in_motion else AT_REST, f"added[{p}]")
-    component = "GyroBlock" if in_motion else "AccelerometerBlock"
-    own = {"columns": lambda place, rows: at_port(3, p, _values_added(table, rows)), "kernel": kernel}
-    return own | {"component": component, "stage": "reading_effects"}
-
-
-def _kernel(
-    place: EffectPlace, table: Table, seen: tuple[str, str], known: dict[str, tuple[str, str]], target: str
-) -> Callable[..., None]:
-    """The kernel of a table."""
-    values = ", ".join(f"value_{k + 1}: float" for k in table.entries)
-    last, factor = target.split("[")[0], _read(table.factor, known)
+def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]:
+    """Return the kernel of a table."""
+    arguments = ["context: Vector", f"{home.values}: Vector"]
+    for k in table.entries:
+        arguments.append(f"value_{k + 1}: float")
     name = f"lookup_{name_of_law(f'{place.where} {place.axes} {place.law}')}"
-    # A quantity counts as it is, a factor from where it does nothing.
-    body = table.source(known[table.quantity][0])
-    body.append(f"{target} = {target} + f" + (f" * {factor}" if factor else ""))
-    head = f"def {name}({', '.join(seen)}, {values}, {last}: Vector) -> None:"
-    return written("\n".join([head, f'    """{place.law}"""', *(f"    {line}" for line in body)]) + "\n")
+    lines = [f"def {name}({', '.join(arguments)}, {home.added}: Vector) -> None:", f'    """{place.law}"""']
+    text, _ = home.known[table.quantity]
+    lines += [f"    {line}" for line in table.source(text)]
+    target = f"{home.added}[{home.port}]"
+    addition = f"    {target} = {target} + f"
+    if factor := text_of(table.factor, home.known):
+        # A quantity counts as it is, a factor from where it does nothing.
+        zero = FROM.get(table.factor)
+        addition += f" * {factor}" if zero is None else f" * ({factor} - {zero!r})"
+    return written("\n".join([*lines, addition]) + "\n")
 
 
 def _unit(place: EffectPlace, table: Table) -> str:
-    """Unit of the values of a table."""
-    own, known = PLACES[place.where]
+    """Return the unit of the values of a table."""
+    unit, known = PLACES[place.where]
     if table.factor not in known:
-        return own
-    by = known[table.factor][1]
-    if by == "rad/s2":
+        return unit
+    _, of_factor = known[table.factor]
+    if of_factor == "rad/s2":
         return "s"
-    return "1" if by == own else f"{own}/{by}".replace("degC", "K")
+    return "1" if of_factor == unit else f"{unit}/{of_factor}".replace("degC", "K")
 
 
-def _said(place: EffectPlace, values: Any) -> str:
+def sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
+    """Return what a table says of its place, and its largest value."""
     table = Table.of(place.law)
-    of = f"{table.factor} times a function" if table.factor else "a function"
+    function = f"{table.factor} times a function" if table.factor else "a function"
     largest = max(abs(value) for value in values.values())
-    return f"{place.where.replace('-', ' ')}: {of} of {table.quantity}, up to {largest:.2e}"
+    return f"{place.where.replace('-', ' ')}: {function} of {table.quantity}, up to {largest:.2e}"
 
 
-EFFECT = Effect("lookup", (), (), _said, of_place=lookup_at)
+EFFECT = Effect("lookup", (), (), sentence, of_place=lookup_at)

@@ -4,6 +4,7 @@ import contextlib
 import math
 import string
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from gyro_readings import gyro_readings, lively_motion
 from trihedron.fmus import components
 from trihedron.fmus.component import extend
 from trihedron.fmus.units import unit_named
-from trihedron.models.effects import Rows, parameter_name, place_from_mapping
+from trihedron.models.effects import parameter_name, place_from_mapping
 from trihedron.models.effects.formula import QUANTITIES, TARGETS, Formula
 from trihedron.models.expression import FUNCTIONS
 from trihedron.tools.document.notation import equation
@@ -129,7 +130,7 @@ def test_what_is_not_told_of_its_quantities_widens_the_bounds():
         place = Formula.of(text).place
         effect = place.definition
         assert effect.open_argument is not None
-        there = Rows(**{**vars(rows), "temperature_resolution": 0.05})
+        there = replace(rows, temperature_resolution=0.05)
         assert effect.open_argument(place, there)[:, 1] == pytest.approx(slope)
         assert not effect.open_argument(place, there)[:, [0, 2]].any()
 
@@ -137,7 +138,7 @@ def test_what_is_not_told_of_its_quantities_widens_the_bounds():
 def test_where_it_has_no_value_it_is_refused_and_its_kernel_adds_nothing():
     place = Formula.of("f1 += c/n2").place
     rows = true_bench()[1]
-    zero = Rows(**{**vars(rows), "n": rows.n * [1.0, 0.0, 1.0]})
+    zero = replace(rows, n=rows.n * [1.0, 0.0, 1.0])
     with pytest.raises(ValueError, match="no finite number at row 1, where n2 = 0"):
         place.definition.signature(place, zero)
     kernel = place.definition.kernel
@@ -145,7 +146,7 @@ def test_where_it_has_no_value_it_is_refused_and_its_kernel_adds_nothing():
     added = [0.0, 0.0, 0.0]
     kernel([0.0] * 20, [0.0] * 3, 1.0, added)
     assert added == [0.0, 0.0, 0.0]
-    cold = Rows(**{**vars(rows), "temperature": None})
+    cold = replace(rows, temperature=None)
     place = Formula.of("f1 += c*temperature").place
     with pytest.raises(ValueError, match="the record has no temperature"):
         place.definition.signature(place, cold)

@@ -76,10 +76,10 @@ def places_of(formulas: Sequence[str], *, at_table: bool, with_gyros: bool) -> t
                 "strapdown record, or of a bench record whose place is given (--latitude-deg, --azimuth-deg); of "
                 "positions of a table f1, f2, f3, alpha, beta, kappa and epsilon can err"
             )
-            raise InputError(f"{where}: {formula.left} is of a {other}")
+            raise InputError(f"{where}: {formula.name} is of a {other}")
         if component == "TurntableMotion" and not at_table:
             other = "record of a table; of a block that is carried w1, w2, w3, f1, f2 and f3 can err"
-            raise InputError(f"{where}: {formula.left} is of a {other}")
+            raise InputError(f"{where}: {formula.name} is of a {other}")
         if not at_table and (missing := [name for name in formula.quantities if name in OF_TABLE]):
             raise InputError(f"{where}: {missing[0]} is of a record of a table; a block that is carried has n1, n2, n3")
         found.append(place)
