@@ -13,7 +13,7 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.document.blocks import Document, Page
 from trihedron.tools.document.page import html
-from trihedron.tools.planning.plan import optimal_plans
+from trihedron.tools.planning.targets import optimal_plans
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.reports import document_of
 from trihedron.tools.result import Result

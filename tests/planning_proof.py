@@ -4,8 +4,8 @@ import numpy as np
 
 from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.planning.certificate import ceiling, lower_bound
-from trihedron.tools.planning.forms import clearance, dual_forms, sheets, value
-from trihedron.tools.planning.plan import Grid, Plan
+from trihedron.tools.planning.forms import Sheet, clearance, dual_forms, sheets, value
+from trihedron.tools.planning.targets import Grid, Plan
 
 LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
 """By how much |F'y| may exceed one, tried in turn: the lower bound is divided by what is proven."""
@@ -17,51 +17,41 @@ class ProofError(ValueError):
 
 
 def proven_gap(plan: Plan) -> float:
-    """How much less than this plan another could cost, relative; proven without what the search has stored.
+    """How much less than this plan another could cost, relative; its `optimum.lower_bound` is not used.
 
-    Parameters
-    ----------
-    plan : Plan
-        its `optimum.lower_bound` is not used
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ProofError
-        when the weights are biased, a reading is not admissible, or |F'y| exceeds one somewhere
+    A ProofError when the weights are biased, a reading is not admissible, or |F'y| exceeds one somewhere.
     """
     best, target = plan.optimum, expression_weights(plan.target, plan.parametrisation)
-    found = sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible)
+    block = sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible)
     total = np.zeros(len(target))
     for accelerometer, alpha, beta, weight in zip(best.accelerometer, best.alpha, best.beta, best.weights, strict=True):
-        own = [sheet for sheet in found if sheet.accelerometer == accelerometer]
-        sheet = max(own, key=lambda s, a=alpha, b=beta: float(clearance(s, a, b)))
+        signs = [sheet for sheet in block if sheet.accelerometer == accelerometer]
+        sheet = max(signs, key=lambda s, a=alpha, b=beta: float(clearance(s, a, b)))
         if float(clearance(sheet, alpha, beta)) <= 0.0:
-            place = _place(accelerometer, alpha, beta)
-            raise ProofError(f"the sign of the input is not certain for {place}")
+            raise ProofError(f"the sign of the input is not certain for {_place(accelerometer, alpha, beta)}")
         total += weight * value(sheet.regressor, alpha, beta)
     bias = float(np.abs(total - target).max())
     if bias > BIAS * max(1.0, float(np.abs(target).max())):
         raise ProofError(f"the weights are biased by {bias:.2g}")
-    if plan.grid_deg is not None:
-        bound = Grid(found, plan.grid_deg).ceiling(best.dual)
+    if plan.grid_deg is None:
+        bound = _ceiling(block, best.dual)
+    else:
+        bound = Grid(block, plan.grid_deg).ceiling(best.dual)
         if bound > 1.0 + LEVELS[-1]:
             raise ProofError(f"the dual is not admissible: |F'y| is {bound:.6g} on the grid")
-    else:
-        for excess in LEVELS:
-            bounded = ceiling(found, best.dual, 1.0 + excess)
-            if not len(bounded.violations):
-                break
-        else:
-            k, _, alpha, beta = bounded.violations[0]
-            worst = abs(float(value(dual_forms(found, best.dual)[int(k)], alpha, beta)))
-            place = _place(found[int(k)].accelerometer, alpha, beta)
-            raise ProofError(f"the dual is not admissible: |F'y| is {worst:.6g} for {place}")
-        bound = bounded.bound
     return max(best.cost - lower_bound(target, best.dual, bound), 0.0) / best.cost
+
+
+def _ceiling(block: list[Sheet], dual: np.ndarray) -> float:
+    """What |F'y| is proven not to exceed over all angles."""
+    for excess in LEVELS:
+        bounded = ceiling(block, dual, 1.0 + excess)
+        if not len(bounded.violations):
+            return bounded.bound
+    k, _, alpha, beta = bounded.violations[0]
+    worst = abs(float(value(dual_forms(block, dual)[int(k)], alpha, beta)))
+    place = _place(block[int(k)].accelerometer, alpha, beta)
+    raise ProofError(f"the dual is not admissible: |F'y| is {worst:.6g} for {place}")
 
 
 def _place(accelerometer: int, alpha: float, beta: float) -> str:

@@ -2,23 +2,24 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 from unittest import mock
 
 import numpy as np
 
-from trihedron.tools.planning import common, positions
-from trihedron.tools.planning.common import PositionPlan, stored_positions
-from trihedron.tools.planning.positions import Places, Task, task_of
-from trihedron.tools.planning.request import Request
+import trihedron as th
+from trihedron.tools.planning import Request, task, task_of
+from trihedron.tools.planning.positions import PositionPlan, stored_positions
+from trihedron.tools.planning.task import Places, Task
 
 SCALE, ZERO, SINGLE, SUM, THIRD = 2.0475623761398, 1.0475623761398, 1.00026989733961, 2.00053979467921, 1.02897485655299
-OPTIMA = np.array([SINGLE, SINGLE, THIRD, *[SCALE] * 6, *[SUM] * 3, *[SINGLE] * 3, *[ZERO] * 3])
+OPTIMA = np.array([SINGLE] * 2 + [THIRD] + [SCALE] * 6 + [SUM] * 3 + [SINGLE] * 3 + [ZERO] * 3)
 """Optima over all angles, for bounds of 3e-3 and 1e-2."""
 
 
-def tables_task(**options: object) -> Task:
-    """What is asked with these options of a request."""
-    return task_of(Request(**{"admissible": "tables", **options}), best=OPTIMA)  # pyright: ignore[reportArgumentType]
+def tables_task(**options: Any) -> Task:
+    """The task with these options of a request."""
+    return task_of(Request(**{"admissible": "tables", **options}), best=OPTIMA)
 
 
 def stored(count: int) -> Places:
@@ -30,14 +31,18 @@ def stored(count: int) -> Places:
 
 
 @contextmanager
-def known_optima() -> Iterator[None]:
-    """Within it the optima of the tables' admissible set, which take seconds, are those that are known."""
-    with mock.patch.object(positions, "_optima", return_value=(OPTIMA, np.zeros((0, 2)))):
+def known_optima(optima: Any = OPTIMA) -> Iterator[None]:
+    """Within it the optima, which take seconds, are these: by default those of the tables' admissible set."""
+    with mock.patch.object(task, "_optima", return_value=(np.array(optima), np.zeros((0, 2)))):
         yield
 
 
-def planned(count: int, request: Request) -> PositionPlan:
-    """A plan on the tables' admissible set, with the known optima."""
-    assert request.admissible == "tables"
-    with known_optima():
-        return common.common_positions(count, request)
+def planned(count: int | None, *, optima: Any = OPTIMA, **options: Any) -> PositionPlan:
+    """A plan of one start and without a bound unless the options say more; by default on the tables' admissible set."""
+    with known_optima(optima):
+        return th.plan_positions(count, **{"admissible": "tables", "starts": 1, "cuts": 0, **options})
+
+
+def angles(plan: PositionPlan) -> np.ndarray:
+    """The plan's commands (N, 2) [rad]."""
+    return np.radians([(at.alpha_deg, at.beta_deg) for at in plan.positions])

@@ -34,9 +34,9 @@ from ..orchestrator.scenario import Scenario
 from ..orchestrator.stimuli import read_table
 from ..parquet import MAGIC
 from ..planning.check import read_angles
-from ..planning.common import PositionPlan
 from ..planning.imu import ImuPlan
-from ..planning.plan import Plan, Plans
+from ..planning.positions import PositionPlan
+from ..planning.targets import Plan, Plans
 from ..records.columns import ANGLES, FORCE, VELOCITY, Columns, extra_warning, warnings
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of

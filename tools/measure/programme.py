@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of
 from ..orchestrator.stimuli import read_table
 from ..planning import PositionPlan, Request, task_of
-from ..planning.positions import NOT_DETERMINED, Places, costs
+from ..planning.task import NOT_DETERMINED, Places, costs
 from ..records.columns import ANGLES, LIMITS
 from ..result import field_problems
 

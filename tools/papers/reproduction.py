@@ -20,7 +20,7 @@ from ..calibration.targets import expression_weights
 from ..motion.attitude import algorithm_named, angle_between
 from ..motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_algorithm, run_single, sample_motion
 from ..planning.forms import clearance, sheets, value
-from ..planning.plan import optimal_plans
+from ..planning.targets import optimal_plans
 from ..progress import progress_bar
 from ..result import Result
 from ..rounding import digits, to_bound, upwards

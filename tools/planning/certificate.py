@@ -31,17 +31,19 @@ DEAF = 1e-6
 """An inequality that the equations leave so little freedom is not asked for, unless it is broken by as much."""
 FIRST_BOXES = 16
 MAX_BOXES = 400_000
-FLIPS = np.array(
-    [
-        [[term in flipped for term in range(MOST_TERMS)] for flipped in both]
-        for both in (
-            *(((), (t,)) for t in range(MOST_TERMS)),
-            *(((), pair) for pair in combinations(range(MOST_TERMS), 2)),
-            *(((i,), (j,)) for i, j in combinations(range(MOST_TERMS), 2)),
-        )
-    ]
-)
-"""Of which absolute values the sign is the other one in c_1 and in c_2 (25, 2, 5), relative to the box's centre."""
+
+
+def _flips() -> NDArray:
+    flipped = np.eye(MOST_TERMS, dtype=bool)
+    unchanged = np.zeros(MOST_TERMS, dtype=bool)
+    pairs = list(combinations(flipped, 2))
+    ways = [(unchanged, term) for term in flipped]
+    ways += [(unchanged, first | second) for first, second in pairs]
+    return np.array(ways + pairs)
+
+
+FLIPS = _flips()
+"""Of which absolute values the sign is turned in c_1 and in c_2 (25, 2, 5), relative to the box's centre."""
 FEW_BOXES = 200
 """So many are divided twice before they are looked at: a look takes most of its time once, however many there are."""
 SMALLEST = 1e-9
@@ -124,11 +126,19 @@ def settled(
     weights, columns = near[used], regressors[used]
     for _ in range(2):
         weights = weights + np.linalg.lstsq(columns.T, target - columns.T @ weights, rcond=1e-12)[0]
-    chosen = [values[used] for values in places]
-    order = np.lexsort((chosen[4], chosen[3], chosen[0]))
-    accelerometer, alpha, beta, *degrees = (values[order] for values in chosen)
-    bound = lower_bound(target, dual, ceiling)
-    return Optimum(accelerometer, alpha, beta, weights[order], dual, bound, *degrees)
+    accelerometer, alpha, beta, alpha_deg, beta_deg = places
+    order = np.lexsort((beta_deg[used], alpha_deg[used], accelerometer[used]))
+    rows = np.flatnonzero(used)[order]
+    return Optimum(
+        accelerometer[rows],
+        alpha[rows],
+        beta[rows],
+        weights[order],
+        dual,
+        lower_bound(target, dual, ceiling),
+        alpha_deg[rows],
+        beta_deg[rows],
+    )
 
 
 def lower_bound(target: NDArray, dual: NDArray, ceiling: float) -> float:
@@ -156,10 +166,10 @@ def quietest(metric: NDArray, rows: NDArray, values: NDArray, slopes: NDArray, m
         return inverse.T @ base
     moves = scaled @ free
     size = np.linalg.norm(moves, axis=1)
-    heard = size > DEAF
-    if (excess[~heard] > DEAF).any() or not heard.any():
+    free_enough = size > DEAF
+    if (excess[~free_enough] > DEAF).any() or not free_enough.any():
         return None
-    stacked = np.vstack([-moves[heard].T, excess[heard]]) / size[heard]
+    stacked = np.vstack([-moves[free_enough].T, excess[free_enough]]) / size[free_enough]
     aim = np.zeros(len(stacked))
     aim[-1] = 1.0
     try:
@@ -197,30 +207,31 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
     forms, third, size = _forms(sheets, dual)
     width = float(np.pi) / FIRST_BOXES
     centres = width * (2 * np.arange(FIRST_BOXES) + 1)
-    grid = np.meshgrid(np.arange(len(forms)), centres, centres, indexing="ij")
-    case, alpha, beta = grid[0].ravel(), np.ravel(grid[1]), np.ravel(grid[2])
+    case = np.repeat(np.arange(len(forms)), FIRST_BOXES**2)
+    alpha = np.tile(np.repeat(centres, FIRST_BOXES), len(forms))
+    beta = np.tile(centres, FIRST_BOXES * len(forms))
     half = np.full((2, len(case)), width)
-    seen, bound = 0, limit
+    examined, bound = 0, limit
     while len(case):
-        seen += len(case)
+        examined += len(case)
         values = _expand(forms, case, alpha, beta)
         radius = half * (1.0 + 1e-12) + 1e-15
         inside = values[:, 0, 1] - np.abs(values[:, 0, 2:]).sum(axis=1) >= 0.0
-        violated = inside & (values[:, 0, 0] > limit)
-        if violated.any():
-            found = np.flatnonzero(violated)
-            found = found[np.argsort(-values[found, 0, 0], kind="stable")]
-            first = found[[int(np.flatnonzero(case[found] == k)[0]) for k in dict.fromkeys(case[found].tolist())]]
-            where = np.column_stack([case[first] // 2, 1 - 2 * (case[first] % 2), alpha[first], beta[first]])
+        violated = np.flatnonzero(inside & (values[:, 0, 0] > limit))
+        if len(violated):
+            violated = violated[np.argsort(-values[violated, 0, 0], kind="stable")]
+            _, first = np.unique(case[violated], return_index=True)
+            worst = violated[np.sort(first)]
+            where = np.column_stack([case[worst] // 2, 1 - 2 * (case[worst] % 2), alpha[worst], beta[worst]])
             return Ceiling(np.inf, where)
         upper, share = _upper(values, third[case], size[case], radius, limit)
         keep = upper > limit
-        done = keep & (half.max(axis=0) < SMALLEST)
-        if seen + 2 * keep.sum() > max_boxes:
-            done = keep
-        if done.any():
-            bound = max(bound, float(upper[done].max()))
-            keep &= ~done
+        final = keep & (half.max(axis=0) < SMALLEST)
+        if examined + 2 * keep.sum() > max_boxes:
+            final = keep
+        if final.any():
+            bound = max(bound, float(upper[final].max()))
+            keep &= ~final
         case, alpha, beta, half, share = case[keep], alpha[keep], beta[keep], half[:, keep], share[:, keep]
         for _ in range(2 if len(case) < FEW_BOXES else 1):
             along = (share[1] > share[0]).astype(int)
@@ -249,21 +260,23 @@ def _forms(sheets: Sequence[Sheet], dual: NDArray) -> tuple[NDArray, NDArray, ND
 
 def _expand(forms: NDArray, case: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
     """Values and derivatives (N, 6, 7) of the forms at centres: 1, α, β, αα, αβ, ββ."""
-    one, zero = np.ones_like(alpha), np.zeros_like(alpha)
-
-    def jets(angle: NDArray) -> list[NDArray]:
-        c, s = np.cos(angle), np.sin(angle)
-        return [np.stack([c, s, one], -1), np.stack([-s, c, zero], -1), np.stack([-c, -s, zero], -1)]
-
-    a, b = jets(alpha), jets(beta)
-    monomials = np.stack(
-        [(a[i][:, :, None] * b[j][:, None, :]) for i, j in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))], axis=1
-    ).reshape(len(alpha), 6, 9)
+    a, b = _jets(alpha)[:, [0, 1, 0, 2, 1, 0]], _jets(beta)[:, [0, 0, 1, 0, 1, 2]]
+    monomials = (a[..., :, None] * b[..., None, :]).reshape(len(alpha), 6, 9)
     values = np.empty((len(alpha), 6, forms.shape[1]))
     for k in np.unique(case):
-        here = case == k
-        values[here] = monomials[here] @ forms[k].reshape(-1, 9).T
+        rows = case == k
+        values[rows] = monomials[rows] @ forms[k].reshape(-1, 9).T
     return values
+
+
+def _jets(angle: NDArray) -> NDArray:
+    """(cos, sin, 1) of angles (N,) and its first two derivatives (N, 3, 3)."""
+    jets = np.zeros((len(angle), 3, 3))
+    c, s = np.cos(angle), np.sin(angle)
+    jets[:, 0, 0], jets[:, 0, 1], jets[:, 0, 2] = c, s, 1.0
+    jets[:, 1, 0], jets[:, 1, 1] = -s, c
+    jets[:, 2, 0], jets[:, 2, 1] = -c, -s
+    return jets
 
 
 def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limit: float) -> tuple[NDArray, NDArray]:
@@ -279,11 +292,11 @@ def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limi
     best = f.copy()
 
     def improve(rows: NDArray, h: NDArray, weight: NDArray) -> None:
-        found = _quadratic_maximum(h, radius[:, rows]) + of_f[rows] + weight * of_c[rows]
-        order = np.lexsort((found, rows))
+        bound = _quadratic_maximum(h, radius[:, rows]) + of_f[rows] + weight * of_c[rows]
+        order = np.lexsort((bound, rows))
         least = order[np.flatnonzero(np.diff(rows[order], prepend=-1))]
-        least = least[found[least] < upper[rows[least]]]
-        upper[rows[least]] = found[least]
+        least = least[bound[least] < upper[rows[least]]]
+        upper[rows[least]] = bound[least]
         best[rows[least]] = h[least]
 
     outside = _quadratic_maximum(pattern, radius) + remainder[:, 1:].sum(axis=1) + ROUNDING * size[:, 1:].sum(axis=1)
@@ -293,12 +306,12 @@ def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limi
     weight = np.maximum(-(g * c).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300), 0.0)
     weight[~(weight < 1e9)] = 0.0
     improve(rows, f[rows] + weight[:, None] * pattern[rows], weight)
-    left = np.flatnonzero(upper > limit)
-    turned = 2.0 * values[left, :, 2:] * side[left, None, :]
-    reach = np.abs(values[left, 1, 2:]) * radius[0, left, None] + np.abs(values[left, 2, 2:]) * radius[1, left, None]
-    near = np.abs(values[left, 0, 2:]) <= 2.0 * reach + 1e-12
-    these, flip = np.nonzero((near[:, None, :] | ~FLIPS.any(axis=1)).all(axis=2) & (upper[left] > limit)[:, None])
-    rows, turn = left[these], turned[these]
+    high = np.flatnonzero(upper > limit)
+    turned = 2.0 * values[high, :, 2:] * side[high, None, :]
+    reach = np.abs(values[high, 1, 2:]) * radius[0, high, None] + np.abs(values[high, 2, 2:]) * radius[1, high, None]
+    near = np.abs(values[high, 0, 2:]) <= 2.0 * reach + 1e-12
+    box, flip = np.nonzero((near[:, None, :] | ~FLIPS.any(axis=1)).all(axis=2))
+    rows, turn = high[box], turned[box]
     first, second = pattern[rows] + (turn @ FLIPS[flip].transpose(0, 2, 1)).transpose(2, 0, 1)
     determinant = first[:, 1] * second[:, 2] - first[:, 2] * second[:, 1]
     by_first = -f[rows, 1] * second[:, 2] + f[rows, 2] * second[:, 1]

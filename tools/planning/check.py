@@ -13,7 +13,7 @@ nearly parameters; extra positions show them.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -32,19 +32,8 @@ from ..orchestrator.stimuli import read_table
 from ..records.columns import LIMITS
 from ..result import Result
 from .forms import x_from_targets
-from .positions import (
-    NOT_DETERMINED,
-    Places,
-    Readings,
-    Task,
-    allowed,
-    clearances,
-    costs,
-    on_all_mountings,
-    readings,
-    task_of,
-)
 from .request import parsed_keep_out
+from .task import NOT_DETERMINED, Costs, Places, Task, allowed, clearances, costs, on_all_mountings, readings, task_of
 
 TOLERABLE = 0.1
 """A bias that may add a tenth of the guaranteed error is tolerable."""
@@ -124,16 +113,18 @@ def read_angles(path: Path, keep_out: Sequence[str] = ()) -> tuple[Places, Place
     table, _ = read_table(path, str(path), names)
     low, high, needed = LIMITS["alpha_deg"]
     for name in names:
-        values = table.columns[name]
-        for k in np.flatnonzero((values < low) | (values > high)).tolist():
-            raise InputError(f"{table.row(k)}, column '{name}': {values[k]:g} is outside {low:g} to {high:g}; {needed}")
+        angles = table.columns[name]
+        outside = np.flatnonzero((angles < low) | (angles > high))
+        if len(outside):
+            k = int(outside[0])
+            raise InputError(f"{table.row(k)}, column '{name}': {angles[k]:g} is outside {low:g} to {high:g}; {needed}")
         for text in keep_out:
             axis, start, end = parsed_keep_out(text)
-            inside = np.mod(values - np.degrees(start), 360.0)
+            inside = np.mod(angles - np.degrees(start), 360.0)
             wrong = (inside > EDGE_DEG) & (inside < np.degrees(end - start) - EDGE_DEG)
             if name.endswith(("alpha_deg", "beta_deg")[axis]) and wrong.any():
                 k = int(wrong.argmax())
-                raise InputError(f"{table.row(k)}, column '{name}': {values[k]:g} is inside --keep-out {text}")
+                raise InputError(f"{table.row(k)}, column '{name}': {angles[k]:g} is inside --keep-out {text}")
     angle = np.radians(np.column_stack([table.columns[name] for name in names]))
     mounting = np.zeros(len(angle), dtype=int)
     return Places(angle[:, :2], mounting), Places(angle[:, 2:], mounting)
@@ -149,54 +140,85 @@ def check_settings(task: Task, planned: Places, actual: Places, noise_bound: flo
     if p.symmetric or len(p.mountings) != 1:
         raise InputError("plan check: is for the asymmetric baseline and one mounting")
     plan = costs(task, planned)
-    if not plan.determined.all():
-        missing = [t.symbol for t, known in zip(task.targets, plan.determined, strict=True) if not known]
+    if missing := plan.missing(task):
         raise InputError(f"plan check: the planned positions do not determine {', '.join(missing)}")
-    where, sheet = plan.readings.position, plan.readings.sheet
     exact = task_of(replace(task.request, admissible="paper", reserve_deg=0.0, keep_out=()), best=task.best)
-    certain = clearances(exact, actual)[where, sheet] > 0.0
-    used = np.abs(plan.weights) > 1e-9
-    weights = np.where(certain, plan.weights, 0.0)
-    alpha, beta = actual.angle[where].T
-    f = regressors(alpha, beta, p.matrices[0])[np.arange(len(where)), task.accelerometer[sheet]]
-    wanted = task.weights @ np.linalg.inv(x_from_targets() @ p.selection[0])
-    reached, (u, v) = weights @ f, task.request.bounds
-    bias = np.abs(reached - wanted) @ np.where(np.arange(18) < 3, u, v) / noise_bound
-    mended = _compensated(wanted, reached, weights)
-    solved = costs(exact, actual)
+    at = _actual_estimators(task, exact, plan, actual)
+    u, v = task.request.bounds
+    bias = np.abs(at.reached - at.aimed) @ np.where(np.arange(18) < 3, u, v) / noise_bound
+    compensated = at.compensated()
+    again = costs(exact, actual)
     checks = []
     for k, target in enumerate(task.targets):
-        again = float(solved.ratio[k] * task.best[k]) if solved.ratio[k] < NOT_DETERMINED else None
-        own = None if mended is None else float(np.abs(mended[k]).sum())
+        solved = float(again.ratio[k] * task.best[k]) if again.ratio[k] < NOT_DETERMINED else None
+        mended = None if compensated is None else float(np.abs(compensated[k]).sum())
         cost = float(np.abs(plan.weights[k]).sum())
-        advice = "re-solve"
-        if again is None:
-            advice = "measure again"
-        elif bias[k] <= TOLERABLE * cost and certain[used[k]].all():
-            advice = "tolerable"
-        elif own is not None and own <= AS_GOOD * again:
-            advice = "compensate"
+        unchanged = bias[k] <= TOLERABLE * cost and at.certain[at.used[k]].all()
+        advice = _advice(unchanged=bool(unchanged), compensated=mended, solved=solved)
         checks.append(
             TargetCheck(
-                target=target.symbol, planned=cost, bias=float(bias[k]), compensated=own, solved=again, advice=advice
+                target=target.symbol,
+                planned=cost,
+                bias=float(bias[k]),
+                compensated=mended,
+                solved=solved,
+                advice=advice,
             )
         )
     turned = np.degrees(np.abs(np.angle(np.exp(1j * (actual.angle - planned.angle)))))
     return SettingCheck(
         advice=max((check.advice for check in checks), key=ADVICE.index),
-        lost_readings=int((used.any(axis=0) & ~certain).sum()),
+        lost_readings=int((at.used.any(axis=0) & ~at.certain).sum()),
         largest_error_deg=float(np.round(turned.max(initial=0.0), DECIMALS_DEG)),
         noise_bound=noise_bound,
         targets=tuple(checks),
     )
 
 
-def _compensated(wanted: NDArray, reached: NDArray, weights: NDArray) -> NDArray | None:
-    """Weights (K, M) of (4.2), unbiased at the actual angles; None where L cannot be solved."""
-    if reached.shape[0] != reached.shape[1] or np.linalg.cond(reached) > 1e9:
-        return None
-    mended = wanted @ np.linalg.solve(reached, weights)
-    return mended if np.abs(wanted @ np.linalg.solve(reached, reached) - wanted).max() < UNBIASED else None
+@dataclass(frozen=True)
+class _Estimators:
+    """A plan's estimators at the actual angles.
+
+    Which readings (K, M) have weight, which (M,) are certain, the weights (K, M) of these, the parameters (K, 18) that
+    they reach and those that they aim at.
+    """
+
+    used: NDArray
+    certain: NDArray
+    weights: NDArray
+    reached: NDArray
+    aimed: NDArray
+
+    def compensated(self) -> NDArray | None:
+        """Weights (K, M) of (4.2), unbiased at the actual angles; None where L cannot be solved."""
+        reached, aimed = self.reached, self.aimed
+        if reached.shape[0] != reached.shape[1] or np.linalg.cond(reached) > 1e9:
+            return None
+        if np.abs(aimed @ np.linalg.solve(reached, reached) - aimed).max() >= UNBIASED:
+            return None
+        return aimed @ np.linalg.solve(reached, self.weights)
+
+
+def _actual_estimators(task: Task, exact: Task, plan: Costs, actual: Places) -> _Estimators:
+    position, sheet = plan.readings.position, plan.readings.sheet
+    certain = clearances(exact, actual)[position, sheet] > 0.0
+    weights = np.where(certain, plan.weights, 0.0)
+    alpha, beta = actual.angle[position].T
+    p = task.parametrisation
+    f = regressors(alpha, beta, p.matrices[0])[np.arange(len(position)), task.accelerometer[sheet]]
+    aimed = task.weights @ np.linalg.inv(x_from_targets() @ p.selection[0])
+    return _Estimators(np.abs(plan.weights) > 1e-9, certain, weights, weights @ f, aimed)
+
+
+def _advice(*, unchanged: bool, compensated: float | None, solved: float | None) -> str:
+    """The least trouble that is enough, from Σ|Φ| of (4.2) and of the programme solved again."""
+    if solved is None:
+        return "measure again"
+    if unchanged:
+        return "tolerable"
+    if compensated is not None and compensated <= AS_GOOD * solved:
+        return "compensate"
+    return "re-solve"
 
 
 class EffectDistance(Result):
@@ -220,55 +242,72 @@ def named_effects(names: Sequence[str]) -> list[EffectPlace]:
 
     An InputError for a name that is not in the catalogue.
     """
-    places = {place.title: place for effect in POSITION_EFFECTS.values() for place in effect.places}
-    found: list[EffectPlace] = []
+    places: list[EffectPlace] = []
+    for effect in POSITION_EFFECTS.values():
+        places += effect.places
+    chosen: list[EffectPlace] = []
     for name in names:
         words = " ".join(name.split())
         if words in POSITION_EFFECTS and not CATALOGUE[words].places:
             raise InputError(f"--detect {name!r}: is of one reading; no choice of positions shows it better")
-        own = [place for title, place in places.items() if title == words or place.effect == words]
-        if not own:
-            effect = words.split(" ")[0]
-            of_it = [title for title in places if title.split(" ")[0] == effect]
-            known = of_it if effect in POSITION_EFFECTS else list(POSITION_EFFECTS)
+        meant = [place for place in places if words in (place.title, place.effect)]
+        if not meant:
+            effect, known = words.split(" ")[0], list(POSITION_EFFECTS)
+            if effect in POSITION_EFFECTS:
+                known = [place.title for place in places if place.title.split(" ")[0] == effect]
             raise InputError(f"--detect {name!r}: is not in the catalogue; {nearest(words, known)}")
-        found += [place for place in own if place not in found]
-    return found
+        chosen += [place for place in meant if place not in chosen]
+    return chosen
 
 
 def detecting(task: Task, places: Places, effects: Sequence[EffectPlace]) -> tuple[Places, tuple[EffectDistance, ...]]:
     """The plan with extra positions at its end: they raise the least distance relative to what a whole lattice gives.
 
-    The request says how many are added, at most: none that help nothing. An InputError for an effect that does not
+    The request says how many are added, at most; none that help nothing. An InputError for an effect that does not
     depend on the positions.
     """
-    degrees = np.arange(0.0, 360.0, LATTICE_DEG)
-    angle = np.radians(np.stack(np.meshgrid(degrees, degrees, indexing="ij"), axis=-1).reshape(-1, 2))
-    lattice = on_all_mountings(angle[allowed(task, angle)], len(task.parametrisation.mountings))
-    lattice = lattice.chosen(np.unique(readings(task, lattice).position))
-
-    def distances(trial: Places) -> NDArray:
-        return np.array([distance(task, effect, trial) for effect in effects])
-
-    most, before = distances(places.joined(lattice)), distances(places)
+    lattice = _lattice(task)
+    most, before = _distances(task, effects, places.joined(lattice)), _distances(task, effects, places)
     for effect, limit in zip(effects, most, strict=True):
         if limit <= NOTHING:
             raise InputError(f"--detect {effect.title!r}: is imitated by the parameters at every position")
-    here, now = places, before
+    extended, now = places, before
     for _ in range(task.request.extra):
         weakest = int((now / most).argmin())
         if now[weakest] > 0.999 * most[weakest]:
             break
-        trials = [here.joined(lattice.chosen([row])) for row in _promising(task, effects[weakest], here, lattice)]
-        judged = [distances(trial) for trial in trials]
-        worth = [(round(float((d / most).min()), 9), round(float((d / most).mean()), 9)) for d in judged]
-        pick = max(range(len(trials)), key=lambda k: worth[k])
-        here, now = trials[pick], judged[pick]
-    found = zip([effect.title for effect in effects], before.tolist(), now.tolist(), most.tolist(), strict=True)
-    return here, tuple(
-        EffectDistance(effect=title, distance_before=b, distance_after=a, distance_at_most=m)
-        for title, b, a, m in found
-    )
+        best, least_worth = None, (-np.inf, -np.inf)
+        for row in _promising(task, effects[weakest], extended, lattice):
+            trial = extended.joined(lattice.chosen([row]))
+            shown = _distances(task, effects, trial)
+            worth = round(float((shown / most).min()), 9), round(float((shown / most).mean()), 9)
+            if worth > least_worth:
+                best, least_worth = (trial, shown), worth
+        assert best is not None
+        extended, now = best
+    distances = []
+    for k, effect in enumerate(effects):
+        distances.append(
+            EffectDistance(
+                effect=effect.title,
+                distance_before=float(before[k]),
+                distance_after=float(now[k]),
+                distance_at_most=float(most[k]),
+            )
+        )
+    return extended, tuple(distances)
+
+
+def _lattice(task: Task) -> Places:
+    """The lattice's positions outside the keep-outs at which a reading counts."""
+    degrees = np.arange(0.0, 360.0, LATTICE_DEG)
+    angle = np.radians(np.stack(np.meshgrid(degrees, degrees, indexing="ij"), axis=-1).reshape(-1, 2))
+    lattice = on_all_mountings(angle[allowed(task, angle)], len(task.parametrisation.mountings))
+    return lattice.chosen(np.unique(readings(task, lattice).position))
+
+
+def _distances(task: Task, effects: Sequence[EffectPlace], places: Places) -> NDArray:
+    return np.array([distance(task, effect, places) for effect in effects])
 
 
 def distance(task: Task, effect: EffectPlace, places: Places) -> float:
@@ -278,24 +317,25 @@ def distance(task: Task, effect: EffectPlace, places: Places) -> float:
 
 def _imitated(task: Task, effect: EffectPlace, places: Places) -> tuple[float, NDArray, NDArray]:
     """The least distance over the effect's phases, the phase, and the parameters that imitate it best."""
-    given = readings(task, places)
-    columns = _columns(task, effect, places, given)
-    units = list(np.eye(columns.shape[1]))
+    regressor, columns = readings(task, places).regressor, _columns(task, effect, places)
+    units = np.eye(columns.shape[1])
     if len(units) == 2:
-        units = [np.array([np.cos(phase), np.sin(phase)]) for phase in np.pi * np.arange(PHASES) / PHASES]
-    solved = []
+        phases = np.pi * np.arange(PHASES) / PHASES
+        units = np.column_stack([np.cos(phases), np.sin(phases)])
+    least = np.inf, units[0], np.zeros(regressor.shape[1])
     for unit in units:
         signal = columns @ unit
         size = float(np.abs(signal).max(initial=0.0))
-        if size < NOTHING:
-            solved.append((0.0, unit, np.zeros(given.regressor.shape[1])))
-            continue
-        radius, x, _ = chebyshev_radius(given.regressor, signal / size, np.ones(len(signal)))
-        solved.append(((radius if radius > 1e-8 else 0.0) * size, unit, x * size))
-    return min(solved, key=lambda one: one[0])
+        imitation = 0.0, unit, np.zeros(regressor.shape[1])
+        if size >= NOTHING:
+            radius, x, _ = chebyshev_radius(regressor, signal / size, np.ones(len(signal)))
+            imitation = (radius if radius > 1e-8 else 0.0) * size, unit, x * size
+        if imitation[0] < least[0]:
+            least = imitation
+    return least
 
 
-def _columns(task: Task, effect: EffectPlace, places: Places, given: Readings) -> NDArray:
+def _columns(task: Task, effect: EffectPlace, places: Places) -> NDArray:
     """What the unit effect adds to the readings that count (M, K)."""
     columns = np.zeros((3 * len(places), 1))
     if is_linear(effect):
@@ -307,14 +347,15 @@ def _columns(task: Task, effect: EffectPlace, places: Places, given: Readings) -
         raise InputError(
             f"--detect {effect.title!r}: is not linear, or shows in time, temperature or moves, not by positions alone"
         )
-    return columns.reshape(len(places), 3, -1)[given.position, task.accelerometer[given.sheet]]
+    counted = readings(task, places)
+    return columns.reshape(len(places), 3, -1)[counted.position, task.accelerometer[counted.sheet]]
 
 
-def _promising(task: Task, effect: EffectPlace, here: Places, lattice: Places) -> NDArray:
+def _promising(task: Task, effect: EffectPlace, present: Places, lattice: Places) -> NDArray:
     """Positions of the lattice where the parameters that imitate the effect best on the plan fail most."""
-    _, unit, x = _imitated(task, effect, here)
-    there = readings(task, lattice)
-    missed = np.abs(_columns(task, effect, lattice, there) @ unit - there.regressor @ x)
+    _, unit, x = _imitated(task, effect, present)
+    counted = readings(task, lattice)
+    missed = np.abs(_columns(task, effect, lattice) @ unit - counted.regressor @ x)
     highest = np.zeros(len(lattice))
-    np.maximum.at(highest, there.position, missed)
+    np.maximum.at(highest, counted.position, missed)
     return np.argsort(-np.round(highest, 9), kind="stable")[:SHORTLIST]

@@ -60,12 +60,12 @@ class Continuum:
         self._place = np.zeros((0, 3))
         gram = np.zeros((size, size))
         for k, sheet in enumerate(sheets):
-            i, j = (g.ravel() for g in np.meshgrid(angle[2::5], angle[3::5], indexing="ij"))
-            inside = clearance(sheet, i, j) > 0.0
+            i, j = np.repeat(angle[2::5], len(angle[3::5])), np.tile(angle[3::5], len(angle[2::5]))
+            inside = np.flatnonzero(clearance(sheet, i, j) > 0.0)
             f = value(sheet.regressor, i[inside], j[inside])
             gram += f.T @ f / len(f)
-            some = np.flatnonzero(inside)[::3]
-            self._add(np.column_stack([np.full(len(some), k), i[some], j[some]]))
+            first = inside[::3]
+            self._add(np.column_stack([np.full(len(first), k), i[first], j[first]]))
         self._metric = np.linalg.cholesky(gram)
         lines = np.radians(np.arange(0.0, 360.0, SCAN_STEP_DEG))
         cases = np.arange(2 * len(sheets))
@@ -93,15 +93,15 @@ class Continuum:
             before = cost
             if reached > bound:
                 bound, proof = reached, dual
-            found = polish(self._guess(weights, dual, peaks), target, self._metric)
-            if found is not None:
-                proven = self._prove(found)
-                if isinstance(proven, tuple):
-                    plans.append(self._optimum(found, target, *proven))
+            support = polish(self._guess(weights, dual, peaks), target, self._metric)
+            if support is not None:
+                proof_or_places = self._prove(support)
+                if isinstance(proof_or_places, tuple):
+                    plans.append(self._optimum(support, target, *proof_or_places))
                     if plans[-1].gap <= GOOD_GAP or len(plans) == PLANS:
                         return min(plans, key=lambda plan: plan.gap)
-                    proven = np.zeros((0, 3))
-                new = np.vstack([new, found.places, proven])
+                    proof_or_places = np.zeros((0, 3))
+                new = np.vstack([new, support.places, proof_or_places])
             self._add(new)
             weights, _, _ = self._columns.solve()
             cost = float(np.abs(weights).sum())
@@ -180,37 +180,37 @@ class Continuum:
 
     def _guess(self, weights: NDArray, dual: NDArray, peaks: NDArray) -> "Support":
         """The support: the columns that carry weight, each at the nearest peak."""
-        found, total = peaks[:, :4], {}
+        spots, total = peaks[:, :4], {}
         for column in np.flatnonzero(np.abs(weights) > 1e-7):
             (sheet, alpha, beta), weight = self._place[column], weights[column]
             sense = np.sign(weight)
-            far = np.maximum(_apart(found[:, 2], alpha), _apart(found[:, 3], beta))
-            far[(found[:, 0] != sheet) | (found[:, 1] != sense)] = np.inf
+            far = np.maximum(_apart(spots[:, 2], alpha), _apart(spots[:, 3], beta))
+            far[(spots[:, 0] != sheet) | (spots[:, 1] != sense)] = np.inf
             if far.min(initial=np.inf) > NEAR:
                 far = np.append(far, 0.0)
-                found = np.vstack([found, (sheet, sense, alpha, beta)])
+                spots = np.vstack([spots, (sheet, sense, alpha, beta)])
             nearest = int(far.argmin())
             total[nearest] = total.get(nearest, 0.0) + weight
         chosen = sorted(total)
-        sheet, (sense, alpha, beta) = found[chosen, 0].astype(int), found[chosen, 1:].T
+        sheet, (sense, alpha, beta) = spots[chosen, 0].astype(int), spots[chosen, 1:].T
         corner = np.array([_kind_of_place(self._sheets[k], a, b) for k, a, b in zip(sheet, alpha, beta, strict=True)])
         weight = np.array([total[i] for i in chosen])
         return Support(self._sheets, sheet, sense, alpha, beta, corner, weight, dual)
 
-    def _prove(self, found: "Support") -> tuple[NDArray, float] | NDArray:
+    def _prove(self, support: "Support") -> tuple[NDArray, float] | NDArray:
         """A dual that touches ±1 on the support and exceeds it nowhere, with what is proven of its |F'y|.
 
         Without one, the positions (K, 3) at which the duals that were tried exceed one.
         """
-        rows, values = found.touching()
+        rows, values = support.touching()
         places = self._place
         quiet, limits = iter(QUIET), iter(TO_PROVE)
         (below, slack), limit = next(quiet), next(limits)
-        dual = found.dual
+        dual = support.dual
         for _ in range(ATTEMPTS):
             dual = None
             while dual is None:
-                caps = 1.0 + slack - below * _distance(places, found)
+                caps = 1.0 + slack - below * _distance(places, support)
                 columns = self._columns.regressors
                 if len(places) > len(columns):
                     columns = np.vstack([columns, self._regressors(places[len(columns) :])])
@@ -234,11 +234,11 @@ class Continuum:
             places = np.vstack([places, more])
         return dual, self._provable(dual)
 
-    def _optimum(self, found: "Support", target: NDArray, dual: NDArray, bound: float) -> Optimum:
-        accelerometer = np.array([self._sheets[k].accelerometer for k in found.sheet])
-        alpha, beta = np.mod(found.alpha, 2 * np.pi), np.mod(found.beta, 2 * np.pi)
+    def _optimum(self, support: "Support", target: NDArray, dual: NDArray, bound: float) -> Optimum:
+        accelerometer = np.array([self._sheets[k].accelerometer for k in support.sheet])
+        alpha, beta = np.mod(support.alpha, 2 * np.pi), np.mod(support.beta, 2 * np.pi)
         places = accelerometer, alpha, beta, np.degrees(alpha), np.degrees(beta)
-        return settled(target, dual, bound, found.regressors, found.weights, places)
+        return settled(target, dual, bound, support.regressors, support.weights, places)
 
 
 def _above(peaks: NDArray, limit: float) -> NDArray:
@@ -246,15 +246,15 @@ def _above(peaks: NDArray, limit: float) -> NDArray:
     return peaks[peaks[:, 4] > limit][:, [0, 2, 3]]
 
 
-def _apart(one: NDArray, other: float | NDArray) -> NDArray:
+def _apart(angle: NDArray, center: float | NDArray) -> NDArray:
     """Distance of angles [rad], round the circle."""
-    return np.abs(np.angle(np.exp(1j * (one - other))))
+    return np.abs(np.angle(np.exp(1j * (angle - center))))
 
 
-def _distance(places: NDArray, found: "Support") -> NDArray:
+def _distance(places: NDArray, support: "Support") -> NDArray:
     """0 at the support, 1 far from it, square in between; (M,) for places (M, 3)."""
-    away = np.maximum(_apart(places[:, 1:2], found.alpha[None]), _apart(places[:, 2:3], found.beta[None]))
-    away = np.where(places[:, :1] == found.sheet[None], away, np.inf).min(axis=1)
+    away = np.maximum(_apart(places[:, 1:2], support.alpha[None]), _apart(places[:, 2:3], support.beta[None]))
+    away = np.where(places[:, :1] == support.sheet[None], away, np.inf).min(axis=1)
     return np.minimum(1.0, (away / 0.3) ** 2)
 
 
@@ -292,7 +292,7 @@ class Support:
         return np.column_stack([self.sheet, self.alpha, self.beta])
 
     @property
-    def own(self) -> list[tuple[Sheet, float, float]]:
+    def at(self) -> list[tuple[Sheet, float, float]]:
         """The sheet, α and β of each position."""
         return [(self.sheets[k], a, b) for k, a, b in zip(self.sheet, self.alpha, self.beta, strict=True)]
 
@@ -304,9 +304,9 @@ class Support:
     @property
     def term_signs(self) -> list[NDArray]:
         """Signs of each position's terms."""
-        return [np.sign(value(sheet.terms, a, b)) for sheet, a, b in self.own]
+        return [np.sign(value(sheet.terms, a, b)) for sheet, a, b in self.at]
 
-    def kept(self, rows: NDArray) -> "Support":
+    def chosen(self, rows: NDArray) -> "Support":
         """Some of the positions."""
         names = ("sheet", "sense", "alpha", "beta", "corner", "weights")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
@@ -314,7 +314,7 @@ class Support:
     def touching(self) -> tuple[NDArray, NDArray]:
         """What every dual of the optimum obeys: rows (K, P), values (K,) of touching ±1 and of being stationary."""
         rows, values = [], []
-        for i, (signs, (sheet, alpha, beta)) in enumerate(zip(self.term_signs, self.own, strict=True)):
+        for i, (signs, (sheet, alpha, beta)) in enumerate(zip(self.term_signs, self.at, strict=True)):
             jet = _jet(sheet.regressor, alpha, beta)
             rows.append(jet[0])
             values.append(self.sense[i])
@@ -341,24 +341,24 @@ def polish(start: Support, target: NDArray, metric: NDArray) -> Support | None:
     """
     before = start
     for _ in range(2 * len(start.sheet) + 2):
-        found = _newton(before, target, metric) if len(before.sheet) else None
-        if found is None:
+        after = _newton(before, target, metric) if len(before.sheet) else None
+        if after is None:
             return None
-        crossed = _crossed(before, found)
+        crossed = _crossed(before, after)
         if (crossed != before.corner).any():
             before = replace(before, corner=crossed)
             continue
-        weights = found.weights * found.sense
+        weights = after.weights * after.sense
         if weights.min() >= NO_WEIGHT:
-            return found if min(float(clearance(*own)) for own in found.own) > 0.0 else None
+            return after if min(float(clearance(*at)) for at in after.at) > 0.0 else None
         if weights.min() >= 0.0:
-            before = found.kept(weights >= NO_WEIGHT)
+            before = after.chosen(weights >= NO_WEIGHT)
             continue
-        fitted, misfit = scipy.optimize.nnls((found.regressors * found.sense[:, None]).T, target)
+        fitted, misfit = scipy.optimize.nnls((after.regressors * after.sense[:, None]).T, target)
         if misfit > CONVERGED:
-            before = found.kept(np.arange(len(weights)) != weights.argmin())
+            before = after.chosen(np.arange(len(weights)) != weights.argmin())
         else:
-            before = replace(found, weights=fitted * found.sense).kept(fitted > NO_WEIGHT)
+            before = replace(after, weights=fitted * after.sense).chosen(fitted > NO_WEIGHT)
     return None
 
 

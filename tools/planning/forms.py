@@ -82,7 +82,7 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
     u, v = bounds
     if not (np.isfinite(bounds).all() and u >= 0.0 and v >= 0.0):
         raise InputError(f"--bounds {u:g} {v:g}: both must be finite and not negative")
-    found = []
+    block = []
     for mounting, matrix in enumerate(p.matrices):
         to_x = x_from_targets() @ p.selection[mounting]
         inputs = np.zeros((3, 3, 3))
@@ -100,17 +100,17 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
                 if sign:
                     base = sign * (1.0 - v) * inputs[index]
                     base[2, 2] = -v if rule == "tables" else 0.0
-                    others = [v * inputs[c] for c in range(3) if c != index]
-                    terms = np.array([term for term in (*(u * stand), *others) if term.any()]).reshape(-1, 3, 3)
-                found.append(Sheet(index, sign, np.tensordot(to_x, x, axes=(0, 0)), base, terms, mounting))
+                    terms = np.concatenate([u * stand, v * np.delete(inputs, index, axis=0)])
+                    terms = terms[terms.any(axis=(1, 2))]
+                block.append(Sheet(index, sign, np.tensordot(to_x, x, axes=(0, 0)), base, terms, mounting))
     angle = np.radians(np.arange(0.0, 360.0, 5.0))
-    for sheet in found:
+    for sheet in block:
         if v >= 1.0 or clearance(sheet, angle[:, None], angle[None, :]).max() <= 0.0:
             raise InputError(
                 f"--bounds {u:g} {v:g}: leave no position where the sign of accelerometer "
                 f"{sheet.accelerometer + 1}'s input is certain; give smaller bounds"
             )
-    return found
+    return block
 
 
 def _stand_forms(row: NDArray) -> NDArray:
@@ -133,10 +133,10 @@ def x_from_targets() -> NDArray:
     return matrix
 
 
-def padded_terms(found: Sequence[Sheet]) -> NDArray:
+def padded_terms(block: Sequence[Sheet]) -> NDArray:
     """The terms of all sheets (S, `MOST_TERMS`, 3, 3), zero where a sheet has fewer."""
-    terms = np.zeros((len(found), MOST_TERMS, 3, 3))
-    for k, sheet in enumerate(found):
+    terms = np.zeros((len(block), MOST_TERMS, 3, 3))
+    for k, sheet in enumerate(block):
         terms[k, : len(sheet.terms)] = sheet.terms
     return terms
 
@@ -144,9 +144,9 @@ def padded_terms(found: Sequence[Sheet]) -> NDArray:
 def basis(angle: ArrayLike) -> NDArray:
     """(cos, sin, 1) of angles (...) [rad], as (..., 3)."""
     angle = np.asarray(angle, dtype=float)
-    found = np.ones((*angle.shape, 3))
-    found[..., 0], found[..., 1] = np.cos(angle), np.sin(angle)
-    return found
+    values = np.ones((*angle.shape, 3))
+    values[..., 0], values[..., 1] = np.cos(angle), np.sin(angle)
+    return values
 
 
 def slopes(angle: NDArray) -> NDArray:
@@ -154,9 +154,9 @@ def slopes(angle: NDArray) -> NDArray:
     return np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)], axis=-1)
 
 
-def dual_forms(found: Sequence[Sheet], dual: NDArray) -> NDArray:
+def dual_forms(block: Sequence[Sheet], dual: NDArray) -> NDArray:
     """F'y (S, 3, 3) of each sheet for a dual y (P,)."""
-    return np.array([np.tensordot(dual, sheet.regressor, axes=(0, 0)) for sheet in found])
+    return np.array([np.tensordot(dual, sheet.regressor, axes=(0, 0)) for sheet in block])
 
 
 def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
@@ -168,14 +168,14 @@ def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
     return np.einsum("kij,...i,...j->...k", form, a, b)
 
 
-def regressors_at(found: Sequence[Sheet], sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
+def regressors_at(block: Sequence[Sheet], sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
     """F (K, P) of each of the places: its sheet's index (K,), α and β (K,) [rad]."""
-    regressors, a, b = np.empty((len(sheet), len(found[0].regressor))), basis(alpha), basis(beta)
-    for k in range(len(found)):
-        here = np.flatnonzero(sheet == k)
-        if len(here):
-            rows = a[here] @ found[k].regressor
-            regressors[here] = (rows * b[here]).sum(axis=-1).T
+    regressors, a, b = np.empty((len(sheet), len(block[0].regressor))), basis(alpha), basis(beta)
+    for k in range(len(block)):
+        places = np.flatnonzero(sheet == k)
+        if len(places):
+            rows = a[places] @ block[k].regressor
+            regressors[places] = (rows * b[places]).sum(axis=-1).T
     return regressors
 
 
@@ -208,26 +208,27 @@ def _by_alpha(forms: NDArray) -> NDArray:
 
 def _in_beta(forms: Sequence[NDArray], sheet: NDArray, alpha: NDArray) -> NDArray:
     """Factors (3, N, K) of cos β, of sin β and of 1 of each sheet's forms, as of `_by_alpha`, at α (N,)."""
-    a, found = basis(alpha), np.empty((len(sheet), forms[0].shape[1]))
+    a, factors = basis(alpha), np.empty((len(sheet), forms[0].shape[1]))
     for k, form in enumerate(forms):
-        here = np.flatnonzero(sheet == k)
-        found[here] = a[here] @ form
-    return found.reshape(len(sheet), 3, found.shape[1] // 3).transpose(1, 0, 2)
+        rows = np.flatnonzero(sheet == k)
+        factors[rows] = a[rows] @ form
+    return factors.reshape(len(sheet), 3, factors.shape[1] // 3).transpose(1, 0, 2)
 
 
 class Ridges:
     """The greatest ±F'y over the admissible β, as functions of α; a β counts where c ≥ margin [g]."""
 
-    def __init__(self, found: Sequence[Sheet], margin: float):
-        self._margin, self._free = margin, found[0].sign == 0
-        own = [np.array([sheet.base, *t]) for sheet, t in zip(found, padded_terms(found), strict=True)]
+    def __init__(self, block: Sequence[Sheet], margin: float):
+        self._margin, self._free = margin, block[0].sign == 0
         signs = np.array(list(product((-1.0, 1.0), repeat=MOST_TERMS)))
         # c with the signs of its absolute values frozen, every way: an arc ends where one of these is zero.
-        frozen = [np.unique(one[0] - np.einsum("et,tij->eij", signs, one[1:]), axis=0) for one in own]
+        frozen, self._clearances = [], []
+        for sheet, terms in zip(block, padded_terms(block), strict=True):
+            frozen.append(np.unique(sheet.base - np.einsum("et,tij->eij", signs, terms), axis=0))
+            self._clearances.append(_by_alpha(np.concatenate([sheet.base[None], terms])))
         most = max(map(len, frozen))
-        self._frozen = np.array([np.resize(one, (most, 3, 3)) for one in frozen])
-        self._edges = [_by_alpha(one) for one in self._frozen]
-        self._own = [_by_alpha(one) for one in own]
+        self._frozen = np.array([np.resize(forms, (most, 3, 3)) for forms in frozen])
+        self._edges = [_by_alpha(forms) for forms in self._frozen]
 
     def arcs(self, sheet: NDArray, alpha: NDArray) -> Arcs:
         """The arcs of sheets (N,) at angles α (N,)."""
@@ -254,7 +255,7 @@ class Ridges:
         Most of them are no ends of arcs: they come without the angles.
         """
         factors = _in_beta(self._edges, sheet, alpha)
-        found = np.empty((2, len(sheet), 2, factors.shape[2]))
+        crossings = np.empty((2, len(sheet), 2, factors.shape[2]))
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             inner = 2.0 * self._margin - factors[2]
             size = np.hypot(*factors[:2])
@@ -262,29 +263,28 @@ class Ridges:
             outer = 1.0 - inner
             outer *= 1.0 + inner
             np.sqrt(outer, out=outer)
-            for place, own, turned in zip(found, factors, (-factors[1], factors[0]), strict=False):
-                own, turned = own / size, turned / size
-                own *= inner
-                turned *= outer
-                np.subtract(own, turned, out=place[:, 0])
-                np.add(own, turned, out=place[:, 1])
-        return found.reshape(2, len(sheet), 2 * factors.shape[2])
+            for crossing, along, across in zip(crossings, factors, (-factors[1], factors[0]), strict=False):
+                along, across = along / size, across / size
+                along *= inner
+                across *= outer
+                np.subtract(along, across, out=crossing[:, 0])
+                np.add(along, across, out=crossing[:, 1])
+        return crossings.reshape(2, len(sheet), 2 * factors.shape[2])
 
     def _clearance(self, sheet: NDArray, alpha: NDArray, cos: NDArray, sin: NDArray) -> NDArray:
         """c (N, K) of sheets (N,) at α (N,) and the cosines and sines of β (N, K)."""
-        rows = _in_beta(self._own, sheet, alpha)
-        both = np.empty((2, *cos.shape))
-
-        def along(k: int) -> NDArray:
-            a, b, rest = rows[:, :, k, None]
-            np.multiply(a, cos, out=both[0])
-            both[0] += np.multiply(b, sin, out=both[1])
-            both[0] += rest
-            return both[0]
-
-        c = along(0).copy()
-        for k in range(1, rows.shape[2]):
-            c -= np.abs(along(k), out=both[1])
+        rows = _in_beta(self._clearances, sheet, alpha)
+        value, term = np.empty(cos.shape), np.empty(cos.shape)
+        c = np.empty(cos.shape)
+        for k in range(rows.shape[2]):
+            a, b, constant = rows[:, :, k, None]
+            np.multiply(a, cos, out=value)
+            value += np.multiply(b, sin, out=term)
+            value += constant
+            if k == 0:
+                c[:] = value
+            else:
+                c -= np.abs(value, out=term)
         return c
 
     def heights(self, arcs: Arcs, forms: NDArray, sense: NDArray) -> tuple[NDArray, NDArray]:
@@ -293,10 +293,10 @@ class Ridges:
         The forms (S, 3, 3) are F'y of each sheet, the senses (N,) ±1.
         """
         f = sense[:, None] * (basis(arcs.alpha)[:, None, :] @ forms[arcs.sheet])[:, 0]
-        own = np.arctan2(f[:, 1], f[:, 0])
+        top_beta = np.arctan2(f[:, 1], f[:, 0])
         top = np.hypot(f[:, 0], f[:, 1]) + f[:, 2]
         if self._free:
-            return top, own
+            return top, top_beta
         known = np.isfinite(arcs.ends)
         ends = np.where(known, arcs.ends, 0.0)
         values = np.where(known, f[:, :1] * np.cos(ends) + f[:, 1:2] * np.sin(ends) + f[:, 2:], -np.inf)
@@ -304,10 +304,10 @@ class Ridges:
         n = np.arange(len(best))
         height, beta = values[n, best], ends[n, best]
         higher = np.flatnonzero(top > height)
-        at = own[higher, None]
+        at = top_beta[higher, None]
         clear = self._clearance(arcs.sheet[higher], arcs.alpha[higher], np.cos(at), np.sin(at))[:, 0]
         higher = higher[clear >= self._margin]
-        height[higher], beta[higher] = top[higher], own[higher]
+        height[higher], beta[higher] = top[higher], top_beta[higher]
         return height, beta
 
     def climb(
@@ -338,14 +338,14 @@ class Lines:
 
     def __init__(self, sheets: Sequence[Sheet], angle: NDArray, lines: NDArray):
         self._lines, self._basis = lines, basis(angle[lines])
-        here = angle[lines]
-        self._inside = [(clearance(s, here[:, None], here[None, :]) > 0.0).astype(float) for s in sheets]
+        at = angle[lines]
+        self._inside = [(clearance(s, at[:, None], at[None, :]) > 0.0).astype(float) for s in sheets]
         self._values = np.empty((len(lines), len(lines)))
 
     def price(self, forms: NDArray) -> tuple[float, NDArray]:
         """The greatest |F'y|, rounding included, and the worst positions (K, 3) (sheet, row, column) above one."""
         slack = _rounding(forms)
-        found, ceiling = [], 0.0
+        above, ceiling = [], 0.0
         for k, (form, inside) in enumerate(zip(forms, self._inside, strict=True)):
             values = np.matmul(self._basis @ form, self._basis.T, out=self._values)
             values *= inside
@@ -353,8 +353,8 @@ class Lines:
                 ceiling = max(ceiling, abs(values.flat[worst]))
                 if abs(values.flat[worst]) > 1.0 + TOLERANCE:
                     i, j = divmod(worst, len(self._lines))
-                    found.append((k, self._lines[i], self._lines[j]))
-        return ceiling + slack, np.array(found, dtype=int).reshape(-1, 3)
+                    above.append((k, self._lines[i], self._lines[j]))
+        return ceiling + slack, np.array(above, dtype=int).reshape(-1, 3)
 
 
 class Rows:
@@ -368,28 +368,33 @@ class Rows:
     def price(self, forms: NDArray, most: int | None) -> tuple[float, NDArray]:
         """As `Lines.price`; of each sheet and sense at most `most` rows, the most promising, are looked at."""
         limit, slack = 1.0 + TOLERANCE, _rounding(forms)
-        found, ceiling = [], limit
-        for k, sheet in enumerate(self._sheets):
+        above, ceiling = [], limit
+        for k in range(len(self._sheets)):
             for sense in (1.0, -1.0):
                 height, _ = self._ridges.heights(self._arcs[k], forms, np.full(len(self._angle), sense))
                 rows = np.flatnonzero(height + 2.0 * slack > limit)
                 if most is not None:
                     rows = rows[np.argsort(-height[rows], kind="stable")[:most]]
-                best, where = limit, None
-                for block in np.array_split(rows, len(rows) // ROWS_AT_ONCE + 1):
-                    values = sense * (self._basis[block] @ forms[k] @ self._basis.T)
-                    i, j = np.nonzero(values + slack > best)
-                    inside = clearance(sheet, self._angle[block[i]], self._angle[j]) > 0.0
-                    i, j = i[inside], j[inside]
-                    if len(i):
-                        worst = int(values[i, j].argmax())
-                        top = float(values[i[worst], j[worst]])
-                        ceiling = max(ceiling, top)
-                        if top > best:
-                            best, where = top, (k, block[i[worst]], j[worst])
-                if where is not None:
-                    found.append(where)
-        return ceiling + slack, np.array(found, dtype=int).reshape(-1, 3)
+                top, worst = self._highest(k, sense * forms[k], rows, slack)
+                ceiling = max(ceiling, top)
+                if top > limit:
+                    above.append(worst)
+        return ceiling + slack, np.array(above, dtype=int).reshape(-1, 3)
+
+    def _highest(self, k: int, form: NDArray, rows: NDArray, slack: float) -> tuple[float, tuple[int, int, int]]:
+        """The greatest value of a form above one on a sheet's admissible positions of some rows, and where it is."""
+        best, where = 1.0 + TOLERANCE, (k, 0, 0)
+        for chunk in np.array_split(rows, len(rows) // ROWS_AT_ONCE + 1):
+            values = self._basis[chunk] @ form @ self._basis.T
+            i, j = np.nonzero(values + slack > best)
+            inside = clearance(self._sheets[k], self._angle[chunk[i]], self._angle[j]) > 0.0
+            i, j = i[inside], j[inside]
+            if len(i):
+                worst = int(values[i, j].argmax())
+                top = float(values[i[worst], j[worst]])
+                if top > best:
+                    best, where = top, (k, int(chunk[i[worst]]), int(j[worst]))
+        return best, where
 
 
 def _rounding(forms: NDArray) -> float:

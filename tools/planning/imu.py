@@ -3,23 +3,22 @@
 Beside it stand the bound, what all of the pool would guarantee, and what usual practice gives in the same time.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from ..calibrated import Number
 from ..calibration import Bench
 from ..calibration.calibration import checked_noise_bound
+from ..calibration.targets import Target
 from ..errors import InputError
 from ..progress import progress_bar
 from ..result import Result, finite_or_none
-from .common import DWELL_S, checked_dwell
-from .imu_programme import Planned, Visit, seconds_of
-from .imu_stops import LONG, POOL_DWELL_S, Pool, Search, together
-from .plan import Degrees
+from .imu_stops import LONG, POOL_DWELL_S, Place, Planned, Pool, Search, Visit, seconds_of, together
+from .positions import DWELL_S, checked_dwell
+from .targets import Degrees
 from .tour import TABLE_ACCELERATION
 
 if TYPE_CHECKING:
@@ -109,19 +108,23 @@ class ImuPlan(Result):
 
 def six_positions(dwell_s: float, rate_dps: float) -> list[Visit]:
     """Six positions, each axis up and down, and a turn to and fro about each axis of the block."""
-    places = [(0.0, 0.0), (180.0, 0.0), (90.0, 0.0), (90.0, 90.0), (90.0, 180.0), (90.0, 270.0)]
-    places += [(0.0, 0.0), (360.0, 0.0), (0.0, 0.0), (0.0, 90.0), (360.0, 90.0), (0.0, 90.0), (0.0, 450.0), (0.0, 90.0)]
-    return [Visit(*place, dwell_s, rate_dps) for place in places]
+    rests: list[Place] = [(0.0, 0.0), (180.0, 0.0), (90.0, 0.0), (90.0, 90.0), (90.0, 180.0), (90.0, 270.0)]
+    turns: list[Place] = [(0.0, 0.0), (360.0, 0.0), (0.0, 0.0), (0.0, 90.0), (360.0, 90.0), (0.0, 90.0), (0.0, 450.0)]
+    return [Visit(alpha, beta, dwell_s, rate_dps) for alpha, beta in [*rests, *turns, (0.0, 90.0)]]
 
 
 def many_positions(dwell_s: float, rate_dps: float) -> list[Visit]:
     """The 24 positions of the scenarios, and a turn to and fro at each rate about each axis of the block."""
-    found = [Visit(20.0 + 45.0 * k, b, dwell_s, rate_dps) for b in (25.0, 145.0, 265.0) for k in range(8)]
+    visits = []
+    for beta in (25.0, 145.0, 265.0):
+        for k in range(8):
+            visits.append(Visit(20.0 + 45.0 * k, beta, dwell_s, rate_dps))
     for begin, turn in (((0.0, 0.0), (360.0, 0.0)), ((0.0, 90.0), (360.0, 90.0)), ((0.0, 0.0), (0.0, 360.0))):
-        found.append(Visit(*begin, dwell_s, rate_dps))
-        for rate in (min(rate, rate_dps) for rate in PRACTICE_DPS):
-            found += [Visit(*turn, dwell_s, rate), Visit(*begin, dwell_s, rate)]
-    return found
+        visits.append(Visit(*begin, dwell_s, rate_dps))
+        for rate in PRACTICE_DPS:
+            for place in (turn, begin):
+                visits.append(Visit(*place, dwell_s, min(rate, rate_dps)))
+    return visits
 
 
 PRACTICES = {
@@ -152,52 +155,50 @@ def imu_programme(
     if bench.gyro_noise is None:
         raise InputError("--gyro-noise: is needed, the bound of a gyro's mean over one second [rad/s]")
     planned, seconds = Planned(bench, checked_noise_bound(noise_bound)), 60.0 * minutes
-    theirs = {name: _in_time(practice, seconds, dwell_s, rate_dps) for name, practice in PRACTICES.items()}
-    given = {name: planned.linearised(practice) for name, practice in theirs.items()}
-    pool = Pool.of(planned, dwell_s, rate_dps, list(given.values()))
-    search = Search(pool, planned.targets, seconds)
-    search.fill()
-    with progress_bar("exchanges", exchanges, show=progress) as advance:
-        for _ in range(exchanges):
-            if not search.exchange():
-                break
-            advance(1, None)
-    if len(search.taken) < 2:
+    practices = {name: _in_time(practice, seconds, dwell_s, rate_dps) for name, practice in PRACTICES.items()}
+    records = {name: planned.linearised(practice) for name, practice in practices.items()}
+    pool = Pool.of(planned, dwell_s, rate_dps, records.values())
+    programme = _stretched(_chosen(pool, planned.targets, seconds, exchanges, progress=progress), seconds)
+    if len(programme) < 2:
         raise InputError(
             f"--minutes {minutes:g}: is too little for rests of {dwell_s:g} s; give more, or a shorter --dwell"
         )
-    programme = _stretched(search.programme(search.taken), seconds)
-    here = planned.linearised(programme)
-    errors, bound = planned.errors(here), together(pool, here, planned.targets)
+    record = planned.linearised(programme)
+    errors, bound = planned.errors(record), together(pool, record, planned.targets)
     if not np.isfinite(errors).all():
         missing = planned.targets[int(np.isinf(errors).argmax())].symbol
         raise InputError(f"--minutes {minutes:g}: no programme was found that determines {missing}; give more")
-
-    def worst(found: NDArray) -> tuple[float, str]:
-        k = int((found / bound).argmax())
-        return float(found[k] / bound[k]), planned.targets[k].symbol
-
-    practices = []
-    for name, system in given.items():
-        ratio, symbol = worst(planned.errors(system))
-        practices.append(
+    compared = []
+    for name, practice in practices.items():
+        ratios = planned.errors(records[name]) / bound
+        worst = int(ratios.argmax())
+        compared.append(
             Practice(
-                name=name, worst_ratio=finite_or_none(ratio), worst=symbol, minutes=seconds_of(theirs[name]) / 60.0
+                name=name,
+                worst_ratio=finite_or_none(float(ratios[worst])),
+                worst=planned.targets[worst].symbol,
+                minutes=seconds_of(practice) / 60.0,
             )
         )
-    ratio, symbol = worst(errors)
+    promises = []
+    for k, target in enumerate(planned.targets):
+        promises.append(
+            Promised(
+                symbol=target.symbol,
+                name=target.name,
+                unit=target.unit,
+                promised=float(errors[k]),
+                bound=float(bound[k]),
+            )
+        )
+    worst = int((errors / bound).argmax())
     return ImuPlan(
-        programme=tuple(
-            ImuVisit(alpha_deg=one.alpha_deg, beta_deg=one.beta_deg, dwell_s=one.dwell_s) for one in programme
-        ),
+        programme=tuple(ImuVisit(alpha_deg=v.alpha_deg, beta_deg=v.beta_deg, dwell_s=v.dwell_s) for v in programme),
         minutes=seconds_of(programme) / 60.0,
-        worst_ratio=ratio,
-        worst=symbol,
-        targets=tuple(
-            Promised(symbol=t.symbol, name=t.name, unit=t.unit, promised=float(e), bound=float(b))
-            for t, e, b in zip(planned.targets, errors, bound, strict=True)
-        ),
-        practices=tuple(practices),
+        worst_ratio=float(errors[worst] / bound[worst]),
+        worst=planned.targets[worst].symbol,
+        targets=tuple(promises),
+        practices=tuple(compared),
         noise_bound=planned.noise_bound,
         gyro_noise=bench.gyro_noise,
         encoder_bound=bench.encoder_within(noise_bound),
@@ -209,18 +210,32 @@ def imu_programme(
     )
 
 
+def _chosen(pool: Pool, targets: Sequence[Target], seconds: float, exchanges: int, *, progress: bool) -> list[Visit]:
+    """The programme of stops that the search chooses in so many seconds; none where they are too few for two."""
+    search = Search(pool, targets, seconds)
+    search.fill()
+    with progress_bar("exchanges", exchanges, show=progress) as advance:
+        for _ in range(exchanges):
+            if not search.exchange():
+                break
+            advance(1, None)
+    return search.programme(search.chosen) if len(search.chosen) >= 2 else []
+
+
 def _stretched(programme: list[Visit], seconds: float) -> list[Visit]:
     """The programme with the time that is left given to its longest rests."""
-    most = max(one.dwell_s for one in programme)
-    long = sum(one.dwell_s == most for one in programme)
-    least = min(one.dwell_s for one in programme)
-    more = min(most + np.floor((seconds - seconds_of(programme)) / long), LONG[-1] * least)
-    return [one._replace(dwell_s=float(more)) if one.dwell_s == most else one for one in programme]
+    if not programme:
+        return []
+    dwells = [visit.dwell_s for visit in programme]
+    longest = max(dwells)
+    more = np.floor((seconds - seconds_of(programme)) / dwells.count(longest))
+    longer = float(min(longest + more, LONG[-1] * min(dwells)))
+    return [visit._replace(dwell_s=longer) if visit.dwell_s == longest else visit for visit in programme]
 
 
 def _in_time(
     practice: Callable[[float, float], list[Visit]], seconds: float, dwell_s: float, rate: float
 ) -> list[Visit]:
     """A practice with rests as long as its time allows."""
-    own = practice(dwell_s, rate)
-    return practice(max(dwell_s + (seconds - seconds_of(own)) / len(own), POOL_DWELL_S), rate)
+    visits = practice(dwell_s, rate)
+    return practice(max(dwell_s + (seconds - seconds_of(visits)) / len(visits), POOL_DWELL_S), rate)

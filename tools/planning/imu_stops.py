@@ -1,24 +1,42 @@
-"""Rests and turns that may be chosen for a whole IMU, and the choice of them in given time.
+"""Programmes of rests and turns for a whole IMU, what a record of one guarantees, and the choice of one in given time.
 
-The pool is a programme of all of them. What all together guarantee no choice can better, for with bounded errors to
-measure the same again tells nothing new. Stops are chosen by the programmes of the guaranteed errors: the worst error's
-vertex, two benches that what is taken does not tell apart, says which other stop tells them apart best.
+A programme is evaluated as its record would be: exact angles and readings of a faultless bench go the way of
+`trihedron calibrate`, so that every bound of a turn is that of the evidence.
+
+The pool is a programme of all rests and turns that may be chosen. What all together guarantee no choice can better, for
+with bounded errors to measure the same again tells nothing new. Stops are chosen by the programmes of the guaranteed
+errors: the worst error's vertex, two benches that the chosen stops do not tell apart, says which stop tells them apart
+best.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil, radians
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench import TARGETS
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.bench import TARGETS, nominal_input
+from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_readings, moments_of
+from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..bounded.programmes import Polytope
+from ..calibration import Bench
+from ..calibration.calibration import Asked, fit_record, wanted_targets
+from ..calibration.estimates import a_priori_values
+from ..calibration.gyros import fit_whole, gyro_targets, widened
+from ..calibration.model import mountings_of, parametrise
 from ..calibration.targets import Target
 from ..calibration.turns import PLAUSIBLE, WithTurns
-from .imu_programme import STEP_S, Planned, Visit, seconds_of
+from ..errors import InputError
+from ..records import BenchRecord
+from ..records.rests import position_record_of
+from .tour import TABLE_ACCELERATION
 
+STEP_S = 0.01
+"""Between rows of the records that are planned; finer rows bound what both axes do between them better."""
 LATTICE_DEG, AWAY_DEG = 30.0, 7.5
 """The pool's places: a lattice that lies so far from the multiples of 90°, where inputs are of no certain sign."""
 WHOLE_TURNS = (1, 4)
@@ -30,13 +48,109 @@ POOL_DWELL_S = 5.0
 WAY_S = 3.0
 """About how long the way from one stop to the next takes [s]."""
 PATIENCE = 0.25
-"""What a stop tells is divided by this power of its time: what takes long tells what nothing else does."""
+"""The gain of a stop is divided by this power of its time: what takes long tells what nothing else does."""
 SHARP = 4
 """The power to which ratios are raised before use is summed: the worst ones count."""
 SAME = 1e-6
 """A ratio that differs by less is the same."""
 LARGEST = 1e-2
 """What no parameter of bench and accelerometers exceeds."""
+
+
+class Visit(NamedTuple):
+    """A position of a programme [deg], how long the table rests there [s], and how fast it comes [deg/s]."""
+
+    alpha_deg: float
+    beta_deg: float
+    dwell_s: float
+    rate_dps: float
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Both angles [deg]."""
+        return self.alpha_deg, self.beta_deg
+
+    def way(self, before: "Visit") -> float:
+        """The larger of both axes' moves from the visit before [deg]."""
+        return max(abs(self.alpha_deg - before.alpha_deg), abs(self.beta_deg - before.beta_deg))
+
+
+def seconds_of(programme: Sequence[Visit]) -> float:
+    """How long a programme takes from its first position on [s], every slot in whole steps."""
+    return sum(_steps_of(programme)) * STEP_S
+
+
+def _steps_of(programme: Sequence[Visit]) -> list[int]:
+    """How many steps each move with the rest behind it takes."""
+    steps, before = [], programme[0]
+    for visit in programme:
+        move = move_duration(radians(visit.way(before)), radians(visit.rate_dps), TABLE_ACCELERATION)
+        steps.append(ceil((move + visit.dwell_s) / STEP_S - TICK_TOLERANCE))
+        before = visit
+    return steps
+
+
+def _covered(way: float, rate: float, time: NDArray) -> NDArray[np.float64]:
+    """Angle [rad] that a move over `way` from rest to rest has covered at times after its beginning."""
+    acceleration, length = TABLE_ACCELERATION, abs(way)
+    if length == 0.0:
+        return np.zeros(len(time))
+    peak = min(rate, np.sqrt(acceleration * length))
+    ramp = peak / acceleration
+    cruise = length / peak - ramp
+    rising, steady = np.clip(time, 0.0, ramp), np.clip(time - ramp, 0.0, cruise)
+    braking = np.clip(time - ramp - cruise, 0.0, ramp)
+    covered = 0.5 * acceleration * rising**2 + peak * (steady + braking) - 0.5 * acceleration * braking**2
+    return np.sign(way) * np.where(time >= 2.0 * ramp + cruise, length, covered)
+
+
+def record_of(programme: Sequence[Visit], earth: NDArray) -> BenchRecord:
+    """What a bench without any fault records of a programme; `earth` (3,) is Earth's rotation in its base [rad/s]."""
+    start = np.radians(programme[0].place)
+    angles = [start[None]]
+    for visit, steps in zip(programme, _steps_of(programme), strict=True):
+        end, rate = np.radians(visit.place), radians(visit.rate_dps)
+        time = STEP_S * np.arange(1, steps + 1)
+        way = end - start
+        alpha, beta = start[0] + _covered(way[0], rate, time), start[1] + _covered(way[1], rate, time)
+        angles.append(np.column_stack([alpha, beta]))
+        start = angles[-1][-1]
+    alpha, beta = np.concatenate(angles).T
+    time = STEP_S * np.arange(len(alpha))
+    sums = np.diff(moments_of(time, alpha, beta), axis=0)
+    bench, gyros, still = np.zeros(len(TARGETS)), np.zeros(len(GYRO_PARAMETERS)), np.zeros((2, *sums.shape))
+    turned = integrated_readings(bench, gyros, sums, still, np.eye(3), earth)
+    force = STANDARD_GRAVITY * nominal_input(alpha, beta, np.eye(3))
+    return BenchRecord(time, alpha, beta, force, increment=np.vstack([np.zeros((1, 3)), turned]))
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The bench for which a programme is planned, and σ as a fraction of g."""
+
+    bench: Bench
+    noise_bound: float
+
+    def linearised(self, programme: Sequence[Visit]) -> WithTurns:
+        """The rows that a record of the programme gives, as `trihedron calibrate` takes them."""
+        earth = earth_in_base(radians(self.bench.latitude_deg), radians(self.bench.azimuth_deg))
+        record = position_record_of(record_of(programme, earth))
+        if len(record.position) != len(programme):
+            raise InputError(f"--dwell: {len(programme) - len(record.position)} rests of the programme are too short")
+        alone = fit_record(record, self.noise_bound, Asked(noise_bound=self.noise_bound))
+        return fit_whole(alone, record, self.bench, self.noise_bound)
+
+    @cached_property
+    def targets(self) -> list[Target]:
+        """The 18 targets and the gyros' parameters."""
+        bench = wanted_targets(parametrise(mountings_of("identity")), Asked(noise_bound=self.noise_bound))
+        size = len(bench) + len(GYRO_PARAMETERS)
+        return [widened(target, size) for target in (*bench, *gyro_targets(len(bench)))]
+
+    def errors(self, rows: WithTurns) -> NDArray[np.float64]:
+        """Guaranteed errors (T,) of all targets; infinite where they stay open."""
+        errors = a_priori_values(rows, self.targets)[:, 1]
+        return np.where(np.isnan(errors), np.inf, errors)
 
 
 class Stop(NamedTuple):
@@ -54,48 +168,72 @@ class Pool:
     stops: tuple[Stop, ...]
 
     @staticmethod
-    def of(planned: Planned, dwell_s: float, rate_dps: float, others: Sequence[WithTurns]) -> "Pool":
-        """Rests on the lattice, and turns about either axis at its angles of the other; and what others measure.
+    def of(planned: Planned, dwell_s: float, rate_dps: float, practices: Iterable[WithTurns]) -> "Pool":
+        """Rests on the lattice, and turns about either axis at its angles of the other; and the rows of practices.
 
-        Whatever is measured rests but shortly in the pool's own record: the rows of a rest say what a longer one gives.
+        Every rest is short in the pool's own record: the rows of a rest say what a longer one gives.
         """
-        lattice = np.arange(AWAY_DEG, 360.0, LATTICE_DEG).tolist()
-        opposite = lattice[:: len(lattice) // 2]
-        places = [(a, b) for k, a in enumerate(lattice) for b in (lattice if k % 2 == 0 else lattice[::-1])]
-        around = [(a, b, 0) for b in lattice for a in opposite] + [(a, b, 1) for a in lattice for b in opposite]
-        turns = [
-            tuple((a + 360.0 * n * (1 - axis), b + 360.0 * n * axis) for n in (0, count, 0))
-            for a, b, axis in around
-            for count in WHOLE_TURNS
-        ]
-        path, at = _joined([*((place,) for place in places), *turns])
-        here = planned.linearised([Visit(*place, POOL_DWELL_S, rate_dps) for place in path])
+        places, turns = _lattice_places(), _lattice_turns()
+        path, ends = _joined([(place,) for place in places] + turns)
+        record = planned.linearised([Visit(*place, POOL_DWELL_S, rate_dps) for place in path])
         count, behind = len(path), 3 * len(path)
         # Pieces are the rests, then what lies between two of them.
-        between = np.searchsorted(here.turns.last[:count], here.turns.first[count:], side="right") - 1
-
-        def moves(begin: int, end: int) -> NDArray[np.int_]:
-            pieces = count + np.flatnonzero((between >= begin) & (between < end))
-            return (behind + 3 * pieces[:, None] + np.arange(3)).ravel()
-
-        rows, stops = [here.jacobian / here.bound[:, None]], []
-        for (rest, end), turn in zip(at[len(places) :], turns, strict=True):
-            own = np.append(3 * rest + np.arange(3), moves(rest, end))
-            stops.append(Stop(tuple(Visit(*place, dwell_s, rate_dps) for place in turn), own))
-        for (rest, _), place in zip(at, places, strict=False):
-            for dwell in (factor * dwell_s for factor in LONG):
-                own = np.append(3 * rest + np.arange(3), len(here.bound) + 3 * (len(rows) - 1) + np.arange(3))
-                stops.append(Stop((Visit(*place, dwell, rate_dps),), own))
-                rows.append(_longer(here, rest, behind, dwell))
+        between = np.searchsorted(record.turns.last[:count], record.turns.first[count:], side="right") - 1
+        stops = []
+        for (begin, end), turn in zip(ends[len(places) :], turns, strict=True):
+            moves = count + np.flatnonzero((between >= begin) & (between < end))
+            rows = np.append(_three(begin), (behind + _three(moves)).ravel())
+            stops.append(Stop(tuple(Visit(*place, dwell_s, rate_dps) for place in turn), rows))
+        blocks = [record.jacobian / record.bound[:, None]]
+        size = len(record.bound)
+        for (rest, _), place in zip(ends, places, strict=False):
+            for factor in LONG:
+                dwell = factor * dwell_s
+                stops.append(Stop((Visit(*place, dwell, rate_dps),), np.append(_three(rest), size + np.arange(3))))
+                blocks.append(_longer_rest(record, rest, behind, dwell))
+                size += 3
         # Rests as short as those of the pool's own record are none of it.
-        rows[0][behind : behind + 3 * count] = 0.0
-        rows += [other.jacobian / other.bound[:, None] for other in others]
-        return Pool(np.vstack(rows), tuple(stops))
+        blocks[0][behind : behind + 3 * count] = 0.0
+        for practice in practices:
+            blocks.append(practice.jacobian / practice.bound[:, None])
+        return Pool(np.vstack(blocks), tuple(stops))
 
 
-def _joined(stops: Sequence[Sequence[tuple[float, float]]]) -> tuple[list[tuple[float, float]], list[tuple[int, int]]]:
+Place = tuple[float, float]
+
+
+def _three(piece: int | NDArray) -> NDArray[np.int_]:
+    """Rows (..., 3) of pieces: one for each accelerometer or gyro."""
+    return 3 * np.asarray(piece)[..., None] + np.arange(3)
+
+
+def _lattice_places() -> list[Place]:
+    """The places (α, β) [deg] of the lattice, β to and fro."""
+    lattice = np.arange(AWAY_DEG, 360.0, LATTICE_DEG).tolist()
+    places = []
+    for k, alpha in enumerate(lattice):
+        places += [(alpha, beta) for beta in (lattice if k % 2 == 0 else lattice[::-1])]
+    return places
+
+
+def _lattice_turns() -> list[tuple[Place, ...]]:
+    """Whole turns to and fro: about α from two opposite angles at each β, then about β likewise."""
+    lattice = np.arange(AWAY_DEG, 360.0, LATTICE_DEG).tolist()
+    turns = []
+    for fixed in lattice:
+        for start in lattice[:: len(lattice) // 2]:
+            for count in WHOLE_TURNS:
+                turns.append(((start, fixed), (start + 360.0 * count, fixed), (start, fixed)))
+    for fixed in lattice:
+        for start in lattice[:: len(lattice) // 2]:
+            for count in WHOLE_TURNS:
+                turns.append(((fixed, start), (fixed, start + 360.0 * count), (fixed, start)))
+    return turns
+
+
+def _joined(stops: Sequence[Sequence[Place]]) -> tuple[list[Place], list[tuple[int, int]]]:
     """Places one after the other, none right after itself; and at which of them each stop begins and ends."""
-    path: list[tuple[float, float]] = []
+    path: list[Place] = []
     ends = []
     for stop in stops:
         if not path or path[-1] != stop[0]:
@@ -106,88 +244,84 @@ def _joined(stops: Sequence[Sequence[tuple[float, float]]]) -> tuple[list[tuple[
     return path, ends
 
 
-def _longer(here: WithTurns, rest: int, behind: int, dwell_s: float) -> NDArray[np.float64]:
+def _longer_rest(record: WithTurns, rest: int, behind: int, dwell_s: float) -> NDArray[np.float64]:
     """The gyros' rows (3, P) over their bounds of a rest that lasts longer than in the pool's record."""
-    turns, own = here.turns, behind + 3 * rest + np.arange(3)
+    turns, rows = record.turns, behind + _three(rest)
     seconds = (turns.last[rest] - turns.first[rest]) * STEP_S
     longer = 1.0 + (dwell_s - POOL_DWELL_S) / seconds
     noise = turns.noise[rest]
-    bound = here.bound[own] - noise + noise * np.sqrt(longer)
-    return longer * here.jacobian[own] / bound[:, None]
+    bound = record.bound[rows] - noise + noise * np.sqrt(longer)
+    return longer * record.jacobian[rows] / bound[:, None]
 
 
 def confined(rows: NDArray) -> tuple[NDArray, Polytope]:
     """Rows (M, P) over their bounds, and behind them what no parameter exceeds; the polytope that begins with those."""
     known = np.diag(1.0 / np.append(np.full(len(TARGETS), LARGEST), PLAUSIBLE))
-    every = np.vstack([rows, known])
-    return every, Polytope(every, np.ones(len(every)), np.arange(len(rows), len(every)))
+    stacked = np.vstack([rows, known])
+    return stacked, Polytope(stacked, np.ones(len(stacked)), np.arange(len(rows), len(stacked)))
+
+
+def together(pool: Pool, rows: WithTurns, targets: Sequence[Target]) -> NDArray[np.float64]:
+    """What the pool and a programme's own rows guarantee (T,) all together."""
+    stacked, polytope = confined(np.vstack([pool.rows, rows.jacobian / rows.bound[:, None]]))
+    polytope.confine(-np.ones(len(stacked)), np.ones(len(stacked)))
+    return np.array([polytope.maximise(target.weights)[0] for target in targets])
 
 
 class Search:
-    """Which stops of a pool are taken, and the guaranteed errors with them, each by its programme."""
+    """Which stops of a pool are chosen, and the guaranteed errors with them, each by its programme."""
 
     def __init__(self, pool: Pool, targets: Sequence[Target], seconds: float):
         self._pool, self._targets, self._seconds = pool, targets, seconds
         self._rows, self._polytope = confined(pool.rows)
-        self.taken: list[int] = []
+        self.chosen: list[int] = list(range(len(pool.stops)))
         self._vertex = np.zeros((len(targets), self._rows.shape[1]))
         self._share = np.zeros((len(targets), len(self._rows)))
-        self.error = np.zeros(len(targets))
-        self._solve(range(len(targets)), every=True)
-        self.best = self.error.copy()
+        self._error = np.zeros(len(targets))
         self._solve(range(len(targets)))
+        self._best = self._error.copy()
+        self.choose([])
 
-    def _solve(self, which: Sequence[int] | range | NDArray, *, every: bool = False) -> None:
+    def _solve(self, which: Iterable[int]) -> None:
         upper = np.full(len(self._rows), np.inf)
         upper[len(self._pool.rows) :] = 1.0
-        for stop in range(len(self._pool.stops)) if every else self.taken:
+        for stop in self.chosen:
             upper[self._pool.stops[stop].rows] = 1.0
         self._polytope.confine(-upper, upper)
         for k in which:
-            self.error[k], self._vertex[k], duals = self._polytope.maximise(self._targets[k].weights)
-            self._share[k] = np.abs(duals) / self.error[k]
+            self._error[k], self._vertex[k], duals = self._polytope.maximise(self._targets[k].weights)
+            self._share[k] = np.abs(duals) / self._error[k]
 
     @property
     def ratio(self) -> NDArray[np.float64]:
         """Guaranteed errors (T,) over those of the whole pool."""
-        return self.error / self.best
+        return self._error / self._best
 
-    def take(self, stop: int) -> None:
-        """Take a stop, and solve what it changes."""
-        self.taken.append(stop)
-        rows = self._rows[self._pool.stops[stop].rows]
-        self._solve(np.flatnonzero(np.abs(rows @ self._vertex.T).max(axis=0) > 1.0 + 1e-9))
-
-    def drop(self, stop: int) -> None:
-        """Leave a stop out again, and solve what made use of it."""
-        self.taken.remove(stop)
-        rows = self._pool.stops[stop].rows
-        self._solve(np.flatnonzero(self._share[:, rows].sum(axis=1) > 0.0))
-
-    def restore(self, taken: Sequence[int]) -> None:
-        """Take just these stops."""
-        self.taken = list(taken)
+    def choose(self, stops: Sequence[int]) -> None:
+        """Choose just these stops."""
+        self.chosen = list(stops)
         self._solve(range(len(self._targets)))
 
     def fill(self) -> None:
-        """Take for the worst target, as long as time lasts, the stop that its vertex contradicts most for its time."""
+        """Choose for the worst target, while time lasts, the stop that its vertex contradicts most for its time."""
         open_targets = np.ones(len(self._targets), dtype=bool)
-        short = np.zeros(len(self._pool.stops), dtype=bool)
-        short[self.taken] = True
-        while open_targets.any() and not short.all():
+        passed = np.zeros(len(self._pool.stops), dtype=bool)
+        passed[self.chosen] = True
+        while open_targets.any() and not passed.all():
             worst = int(np.where(open_targets, self.ratio, 0.0).argmax())
-            seen = np.abs(self._rows @ self._vertex[worst])
-            gain = np.array([seen[stop.rows].max() for stop in self._pool.stops])
-            worth = np.where(short, 0.0, np.log(np.maximum(gain, 1.0)) / self._costs**PATIENCE)
+            violation = np.abs(self._rows @ self._vertex[worst])
+            gain = np.array([violation[stop.rows].max() for stop in self._pool.stops])
+            worth = np.where(passed, 0.0, np.log(np.maximum(gain, 1.0)) / self._costs**PATIENCE)
             if worth.max() <= 1e-9:
                 open_targets[worst] = False
                 continue
             stop = int(worth.argmax())
-            if seconds_of(self.programme([*self.taken, stop])) > self._seconds:
-                short[stop] = True
+            passed[stop] = True
+            if seconds_of(self.programme([*self.chosen, stop])) > self._seconds:
                 continue
-            self.take(stop)
-            short[stop] = True
+            self.chosen.append(stop)
+            rows = self._rows[self._pool.stops[stop].rows]
+            self._solve(np.flatnonzero(np.abs(rows @ self._vertex.T).max(axis=0) > 1.0 + 1e-9))
             open_targets[:] = True
 
     @cached_property
@@ -197,53 +331,40 @@ class Search:
 
     def exchange(self) -> bool:
         """Leave out what the worst ratio does without, and fill the time again; whether that made it less."""
-        before, ratio = list(self.taken), float(self.ratio.max())
+        before, ratio = list(self.chosen), float(self.ratio.max())
         use = (self.ratio[:, None] ** SHARP * self._share).sum(axis=0)
-        for stop in sorted(before, key=lambda s: (round(float(use[self._pool.stops[s].rows].sum()), 9), s)):
-            kept = list(self.taken), self.error.copy(), self._vertex.copy(), self._share.copy()
-            self.drop(stop)
+        uses = {stop: round(float(use[self._pool.stops[stop].rows].sum()), 9) for stop in before}
+        for stop in sorted(before, key=lambda stop: (uses[stop], stop)):
+            state = list(self.chosen), self._error.copy(), self._vertex.copy(), self._share.copy()
+            self.chosen.remove(stop)
+            self._solve(np.flatnonzero(self._share[:, self._pool.stops[stop].rows].sum(axis=1) > 0.0))
             if self.ratio.max() > ratio * (1.0 + SAME):
-                self.taken, self.error, self._vertex, self._share = kept
+                self.chosen, self._error, self._vertex, self._share = state
         self.fill()
         if self.ratio.max() > ratio * (1.0 + SAME):
-            self.restore(before)
+            self.choose(before)
             return False
         return True
 
-    def programme(self, taken: Sequence[int]) -> list[Visit]:
+    def programme(self, stops: Iterable[int]) -> list[Visit]:
         """The stops one after the other, each time the one that is nearest; rests at one place are one."""
-        longest: dict[tuple[float, float], Visit] = {}
+        longest: dict[Place, Visit] = {}
         turns: list[tuple[Visit, ...]] = []
-        for visits in (self._pool.stops[stop].visits for stop in sorted(taken)):
-            first, *more = visits
-            here = first[:2]
-            if more:
-                turns.append(visits)
-            elif here not in longest or longest[here].dwell_s < first.dwell_s:
-                longest[here] = first
-        joined = [_with_long(visits, longest) for visits in turns]
-        left: list[tuple[Visit, ...]] = [*joined, *((visit,) for visit in longest.values())]
-        path = list(left.pop(0))
-        while left:
-            at = path[-1]
-            near = left.pop(min(range(len(left)), key=lambda k, at=at: (_way(at, left[k][0]), left[k])))
-            path += near[1:] if near[0][:2] == at[:2] else near
+        for stop in sorted(stops):
+            first, *turn = self._pool.stops[stop].visits
+            if turn:
+                turns.append((first, *turn))
+            elif first.place not in longest or longest[first.place].dwell_s < first.dwell_s:
+                longest[first.place] = first
+        parts: list[tuple[Visit, ...]] = []
+        for first, *turn in turns:
+            parts.append((longest.pop(first.place, first), *turn))
+        for visit in longest.values():
+            parts.append((visit,))
+        path = list(parts.pop(0))
+        while parts:
+            last = path[-1]
+            ways = [(part[0].way(last), part) for part in parts]
+            following = parts.pop(ways.index(min(ways)))
+            path += following[1:] if following[0].place == last.place else following
         return path
-
-
-def _way(one: Visit, other: Visit) -> float:
-    """By how much the axis turns that turns most [deg]."""
-    return max(abs(one.alpha_deg - other.alpha_deg), abs(one.beta_deg - other.beta_deg))
-
-
-def _with_long(visits: tuple[Visit, ...], longest: dict[tuple[float, float], Visit]) -> tuple[Visit, ...]:
-    """Turns whose first rest is the rest that is wanted at its place."""
-    long = longest.pop(visits[0][:2], None)
-    return visits if long is None else (long, *visits[1:])
-
-
-def together(pool: Pool, here: WithTurns, targets: Sequence[Target]) -> NDArray[np.float64]:
-    """What the pool and a programme's own moves guarantee (T,) all together."""
-    rows, polytope = confined(np.vstack([pool.rows, here.jacobian / here.bound[:, None]]))
-    polytope.confine(-np.ones(len(rows)), np.ones(len(rows)))
-    return np.array([polytope.maximise(target.weights)[0] for target in targets])

@@ -1,377 +1,518 @@
-"""The task of a common set of positions, the readings that such a set gives, and what they cost.
+"""One set of positions for all targets or for a goal: of a given number, the fewest for an accuracy, any number.
 
-One set serves all targets and all accelerometers at once: a reading counts where the sign of its input is certain by
-the admissible set, at every angle that an error of setting may lead to. The cost of a target is the least guaranteed
-error with the readings that count.
+The stored sets are those of `common_positions.csv`.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from itertools import pairwise
-from math import hypot
-from pathlib import Path
+import csv
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from importlib import resources
+from itertools import product
+from math import ceil
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from ..calibration.model import Parametrisation, parametrise
-from ..calibration.targets import Target, asked_targets, convention_targets
+from ..calibrated import Number
 from ..errors import InputError
 from ..progress import shown_status
-from ..records import PositionRecord, read_record
-from .certificate import Columns, UndeterminedError, scaled_optimum
-from .continuum import Continuum
-from .forms import basis, padded_terms, sheets
-from .request import Request, parsed_keep_out
+from ..result import Result
+from ..rounding import downwards
+from .bounds import Bound, HittingSet, bound_positions, pool_of
+from .check import EffectDistance, detecting, named_effects
+from .request import GOALS, Request
+from .search import drawn, merit, search
+from .targets import Degrees
+from .task import Costs, Places, Task, allowed, costs, task_of
+from .tour import measuring_order, unwound
 
-CORNERS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
-TURN = 2.0 * np.pi
-LINES = 24
-"""Lines of each axis on which it is looked whether keep-outs leave enough."""
-NOT_DETERMINED = 1e3
-"""A ratio above this says that the positions do not determine the target."""
+if TYPE_CHECKING:
+    from polars import DataFrame
 
-
-@dataclass(frozen=True)
-class Places:
-    """Table positions: angles α and β (N, 2) [rad], and indices into the mountings (N,)."""
-
-    angle: NDArray
-    mounting: NDArray
-
-    def __len__(self) -> int:
-        return len(self.angle)
-
-    def at(self, angle: NDArray) -> "Places":
-        """The same mountings at other angles (N, 2)."""
-        return Places(angle, self.mounting)
-
-    def chosen(self, rows: Sequence[int] | NDArray) -> "Places":
-        """Some of them."""
-        return Places(self.angle[rows], self.mounting[rows])
-
-    def joined(self, other: "Places") -> "Places":
-        """These and others after them."""
-        return Places(np.concatenate([self.angle, other.angle]), np.concatenate([self.mounting, other.mounting]))
-
-
-def on_all_mountings(angle: NDArray, mountings: int) -> Places:
-    """The same angles (N, 2) [rad] with every mounting, one mounting after the other."""
-    return Places(np.concatenate([angle] * mountings), np.repeat(np.arange(mountings), len(angle)))
+FEWEST, MOST_POSITIONS = 5, 60
+"""Fewest of a symmetric block, with fifteen parameters."""
+SWEEPS = 6
+TRIED_SHARE = 6
+"""One of so many of the searches is made while the fewest positions are sought."""
+DWELL_S = 20.0
+"""Time at each position, where none is given."""
+REPEATED = (
+    "criterion",
+    "reserve_deg",
+    "resolution_deg",
+    "keep_out",
+    "order",
+    "seed",
+    "admissible",
+    "bounds",
+    "convention",
+    "baseline",
+    "goal",
+)
+"""What a plan of positions repeats of its request."""
 
 
-@dataclass(frozen=True)
-class Task:
-    """What is asked: targets, admissible set, where the table may stand.
+class PlannedPosition(Result):
+    """Angles as commands to the table [deg], and the mounting where there are several."""
+
+    omitted = frozenset({"mounting"})
+
+    alpha_deg: Degrees
+    beta_deg: Degrees
+    mounting: str | None = None
+
+
+class PositionPlan(Result):
+    """One set of positions for all targets, and in which order they are measured.
 
     Attributes
     ----------
-    request : Request
-    parametrisation : Parametrisation
-    targets : tuple of Target
-        K of them
-    best : (K,) array
-        cost of each target's own optimal plan over all angles [σ]; the largest of them where they are `alike`
-    groups : tuple of tuples of int
-        targets whose errors are taken together, as the root of the sum of their squares: each alone, or those of a goal
-    least : (G,) array
-        what no positions better: of each group its error by the targets' own optima [σ], of a goal the largest of them
-    support : (n, 2) array
-        positions of those plans [rad]; none where the costs were given
-    keep_out : tuple
-        of each axis, intervals [rad] (low, high), low < high, of encoder readings that are not used
-    measured : Places
-        where readings are known already: they stay
-    regressor, base, terms : (S, P, 3, 3), (S, 3, 3), (S, T, 3, 3) array
-        the sheets, stacked
-    accelerometer, mounting : (S,) array of int
-        of each sheet
+    positions : tuple of PlannedPosition
+        in the order in which they are measured first
+    programme : tuple of int
+        every measurement: which position, from 1
+    worst_ratio, mean_ratio : float
+        of the targets' costs to their optima; worst of a goal, of its error to the least possible one
+    lower_bound, lower_bound_on : float, str
+        proven: no set of so many positions of this pool has a lower worst ratio; None where it is not asked for, where
+        extra positions are or another criterion is, or after an interruption
+    costs, optima : dict
+        of each target [σ]: with this set, and with its own optimal plan over all angles
+    readings : int
+        how many count
+    criterion, reserve_deg, resolution_deg, keep_out, order, seed, admissible, bounds, convention, baseline
+        as in the request
+    starts : int
+        local improvements that were made
+    interrupted : bool
+        whether Ctrl-C ended search or bound
+    mountings : dict
+        Q (3, 3) by name
+    goal, levelling_error, azimuth_error : str, float, float or None
+        what the correction is for, and its largest error by a-priori estimates, in σ [rad], of a level and of a
+        gyrocompass
+    accuracy, accuracy_kept, fewer_keep : float or None
+        the error that may be, that of this set, and the best that was found of a position less [rad, g, 1]
+    fewest_possible : int or None
+        proven: no fewer positions of the pool keep the accuracy
+    measured : int or None
+        positions that are measured already and count beside these
+    detection : tuple of EffectDistance
+        how well the named effects show
+    task, bound : Task, Bound or None
+        the request, and what is proven; for programs
+    duration : float
+        time of the programme's moves [s], for programs
+    searched : int
+        positions of the set without the extra ones, for programs
     """
 
-    request: Request
-    parametrisation: Parametrisation
-    targets: tuple[Target, ...]
-    best: NDArray
-    groups: tuple[tuple[int, ...], ...]
-    least: NDArray
-    support: NDArray
-    keep_out: tuple[tuple[tuple[float, float], ...], ...]
-    measured: Places
-    regressor: NDArray
-    base: NDArray
-    terms: NDArray
-    accelerometer: NDArray
-    mounting: NDArray
-
-    @cached_property
-    def weights(self) -> NDArray:
-        """a of every target (K, P)."""
-        return np.array([target.weights for target in self.targets])
-
-    def worst(self, values: NDArray) -> float:
-        """The largest error over the groups, relative to what no positions better, from errors (K,) of targets [σ]."""
-        return float((self.together(values) / self.least).max())
-
-    def together(self, values: NDArray) -> NDArray:
-        """Errors (G,) of the groups from those of the targets (K,)."""
-        return _together(values, self.groups)
-
-    @cached_property
-    def shifts(self) -> NDArray:
-        """Corners (C, 2) of the box of setting errors [rad]."""
-        reserve = np.radians(self.request.reserve_deg)
-        return reserve * np.array(CORNERS) if reserve > 0.0 else np.zeros((1, 2))
-
-    @cached_property
-    def room(self) -> NDArray:
-        """How far the clearance (S,) inside that box may lie below that of its corners."""
-        forms = np.concatenate([self.base[:, None], self.terms], axis=1)
-        bent = np.linalg.norm(forms[..., :2, :], 2, axis=(-2, -1)) + np.linalg.norm(forms[..., :, :2], 2, axis=(-2, -1))
-        # A form with second derivatives below M is within M r²/2, for each axis, of the interpolation of the corners.
-        return 0.5 * np.radians(self.request.reserve_deg) ** 2 * np.sqrt(2.0) * bent.sum(axis=1)
-
-
-def task_of(request: Request, *, best: NDArray | None = None, progress: bool = False) -> Task:
-    """What is asked, checked, with the optimum of every target over all angles (setting errors not allowed for).
-
-    `best` (K,) are the optima where they are known already. An InputError for options that cannot be used, also when
-    no positions can determine a target.
-    """
-    request.check()
-    p = request.parametrisation()
-    targets = wanted(p, request.convention, request.expressions)
-    parsed = [parsed_keep_out(text) for text in request.keep_out]
-    keep_out = tuple(tuple((low, high) for at, low, high in parsed if at == axis) for axis in (0, 1))
-    for name, intervals in zip(("alpha", "beta"), keep_out, strict=True):
-        if not free_arcs(intervals):
-            raise InputError(f"--keep-out: nothing of {name} is left; leave some of its angles free")
-    found = sheets(p, bounds=request.bounds, rule=request.admissible)
-    support = np.zeros((0, 2))
-    if best is None:
-        with shown_status("optima of the targets", show=progress):
-            matrices = tuple((name, matrix.tobytes()) for name, matrix in zip(p.mountings, p.matrices, strict=True))
-            asked = tuple(map(float, request.bounds)), request.admissible, request.convention
-            best, support = _optima(matrices, p.symmetric, *asked, request.expressions)
-    at = {symbol: k for k, symbol in enumerate(request.expressions)}
-    groups = tuple(tuple(at[symbol] for symbol in group) for group in request.groups)
-    groups = groups or tuple((k,) for k in range(len(best)))
-    least = _together(best, groups)
-    if request.alike:
-        best, least = np.full(len(best), best.max()), np.full(len(least), least.max())
-    task = Task(
-        request,
-        p,
-        tuple(targets),
-        best,
-        groups,
-        least,
-        support,
-        keep_out,
-        measured_places(request.measured, p),
-        regressor=np.array([sheet.regressor for sheet in found]),
-        base=np.array([sheet.base for sheet in found]),
-        terms=padded_terms(found),
-        accelerometer=np.array([sheet.accelerometer for sheet in found]),
-        mounting=np.array([sheet.mounting for sheet in found]),
+    omitted = frozenset(
+        {
+            "detection",
+            "goal",
+            "levelling_error",
+            "azimuth_error",
+            "measured",
+            "accuracy",
+            "accuracy_kept",
+            "fewer_keep",
+            "fewest_possible",
+        }
     )
-    if open_ := undetermined(task):
+
+    schema_: Literal["trihedron.plan/1"] = Field(default="trihedron.plan/1", alias="schema")
+    positions: Annotated[tuple[PlannedPosition, ...], Field(min_length=1)]
+    programme: tuple[int, ...]
+    worst_ratio: Annotated[float, Field(ge=1.0 - 1e-9, allow_inf_nan=False)]
+    mean_ratio: Number
+    lower_bound: Number | None
+    lower_bound_on: str | None
+    costs: dict[str, Number]
+    optima: dict[str, Number]
+    readings: int
+    criterion: str
+    reserve_deg: float
+    resolution_deg: float | None
+    keep_out: tuple[str, ...]
+    order: str
+    seed: int
+    starts: int
+    interrupted: bool
+    admissible: str
+    bounds: tuple[float, float]
+    convention: str
+    baseline: str
+    mountings: dict[str, list[list[float]]]
+    goal: str | None = None
+    levelling_error: Number | None = None
+    azimuth_error: Number | None = None
+    accuracy: Number | None = None
+    accuracy_kept: Number | None = None
+    fewer_keep: Number | None = None
+    fewest_possible: int | None = None
+    measured: int | None = None
+    detection: tuple[EffectDistance, ...] = ()
+    task: Task = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
+    bound: Bound | None = Field(default=None, exclude=True)
+    duration: float = Field(default=0.0, exclude=True)
+    searched: int = Field(default=0, exclude=True)
+
+    @property
+    def largest_error(self) -> float:
+        """The error of the goal, or the largest of a target [σ]."""
+        if self.azimuth_error is not None:
+            return self.azimuth_error
+        return max(self.costs.values()) if self.levelling_error is None else self.levelling_error
+
+    @property
+    def places(self) -> Places:
+        """The positions of a plan of one mounting."""
+        angle = np.radians([(one.alpha_deg, one.beta_deg) for one in self.positions])
+        return Places(angle, np.zeros(len(angle), dtype=int))
+
+    def to_polars(self) -> "DataFrame":
+        """The programme, a row for each visit: order, alpha_deg, beta_deg and, of several mountings, mounting."""
+        import polars as pl
+
+        rows = [{"order": k, **self.positions[at - 1].to_json()} for k, at in enumerate(self.programme, start=1)]
+        return pl.DataFrame(rows, schema_overrides={"alpha_deg": pl.Float64, "beta_deg": pl.Float64})
+
+
+class NoSetError(InputError):
+    """No set of so many positions was found that determines every target."""
+
+
+def common_positions(
+    count: int, request: Request, *, stored: bool = True, enough: float = 0.0, progress: bool = False
+) -> PositionPlan:
+    """Find one set of positions for all targets, with what is proven of every other set.
+
+    The search begins with the plan that the package holds for so many positions, where `stored` says so and it fits. It
+    finds the same for the same arguments, and ends with the best so far after Ctrl-C, or once a worst ratio is enough.
+    An InputError for options that cannot be used, and for so few positions that no set was found.
+    """
+    _check_count(count, request)
+    effects = named_effects(request.detect)
+    task = task_of(request, progress=progress)
+    if count < _least_count(request):
+        size = task.weights.shape[1]
         raise InputError(
-            f"--keep-out: no positions outside it, with signs that are certain, determine {', '.join(open_)}; "
-            "ask for others by --target, or leave more angles by --keep-out"
+            f"{count} positions: must be at least {-(-size // 3)}, three readings of each for {size} parameters"
         )
-    return task
+    if effects and request.measured:
+        raise InputError("--detect: does not go with --measured")
+    beginnings = []
+    if stored:
+        beginnings = [places.joined(task.measured) for places in _starting_positions(task, count)]
+    best, starts, interrupted = search(task, count, beginnings=beginnings, enough=enough, progress=progress)
+    if best is None:
+        less = ", or leave more angles by --keep-out" if request.keep_out else ""
+        raise NoSetError(
+            f"{count} positions: no set was found that determines every target; give more, or --starts{less}"
+        )
+    if request.resolution_deg is not None:
+        best = rounded(task, best)
+        if not (best.complete and allowed(task, best.places.angle).all()):
+            where = " outside the keep-outs" if request.keep_out else ""
+            raise InputError(f"--resolution {request.resolution_deg:g}: too coarse to determine every target{where}")
+    bound, detection = None, ()
+    if request.cuts and not interrupted and not (effects and request.extra):
+        try:
+            with shown_status("lower bound", show=progress):
+                bound = bound_positions(task, pool_of(task, best.places), count, best.worst)
+        except KeyboardInterrupt:
+            interrupted = True
+    if effects:
+        places, detection = detecting(task, best.places, effects)
+        best = costs(task, places)
+    plan = _plan_of(task, best)
+    return plan.model_copy(
+        update={
+            "starts": starts,
+            "interrupted": interrupted,
+            **_proven(bound),
+            "detection": detection,
+            "searched": count,
+        }
+    )
 
 
-def _together(values: NDArray, groups: tuple[tuple[int, ...], ...]) -> NDArray:
-    return np.array([hypot(*values[list(group)]) for group in groups])
+def _check_count(count: int, request: Request) -> None:
+    fewest = 1 if request.any_number else FEWEST
+    if not fewest <= count <= MOST_POSITIONS:
+        raise InputError(f"{count} positions: must be between {fewest} and {MOST_POSITIONS}")
+    if not 0 <= request.repeat <= count:
+        raise InputError(f"--repeat {request.repeat}: must be between 0 and the number of positions")
 
 
-def measured_places(path: str | Path | None, p: Parametrisation) -> Places:
-    """The positions of a record; none without one. An InputError for a record of other mountings."""
-    if path is None:
-        return Places(np.zeros((0, 2)), np.zeros(0, dtype=int))
-    record = read_record(Path(path), PositionRecord)
-    names = record.mounting or p.mountings[:1] * len(record)
-    if (record.mounting is None and len(p.mountings) > 1) or not set(names) <= set(p.mountings):
-        raise InputError(f"--measured {path}: its mountings are not those of the plan, {', '.join(p.mountings)}")
-    return Places(np.column_stack([record.alpha, record.beta]), np.array([p.mountings.index(name) for name in names]))
+def _least_count(request: Request) -> int:
+    """The fewest positions with which a search begins."""
+    if request.any_number:
+        return 1
+    return max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
 
 
-def undetermined(task: Task) -> list[str]:
-    """Targets that keep-outs leave to no positions, nor to those that are measured."""
-    if not any(task.keep_out):
+def _proven(bound: Bound | None) -> dict[str, object]:
+    if bound is None:
+        return {}
+    return {"bound": bound, "lower_bound": bound.ratio, "lower_bound_on": bound.on}
+
+
+def _plan_of(task: Task, best: Costs) -> PositionPlan:
+    """The plan of a set that was found: order of measurement, commands, costs."""
+    request, p = task.request, task.parametrisation
+    places = best.places.chosen(np.arange(len(best.places) - len(task.measured)))
+    commands = unwound(places.angle, task.keep_out)
+    rows, duration = measuring_order(places, commands, request)
+    order = list(dict.fromkeys(rows.tolist()))
+    positions = []
+    for row in order:
+        alpha, beta = np.round(np.degrees(commands[row]), 9).tolist()
+        mounting = p.mountings[int(places.mounting[row])] if len(p.mountings) > 1 else None
+        positions.append(PlannedPosition(alpha_deg=alpha, beta_deg=beta, mounting=mounting))
+    symbols = [target.symbol for target in task.targets]
+    level = best.worst * float(task.least.max())
+    return PositionPlan(
+        positions=tuple(positions),
+        programme=tuple(order.index(row) + 1 for row in rows.tolist()),
+        worst_ratio=best.worst,
+        mean_ratio=best.mean,
+        lower_bound=None,
+        lower_bound_on=None,
+        costs=dict(zip(symbols, (best.ratio * task.best).tolist(), strict=True)),
+        optima=dict(zip(symbols, task.best.tolist(), strict=True)),
+        readings=len(best.readings.position),
+        **{name: getattr(request, name) for name in REPEATED},
+        starts=0,
+        interrupted=False,
+        levelling_error=None if request.goal is None else level,
+        azimuth_error=level * request.magnified if request.goal == "gyrocompass" else None,
+        measured=len(task.measured) or None,
+        mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
+        task=task,
+        duration=duration,
+    )
+
+
+def rounded(task: Task, best: Costs) -> Costs:
+    """The set with every angle a multiple of the table's resolution, chosen so that the cost stays least.
+
+    One position after the other goes to the best of the four multiples around it, while the later ones are still where
+    they were; then each may move by one step, while that helps.
+    """
+    step_deg = task.request.resolution_deg
+    assert step_deg is not None
+    rows = range(len(best.places) - len(task.measured))
+    for row in rows:
+        low = np.floor(np.degrees(best.places.angle[row]) / step_deg)
+        best = _best_of(task, best, row, step_deg * (low + np.array(list(product((0, 1), repeat=2)))))
+    for _ in range(SWEEPS):
+        before = merit(task, best)
+        for row in rows:
+            present = np.round(np.degrees(best.places.angle[row]) / step_deg)
+            best = _best_of(task, best, row, step_deg * (present + np.array(list(product((0, -1, 1), repeat=2)))))
+        if merit(task, best) >= before:
+            break
+    return best
+
+
+def _best_of(task: Task, present: Costs, row: int, trials_deg: NDArray) -> Costs:
+    """The best of the sets with one position at each of some angles (T, 2) [deg] outside the keep-outs."""
+    angles = np.repeat(present.places.angle[None], len(trials_deg), axis=0)
+    angles[:, row] = np.radians(trials_deg)
+    inside = angles[allowed(task, angles[:, row])]
+    if not len(inside):
+        return costs(task, present.places.at(angles[0]))
+    sets = [costs(task, present.places.at(angle)) for angle in inside]
+    return min(sets, key=lambda trial: merit(task, trial))
+
+
+def _starting_positions(task: Task, count: int) -> list[Places]:
+    """The set of so many positions that the package holds, where it is for this mounting and in no keep-out."""
+    p = task.parametrisation
+    places = stored_positions(count)
+    if places is None or len(p.mountings) != 1 or not np.array_equal(p.matrices[0], np.eye(3)):
         return []
-    lines = []
-    for intervals in task.keep_out:
-        arcs = free_arcs(intervals)
-        lines.append(np.concatenate([np.linspace(low, high, LINES // len(arcs) + 2) for low, high in arcs]))
-    angle = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
-    every = on_all_mountings(angle, len(task.parametrisation.mountings)).joined(task.measured)
-    found = costs(task, every).determined
-    return [target.symbol for target, known in zip(task.targets, found, strict=True) if not known]
+    return [places] if allowed(task, places.angle).all() else []
 
 
-def wanted(p: Parametrisation, convention: str, expressions: tuple[str, ...]) -> list[Target]:
-    """The targets that are asked for; all of the convention where none are. An InputError for what is no target."""
-    return asked_targets(expressions, p) if expressions else convention_targets(p, convention)
+def stored_positions(count: int) -> Places | None:
+    """The plan of so many positions that the package holds: mounting `identity`, the tables' admissible set."""
+    angle = []
+    for row in _stored_rows():
+        if int(row["positions"]) == count:
+            angle.append((float(row["alpha_deg"]), float(row["beta_deg"])))
+    return Places(np.radians(angle), np.zeros(count, dtype=int)) if angle else None
 
 
-@lru_cache(maxsize=64)
-def _optima(
-    mountings: tuple[tuple[str, bytes], ...],
-    symmetric: bool,
-    bounds: tuple[float, float],
-    admissible: str,
-    convention: str,
-    expressions: tuple[str, ...],
-) -> tuple[NDArray, NDArray]:
-    """The cost (K,) of each target's own optimal plan over all angles [σ], and the positions (n, 2) of them all [rad].
+def stored_counts() -> list[int]:
+    """For how many positions the package holds a plan."""
+    return sorted({int(row["positions"]) for row in _stored_rows()})
 
-    They take seconds and depend on nothing else: the next request has them. Nobody writes into them.
+
+def _stored_rows() -> Iterator[dict[str, str]]:
+    text = resources.files("trihedron.tools.planning").joinpath("common_positions.csv").read_text(encoding="utf-8")
+    return csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+
+
+def checked_dwell(dwell_s: float) -> float:
+    """The time at each position [s], or an InputError for one that is not positive."""
+    if not (np.isfinite(dwell_s) and dwell_s > 0.0):
+        raise InputError(f"--dwell {dwell_s:g}: must be a positive number of seconds")
+    return dwell_s
+
+
+class _Trials:
+    """Plans of several numbers of positions for an accuracy: the best of each number so far."""
+
+    def __init__(self, request: Request, least: float, *, progress: bool):
+        self._request, self._least, self._progress = replace(request, cuts=0), least, progress
+        self.plans: dict[int, PositionPlan] = {}
+
+    def try_count(self, count: int, *, thoroughly: bool = False, further: bool = False) -> bool:
+        """Search a set of so many positions; whether the best of this number keeps the accuracy.
+
+        A few of the searches are made, or all of them thoroughly; further ones also where the accuracy is kept.
+        """
+        starts = self._request.starts
+        if not thoroughly:
+            starts = max(1, starts // TRIED_SHARE)
+        enough = 0.0 if further else (1.0 - 1e-12) * self._request.largest_error / self._least
+        with suppress(NoSetError):
+            plan = common_positions(
+                count, replace(self._request, starts=starts), enough=enough, progress=self._progress
+            )
+            if plan.interrupted:
+                raise KeyboardInterrupt
+            before = self.plans.get(count, plan)
+            self.plans[count] = before if before.largest_error < plan.largest_error else plan
+        return count in self.plans and self.plans[count].largest_error <= self._request.largest_error
+
+    def fewest(self) -> int:
+        """The fewest positions found to keep the accuracy; an InputError where none were.
+
+        Numbers are tried in growing steps, then between the last two; one less than the result is tried thoroughly.
+        """
+        least = _least_count(self._request)
+        high, low, stride = least, least - 1, 1
+        while not self.try_count(high):
+            if high == MOST_POSITIONS:
+                best = min(plan.largest_error for plan in self.plans.values())
+                raise InputError(
+                    f"--accuracy {self._request.accuracy}: no positions up to {high} were found to keep it, "
+                    f"best {self._request.error_text(best)}"
+                )
+            low, high, stride = high, min(high + stride, MOST_POSITIONS), 2 * stride
+        while high - low > 1:
+            middle = (low + high) // 2
+            if self.try_count(middle):
+                high = middle
+            else:
+                low = middle
+        while low >= least and self.try_count(low, thoroughly=True):
+            low, high = low - 1, low
+        self.try_count(high, thoroughly=True, further=True)
+        return high
+
+
+def fewest_positions(request: Request, *, progress: bool = False) -> PositionPlan:
+    """As `common_positions`, of the fewest positions found to keep the accuracy of the request.
+
+    An InputError for an error that no positions keep, proven over all angles, or that was not found to be kept, and for
+    targets of several units.
     """
-    matrices = {name: np.frombuffer(matrix).reshape(3, 3) for name, matrix in mountings}
-    p = parametrise(matrices, symmetric=symmetric)
-    everywhere = Continuum(sheets(p, bounds=bounds, rule=admissible))
-    try:
-        optima = [scaled_optimum(everywhere.optimum, target.weights) for target in wanted(p, convention, expressions)]
-    except UndeterminedError:
-        raise InputError("the admissible positions cannot determine every target; give smaller --bounds") from None
-    best = np.array([optimum.cost for optimum in optima])
-    support = np.concatenate([np.column_stack([optimum.alpha, optimum.beta]) for optimum in optima])
-    for values in (best, support):
-        values.setflags(write=False)
-    return best, support
+    accuracy, sigma = request.largest_error, request.noise_bound
+    if request.goal is not None:
+        request.check_unit(GOALS[request.goal])
+    task = task_of(request, progress=progress)
+    if request.goal is None:
+        units = sorted({target.unit for target in task.targets})
+        if len(units) > 1:
+            raise InputError(f"--accuracy: the targets have units {', '.join(units)}; ask for those of one by --target")
+        request.check_unit(units[0])
+    least = float(task.least.max()) * request.magnified
+    if least > accuracy:
+        raise InputError(
+            f"--accuracy {request.accuracy}: no positions, however many, keep it at --noise-bound {sigma:g}; "
+            f"none are better than {request.error_text(least, downwards)}"
+        )
+    trials = _Trials(request, least, progress=progress)
+    count = trials.fewest()
+    plan, fewer = trials.plans[count], trials.plans.get(count - 1)
+    update: dict[str, object] = {"accuracy": accuracy * sigma, "accuracy_kept": plan.largest_error * sigma}
+    if fewer is not None:
+        update["fewer_keep"] = fewer.largest_error * sigma
+    if request.cuts:
+        with shown_status("lower bound", show=progress):
+            hitting = HittingSet(task, pool_of(task, plan.places))
+            for number in range(1, count):
+                if not hitting.prove(number, accuracy / least, request.cuts - len(hitting)):
+                    break
+            update |= _proven(hitting.bound(count, plan.worst_ratio))
+            update["fewest_possible"] = ceil(hitting.least_count(accuracy / least)[0] - 1e-9)
+    return plan.model_copy(update=update)
 
 
-def clearances(task: Task, places: Places) -> NDArray:
-    """Clearance (N, S) [g] of each sheet at each position, setting errors allowed for; a reading counts above 0."""
-    lowest = np.full((len(places), len(task.base)), np.inf)
-    for shift in task.shifts:
-        a, b = basis(places.angle[:, 0] + shift[0]), basis(places.angle[:, 1] + shift[1])
-        clear = np.einsum("sij,ni,nj->ns", task.base, a, b, optimize=True)
-        clear -= np.abs(np.einsum("stij,ni,nj->nst", task.terms, a, b, optimize=True)).sum(axis=2)
-        lowest = np.minimum(lowest, clear)
-    lowest -= task.room
-    lowest[places.mounting[:, None] != task.mounting] = -np.inf
-    return lowest
+class CurvePoint(Result):
+    """What N positions cost, ratios of the best set found; no N of the pool have a worst ratio below the bound."""
 
-
-@dataclass(frozen=True)
-class Readings:
-    """The readings that count: positions and sheets (M,), regressors F (M, P), clearances (M,) [g]."""
-
-    position: NDArray
-    sheet: NDArray
-    regressor: NDArray
-    clearance: NDArray
-
-
-def readings(task: Task, places: Places) -> Readings:
-    """The readings of a set of positions whose inputs are certain."""
-    clear = clearances(task, places)
-    position, sheet = np.nonzero(clear > 0.0)
-    a, b = basis(places.angle[position, 0]), basis(places.angle[position, 1])
-    f = np.einsum("mpij,mi,mj->mp", task.regressor[sheet], a, b, optimize=True)
-    return Readings(position, sheet, f, clear[position, sheet])
-
-
-@dataclass(frozen=True)
-class Costs:
-    """The cost of every target on a set of positions.
-
-    Attributes
-    ----------
-    places : Places
-    readings : Readings
-    weights : (K, M) array
-        Φ of each target's estimator
-    duals : (K, P) array
-        y: |F'y| ≤ 1 on the readings, a'y the cost
-    ratio : (K,) array
-        cost over the target's optimum over all angles
-    worst : float
-        the largest ratio, or of a goal that of its error to what no positions better
-    """
-
-    places: Places
-    readings: Readings
-    weights: NDArray
-    duals: NDArray
-    ratio: NDArray
+    positions: int
+    readings: int
     worst: float
-
-    @property
-    def mean(self) -> float:
-        """The mean ratio."""
-        return float(self.ratio.mean())
-
-    @property
-    def determined(self) -> NDArray:
-        """Which targets (K,) the positions determine."""
-        return self.ratio < NOT_DETERMINED
+    mean: float
+    bound: float
+    pool: int
 
 
-def costs(task: Task, places: Places) -> Costs:
-    """Solve the linear programme of every target on the readings of these positions."""
-    given = readings(task, places)
-    weights = np.zeros((len(task.targets), len(given.position)))
-    duals, value = np.zeros_like(task.weights), np.zeros(len(task.targets))
-    for k, (target, estimator) in enumerate(zip(task.weights, estimators(given, task.weights), strict=True)):
-        weights[k], duals[k], possible = estimator
-        value[k] = duals[k] @ target
-        if possible:
-            used = np.flatnonzero(weights[k])
-            columns = given.regressor[used].T
-            # The solver's tolerance, taken out.
-            weights[k, used] += np.linalg.lstsq(columns, target - columns @ weights[k, used], rcond=1e-12)[0]
-    return Costs(places, given, weights, duals, value / task.best, task.worst(value))
+class Curve(Result):
+    """Cost against the number of positions: how many positions are worth their time."""
+
+    schema_: Literal["trihedron.plan-curve/1"] = Field(default="trihedron.plan-curve/1", alias="schema")
+    points: tuple[CurvePoint, ...]
 
 
-def estimators(given: Readings, targets: NDArray) -> Iterator[tuple[NDArray, NDArray, bool]]:
-    """Of each target (P,): Φ (M,), y (P,), and whether it is determined."""
-    programme = Columns(targets.shape[1])
-    if len(given.position):
-        programme.add(given.regressor)
-    for target in targets:
-        programme.aim(target)
-        yield programme.solve()
+def plan_curve(low: int, high: int, request: Request, *, progress: bool = False) -> Curve:
+    """The best sets of `low` to `high` positions, each begun with the one before and a position more.
 
-
-def allowed(task: Task, angle: NDArray) -> NDArray:
-    """Which positions (N, 2) [rad] lie in no keep-out, ends included, or are measured already."""
-    free = np.ones(len(angle), dtype=bool)
-    for axis, intervals in enumerate(task.keep_out):
-        for low, high in intervals:
-            inside = np.mod(angle[:, axis] - low, TURN)
-            free &= ~((inside > 1e-12) & (inside < high - low - 1e-12))
-    return free | _is_measured(task, angle)
-
-
-def _is_measured(task: Task, angle: NDArray) -> NDArray:
-    return (angle[:, None] == task.measured.angle[None]).all(axis=2).any(axis=1)
-
-
-def free_arcs(intervals: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """What an axis' keep-outs leave of a turn: arcs [rad] (low, high), low < high; none where they leave nothing."""
-    if not intervals:
-        return [(0.0, TURN)]
-    ends = np.unique(np.mod(np.ravel(intervals), TURN))
-    return [
-        (float(a), float(b))
-        for a, b in pairwise([*ends, ends[0] + TURN])
-        if b - a > 1e-9 and not any((0.5 * (a + b) - low) % TURN < high - low for low, high in intervals)
-    ]
-
-
-def freedom(task: Task, angle: NDArray, radius: float) -> tuple[NDArray, NDArray]:
-    """How far (N, 2) each angle may go down and up [rad], at most `radius`, without entering a keep-out.
-
-    What is measured stays.
+    Ctrl-C ends the curve where it is. An InputError for a range that is empty or too wide, and for options that cannot
+    be used.
     """
-    down, up = (np.where(_is_measured(task, angle)[:, None], 0.0, radius) * np.ones(2) for _ in range(2))
-    for axis, intervals in enumerate(task.keep_out):
-        for low, high in intervals:
-            up[:, axis] = np.minimum(up[:, axis], np.mod(low - angle[:, axis] + 1e-12, TURN))
-            down[:, axis] = np.minimum(down[:, axis], np.mod(angle[:, axis] - high + 1e-12, TURN))
-    return np.maximum(down - 1e-12, 0.0), np.maximum(up - 1e-12, 0.0)
+    if not 1 <= low <= high <= MOST_POSITIONS:
+        raise InputError(f"--curve {low} {high}: must be a range of numbers of positions up to {MOST_POSITIONS}")
+    task = task_of(request, progress=progress)
+    before: Places | None = None
+    points: list[CurvePoint] = []
+    for count in range(low, high + 1):
+        beginnings = _starting_positions(task, count)
+        if before is not None:
+            beginnings.append(before.joined(drawn(task, 1, np.random.default_rng(request.seed))))
+        try:
+            best, _, interrupted = search(task, count, beginnings=beginnings, progress=progress)
+            if best is None:
+                continue
+            before = best.places
+            pool = pool_of(task, before)
+            bound = bound_positions(task, pool, count, best.worst)
+        except KeyboardInterrupt:
+            if not points:
+                raise
+            break
+        points.append(
+            CurvePoint(
+                positions=count,
+                readings=len(best.readings.position),
+                worst=best.worst,
+                mean=best.mean,
+                bound=bound.ratio,
+                pool=len(pool.places),
+            )
+        )
+        if interrupted:
+            break
+    if not points:
+        raise InputError(f"--curve {low} {high}: no set was found that determines every target; give more, or --starts")
+    return Curve(points=tuple(points))

@@ -1,4 +1,4 @@
-"""What is asked of a common set of positions."""
+"""What a user asks of a common set of positions, and whether it can be had."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,19 +15,21 @@ from .forms import DEFAULT_BOUNDS
 
 MOST_STARTS, MOST_CUTS, MOST_EXTRA = 100_000, 100_000, 1000
 """More searches, cuts or positions would not end within days."""
-ACCURACY_UNITS = {"": 1.0, "arcsec": math.pi / 648000.0, "urad": 1e-6, "ug": 1e-6, "ppm": 1e-6}
-"""What a wanted error may be written in, in rad, g or 1."""
+ERROR_UNITS = {"arcsec": math.pi / 648000.0, "urad": 1e-6, "ug": 1e-6, "ppm": 1e-6}
+"""Units in which a user writes an accuracy, in rad, g or 1."""
 UNITS_OF = {"rad": ("arcsec", "urad"), "g": ("ug",), "1": ("ppm",)}
-"""Which of them are of an angle, of a specific force, of a scale factor."""
-Groups = tuple[tuple[str, ...], ...]
-"""Targets whose errors are taken together, as the root of the sum of their squares."""
-FACES: Groups = (
-    *(("X17+X6+X8", "X18+X7+X12"), ("X17-X6-X8", "X18-X7-X12")),
-    *(("X16", "X18+X11+X13"), ("X16", "X18-X11-X13"), ("X16", "X17")),
+"""Which of them measure an angle, a specific force, a scale factor."""
+FACES = (
+    ("X17+X6+X8", "X18+X7+X12"),
+    ("X17-X6-X8", "X18-X7-X12"),
+    ("X16", "X18+X11+X13"),
+    ("X16", "X18-X11-X13"),
+    ("X16", "X17"),
 )
-"""What two accelerometers read too much while the axis of the third is vertical: axes 1 and 2 up and down, axis 3."""
+"""Errors of the two horizontal accelerometers while the axis of the third is vertical: axes 1 and 2 up and down, 3."""
 GOALS = {"levelling": "rad", "gyrocompass": "rad"}
-"""What errors of the corrections are."""
+"""Unit of the error of each correction."""
+LATITUDE_DEG = 55.75
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class Request:
     bounds: tuple[float, float] = DEFAULT_BOUNDS
     convention: str = "A1"
     baseline: str = "asymmetric"
-    mountings: Sequence[Mapping[str, ArrayLike] | str, ...] = ("identity",)
+    mountings: Sequence[Mapping[str, ArrayLike] | str] = ("identity",)
     targets: Sequence[str] = ()
     goal: str | None = None
     measured: str | Path | None = None
@@ -61,113 +63,117 @@ class Request:
 
     @property
     def any_number(self) -> bool:
-        """Whether any number of positions may do: for targets of one's own, or beside what is measured."""
+        """Whether any number of positions may do: for the user's own targets, or beside a measurement."""
         return bool(self.targets or self.goal or self.measured)
 
     @property
     def latitude(self) -> float:
-        """That of the gyrocompass [deg]."""
-        return 55.75 if self.latitude_deg is None else self.latitude_deg
+        """Latitude of the gyrocompass [deg]."""
+        return LATITUDE_DEG if self.latitude_deg is None else self.latitude_deg
 
     @property
     def magnified(self) -> float:
-        """How many times the error of the level that of the goal is: tan of the latitude for an azimuth."""
-        return abs(math.tan(math.radians(self.latitude))) if self.goal == "gyrocompass" else 1.0
-
-    @property
-    def groups(self) -> Groups:
-        """The targets of the goal, in groups whose errors are taken together; none without a goal."""
-        return () if self.goal is None else FACES
+        """Error of the goal over the error of the level: tan of the latitude for an azimuth."""
+        if self.goal != "gyrocompass":
+            return 1.0
+        return abs(math.tan(math.radians(self.latitude)))
 
     @property
     def expressions(self) -> tuple[str, ...]:
-        """Targets as they are written, those of the goal where there is one; none: all of the convention."""
-        return tuple(self.targets) or tuple(dict.fromkeys(symbol for group in self.groups for symbol in group))
-
-    @property
-    def alike(self) -> bool:
-        """Whether the largest error counts, not each to its own optimum."""
-        return self.goal is not None or self.accuracy is not None
-
-    @property
-    def wanted(self) -> float:
-        """The wanted error [σ]; an InputError for what is none."""
-        try:
-            number = float((self.accuracy or "").removesuffix(self.unit)) * ACCURACY_UNITS[self.unit]
-        except ValueError:
-            number = math.nan
-        if not 0.0 < number < math.inf:
-            units = ", ".join(filter(None, ACCURACY_UNITS))
-            raise InputError(f"--accuracy {self.accuracy!r}: must be a positive number, alone or of {units}: 7arcsec")
-        return number / self.noise_bound
-
-    def check_unit(self, own: str) -> None:
-        """An InputError where the wanted error is written in a unit of something else than rad, g or 1."""
-        if self.unit and own in UNITS_OF and self.unit not in UNITS_OF[own]:
-            raise InputError(
-                f"--accuracy {self.accuracy}: the error is one of {own}; write it in {' or '.join(UNITS_OF[own])}"
-            )
+        """The user's targets, or those of the goal; none stands for all of the convention."""
+        if self.goal is None:
+            return tuple(self.targets)
+        return tuple(dict.fromkeys(np.ravel(FACES).tolist()))
 
     @property
     def unit(self) -> str:
-        """That of `ACCURACY_UNITS` in which the wanted error is written."""
-        return next((unit for unit in ACCURACY_UNITS if unit and (self.accuracy or "").endswith(unit)), "")
+        """The unit in which the accuracy is written; empty without one."""
+        text = self.accuracy or ""
+        return next((unit for unit in ERROR_UNITS if text.endswith(unit)), "")
 
-    def told(self, error: float, shown: Callable[..., str] = upwards) -> str:
-        """An error [σ] in the unit of the wanted one, rounded up or as `shown` does."""
-        return f"{shown(error * self.noise_bound / ACCURACY_UNITS[self.unit], 4)} {self.unit}".strip()
+    @property
+    def largest_error(self) -> float:
+        """The accuracy as an error [σ]; an InputError for a text that is no accuracy."""
+        text = self.accuracy or ""
+        try:
+            error = float(text.removesuffix(self.unit)) * ERROR_UNITS.get(self.unit, 1.0)
+        except ValueError:
+            error = math.nan
+        if not 0.0 < error < math.inf:
+            units = ", ".join(ERROR_UNITS)
+            raise InputError(f"--accuracy {text!r}: must be a positive number, alone or of {units}: 7arcsec")
+        return error / self.noise_bound
+
+    def check_unit(self, physical: str) -> None:
+        """Refuse an accuracy that is not in a unit of rad, g or 1."""
+        fitting = UNITS_OF.get(physical, ())
+        if self.unit and fitting and self.unit not in fitting:
+            raise InputError(
+                f"--accuracy {self.accuracy}: the error is one of {physical}; write it in {' or '.join(fitting)}"
+            )
+
+    def error_text(self, error: float, rounded: Callable[..., str] = upwards) -> str:
+        """An error [σ] in the unit of the accuracy, rounded up or as `rounded` does."""
+        return f"{rounded(error * self.noise_bound / ERROR_UNITS.get(self.unit, 1.0), 4)} {self.unit}".strip()
 
     def check(self) -> None:
         """Refuse options that no plan can fulfil: an InputError of one line that names the option."""
-        for name, value, known in (
-            ("criterion", self.criterion, ("worst", "mean")),
-            ("order", self.order, ("tour", "random")),
-            ("convention", self.convention, ("A1", "A2")),
-            ("baseline", self.baseline, ("asymmetric", "symmetric")),
-        ):
-            if value not in known:
-                raise InputError(f"--{name} {value}: must be one of {', '.join(known)}")
-        if not 0.0 <= self.reserve_deg <= 10.0:
-            raise InputError(f"--reserve {self.reserve_deg:g}: must be between 0 and 10 degrees")
-        if self.resolution_deg is not None and not 1e-6 <= self.resolution_deg <= 30.0:
-            raise InputError(f"--resolution {self.resolution_deg:g}: must be between 1e-6 and 30 degrees")
-        for name, number, least, most in (
-            ("starts", self.starts, 1, MOST_STARTS),
-            ("cuts", self.cuts, 0, MOST_CUTS),
-            ("extra", self.extra, 0, MOST_EXTRA),
-            ("seed", self.seed, 0, 2**31 - 1),
-        ):
-            if not least <= number <= most:
-                raise InputError(f"--{name} {number}: must be from {least} to {most}")
-        if self.goal is not None and self.goal not in GOALS:
-            raise InputError(f"--goal {self.goal}: must be one of {', '.join(GOALS)}")
-        for name, value, most in (
-            ("noise-bound", self.noise_bound, 1e-2),
-            ("rate-dps", self.rate_dps, 1e4),
-            ("acceleration-dps2", self.acceleration_dps2, 1e6),
-        ):
-            if value is not None and not 0.0 < value <= most:
-                raise InputError(f"--{name} {value:g}: must be positive, and at most {most:g}")
+        self._check_words()
+        self._check_numbers()
         if self.latitude_deg is not None and self.goal != "gyrocompass":
             raise InputError("--latitude-deg: goes with --goal gyrocompass")
-        if not abs(self.latitude) <= 89.0:
-            raise InputError(f"--latitude-deg {self.latitude:g}: must be from -89 to 89")
         if self.goal is not None and self.targets:
             raise InputError("--goal and --target: give one of the two")
         for text in self.keep_out:
             parsed_keep_out(text)
 
+    def _check_words(self) -> None:
+        choices = {
+            "criterion": ("worst", "mean"),
+            "order": ("tour", "random"),
+            "convention": ("A1", "A2"),
+            "baseline": ("asymmetric", "symmetric"),
+            "goal": (None, *GOALS),
+        }
+        for name, words in choices.items():
+            word = getattr(self, name)
+            if word not in words:
+                raise InputError(f"--{name} {word}: must be one of {', '.join(filter(None, words))}")
+
+    def _check_numbers(self) -> None:
+        if not 0.0 <= self.reserve_deg <= 10.0:
+            raise InputError(f"--reserve {self.reserve_deg:g}: must be between 0 and 10 degrees")
+        if self.resolution_deg is not None and not 1e-6 <= self.resolution_deg <= 30.0:
+            raise InputError(f"--resolution {self.resolution_deg:g}: must be between 1e-6 and 30 degrees")
+        if not abs(self.latitude) <= 89.0:
+            raise InputError(f"--latitude-deg {self.latitude:g}: must be from -89 to 89")
+        ranges = {
+            "starts": (1, MOST_STARTS),
+            "cuts": (0, MOST_CUTS),
+            "extra": (0, MOST_EXTRA),
+            "seed": (0, 2**31 - 1),
+        }
+        for name, (least, most) in ranges.items():
+            number = getattr(self, name)
+            if not least <= number <= most:
+                raise InputError(f"--{name} {number}: must be from {least} to {most}")
+        for name, most in {"noise_bound": 1e-2, "rate_dps": 1e4, "acceleration_dps2": 1e6}.items():
+            number = getattr(self, name)
+            if number is not None and not 0.0 < number <= most:
+                option = name.replace("_", "-")
+                raise InputError(f"--{option} {number:g}: must be positive, and at most {most:g}")
+
     def parametrisation(self) -> Parametrisation:
         """The parameters with all mountings; an InputError for one that is unusable, comes twice or names no file."""
-        found: dict[str, NDArray] = {}
-        for given in self.mountings:
-            for name, matrix in mountings_of(given).items():
-                if name in found:
+        matrices: dict[str, NDArray] = {}
+        for mounting in self.mountings:
+            for name, matrix in mountings_of(mounting).items():
+                if name in matrices:
                     raise InputError(f"--mountings: {name} is given twice")
                 if not name.replace("-", "").replace("_", "").isalnum():
                     raise InputError(f"--mountings: '{name}' cannot name files; use letters, digits, - and _")
-                found[name] = matrix
-        return parametrise(found, symmetric=self.baseline == "symmetric")
+                matrices[name] = matrix
+        return parametrise(matrices, symmetric=self.baseline == "symmetric")
 
 
 def parsed_keep_out(text: str) -> tuple[int, float, float]:

@@ -10,8 +10,8 @@ from ..document.blocks import Download, Page, Section, Table
 from ..document.notation import Cell, equation, minus, signed, symbol_text
 from ..document.page import html
 from ..files import whole_folder
-from ..planning.plan import Plan, Plans
 from ..planning.request import parsed_keep_out
+from ..planning.targets import Plan, Plans
 from ..rounding import digits, downwards, exactly, upwards
 from .bench import next_positions_csv, physical_words
 from .makers import cited, matrix_text, versions
@@ -19,8 +19,7 @@ from .pictures.records import curve_picture, plan_picture, positions_picture
 
 if TYPE_CHECKING:
     from ..planning.check import SettingCheck
-    from ..planning.common import PlannedPosition, PositionPlan
-    from ..planning.wanted import Curve
+    from ..planning.positions import Curve, PlannedPosition, PositionPlan
 
 COST = 11
 """Digits of a cost, which is proven to more."""
@@ -134,7 +133,7 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
             )
     if plan.accuracy_kept is not None:
         kept, fewer = (
-            None if error is None else request.told(error / request.noise_bound)
+            None if error is None else request.error_text(error / request.noise_bound)
             for error in (plan.accuracy_kept, plan.fewer_keep)
         )
         less = f"with a position less than the fewest the best that was found is {fewer}"

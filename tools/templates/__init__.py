@@ -10,7 +10,7 @@ from numpy import arange
 
 from ..errors import InputError, nearest
 from ..files import write_text
-from ..planning.common import stored_counts, stored_positions
+from ..planning.positions import stored_counts, stored_positions
 from ..planning.tour import apart
 from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
 

@@ -23,38 +23,38 @@ def test_forms_are_the_model(seed: int, symmetric: bool, rule: str) -> None:
     jacobian = reading_jacobian(p, np.zeros(len(p.symbols)), Positions(alpha, beta, np.zeros(200, dtype=int)))
     m = nominal_input(alpha, beta, q)
     allowed = admissible(alpha, beta, q, bounds=(2e-3, 3e-2), rule=rule)
-    seen = np.zeros((200, 3), dtype=bool)
+    certain = np.zeros((200, 3), dtype=bool)
     for sheet in sheets(p, bounds=(2e-3, 3e-2), rule=rule):
         i = sheet.accelerometer
-        here = np.full(200, True) if symmetric else m[:, i] * sheet.sign > 0
-        np.testing.assert_allclose(value(sheet.regressor, alpha, beta)[here], jacobian[here, i], atol=1e-14)
-        seen[:, i] |= clearance(sheet, alpha, beta) > 0
-    assert (seen == (True if symmetric else allowed)).all()
+        valid = np.full(200, True) if symmetric else m[:, i] * sheet.sign > 0
+        np.testing.assert_allclose(value(sheet.regressor, alpha, beta)[valid], jacobian[valid, i], atol=1e-14)
+        certain[:, i] |= clearance(sheet, alpha, beta) > 0
+    assert (certain == (True if symmetric else allowed)).all()
 
 
 @pytest.mark.parametrize(
-    ("bounds", "said"),
+    ("bounds", "message"),
     [((-1.0, 0.01), "not negative"), ((np.nan, 0.01), "finite"), ((0.003, 1.2), "leave no position")],
 )
-def test_wrong_bounds_are_refused(bounds: tuple[float, float], said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_wrong_bounds_are_refused(bounds: tuple[float, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         sheets(parametrise({"identity": np.eye(3)}), bounds=bounds)
 
 
 def test_bounds_of_next_to_nothing_give_arcs_without_a_warning() -> None:
     """Where a form does not depend on β its arc ends nowhere, however large the ratio that says so."""
-    found = sheets(parametrise({"identity": np.eye(3)}), bounds=(1e-320, 1e-320))
-    ridges, alpha = Ridges(found, 1e-6), np.linspace(0.0, np.pi, 8)
-    ends = [ridges.arcs(np.full(8, k), alpha).ends for k in range(len(found))]
-    assert any(np.isfinite(own).all(axis=1).any() for own in ends)
+    block = sheets(parametrise({"identity": np.eye(3)}), bounds=(1e-320, 1e-320))
+    ridges, alpha = Ridges(block, 1e-6), np.linspace(0.0, np.pi, 8)
+    ends = [ridges.arcs(np.full(8, k), alpha).ends for k in range(len(block))]
+    assert any(np.isfinite(beta).all(axis=1).any() for beta in ends)
 
 
-def sampled_maximum(found: list[Sheet], dual: np.ndarray, seed: int) -> float:
+def sampled_maximum(block: list[Sheet], dual: np.ndarray, seed: int) -> float:
     """The greatest |F'y| of many admissible positions, corners of the set among them by chance only."""
     rng = np.random.default_rng(seed)
     alpha, beta = rng.uniform(0, 2 * np.pi, (2, 40_000))
     greatest = 0.0
-    for sheet, form in zip(found, dual_forms(found, dual), strict=True):
+    for sheet, form in zip(block, dual_forms(block, dual), strict=True):
         inside = clearance(sheet, alpha, beta) >= 0.0
         greatest = max(greatest, float(np.abs(value(form, alpha[inside], beta[inside])).max()))
     return greatest
@@ -66,19 +66,19 @@ def test_the_bound_is_between_samples_and_violation(seed: int, symmetric: bool, 
     """Nothing sampled exceeds a proven bound; what is said to exceed a limit does, at an admissible position."""
     rng = np.random.default_rng(seed)
     p = parametrise({"q": random_mounting(seed)}, symmetric=symmetric)
-    found = sheets(p, bounds=(1e-3, 3e-2), rule=rule)
+    block = sheets(p, bounds=(1e-3, 3e-2), rule=rule)
     dual = rng.normal(size=len(p.symbols))
-    greatest = sampled_maximum(found, dual, seed)
-    proven = ceiling(found, dual, 1.02 * greatest)
+    greatest = sampled_maximum(block, dual, seed)
+    proven = ceiling(block, dual, 1.02 * greatest)
     assert not len(proven.violations)
     assert greatest <= proven.bound <= 1.02 * greatest
-    refuted = ceiling(found, dual, 0.99 * greatest)
+    refuted = ceiling(block, dual, 0.99 * greatest)
     assert len(refuted.violations)
     assert refuted.bound == np.inf
     for k, sense, alpha, beta in refuted.violations:
-        form = dual_forms(found, dual)[int(k)]
+        form = dual_forms(block, dual)[int(k)]
         assert sense * value(form, alpha, beta) > 0.99 * greatest
-        assert clearance(found[int(k)], alpha, beta) >= 0.0
+        assert clearance(block[int(k)], alpha, beta) >= 0.0
 
 
 @pytest.mark.parametrize("excess", [1e-6, 1e-9, 1e-12])
@@ -90,17 +90,17 @@ def test_a_curve_of_contact_is_bounded_tightly(excess: float) -> None:
     dual = np.zeros(18)
     for symbol, amount in (("X14", 2.0), ("X15", -2.0), ("X18", -1.0 - delta)):
         dual[p.symbols.index(symbol)] = amount / (1.0 - delta)
-    found = sheets(p, bounds=(u, v), rule="tables")
-    assert ceiling(found, dual, 1.0 + excess).bound <= 1.0 + excess + 1e-15
-    assert len(ceiling(found, dual, 1.0 - 1e-6).violations)
+    block = sheets(p, bounds=(u, v), rule="tables")
+    assert ceiling(block, dual, 1.0 + excess).bound <= 1.0 + excess + 1e-15
+    assert len(ceiling(block, dual, 1.0 - 1e-6).violations)
 
 
 def test_a_search_that_is_cut_short_still_bounds() -> None:
     p = parametrise({"q": random_mounting(3)})
-    found = sheets(p)
+    block = sheets(p)
     dual = np.random.default_rng(3).normal(size=18)
-    greatest = sampled_maximum(found, dual, 3)
-    short = ceiling(found, dual, greatest * (1.0 + 1e-3), max_boxes=4000)
+    greatest = sampled_maximum(block, dual, 3)
+    short = ceiling(block, dual, greatest * (1.0 + 1e-3), max_boxes=4000)
     assert short.bound >= greatest
     assert not len(short.violations)
 

@@ -12,7 +12,7 @@ from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.planning import ImuPlan
 from trihedron.tools.planning.imu import ImuVisit
-from trihedron.tools.planning.imu_programme import Planned, Visit, record_of, seconds_of
+from trihedron.tools.planning.imu_stops import Planned, Visit, record_of, seconds_of
 from trihedron.tools.reports.imu_plan import way_of, write_imu_plan
 
 EARTH = np.array([3e-5, -1e-5, 6e-5])
@@ -73,9 +73,7 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
         (["--gyro-noise", "0"], "--gyro-noise 0: must be above 0"),
         (["--dwell", "-1"], "--dwell -1: must be a positive number of seconds"),
         (["--minutes", "5", "--dwell", "250", "--exchanges", "0"], "--minutes 5: is too little for rests of 250 s"),
-        (["--convention", "A2"], "--convention: does not go with --imu"),
-        (["--target", "X4"], "--target: does not go with --imu"),
-        (["--positions", "6"], "give one of the two"),
+        (["--convention", "A2"], "Unknown option: --convention"),
     ],
 )
 def test_what_cannot_be_planned_is_refused(options, said, capsys):

@@ -7,16 +7,17 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+import trihedron as th
 from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.calibration.targets import expression_weights
+from trihedron.tools.planning.bounds import HittingSet, Pool, bound_positions
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
-from trihedron.tools.planning.plan import Grid, Plan, optimal_plans
-from trihedron.tools.planning.pool import HittingSet, Pool, bound_positions
-from trihedron.tools.planning.positions import Places, Task, clearances, costs, readings, task_of
 from trihedron.tools.planning.search import drawn
+from trihedron.tools.planning.targets import Grid, Plan
+from trihedron.tools.planning.task import Places, Task, clearances, costs, readings, task_of
 
 
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:
@@ -29,7 +30,7 @@ def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np
 
 @pytest.fixture(scope="module", params=["paper", "tables"])
 def planned(request: pytest.FixtureRequest) -> tuple[str, list[Plan]]:
-    return request.param, list(optimal_plans(("X3", "X4", "X17", "X4-X5"), grid=3.0, admissible=request.param))
+    return request.param, list(th.plan("X3", "X4", "X17", "X4-X5", grid=3.0, admissible=request.param))
 
 
 def test_the_guaranteed_error_is_that_of_some_truth(planned: tuple[str, list[Plan]]) -> None:
@@ -75,9 +76,9 @@ def test_a_lower_bound_is_rounded_down_and_no_further() -> None:
         assert Fraction(bound) <= proven
         assert float(proven) - bound <= 100 * np.finfo(float).eps * float(np.abs(target) @ np.abs(dual))
         none = np.zeros(0)
-        found = Optimum(none, none, none, np.ones(1), dual, bound, none, none)
+        optimum = Optimum(none, none, none, np.ones(1), dual, bound, none, none)
         factor = float(rng.uniform(0.1, 10.0))
-        assert Fraction(found.times(factor).lower_bound) <= Fraction(factor) * Fraction(bound) or bound < 0.0
+        assert Fraction(optimum.times(factor).lower_bound) <= Fraction(factor) * Fraction(bound) or bound < 0.0
 
 
 def boxes(forms: np.ndarray, alpha: float, beta: float, radius: float) -> float:
@@ -120,13 +121,13 @@ def test_a_box_is_bounded_from_above_and_tightly() -> None:
 
 def test_a_grid_s_ceiling_allows_for_rounding() -> None:
     """Never below the greatest |F'y| of the grid in extended precision, and hardly above."""
-    found = sheets(parametrise({"skew": PRESETS["skew"]}))
-    grid, angle = Grid(found, 30.0), np.radians(np.arange(0.0, 360.0, 30.0))
+    block = sheets(parametrise({"skew": PRESETS["skew"]}))
+    grid, angle = Grid(block, 30.0), np.radians(np.arange(0.0, 360.0, 30.0))
     alpha, beta = (x.ravel() for x in np.meshgrid(angle, angle))
     for seed in range(40):
         dual = np.random.default_rng(seed).normal(size=18)
         greatest = 0.0
-        for sheet, form in zip(found, dual_forms(found, dual), strict=True):
+        for sheet, form in zip(block, dual_forms(block, dual), strict=True):
             inside = clearance(sheet, alpha, beta) > 0.0
             places = alpha[inside].astype(np.longdouble), beta[inside].astype(np.longdouble)
             greatest = max(greatest, np.abs(exact(form, *places)).max())
@@ -195,7 +196,7 @@ def test_a_position_that_just_reaches_a_ratio_counts_for_its_cut(small_pool: tup
     hitting = HittingSet(*small_pool)
     heights = np.zeros((10, 2))
     heights[:2, 0], heights[0, 1] = (1.0 - 1e-11, 2.0), 2.0
-    hitting._height, hitting._known = heights / 2.0, np.zeros(2)
+    hitting._height, hitting._measured_height = heights / 2.0, np.zeros(2)
     least, answer = hitting.least_count(2.0)
     assert 1.0 - 1e-8 <= least <= 1.0
     assert answer == pytest.approx(np.eye(10)[0])

@@ -21,8 +21,7 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.campaign.store import open_result
 from trihedron.tools.document.page import html
 from trihedron.tools.planning.check import SettingCheck, check_settings
-from trihedron.tools.planning.common import PositionPlan
-from trihedron.tools.planning.request import Request
+from trihedron.tools.planning.positions import PositionPlan
 from trihedron.tools.reports import document_of
 from trihedron.tools.reports.calibration import levelled
 from trihedron.tools.reports.campaign import campaign_page
@@ -128,7 +127,7 @@ KINDS: dict[str, Callable[[], Result]] = {
 
 @cache
 def plan() -> PositionPlan:
-    return planned(12, Request(starts=1, cuts=1, admissible="tables"))
+    return planned(12, cuts=1)
 
 
 def setting() -> SettingCheck:

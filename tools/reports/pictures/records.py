@@ -43,9 +43,8 @@ if TYPE_CHECKING:
 
     from ...motion.attitude import AttitudeRun
     from ...motion.inspect import Inspection
-    from ...planning.common import PositionPlan
-    from ...planning.plan import Plan
-    from ...planning.wanted import Curve
+    from ...planning.positions import Curve, PositionPlan
+    from ...planning.targets import Plan
 
 MOST_POINTS = 2000
 """A line of more points is drawn through the least and the largest value of each of half as many intervals."""

@@ -1,12 +1,12 @@
-"""What no set of so many positions can reach.
+"""Proven lower bounds of what a common set of so many positions can reach.
 
 Lower bounds come from an implicit hitting set on a pool of table positions. A set reaches the ratio r only if, for
 every target k and every y with a'y = c_k, one of its positions has |F'y| ≥ 1/r: at least one position of that region
 must be in the set. A linear programme over such cuts bounds the number of positions from below. Cuts are found where
 the programme's present answer violates them: positions are gathered, the heaviest first, while they cannot reach r
 together; the dual that proves that is the cut. It holds for all images under the symmetries of the problem: the
-programme has one variable for each group of images. The bound is proven for positions of a stated pool alone.
-Regions that hold what is measured already prove nothing.
+programme has one variable for each group of images. The bound is proven for positions of a stated pool alone. Regions
+that hold a measured position prove nothing.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..bounded.programmes import SolverError
 from .certificate import Columns
 from .forms import basis
-from .positions import TURN, Places, Readings, Task, allowed, clearances, on_all_mountings, readings
+from .task import TURN, Places, Readings, Task, allowed, clearances, on_all_mountings, readings
 
 SAMPLES = 40
 """Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
@@ -35,13 +35,13 @@ BATCH = 24
 COARSE, FINE = 16, 1
 """Least size of the groups of positions without and with weight in the present answer that are tried together."""
 MISSES = 10
-"""A cut is done where so many groups in a row cannot be taken in."""
+"""A cut is complete where so many groups in a row cannot be taken in."""
 NOISE = 0.3
 RATIO_STEPS = 24
 NEAREST = 0.1
 """Least part of what is open between bound and set that is aimed at, and the first."""
 PATIENCE = 10
-"""No more cuts are sought where all that are left, worth what so many last ones were, would not prove it."""
+"""The search for cuts ends where all that are left, worth what so many last ones were, would not prove it."""
 
 
 @dataclass(frozen=True)
@@ -57,25 +57,25 @@ class Symmetry:
 
 
 def symmetries(task: Task) -> list[Symmetry]:
-    """Of the sixteen candidates, those that map readings to readings and targets to targets, up to signs.
+    """The sixteen candidates that map readings to readings and targets to targets, up to signs.
 
     The cost of every target on a set of positions and on its image under one of these is then that of a target with
-    the same optimum: what is proven of a set holds for its images. What is measured must be its own image; keep-outs
-    are not looked at.
+    the same optimum: what is proven of a set holds for its images. Measured positions must be their own image;
+    keep-outs are not looked at.
     """
     angle = np.random.default_rng(1).uniform(0.0, TURN, (SAMPLES, 2))
-    here, clear = _regressors_and_clearances(task, angle)
-    found = []
+    regressor, clear = _best_sheets(task, angle)
+    holding = []
     for senses in product((1.0, -1.0), repeat=2):
         for shifts in product((0.0, np.pi), repeat=2):
             symmetry = Symmetry(np.array(senses), np.array(shifts))
-            there, moved = _regressors_and_clearances(task, symmetry.of(angle))
-            if np.abs(clear - moved).max() <= EQUAL and _stays(task, symmetry) and _maps(task, here, there):
-                found.append(symmetry)
-    return found
+            image, moved = _best_sheets(task, symmetry.of(angle))
+            if np.abs(clear - moved).max() <= EQUAL and _stays(task, symmetry) and _maps(task, regressor, image):
+                holding.append(symmetry)
+    return holding
 
 
-def _regressors_and_clearances(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
+def _best_sheets(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
     """F (N, 3, P) of the sheets with the larger clearance, and that clearance (N, 3), with every mounting."""
     places = on_all_mountings(angle, len(task.parametrisation.mountings))
     clear = clearances(task, places)
@@ -87,41 +87,45 @@ def _regressors_and_clearances(task: Task, angle: NDArray) -> tuple[NDArray, NDA
 
 
 def _stays(task: Task, symmetry: Symmetry) -> bool:
-    """Whether the image of what is measured already is the same positions."""
+    """Whether the image of the measured positions is the same positions."""
     at = task.measured
     apart = np.sin(0.5 * (symmetry.of(at.angle)[:, None] - at.angle[None])) ** 2
     same = (apart.sum(axis=2) < EQUAL**2) & (at.mounting[:, None] == at.mounting[None])
     return bool(same.any(axis=1).all())
 
 
-def _maps(task: Task, here: NDArray, there: NDArray) -> bool:
+def _maps(task: Task, regressor: NDArray, image: NDArray) -> bool:
     """Whether F at the images, times a sign for each accelerometer, is F with its parameters in another order.
 
     Groups of targets must be groups then, too.
     """
     groups = {frozenset(group) for group in task.groups}
-    for signs in product((1.0, -1.0), repeat=2):
-        turned = there * np.array([1.0, *signs])[None, :, None]
-        mixed = _permutation(here.reshape(-1, here.shape[2]), turned.reshape(-1, here.shape[2]))
-        if mixed is not None:
-            moved = (task.weights @ mixed)[:, None]
-            near = np.minimum(np.abs(task.weights - moved).max(axis=2), np.abs(task.weights + moved).max(axis=2))
-            image = near.argmin(axis=1)
-            if near.min(axis=1).max() <= EQUAL and {frozenset(image[list(g)].tolist()) for g in groups} == groups:
-                return True
+    size = regressor.shape[2]
+    for second, third in product((1.0, -1.0), repeat=2):
+        turned = image * np.array([1.0, second, third])[None, :, None]
+        mixed = _permutation(regressor.reshape(-1, size), turned.reshape(-1, size))
+        if mixed is None:
+            continue
+        moved = (task.weights @ mixed)[:, None]
+        near = np.minimum(np.abs(task.weights - moved).max(axis=2), np.abs(task.weights + moved).max(axis=2))
+        target = near.argmin(axis=1)
+        images = {frozenset(target[list(group)].tolist()) for group in groups}
+        if near.min(axis=1).max() <= EQUAL and images == groups:
+            return True
     return False
 
 
-def _permutation(here: NDArray, there: NDArray) -> NDArray | None:
-    """D (P, P), a permutation with signs, with there = here D; None where there is none."""
-    size = here.shape[1]
+def _permutation(regressor: NDArray, image: NDArray) -> NDArray | None:
+    """D (P, P), a permutation with signs, with image = regressor D; None where there is none."""
+    size = regressor.shape[1]
     mixed = np.zeros((size, size))
     for column in range(size):
         for sign in (1.0, -1.0):
-            same = np.abs(here - sign * there[:, column : column + 1]).max(axis=0) < EQUAL
+            same = np.abs(regressor - sign * image[:, column : column + 1]).max(axis=0) < EQUAL
             if same.sum() == 1:
                 mixed[int(same.argmax()), column] = sign
-    return mixed if (np.abs(mixed).sum(axis=0) == 1).all() and (np.abs(mixed).sum(axis=1) == 1).all() else None
+    one_each = (np.abs(mixed).sum(axis=0) == 1).all() and (np.abs(mixed).sum(axis=1) == 1).all()
+    return mixed if one_each else None
 
 
 @dataclass(frozen=True)
@@ -138,30 +142,28 @@ class Pool:
         return np.maximum.reduceat(np.abs(self.readings.regressor @ duals.T).max(axis=1), first)
 
 
-def pool_of(task: Task, extra: Places | None = None) -> Pool:
-    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, other positions; all images too.
+def pool_of(task: Task, known: Places) -> Pool:
+    """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, known positions; all images too.
 
     Positions in a keep-out, and those where no reading counts, are left out.
     """
-    offsets = np.array(sorted({sign * offset for offset in OFFSETS_DEG for sign in (1.0, -1.0)}))
+    offsets = np.unique(np.concatenate([np.array(OFFSETS_DEG), -np.array(OFFSETS_DEG)]))
     lines = np.unique(np.mod((90.0 * np.arange(4)[:, None] + offsets).ravel(), 360.0))
     grid = np.radians(np.stack(np.meshgrid(lines, lines, indexing="ij"), axis=-1).reshape(-1, 2))
-    given = on_all_mountings(np.concatenate([grid, task.support]), len(task.parametrisation.mountings))
-    if extra is not None:
-        given = given.joined(extra)
+    places = on_all_mountings(np.concatenate([grid, task.support]), len(task.parametrisation.mountings)).joined(known)
     group = symmetries(task)
-    images = np.stack([np.round(np.mod(np.degrees(s.of(given.angle)), 360.0), 9) % 360.0 for s in group], axis=1)
-    mounting = np.broadcast_to(given.mounting[:, None, None], (*images.shape[:2], 1))
+    images = np.stack([np.round(np.mod(np.degrees(s.of(places.angle)), 360.0), 9) % 360.0 for s in group], axis=1)
+    mounting = np.broadcast_to(places.mounting[:, None, None], (*images.shape[:2], 1))
     keys = np.concatenate([mounting, images], axis=2)
-    least = np.array([min(map(tuple, of_one)) for of_one in keys])
+    least = np.array([min(rows) for rows in keys.tolist()])
     _, orbit = np.unique(least, axis=0, return_inverse=True)
-    every, first = np.unique(keys.reshape(-1, 3), axis=0, return_index=True)
-    places = Places(np.radians(every[:, 1:]), every[:, 0].astype(int))
+    distinct, first = np.unique(keys.reshape(-1, 3), axis=0, return_index=True)
+    places = Places(np.radians(distinct[:, 1:]), distinct[:, 0].astype(int))
     orbit = np.repeat(orbit.ravel(), len(group))[first]
-    read = np.unique(readings(task, places).position)
-    read = read[allowed(task, places.angle[read])]
-    _, orbit = np.unique(orbit[read], return_inverse=True)
-    places = places.chosen(read)
+    counted = np.unique(readings(task, places).position)
+    counted = counted[allowed(task, places.angle[counted])]
+    _, orbit = np.unique(orbit[counted], return_inverse=True)
+    places = places.chosen(counted)
     return Pool(places, orbit.ravel(), readings(task, places))
 
 
@@ -186,9 +188,14 @@ class HittingSet:
         self._rng = np.random.default_rng(task.request.seed)
         self._height = np.zeros((len(pool.places), 0))
         self._measured = readings(task, task.measured).regressor
-        self._known = np.zeros(0)
+        self._measured_height = np.zeros(0)
         self._size = np.bincount(pool.orbit)
-        self._whole = np.array([self._cost_of_all(k) for k in range(len(task.groups))])
+        least = []
+        for k in range(len(task.groups)):
+            gathering = _Gathering(task, pool, k, -np.inf)
+            gathering.gather(np.arange(len(pool.places)), 1, np.zeros(0), 0.0)
+            least.append(gathering.cost / task.least[k] * (1.0 - 10 * SAFE))
+        self._least_ratio = max(least)
 
     def __len__(self) -> int:
         """The number of cuts."""
@@ -196,17 +203,18 @@ class HittingSet:
 
     def least_count(self, ratio: float) -> tuple[float, NDArray]:
         """A proven lower bound of how many positions reach the ratio, and the programme's answer (n,) by position."""
-        if (self._whole > ratio).any():
-            return np.inf, np.zeros(len(self._pool.places))
-        counts = self._known < 1.0 / ratio - SAFE
-        if not counts.any():
-            return 0.0, np.full(len(self._pool.places), 1.0 / len(self._pool.places))
-        inside, orbit = self._height[:, counts] >= 1.0 / ratio - SAFE, self._pool.orbit
+        count = len(self._pool.places)
+        if self._least_ratio > ratio:
+            return np.inf, np.zeros(count)
+        valid = self._measured_height < 1.0 / ratio - SAFE
+        if not valid.any():
+            return 0.0, np.full(count, 1.0 / count)
+        inside, orbit = self._height[:, valid] >= 1.0 / ratio - SAFE, self._pool.orbit
         share = np.stack([np.bincount(orbit, column, len(self._size)) for column in inside.T]) / self._size
         least = np.ones(len(share))
         solved = scipy.optimize.linprog(np.ones(len(self._size)), A_ub=-share, b_ub=-least, method="highs")
         if solved.x is None:
-            return 0.0, np.zeros(len(self._pool.places))
+            return 0.0, np.zeros(count)
         prices = np.maximum(-solved.ineqlin.marginals, 0.0)
         proven = float(prices @ least / max(1.0, (share.T @ prices).max()))
         return proven * (1.0 - SAFE), (solved.x / self._size)[self._pool.orbit]
@@ -224,14 +232,17 @@ class HittingSet:
             if len(reached) > PATIENCE and least + (least - reached[-1 - PATIENCE]) * most / PATIENCE < count:
                 return False
             try:
-                found = self._cut(turn % len(self._task.groups), ratio, answer)
+                duals = self._cut(turn % len(self._task.groups), ratio, answer)
             except SolverError:
-                found = None
-            failures = failures + 1 if found is None else 0
-            if found is not None:
-                self._height = np.column_stack([self._height, self._pool.heights(found)])
-                self._known = np.append(self._known, np.abs(self._measured @ found.T).max(initial=0.0))
-                most -= 1
+                duals = None
+            if duals is None:
+                failures += 1
+                continue
+            failures = 0
+            self._height = np.column_stack([self._height, self._pool.heights(duals)])
+            height = np.abs(self._measured @ duals.T).max(initial=0.0)
+            self._measured_height = np.append(self._measured_height, height)
+            most -= 1
         return False
 
     def bound(self, count: int, ceiling: float) -> Bound:
@@ -239,13 +250,11 @@ class HittingSet:
         low, high = 1.0, ceiling
         for _ in range(RATIO_STEPS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.least_count(middle)[0] > count else (low, middle)
+            if self.least_count(middle)[0] > count:
+                low = middle
+            else:
+                high = middle
         return Bound(low, count, f"pool of {len(self._pool.places)} positions", len(self))
-
-    def _cost_of_all(self, k: int) -> float:
-        gathering = _Gathering(self._task, self._pool, k, -np.inf)
-        gathering.gather(np.arange(len(self._pool.places)), 1, np.zeros(0), 0.0)
-        return gathering.cost / self._task.least[k] * (1.0 - 10 * SAFE)
 
     def _cut(self, k: int, ratio: float, answer: NDArray) -> NDArray | None:
         """Duals y (D, P) whose region the answer covers by less than one; None when the greedy search finds none."""
@@ -254,10 +263,10 @@ class HittingSet:
         heavy = order[answer[order] > 0.0]
         light = self._rng.permutation(np.flatnonzero(answer <= 0.0))
         gathering = _Gathering(self._task, self._pool, k, ratio)
-        left = 1.0 - COVERED
+        room = 1.0 - COVERED
         for chunk in np.array_split(heavy, max(1, len(heavy) // COARSE)):
-            left -= gathering.gather(chunk, FINE, answer, left)
-            if left <= 0.0:
+            room -= gathering.gather(chunk, FINE, answer, room)
+            if room <= 0.0:
                 return None
         missed = 0
         for chunk in np.array_split(light, max(1, len(light) // COARSE)):
@@ -268,7 +277,7 @@ class HittingSet:
 
 
 class _Gathering:
-    """Positions that with what is measured cannot reach the ratio for a group of targets, and the duals that prove it.
+    """Positions that with the measured ones cannot reach the ratio for a group of targets, and the duals that prove it.
 
     Where |F'y| of no dual exceeds one, the targets cost a'y at least, the group the root of the sum of their squares.
     """
@@ -276,14 +285,16 @@ class _Gathering:
     def __init__(self, task: Task, pool: Pool, k: int, ratio: float):
         self._limit, self._least = ratio * task.least[k] * (1.0 + SAFE), float(task.least[k])
         self._targets = task.weights[list(task.groups[k])]
-        # One for each target: another aim, and what is known of the last solution is of no use.
-        self._programmes = [Columns(self._targets.shape[1]) for _ in self._targets]
         measured = readings(task, task.measured).regressor
         self._first = len(measured)
-        for programme, target in zip(self._programmes, self._targets, strict=True):
+        # One programme for each target: for another aim the last solution is of no use.
+        self._programmes = []
+        for target in self._targets:
+            programme = Columns(self._targets.shape[1])
             programme.aim(target)
-            if self._first:
+            if len(measured):
                 programme.add(measured)
+            self._programmes.append(programme)
         self._pool = pool
         self._inside = np.zeros(len(pool.places), dtype=bool)
         self._added = np.zeros(len(pool.readings.position), dtype=bool)
@@ -292,36 +303,37 @@ class _Gathering:
 
     @property
     def cost(self) -> float:
-        """What the group costs at least with these positions [σ]."""
+        """The least cost of the group with these positions [σ]."""
         return self._together(self._duals)
 
     def cut(self) -> NDArray | None:
-        """The duals y (D, P) with what no positions better; None where what is measured reaches the ratio by itself."""
+        """The duals y (D, P), scaled to the group's optimum; None where measured positions reach the ratio alone."""
         return self._duals * (self._least / self.cost) if self.cost > self._limit else None
 
     def _together(self, duals: NDArray) -> float:
         return hypot(*(duals * self._targets).sum(axis=1))
 
     def gather(self, chunk: NDArray, least: int, answer: NDArray, room: float) -> float:
-        """Take in as many of these positions as the set can hold; the weight of those that it cannot."""
+        """Take in as many of these positions as the set can hold; returns the weight of those that it cannot."""
         if self.takes(chunk):
             return 0.0
         if len(chunk) <= least:
             return float(answer[chunk].sum())
         half = len(chunk) // 2
         lost = self.gather(chunk[:half], least, answer, room)
-        return lost + (self.gather(chunk[half:], least, answer, room - lost) if lost < room else np.inf)
+        if lost >= room:
+            return np.inf
+        return lost + self.gather(chunk[half:], least, answer, room - lost)
 
     def takes(self, chunk: NDArray) -> bool:
-        """Try the set with these positions: kept when it still cannot reach the ratio."""
+        """Try the set with these positions, which stay when it still cannot reach the ratio."""
         self._inside[chunk] = True
         self._close(chunk, closed=False)
         regressor, position = self._pool.readings.regressor, self._pool.readings.position
-        duals, open_again = self._duals.copy(), self._inside[position]
+        duals, candidates = self._duals.copy(), self._inside[position]
         while self._together(duals) > self._limit:
             heights = np.abs(regressor @ duals.T)
-            over = open_again & (heights.max(axis=1) > 1.0 + 0.5 * SAFE)
-            open_again = self._inside[position] & ~self._added
+            over = candidates & (heights.max(axis=1) > 1.0 + 0.5 * SAFE)
             if not over.any():
                 self._duals = duals
                 return True
@@ -332,8 +344,8 @@ class _Gathering:
                 programme.add(regressor[new])
             self._added[new] = True
             self._rows = np.append(self._rows, new)
-            open_again = open_again & ~self._added
-            # The others' columns have not changed what they are worth.
+            candidates = self._inside[position] & ~self._added
+            # The value of the duals whose columns were not broken has not changed.
             for k in np.flatnonzero(broken).tolist():
                 duals[k] = self._programmes[k].solve()[1]
         self._inside[chunk] = False
@@ -354,10 +366,12 @@ def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound
     """
     hitting, share = HittingSet(task, pool), NEAREST
     known = hitting.bound(count, reached).ratio
-    while (left := task.request.cuts - len(hitting)) > 0:
+    while (remaining := task.request.cuts - len(hitting)) > 0:
         aim = known + share * (reached - known)
-        if hitting.prove(count, aim, left):
+        if hitting.prove(count, aim, remaining):
             known, share = max(aim, known), max(share, 0.5)
-        elif (share := 0.5 * share) <= NEAREST:
+            continue
+        share *= 0.5
+        if share <= NEAREST:
             break
     return hitting.bound(count, reached)

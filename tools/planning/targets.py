@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field
 
 from ..calibrated import Axis, Number, Size
 from ..calibration.model import Parametrisation, mountings_of, parametrise
-from ..calibration.targets import asked_targets, convention_targets
+from ..calibration.targets import Target, asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import tracked
 from ..result import Result
@@ -22,7 +22,7 @@ from .request import Request
 if TYPE_CHECKING:
     from polars import DataFrame
 
-SEEDS = 12
+FIRST_LINES = 12
 """Rows and columns of the coarse grid that the search begins with."""
 BEST_ROWS = 20
 WHOLE = 480
@@ -30,8 +30,8 @@ WHOLE = 480
 FINEST_DEG = 0.01
 
 
-def _plain(value: float) -> int | float:
-    return int(value) if float(value).is_integer() else value
+def _plain(angle: float) -> int | float:
+    return int(angle) if float(angle).is_integer() else angle
 
 
 Degrees = Annotated[Number, AfterValidator(_plain)]
@@ -54,15 +54,15 @@ class Grid:
         degrees = np.arange(count) * step_deg
         self._degrees = degrees[degrees < 360.0 - 1e-9 * step_deg]
         self._angle = np.radians(self._degrees)
-        self._sheets, self._size = sheets, len(self._degrees)
+        self._sheets = sheets
         self._columns = Columns(sheets[0].regressor.shape[0])
         self._at = np.zeros((0, 3), dtype=int)
-        lines = np.arange(0, self._size, -(-self._size // WHOLE))
+        lines = np.arange(0, len(self._angle), -(-len(self._angle) // WHOLE))
         self._coarse = Lines(sheets, self._angle, lines)
-        self._fine = Rows(sheets, self._angle) if len(lines) < self._size else None
-        some = lines[np.unique(np.linspace(len(lines) // 90, len(lines) - 1, SEEDS).astype(int))]
+        self._fine = Rows(sheets, self._angle) if len(lines) < len(self._angle) else None
+        first = lines[np.unique(np.linspace(len(lines) // 90, len(lines) - 1, FIRST_LINES).astype(int))]
+        i, j = np.repeat(first, len(first)), np.tile(first, len(first))
         for k, sheet in enumerate(sheets):
-            i, j = (g.ravel() for g in np.meshgrid(some, some, indexing="ij"))
             inside = clearance(sheet, self._angle[i], self._angle[j]) > 0.0
             self._add(np.column_stack([np.full(inside.sum(), k), i[inside], j[inside]]))
 
@@ -75,16 +75,18 @@ class Grid:
     def ceiling(self, dual: NDArray) -> float:
         """What |F'y| does not exceed on the grid, rounding included."""
         forms = dual_forms(self._sheets, dual)
-        return (self._fine.price(forms, None) if self._fine is not None else self._coarse.price(forms))[0]
+        if self._fine is None:
+            return self._coarse.price(forms)[0]
+        return self._fine.price(forms, None)[0]
 
     def _price(self, dual: NDArray) -> tuple[float, NDArray]:
         """As `Lines.price`, of the whole grid once its coarser lines and its best rows hold nothing above one."""
         forms = dual_forms(self._sheets, dual)
         bound, places = self._coarse.price(forms)
-        if self._fine is not None:
-            for most in (BEST_ROWS, None):
-                if not len(places):
-                    bound, places = self._fine.price(forms, most)
+        if self._fine is not None and not len(places):
+            bound, places = self._fine.price(forms, BEST_ROWS)
+            if not len(places):
+                bound, places = self._fine.price(forms, None)
         return bound, places
 
     def optimum(self, target: NDArray) -> Optimum:
@@ -93,19 +95,19 @@ class Grid:
         An UndeterminedError when the grid's positions cannot determine the target.
         """
         self._columns.aim(target)
-        while True:
+        weights, dual, possible = self._columns.solve()
+        bound, places = self._price(dual)
+        while len(places):
+            self._add(places)
             weights, dual, possible = self._columns.solve()
             bound, places = self._price(dual)
-            if not len(places):
-                break
-            self._add(places)
         if not possible:
             raise UndeterminedError
         used = np.flatnonzero(weights)
         sheet, i, j = self._at[used].T
         accelerometer = np.array([self._sheets[k].accelerometer for k in sheet])
-        places = accelerometer, self._angle[i], self._angle[j], self._degrees[i], self._degrees[j]
-        return settled(target, dual, bound, self._columns.regressors[used], weights[used], places)
+        at = accelerometer, self._angle[i], self._angle[j], self._degrees[i], self._degrees[j]
+        return settled(target, dual, bound, self._columns.regressors[used], weights[used], at)
 
 
 class PlannedReading(Result):
@@ -216,38 +218,43 @@ def optimal_plans(
     if len(p.mountings) != 1:
         names = ", ".join(p.mountings)
         raise InputError(f"--mounting: holds {len(p.mountings)} mountings ({names}); a plan is for one")
-    found = sheets(p, bounds=request.bounds, rule=request.admissible)
-    wanted = asked_targets(targets, p) if targets else convention_targets(p, request.convention)
-    everywhere = Continuum(found) if grid is None else Grid(found, grid)
+    block = sheets(p, bounds=request.bounds, rule=request.admissible)
+    estimated = asked_targets(targets, p) if targets else convention_targets(p, request.convention)
+    positions = Continuum(block) if grid is None else Grid(block, grid)
     plans = []
-    for target in tracked(wanted, "plans", show=progress):
+    for target in tracked(estimated, "plans", show=progress):
         try:
-            best = scaled_optimum(everywhere.optimum, target.weights)
+            optimum = scaled_optimum(positions.optimum, target.weights)
         except UndeterminedError:
-            where = "the admissible positions" if grid is None else f"the positions of --grid {grid:g}"
-            hint = "" if grid is None else "; give a finer grid"
+            where, hint = "the admissible positions", ""
+            if grid is not None:
+                where, hint = f"the positions of --grid {grid:g}", "; give a finer grid"
             raise InputError(f"{target.symbol}: {where} cannot determine it{hint}") from None
-        readings = zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True)
-        plans.append(
-            Plan(
-                target=target.symbol,
-                name=target.name,
-                unit=target.unit,
-                cost=best.cost,
-                gap=best.gap,
-                lower_bound=best.lower_bound,
-                grid_deg=grid,
-                admissible=request.admissible,
-                bounds=request.bounds,
-                baseline=request.baseline,
-                mounting={p.mountings[0]: p.matrices[0].tolist()},
-                weights=tuple(
-                    PlannedReading(accelerometer=int(k) + 1, alpha_deg=a, beta_deg=b, weight=w)
-                    for k, a, b, w in readings
-                ),
-                dual=dict(zip(p.symbols, best.dual.tolist(), strict=True)),
-                optimum=best,
-                parametrisation=p,
-            )
-        )
+        plans.append(_plan_of(target, optimum, request, p, grid))
     return Plans(plans=tuple(plans))
+
+
+def _plan_of(target: Target, optimum: Optimum, request: Request, p: Parametrisation, grid: float | None) -> Plan:
+    readings = []
+    for k, accelerometer in enumerate(optimum.accelerometer):
+        alpha, beta, weight = optimum.alpha_deg[k], optimum.beta_deg[k], optimum.weights[k]
+        readings.append(
+            PlannedReading(accelerometer=int(accelerometer) + 1, alpha_deg=alpha, beta_deg=beta, weight=weight)
+        )
+    return Plan(
+        target=target.symbol,
+        name=target.name,
+        unit=target.unit,
+        cost=optimum.cost,
+        gap=optimum.gap,
+        lower_bound=optimum.lower_bound,
+        grid_deg=grid,
+        admissible=request.admissible,
+        bounds=request.bounds,
+        baseline=request.baseline,
+        mounting={p.mountings[0]: p.matrices[0].tolist()},
+        weights=tuple(readings),
+        dual=dict(zip(p.symbols, optimum.dual.tolist(), strict=True)),
+        optimum=optimum,
+        parametrisation=p,
+    )
