@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import isfinite
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,11 +77,10 @@ FEWEST = 6
 CHANGES = 0.25
 """Where the first or the last rows, but for one of them, are nearer to an ideal bench as they are read, by squares of
 so much in all [g²], channels change during the record: that is an effect, and no way of reading it."""
-TURNS = tuple((unit, *senses) for unit in (1.0, 180.0 / np.pi) for senses in SENSES)
+TURNS = tuple((unit, alpha, beta) for unit, (alpha, beta) in product((1.0, 180.0 / np.pi), SENSES))
 """Units and senses of the angles that are tried; the first changes nothing."""
-PLACES = np.array(
-    [[row.argmax() if row.max() > 0.0 else row.argmin() + 3 for row in matrix] for matrix in PERMUTATIONS]
-)
+MATRICES = np.array(PERMUTATIONS)
+PLACES = np.where(MATRICES.max(axis=2) > 0.0, MATRICES.argmax(axis=2), MATRICES.argmin(axis=2) + 3)
 """Where the costs of the rows (48, 3) of each signed permutation stand: of inputs 1, 2, 3, then of these reversed."""
 
 
@@ -95,8 +95,8 @@ class Asked:
 
     noise_bound: float | None = None
     gravity: float = 9.80665
-    convention: str = "A1"
-    baseline: str = "asymmetric"
+    convention: Literal["A1", "A2"] = "A1"
+    baseline: Literal["asymmetric", "symmetric"] = "asymmetric"
     bounds: tuple[float, float] = STANDARD_BOUNDS
     mounting: Mapping[str, ArrayLike] | str = "identity"
     targets: Sequence[str] = ()
@@ -147,7 +147,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         positions += next_positions(linearised, np.array([target.weights for target in targets]), request.bounds)
     if unbounded:
         positions += repeats(linearised)
-    warnings = [*record.warnings, *_remarks(linearised, falsified and bool(missing), unbounded)]
+    warnings = list(record.warnings) + _remarks(linearised, falsified and bool(missing), unbounded)
     if not solution.contradicted and solution.radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
         warnings.append(
             "the readings are written too coarsely for this noise bound: half a last digit is "
@@ -159,24 +159,25 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         limit = 2.0 * (sigma + reading_uncertainty(resolution)) * (1.0 + RELATIVE_TOLERANCE)
         warnings += _contradiction(linearised, record.position, limit)
     verdict: Verdict = "consistent"
+    witness: list[Reading] = []
+    if falsified:
+        verdict, witness = "falsified", _witness(record, bounded, solution)
     if missing or unbounded:
         verdict = "insufficient"
-    elif falsified:
-        verdict = "falsified"
     return Calibration(
         verdict=verdict,
         sigma=Sigma.of(sigma, noise.basis),
         stands_with_sigma=solution.radius * sigma,
         radius=solution.radius,
         gravity_mps2=float(request.gravity),
-        convention="A2" if request.convention == "A2" else "A1",
-        baseline="symmetric" if p.symmetric else "asymmetric",
+        convention=request.convention,
+        baseline=request.baseline,
         mountings={name: q.tolist() for name, q in zip(p.mountings, p.matrices, strict=True)},
         positions=len(record.position),
         measurements=len(linearised.residual),
         estimator=solution.stated,
         no_estimate=_without_estimate(falsified, unbounded, missing),
-        witness=_witness(record, bounded, solution) if falsified else [],
+        witness=witness,
         parameters=solution.parameters,
         priors=[Prior(expression=x.text.rpartition("=")[0], limit=x.limit) for x in priors],
         reading_errors=solution.reading_errors,
@@ -191,11 +192,14 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
 
 def provenance_of(record: PositionRecord, bounds: tuple[float, float]) -> Provenance:
     """Return what a calibration of a record is made from."""
-    temperature = record.temperature
-    extent = None if temperature is None else [float(temperature.min()), float(temperature.max())]
+    extent = None
+    if record.temperature is not None:
+        extent = [float(record.temperature.min()), float(record.temperature.max())]
     kind = "positions"
-    if record.raw is not None:
-        kind = "bench" if isinstance(record.raw, BenchRecord) else "raw"
+    if isinstance(record.raw, BenchRecord):
+        kind = "bench"
+    elif record.raw is not None:
+        kind = "raw"
     return Provenance(
         record=record.path.name,
         record_sha256=record.sha256,
@@ -216,7 +220,7 @@ def _witness(record: PositionRecord, bounded: Linearisation, solution: Solution)
 def wanted_targets(p: Parametrisation, request: Asked) -> list[Target]:
     """The targets of the convention, and others that are asked for."""
     by_symbol: dict[str, Target] = {}
-    for target in (*convention_targets(p, request.convention), *asked_targets(request.targets, p)):
+    for target in convention_targets(p, request.convention) + asked_targets(request.targets, p):
         by_symbol.setdefault(target.symbol, target)
     return list(by_symbol.values())
 
@@ -254,7 +258,9 @@ def fit_record(record: PositionRecord, noise_bound: float, request: Asked = Aske
         raise InputError(f"{record.path}: holds no positions")
     matrices = mountings_for(record, request.mounting)
     names = list(matrices)
-    index = [0] * len(record.position) if record.mounting is None else [names.index(name) for name in record.mounting]
+    index = [0] * len(record.position)
+    if record.mounting is not None:
+        index = [names.index(name) for name in record.mounting]
     positions = Positions(np.asarray(record.alpha, float), np.asarray(record.beta, float), np.array(index))
     p = parametrise(matrices, symmetric=request.baseline == "symmetric")
     reading = np.asarray(record.specific_force) / gravity
@@ -315,8 +321,11 @@ def _no_scale_factor(record: PositionRecord, axis: int, factor: float) -> str:
     """One line on a scale factor that no accelerometer has."""
     least, most = SCALE_FACTORS
     factor = round(factor, 3) + 0.0
-    hint = "is its sign, or that of an angle, reversed" if factor < -least else "is it dead"
-    hint = hint if factor < least else "are --gravity and the unit right"
+    hint = "is it dead"
+    if factor >= least:
+        hint = "are --gravity and the unit right"
+    elif factor < -least:
+        hint = "is its sign, or that of an angle, reversed"
     return (
         f"{record.path}: column f{axis}_mps2: reads {digits(factor, 4)} times what the table "
         f"gives, where {exactly(least)} to {exactly(most)} is possible; {hint}, or is --mounting another?"
@@ -403,10 +412,10 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
     """
     if len(reading) < FEWEST or record.channels == Channels():
         return ""
-    inputs = [
-        np.einsum("nij,nj->ni", p.matrices[at.mounting], up(alpha * unit * at.alpha, beta * unit * at.beta))
-        for unit, alpha, beta in TURNS
-    ]
+    inputs = []
+    for unit, alpha, beta in TURNS:
+        vertical = up(alpha * unit * at.alpha, beta * unit * at.beta)
+        inputs.append(np.einsum("nij,nj->ni", p.matrices[at.mounting], vertical))
     costs, scale = costs_of(reading, inputs)
     same = far_better(costs)
     if scale > LARGEST_MISFIT or not len(same):
@@ -421,7 +430,8 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
     if _changes(better - as_read):
         return ""
     ways = []
-    for turn, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
+    for way in same.tolist():
+        turn, permutation = divmod(way, len(PERMUTATIONS))
         unit, alpha, beta = TURNS[turn]
         matrix = PERMUTATIONS[permutation]
         channels = Channels(reading_of(matrix), alpha=alpha, beta=beta, radians=unit != 1.0)
@@ -434,10 +444,9 @@ def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation
 
 def _changes(gains: NDArray[np.float64]) -> bool:
     """Whether the first or the last rows, but for one, gain more than `CHANGES` as they are read; gains (N,) [g²]."""
-    return any(
-        bool(np.any(np.cumsum(rows) - np.maximum.accumulate(np.maximum(rows, 0.0)) > CHANGES))
-        for rows in (gains, gains[::-1])
-    )
+    both_ways = np.stack([gains, gains[::-1]])
+    largest = np.maximum.accumulate(np.maximum(both_ways, 0.0), axis=1)
+    return bool(np.any(np.cumsum(both_ways, axis=1) - largest > CHANGES))
 
 
 def costs_of(reading: NDArray, inputs: Sequence[NDArray]) -> tuple[NDArray[np.float64], float]:
@@ -447,8 +456,8 @@ def costs_of(reading: NDArray, inputs: Sequence[NDArray]) -> tuple[NDArray[np.fl
     """
     designs = [np.hstack([n, np.ones((len(n), 1))]) for n in inputs]
     scale = max(LEAST_MISFIT, min(_left(design, reading) for design in designs))
-    of_rows = [_costs(design, reading, scale) for design in designs]
-    return np.concatenate([table[np.arange(3), PLACES].sum(axis=1) for table in of_rows]), scale
+    costs = [_costs(design, reading, scale)[np.arange(3), PLACES].sum(axis=1) for design in designs]
+    return np.concatenate(costs), scale
 
 
 def _left(design: NDArray, reading: NDArray) -> float:
@@ -473,12 +482,13 @@ def _mounting(matrix: NDArray, p: Parametrisation, channels: Channels) -> str:
     """The mounting that a signed permutation with these senses is, too; nothing where it is none."""
     if np.linalg.det(matrix) < 0.0 or np.array_equal(matrix, np.eye(3)):
         return ""
-    senses = str(Channels(alpha=channels.alpha, beta=channels.beta, radians=channels.radians))
-    addition = f" with {senses}" if senses else ""
+    addition = str(Channels(alpha=channels.alpha, beta=channels.beta, radians=channels.radians))
+    if addition:
+        addition = f" with {addition}"
     if len(p.matrices) > 1:
         return f"mountings that are {_written(matrix)} times those given{addition}"
     return f"--mounting FILE with matrix = {_written(matrix @ p.matrices[0])}{addition}"
 
 
 def _written(matrix: NDArray) -> str:
-    return str([[round(float(value), 9) + 0.0 for value in row] for row in matrix]).replace(".0", "")
+    return str((np.round(matrix, 9) + 0.0).tolist()).replace(".0", "")

@@ -70,10 +70,9 @@ class GyroCorrection:
         matrix = np.eye(3) + values[MATRIX].reshape(3, 3)
         if not np.linalg.cond(matrix) < WELL_POSED:
             raise ValueError("the gyros' scale factors and misalignments have no inverse")
-        late = known_values(calibration, LATENCIES[:1])
-        force_lag = None if late is None else late[LATENCIES[0]]
+        late = known_values(calibration, LATENCIES[:1]) or {}
         sensitivity = values[SENSITIVITY].reshape(3, 3)
-        return GyroCorrection(values[BIAS], matrix, sensitivity, float(values[LAG]), force_lag)
+        return GyroCorrection(values[BIAS], matrix, sensitivity, float(values[LAG]), late.get(LATENCIES[0]))
 
     def corrected(self, reading: NDArray, n: NDArray, seconds: NDArray | float = 1.0) -> NDArray:
         """Rates (N, 3) [rad/s], or integrals over (N, 1) [s], from readings, at inputs (N, 3) [g]."""
@@ -120,8 +119,9 @@ def correction_of(calibration: Mapping[str, Any], where: str, sha256: str = "") 
     try:
         of_all, calibration = calibration, of_one_record(calibration, sha256)
         if isinstance(of_all, Mapping) and calibration_of(of_all).get("of_record"):
-            made_of = calibration["provenance"]
-            record = made_of["record"] if made_of["record_sha256"] != sha256 or not sha256 else ""
+            source = calibration["provenance"]
+            if not sha256 or source["record_sha256"] != sha256:
+                record = source["record"]
         block: Any = calibrated_block(calibration)
         gamma = np.zeros((3, 3))
         for row, column in ((2, 1), (3, 1), (3, 2)):
@@ -158,12 +158,11 @@ def _reading_errors(calibration: Mapping[str, Any]) -> tuple[NDArray, NDArray]:
     if len(entries) != len(cube) or not all(corner in ends_at for corner in cube):
         raise ValueError("its reading_errors are not complete; calibrate again")
     for p, n in cube:
-        low, high = (
-            checked_number(end, f"reading_errors, accelerometer {p}, input {list(n)}") for end in ends_at[p, n]
-        )
+        place = f"reading_errors, accelerometer {p}, input {list(n)}"
+        low, high = checked_number(ends_at[p, n][0], place), checked_number(ends_at[p, n][1], place)
         if not -1.0 <= low <= high <= 1.0:
             raise ValueError("its reading_errors are not low <= high, between -1 and 1; calibrate again")
-        ends[(slice(None), p - 1, *(x + 1 for x in n))] = low, high
+        ends[:, p - 1, n[0] + 1, n[1] + 1, n[2] + 1] = low, high
     return ends[0], ends[1]
 
 
@@ -194,7 +193,7 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
         inputs = np.where(np.arange(3) <= p, n, 0.0)
         order = np.argsort(-np.abs(inputs), axis=1, kind="stable")
         size = np.take_along_axis(np.abs(inputs), order, axis=1)
-        sign = np.where(inputs > 0.0, 1, np.where(inputs < 0.0, -1, 0))
+        sign = np.sign(inputs).astype(int)
         first = 1.0 - size[:, 0]
         low, high = correction.low[p], correction.high[p]
         # beyond the unit cube the input's weight of zero is negative: its other end counts
@@ -203,7 +202,9 @@ def error_bounds(correction: Correction, n: NDArray) -> tuple[NDArray, NDArray]:
         corner = np.ones((count, 3), dtype=int)
         for k in range(p + 1):
             corner[rows, order[:, k]] += sign[rows, order[:, k]]
-            weight = size[:, k] - (size[:, k + 1] if k < p else 0.0)
+            weight = size[:, k]
+            if k < p:
+                weight = weight - size[:, k + 1]
             # a corner beyond this accelerometer's own inputs has no weight
             at = tuple(corner.T)
             lows[:, p] += np.where(weight > 0.0, weight * low[at], 0.0)
@@ -229,11 +230,10 @@ def remaining_error(correction: Correction, n: NDArray, noise_bound: float = 0.0
 def _steepness(correction: Correction) -> float:
     """The most that a reading's error changes by, over the greatest change of an input."""
     worst = 0.0
-    for p in range(3):
-        table = [
-            end[(p, *(slice(None) if c <= p else 1 for c in range(3)))] for end in (correction.low, correction.high)
-        ]
-        worst = max(worst, *(sum(np.abs(np.diff(t, axis=c)).max() for c in range(p + 1)) for t in table))
+    for end in (correction.low, correction.high):
+        for table in (end[0, :, 1, 1], end[1, :, :, 1], end[2]):
+            steps = [np.abs(np.diff(table, axis=axis)).max() for axis in range(table.ndim)]
+            worst = max(worst, sum(steps))
     return min(float(worst), 0.5)
 
 
@@ -273,7 +273,7 @@ def levelling(correction: Correction, reading: NDArray, noise_bound: float = 0.0
 
 def face_readings(correction: Correction) -> tuple[list[str], NDArray]:
     """Readings (6, 3) [g] of the calibrated block with each of its axes up and down, and the attitudes' names."""
-    names = [f"axis {axis} {way}" for axis in (1, 2, 3) for way in ("up", "down")]
+    names = [f"axis {axis} {way}" for axis, way in product((1, 2, 3), ("up", "down"))]
     n = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     scale = np.where(n > 0.0, correction.plus, correction.minus)
     return names, n * scale + n @ correction.gamma.T + correction.bias
@@ -345,28 +345,28 @@ def apply_calibration(
         correction = read_correction(Path(calibration), measured.sha256)
     else:
         correction = correction_of(calibration.to_json(), "calibration", measured.sha256)
-    at, still = "positions" if isinstance(measured, PositionRecord) else "rows", measured
-    if isinstance(measured, RawRecord):
+    at, still = "rows", measured
+    if isinstance(measured, PositionRecord):
+        at = "positions"
+    elif isinstance(measured, RawRecord):
         rests = find_rests(measured)
         if any(rest.refused is None for rest in rests):
             at, still = "rests", average_rests(measured, rests)
     better = corrected(correction, measured.specific_force)
     if not np.isfinite(better).all():
         raise InputError(f"{measured.path}: the corrected readings are not finite")
-    caution = f"what each record has of its own is that of {correction.of_record}, the last that was calibrated"
-    gained = levelling(correction, still.specific_force / correction.gravity, noise_bound)
-    before, after = gained.worst
-    further: dict[str, Any] = {"specific_force": better}
-    told: dict[str, Any] = {}
-    gyros = correction.gyros if isinstance(measured, BenchRecord | StrapdownRecord) else None
-    if gyros is not None and isinstance(measured, BenchRecord | StrapdownRecord):
-        n, time, told = better / correction.gravity, measured.time_s, {"gyros": "corrected"}
-        if measured.rate is not None:
-            further["rate"] = gyros.corrected(measured.rate, n)
-        elif measured.increment is not None:
-            steps = np.diff(time)
-            seconds = np.append(np.median(steps) if len(steps) else 0.0, steps)[:, None]
-            further["increment"] = gyros.corrected(measured.increment, n, seconds)
+    warnings = list(measured.warnings)
+    if correction.of_record:
+        warnings.append(
+            f"what each record has of its own is that of {correction.of_record}, the last that was calibrated"
+        )
+    gain = levelling(correction, still.specific_force / correction.gravity, noise_bound)
+    before, after = gain.worst
+    channels_of_gyros: dict[str, NDArray] = {}
+    of_gyros: dict[str, Any] = {}
+    if correction.gyros is not None and isinstance(measured, BenchRecord | StrapdownRecord):
+        of_gyros = {"gyros": "corrected"}
+        channels_of_gyros = _corrected_gyros(correction.gyros, measured, better / correction.gravity)
     return Application(
         gravity_mps2=correction.gravity,
         scale_plus=correction.plus.tolist(),
@@ -376,12 +376,26 @@ def apply_calibration(
         rows=len(measured),
         levelled_at=at,
         levelling_error_rad=LevellingError(as_read=before, corrected_at_most=after),
-        warnings=[*measured.warnings, *([caution] if correction.of_record else [])],
+        warnings=warnings,
         correction=correction,
-        record=replace(measured, **further),
-        **told,
-        levelling=gained,
+        record=replace(measured, specific_force=better, **channels_of_gyros),
+        levelling=gain,
+        **of_gyros,
     )
+
+
+def _corrected_gyros(
+    gyros: GyroCorrection, record: BenchRecord | StrapdownRecord, n: NDArray
+) -> dict[str, NDArray[np.float64]]:
+    """Return the corrected channels of a record's gyros by their names, at inputs (N, 3) [g]."""
+    if record.rate is not None:
+        return {"rate": gyros.corrected(record.rate, n)}
+    if record.increment is None:
+        return {}
+    steps, first = np.diff(record.time_s), 0.0
+    if len(steps):
+        first = float(np.median(steps))
+    return {"increment": gyros.corrected(record.increment, n, np.append(first, steps)[:, None])}
 
 
 def write_parameter_set(result: Result, path: Path) -> None:
@@ -395,17 +409,17 @@ def write_parameter_set(result: Result, path: Path) -> None:
         block, intervals = calibrated_block(content), calibrated_intervals(content)
     except ValueError as error:
         raise InputError(f"--ssv {path}: {error}") from error
-    about, made_of = "an accelerometer block", content.get("provenance")
-    if made_of is not None:
-        about = f"{made_of['record']} (SHA-256 {made_of['record_sha256'] or 'none'})"
+    about, source = "an accelerometer block", content.get("provenance")
+    if source is not None:
+        about = f"{source['record']} (SHA-256 {source['record_sha256'] or 'none'})"
     text = f"Calibration of {about}, noise bound {exactly(content['sigma']['value'])} g, case (A1)"
+    contents = {path: _checked_set(path, "AccelerometerBlock", block, intervals, text)}
     of_gyros = calibrated_gyros(content)
-    sets = [(path, "AccelerometerBlock", block, intervals)]
     if of_gyros is not None:
-        sets.append((path.with_name(f"{path.stem}-gyros{path.suffix}"), "GyroBlock", *of_gyros))
-    contents = [(at, _checked_set(at, name, values, ends, text)) for at, name, values, ends in sets]
-    for at, written in contents:
-        with whole_file(at) as temporary:
+        beside_it = path.with_name(f"{path.stem}-gyros{path.suffix}")
+        contents[beside_it] = _checked_set(beside_it, "GyroBlock", of_gyros[0], of_gyros[1], text)
+    for target, written in contents.items():
+        with whole_file(target) as temporary:
             temporary.write_bytes(written)
 
 
@@ -413,9 +427,8 @@ def _checked_set(path: Path, name: str, values: Parameters, intervals: Mapping[s
     """The parameter set of a component; an InputError for values beyond what it takes."""
     component = components()[name]
     for variable in component.interface:
-        value = values.get(variable.name, [])
-        for number in value if isinstance(value, list) else [value]:
-            least, most = variable.within
+        least, most = variable.within
+        for number in np.ravel(values.get(variable.name, [])).tolist():
             if (least is not None and number < least) or (most is not None and number > most):
                 raise InputError(
                     f"--ssv {path}: {variable.name} = {exactly(number)} is beyond what the component takes"

@@ -167,7 +167,9 @@ class _Problem:
             step = self.step(point, weight, sign)
             size = float(np.abs(step).max())
             if size > 1e-6:
-                signs = sign if resting else None
+                signs = None
+                if resting:
+                    signs = sign
                 now = self.misfit(point, weight, signs) * (1 + 1e-9)
                 while self.misfit(point + step, weight, signs) > now and np.abs(step).max() > 1e-3 * size:
                     step = step / 2
@@ -308,7 +310,9 @@ def solve(
     the system `fitted`, where it is another. A SolverError where a programme cannot be solved.
     """
     weights = np.array([target.weights for target in targets])
-    combinations = weights if further is None else np.vstack([weights, further])
+    combinations = weights
+    if further is not None:
+        combinations = np.vstack([weights, further])
     radius, centre, duals = chebyshev_centre(system)
     feasible, estimator = None, None
     possible = np.full((len(combinations), 3), np.nan)
@@ -316,7 +320,7 @@ def solve(
         feasible = FeasibleSet(system, centre, slack)
         possible, estimator = possible_values(feasible, combinations)
     a_priori = a_priori_values(system, targets)
-    squares = least_squares_values(system if fitted is None else fitted, weights)
+    squares = least_squares_values(fitted or system, weights)
     numbers = np.hstack((possible[: len(targets)], a_priori, squares))
     parameters = [_parameter(target, row.tolist()) for target, row in zip(targets, numbers, strict=True)]
     return Solution(radius, duals, feasible, estimator, parameters, possible[len(targets) :, 1:])
@@ -402,7 +406,9 @@ def least_squares_values(system: Linearisation, weights: NDArray) -> NDArray:
     weight = system.bound.min() / system.bound
     rank = system.span.shape[1]
     freedom = len(system.residual) - rank
-    variance = float(np.sum((weight * system.residual) ** 2)) / freedom if freedom > 0 else np.nan
+    variance = np.nan
+    if freedom > 0:
+        variance = float(np.sum((weight * system.residual) ** 2)) / freedom
     _, triangle = np.linalg.qr(shortened((system.jacobian @ system.span) * weight[:, None]))
     for k, row in enumerate(weights):
         if _is_determined(system, row):
@@ -534,7 +540,8 @@ def joint_sets(feasible: FeasibleSet) -> dict[str, list[PairSet]]:
     pairs = []
     for group, symbols in GROUPS:
         targets = [by_symbol[symbol] for symbol in symbols if symbol in by_symbol]
-        pairs += [(group, first, second) for i, second in enumerate(targets) for first in targets[:i]]
+        for number, second in enumerate(targets):
+            pairs += [(group, first, second) for first in targets[:number]]
     result: dict[str, list[PairSet]] = {}
     for group, first, second in tracked(pairs, "joint feasible set", show=_takes_long(system)):
         weights = np.array([first.weights, second.weights])
@@ -545,7 +552,7 @@ def joint_sets(feasible: FeasibleSet) -> dict[str, list[PairSet]]:
 
 def _polygon(polytope: Polytope, weights: NDArray) -> NDArray:
     """Vertices of a polytope's projection {weights x}: from four on, each edge is pushed out until it holds."""
-    size = np.array([sum(polytope.maximise(sign * row)[0] for sign in (-1.0, 1.0)) for row in weights])
+    size = np.array([polytope.maximise(-row)[0] + polytope.maximise(row)[0] for row in weights])
     scale = np.where(size > 0.0, size, 1.0)
     rows = weights / scale[:, None]
 

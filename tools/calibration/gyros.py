@@ -115,7 +115,7 @@ class Bench:
 def said_of_place(raw: RawRecord | PositionRecord | StrapdownRecord) -> dict[str, float]:
     """What comment lines of a record say of its place, and of how well turns are measured there."""
     numbers = {}
-    for name in (*ANGLES_DEG, "gyro_noise", "encoder_bound"):
+    for name in ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound"):
         if (text := raw.about.get(name)) is not None:
             try:
                 numbers[name] = float(text)
@@ -182,11 +182,11 @@ def fit_whole(alone: Linearisation, record: PositionRecord, bench: Bench, noise_
 def with_gyros(
     calibration: Calibration, record: PositionRecord, bench: Bench, system: WithTurns, request: Asked
 ) -> Calibration:
-    """The calibration of a bench record's accelerometers taken together with its gyros, as they are fitted `here`."""
+    """The calibration of a bench record's accelerometers taken together with its gyros, as the system fits them."""
     raw, alone = record.raw, calibration.linearised
     assert isinstance(raw, BenchRecord)
     targets = wanted_targets(alone.parametrisation, request)
-    of_whole = [widened(target, len(system.point)) for target in (*targets, *gyro_targets(system.own))]
+    of_whole = [widened(target, len(system.point)) for target in targets + gyro_targets(system.own)]
     of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
     slack = reading_uncertainty(record.written_to(calibration.gravity))
     try:
@@ -197,6 +197,11 @@ def with_gyros(
     of_gyros = solution.parameters[count:]
     pairs = zip(solution.parameters[:count], calibration.parameters, strict=True)
     of_bench = [_no_wider(together, before) for together, before in pairs]
+    gains, witness = _gains(calibration.parameters, of_bench), []
+    if contradicted:
+        gains, witness = [], _turns(system, raw.time_s, solution)
+    if calibration.verdict == "insufficient":
+        of_bench = calibration.parameters
     changed: dict[str, Any] = {
         "radius": solution.radius,
         "stands_with_sigma": solution.radius * calibration.noise_bound,
@@ -206,11 +211,11 @@ def with_gyros(
             encoder_bound_rad=bench.encoder_within(calibration.noise_bound),
             latitude_deg=float(bench.latitude_deg),
             azimuth_deg=float(bench.azimuth_deg),
-            gains=[] if contradicted else _gains(calibration.parameters, of_bench),
-            witness=_turns(system, raw.time_s, solution) if contradicted else [],
+            gains=gains,
+            witness=witness,
         ),
-        "parameters": [*(calibration.parameters if calibration.verdict == "insufficient" else of_bench), *of_gyros],
-        "open": [*calibration.open, *_open(of_gyros)],
+        "parameters": of_bench + of_gyros,
+        "open": calibration.open + _open(of_gyros),
     }
     if contradicted and calibration.verdict == "consistent":
         changed |= {
@@ -241,8 +246,8 @@ def _with_latency(calibration: Calibration, record: PositionRecord, bench: Bench
         parameters = [parameter.model_copy(update={"estimate": None}) for parameter in parameters]
         warnings = [*warnings, NO_LAG]
     changed = {
-        "parameters": [*calibration.parameters, *parameters],
-        "open": [*calibration.open, *_open(parameters)],
+        "parameters": calibration.parameters + parameters,
+        "open": calibration.open + _open(parameters),
         "warnings": warnings,
     }
     return calibration.model_copy(update=changed)
@@ -266,9 +271,11 @@ def gyro_targets(before: int) -> list[Target]:
         place = symbol[1:]
         if name == "gyro-misalignment" and place[0] == place[1]:
             name, unit, place = "gyro-scale-factor-error", "1", place[0]
+        if place:
+            name = f"{name}-{place}"
         weights = np.zeros(before + len(GYRO_PARAMETERS))
         weights[before + k] = 1.0
-        targets.append(Target(symbol, f"{name}-{place}" if place else name, unit, weights))
+        targets.append(Target(symbol, name, unit, weights))
     return targets
 
 
@@ -356,8 +363,8 @@ def strapdown_by_table(calibration: Calibration, record: PositionRecord, bench: 
     errors = np.array([parameters[symbol].error_bound for symbol in OF_AXES], dtype=float)
     earth = earth_in_base(math.radians(bench.latitude_deg), math.radians(bench.azimuth_deg))
     (mounting,) = calibration.mountings.values()
-    angles = without_turns(raw.alpha), without_turns(raw.beta)
-    attitude = attitudes(values, raw.time_s - raw.time_s[0], *angles, np.array(mounting), earth)
+    alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
+    attitude = attitudes(values, raw.time_s - raw.time_s[0], alpha, beta, np.array(mounting), earth)
     bound = math.sqrt(2.0) * calibration.gyros.encoder_bound + float(errors.sum())
     key, value = INERTIAL
     comments = {key: value, "attitude_bound_arcmin": upwards(bound / ARCMIN, 2)}

@@ -43,9 +43,9 @@ UNTOLD = 1.0
 """Bound of a reading of which nothing is said, as where the input's sign is not sure [g]."""
 SLOW = 0.02
 """An axis that turns by less [rad/s] hardly turns."""
-FURTHER = ("A", *(f"r{p}{k}" for p in (1, 2, 3) for k in (1, 2, 3)))
+FURTHER = ("A", "r11", "r12", "r13", "r21", "r22", "r23", "r31", "r32", "r33")
 """Lag of the accelerometers [s]; places of each of them from where the axes cross [m]."""
-PLAUSIBLE = np.array([1e-2, *[0.1] * 9])
+PLAUSIBLE = np.array([1e-2] + [0.1] * 9)
 NEAR = 1e-4
 """So far [s] before and after a moment."""
 QUARTIC = 3.0 / 35.0 / 24.0 * 1.5
@@ -204,7 +204,7 @@ class WithMotion(WithTurns):
     @property
     def symbols(self) -> tuple[str, ...]:
         """Names of the parameters."""
-        return (*super().symbols, *FURTHER)
+        return super().symbols + FURTHER
 
     def residual_at(self, point: NDArray) -> NDArray:
         """Exact residuals of readings at rest [g], integrals [rad] and readings in motion [g] at another point."""

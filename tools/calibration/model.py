@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
+from itertools import product
 from math import atan, cos, radians, sin, sqrt
 from pathlib import Path
 from typing import Any, Self
@@ -83,10 +84,11 @@ def read_mounting_file(path: Path) -> dict[str, NDArray]:
         where = f"--mounting {path}: [{name}]"
         if not isinstance(table, dict):
             raise InputError(f"--mounting {path}: '{name}' stands outside a [name] table")
-        unknown = [key for key in table if key != "matrix"]
-        if unknown or "matrix" not in table:
-            wrong = f"has the unknown key '{unknown[0]}'" if unknown else "has no matrix"
-            raise InputError(f"{where} {wrong}; write matrix = [[...], [...], [...]]")
+        for key in table:
+            if key != "matrix":
+                raise InputError(f"{where} has the unknown key '{key}'; write matrix = [[...], [...], [...]]")
+        if "matrix" not in table:
+            raise InputError(f"{where} has no matrix; write matrix = [[...], [...], [...]]")
         mountings[name] = checked_mounting(table["matrix"], where)
     return mountings
 
@@ -95,7 +97,9 @@ def mountings_of(mounting: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
     """The matrices (3, 3) of mountings by name, of a preset, or of a TOML file; an InputError for any other."""
     if not isinstance(mounting, str):
         return {name: checked_mounting(q, f"mounting '{name}'") for name, q in mounting.items()}
-    return {mounting: PRESETS[mounting]} if mounting in PRESETS else read_mounting_file(Path(mounting))
+    if mounting in PRESETS:
+        return {mounting: PRESETS[mounting]}
+    return read_mounting_file(Path(mounting))
 
 
 def mountings_for(record: PositionRecord, choice: Mapping[str, ArrayLike] | str) -> dict[str, NDArray]:
@@ -105,9 +109,12 @@ def mountings_for(record: PositionRecord, choice: Mapping[str, ArrayLike] | str)
     preset's name, or the path of a TOML file. An InputError for an unreadable file, a matrix that is no rotation, a
     mounting of the record without a matrix.
     """
-    option = choice if isinstance(choice, str) else ""
-    preset, source = option in PRESETS, f"--mounting {option}" if option else "mounting"
-    available = choice if not isinstance(choice, str) else PRESETS if preset else read_mounting_file(Path(choice))
+    option, source, available = "", "mounting", choice
+    if isinstance(choice, str):
+        option, source = choice, f"--mounting {choice}"
+        available = PRESETS if choice in PRESETS else read_mounting_file(Path(choice))
+    assert not isinstance(available, str)
+    preset = option in PRESETS
     if record.mounting is None:
         if preset:
             return {option: PRESETS[option]}
@@ -183,22 +190,26 @@ def every_position(p: Parametrisation, angles: NDArray) -> Positions:
 def table_position(p: Parametrisation, at: Positions, row: int, digits: int = 12) -> dict[str, Any]:
     """One of the positions as results write it: angles of the table [deg], and the mounting where there are several."""
     alpha, beta = np.round(np.degrees([at.alpha[row], at.beta[row]]), digits).tolist()
-    angles = {"alpha_deg": alpha, "beta_deg": beta}
-    return angles | ({"mounting": p.mountings[int(at.mounting[row])]} if len(p.mountings) > 1 else {})
+    place: dict[str, Any] = {"alpha_deg": alpha, "beta_deg": beta}
+    if len(p.mountings) > 1:
+        place["mounting"] = p.mountings[int(at.mounting[row])]
+    return place
 
 
 def parametrise(mountings: Mapping[str, ArrayLike], *, symmetric: bool = False) -> Parametrisation:
     """The parameters for these mountings (name -> Q) and this baseline."""
     names = tuple(mountings)
-    own_minus = {minus: plus for plus, minus in SYMMETRIC_PAIRS} if symmetric else {}
+    plus_of_minus: dict[str, str] = {}
+    if symmetric:
+        plus_of_minus = {minus: plus for plus, minus in SYMMETRIC_PAIRS}
 
     def place(target: str, name: str) -> str:
-        if target in MOUNTING_TARGETS:
-            return f"{target}@{name}" if len(names) > 1 else target
-        return own_minus.get(target, target)
+        if target in MOUNTING_TARGETS and len(names) > 1:
+            return f"{target}@{name}"
+        return plus_of_minus.get(target, target)
 
-    symbols = [target for target in TARGETS if target not in (*MOUNTING_TARGETS, *own_minus)]
-    symbols[-3:-3] = [place(target, name) for name in names for target in MOUNTING_TARGETS]
+    symbols = [target for target in TARGETS if target not in MOUNTING_TARGETS and target not in plus_of_minus]
+    symbols[-3:-3] = [place(target, name) for name, target in product(names, MOUNTING_TARGETS)]
     selection = np.zeros((len(names), len(TARGETS), len(symbols)))
     for k, name in enumerate(names):
         for row, target in enumerate(TARGETS):
@@ -218,7 +229,9 @@ def _arguments(p: Parametrisation, point: NDArray, at: Positions) -> tuple[NDArr
 
 
 def _selection(p: Parametrisation, at: Positions) -> NDArray:
-    return p.selection[0] if len(p.mountings) == 1 else p.selection[at.mounting]
+    if len(p.mountings) == 1:
+        return p.selection[0]
+    return p.selection[at.mounting]
 
 
 def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
@@ -227,7 +240,9 @@ def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
     @wraps(evaluate)
     def evaluated(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
         def of(rows: slice) -> NDArray:
-            return evaluate(p, point, at.selected(rows), *(() if sign is None else (sign[rows],)))
+            if sign is None:
+                return evaluate(p, point, at.selected(rows))
+            return evaluate(p, point, at.selected(rows), sign[rows])
 
         first, count = of(slice(BLOCK)), len(at.alpha)
         if count <= BLOCK:
@@ -244,13 +259,15 @@ def _in_blocks(evaluate: Callable[..., NDArray]) -> Callable[..., NDArray]:
 @_in_blocks
 def predicted_reading(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
     """The exact reading over g (N, 3) at a point (P,) of the parameters; `sign` as in `models.bench.target_reading`."""
-    return target_reading(*_arguments(p, point, at), sign, at.slips)
+    targets, alpha, beta, matrices = _arguments(p, point, at)
+    return target_reading(targets, alpha, beta, matrices, sign, at.slips)
 
 
 @_in_blocks
 def predicted_input(p: Parametrisation, point: NDArray, at: Positions) -> NDArray:
     """The inputs of the accelerometers (N, 3) [g], up to the factor (1 − Δg/g) that readings cannot tell."""
-    return input_direction(*_arguments(p, point, at), at.slips)
+    targets, alpha, beta, matrices = _arguments(p, point, at)
+    return input_direction(targets, alpha, beta, matrices, at.slips)
 
 
 @_in_blocks
@@ -267,7 +284,9 @@ def direction_jacobian(p: Parametrisation, point: NDArray, at: Positions) -> NDA
 
 def slip_jacobian(p: Parametrisation, point: NDArray, at: Positions, sign: NDArray | None = None) -> NDArray:
     """Derivatives (N, 3, 3) of `predicted_reading` by the slips, exact to rounding (complex step)."""
-    slips, step = np.zeros((len(at.alpha), 3)) if at.slips is None else at.slips, 1e-30
+    slips, step = at.slips, 1e-30
+    if slips is None:
+        slips = np.zeros((len(at.alpha), 3))
     moved = [predicted_reading(p, point, replace(at, slips=slips + 1j * step * axis), sign) for axis in np.eye(3)]
     return np.imag(np.stack(moved, axis=-1)) / step
 
@@ -381,4 +400,6 @@ def determined(jacobian: NDArray, noise_bound: float) -> NDArray:
     rows, missing = shortened(jacobian), max(0, jacobian.shape[1] - len(jacobian))
     _, values, directions = np.linalg.svd(np.pad(rows, ((0, missing), (0, 0))), full_matrices=False)
     large = values > least_singular(noise_bound)
-    return np.eye(len(directions)) if large.all() else directions[large].T
+    if large.all():
+        return np.eye(len(directions))
+    return directions[large].T

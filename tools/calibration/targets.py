@@ -97,7 +97,9 @@ def convention_targets(p: Parametrisation, convention: str) -> list[Target]:
     targets = []
     for parameter in p.symbols:
         target, at, mounting = parameter.partition("@")
-        symbol = SYMMETRIC_CONVENTION.get(target, target) if convention == "A2" else target
+        symbol = target
+        if convention == "A2":
+            symbol = SYMMETRIC_CONVENTION.get(target, target)
         name, unit = NAMES[symbol]
         symbol = SYMBOL.sub(lambda match, suffix=at + mounting: match[0] + suffix, symbol)
         targets.append(Target(symbol, name + at + mounting, unit, expression_weights(symbol, p)))
@@ -177,9 +179,10 @@ class _Expression:
     def _taken(self, signs: str) -> str:
         """The next sign where it is one of these, passed by; else nothing."""
         sign = self._peek()
-        passed = sign if sign and sign in signs else ""
-        self._at += len(passed)
-        return passed
+        if not sign or sign not in signs:
+            return ""
+        self._at += 1
+        return sign
 
     def _peek(self) -> str:
         while self._at < len(self._text) and self._text[self._at] in " \t":
@@ -189,7 +192,7 @@ class _Expression:
     def _sum(self) -> NDArray:
         value = self._product()
         while sign := self._taken("+-"):
-            value = value + (1.0 if sign == "+" else -1.0) * self._product()
+            value = value + float(f"{sign}1") * self._product()
         return value
 
     def _product(self) -> NDArray:
@@ -213,7 +216,7 @@ class _Expression:
             self._refuse("is nested too deeply")
         try:
             if sign := self._taken("+-"):
-                return self._factor() if sign == "+" else -self._factor()
+                return float(f"{sign}1") * self._factor()
             if self._taken("("):
                 value = self._sum()
                 if not self._taken(")"):
@@ -228,7 +231,9 @@ class _Expression:
             if symbol := SYMBOL.match(self._text, self._at):
                 self._at = symbol.end()
                 return np.append(self._symbol(symbol[0]), 0.0)
-            what = f"{first!r} is not expected here (character {self._at + 1})" if first else "ends too early"
+            what = "ends too early"
+            if first:
+                what = f"{first!r} is not expected here (character {self._at + 1})"
             self._refuse(f"{what}; write a combination of X1..X18 such as X4-X5")
             raise AssertionError
         finally:
@@ -246,7 +251,7 @@ class _Expression:
                 hint = nearest(word[0] if word else rest, self._p.mountings)
                 self._refuse(f"{symbol}@: there is no such mounting ({hint})")
             name = max(fitting, key=len)
-            if symbol not in (*IN_TARGETS, "X8", "X13"):
+            if symbol not in IN_TARGETS and symbol not in ("X8", "X13"):
                 self._refuse(f"{symbol} is common to all mountings; write it without @{name}")
             self._at += 1 + len(name)
             mounting = self._p.mountings.index(name)
@@ -262,8 +267,9 @@ class _Expression:
 
 def corners() -> list[tuple[int, tuple[int, int, int]]]:
     """Accelerometer and input for every combination of −1, 0, 1 that its reading depends on (Γ lower triangular)."""
-    inputs = {p: product((-1, 0, 1), (-1, 0, 1) if p > 1 else (0,), (-1, 0, 1) if p > 2 else (0,)) for p in (1, 2, 3)}
-    return [(p, n) for p, every in inputs.items() for n in every]
+    signs, none = (-1, 0, 1), (0,)
+    first, second, third = product(signs, none, none), product(signs, signs, none), product(signs, signs, signs)
+    return [(1, n) for n in first] + [(2, n) for n in second] + [(3, n) for n in third]
 
 
 def error_weights(p: Parametrisation) -> NDArray:

@@ -145,7 +145,10 @@ def turns_of(
     time = raw.time_s
     alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
     angle = np.zeros((len(time), 3))
-    steps = raw.increment[1:] if raw.increment is not None else mean_rates(gyros, rates) * np.diff(time)[:, None]
+    if raw.increment is not None:
+        steps = raw.increment[1:]
+    else:
+        steps = mean_rates(gyros, rates) * np.diff(time)[:, None]
     np.cumsum(steps, axis=0, out=angle[1:])
     coning = np.zeros_like(angle)
     np.cumsum(np.cross(steps[:-1], steps[1:]), axis=0, out=coning[2:])
@@ -156,12 +159,11 @@ def turns_of(
         ends.append((begin, end))
         if cuts := _steady_rows(time, alpha, beta, begin, end):
             ends += pairwise([begin, *cuts, end])
-    broken = np.cumsum(sampling.broken)
-    gap = np.cumsum(np.append(False, np.diff(time) > 1.5 * sampling.period))
-    limits = sampling.limits.of("w")
-    clipped = np.cumsum(limits)
-    sound = [(a, b) for a, b in ends if all(c[a] == c[b] for c in (broken, gap, clipped))]
-    first, last = np.array(sound, dtype=int).T
+    gap = np.append(False, np.diff(time) > 1.5 * sampling.period)
+    faults = np.cumsum([sampling.broken, gap, sampling.limits.of("w")], axis=1)
+    first, last = np.array(ends, dtype=int).T
+    sound = (faults[:, first] == faults[:, last]).all(axis=0)
+    first, last = first[sound], last[sound]
     turning = [slopes_of(values, time) for values in (alpha, beta)]
     faster = [slopes_of(values, time) for values in turning]
     growth = growth_of(np.stack([alpha, beta]), np.stack(turning), np.stack(faster))
@@ -205,7 +207,9 @@ def _smear(lag: float, period: float) -> float:
     the integral is off by τ (h - τ)/2. What leads is carried on by the last two, and off by τ (h + τ)/2.
     """
     size = abs(lag)
-    return 0.5 * size * (period + size) if lag < 0.0 else min(0.5 * size * period, period**2 / 8.0)
+    if lag < 0.0:
+        return 0.5 * size * (period + size)
+    return min(0.5 * size * period, period**2 / 8.0)
 
 
 def _noise(gyros: StrapdownRecord, sampling: Sampling, seconds: NDArray) -> NDArray[np.float64]:
@@ -304,7 +308,7 @@ class WithTurns(Linearisation):
     @property
     def symbols(self) -> tuple[str, ...]:
         """Names of the parameters."""
-        return (*self.parametrisation.symbols, *GYRO_PARAMETERS)
+        return self.parametrisation.symbols + tuple(GYRO_PARAMETERS)
 
     def residual_at(self, point: NDArray) -> NDArray:
         """Exact residuals of readings [g] and integrals [rad] at another point."""
