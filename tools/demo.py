@@ -34,13 +34,12 @@ from .reports.calibration import calibration_section, gyro_section
 from .reports.diagnosis import answer_of, sections_of
 from .reports.inspection import attitude_lines, attitude_section
 from .rounding import digits
-from .trials.bench import NOISE_BOUND, true_elementary
+from .trials.bench import NOISE_BOUND, draw_whole, true_elementary
 from .trials.case import Case
 from .trials.draw import draw_alone
 from .trials.outcome import judged
 from .trials.sizes import Hidden
 from .trials.suite import write_hidden_record
-from .trials.whole import draw_whole
 
 IMU_CALIBRATION = "imu-calibration.toml"
 SHORTER = {

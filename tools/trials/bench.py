@@ -1,32 +1,32 @@
-"""Benches to hide effects in: truth, mountings, positions in random order, what could be known at best, what they read.
+"""Benches to hide effects in: truth, mountings, positions in random order, and what the instruments on them read.
 
-The components are simulated in time, with the effects composed in.
+A bench has a table and accelerometers; a whole bench has gyros, too, which see the table turn. The components are
+simulated in time, with the effects composed in.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.bench import ELEMENTARY, elementary, elementary_reading
-from ...models.effects import POSITION_EFFECTS, Effect
-from ..calibration.calibration import Asked, fit_record
-from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
+from ...models.bench import ELEMENTARY, elementary
+from ..calibration.gyros import Bench as Place
+from ..calibration.model import PRESETS
 from ..diagnosis.cause import NamedEffect
 from ..evidence.bench import Bench as Evidence
-from ..evidence.bench_predictions import dense_spaces
-from ..evidence.bench_visits import Circumstances, circumstances_of
-from ..evidence.fit import Classes, composed
+from ..evidence.bench_travel import OF_GYROS
+from ..evidence.fit import composed
+from ..evidence.of_record import plain
 from ..orchestrator import simulate
 from ..orchestrator.scenario import Scenario
 from ..records import PositionRecord, RawRecord, read_record
 from ..records.rests import average_rests, find_rests
+from .block import UNDERSAMPLING, without_coning
 from .sizes import RECORD_DECIMALS, Hidden, Secret
 
 NOISE_BOUND = 1e-5
@@ -49,6 +49,7 @@ ENCODER_FLUCTUATION = math.radians(0.4 / 3600.0)
 BLOCK_NOISE = NOISE_BOUND - 1.05 * ENCODER_FLUCTUATION
 """Bound of the block's own error [g]."""
 STEP_S, FINE_STEP_S = 0.25, 0.05
+"""Steps of a run without gyros; the finer one where an effect depends on which axis moved last."""
 LONGEST_RUN_S = 4000.0
 """The temperature is laid down for so long."""
 HELD = 0.9
@@ -57,28 +58,66 @@ ERRORS = 1
 """Number of the stream of random numbers that errors are drawn from."""
 
 
+WHOLE_STEP_S, WHOLE_DWELL_S = 0.02, 4.0
+"""A record of a whole bench has fifty rows a second; the table rests so long at each position."""
+ROW_NOISE, GYRO_NOISE = 8e-6, 4e-6
+"""Bounds of a gyro's error in one row and of its mean over one second, six standard deviations [rad/s]: 0.002°/√h."""
+POSITIONS = (24, 40)
+"""Fewest and most positions between which the table takes the shorter way."""
+TURNS = ((720.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 180.0), (720.0, 270.0), (90.0, 270.0), (90.0, 990.0))
+"""Positions [deg] that follow: whole turns about the outer axis at several inner angles, then about the inner one."""
+
+
 @dataclass(frozen=True)
 class Bench:
-    """A bench and its programme of positions."""
+    """A bench and its programme of positions.
+
+    Attributes
+    ----------
+    truth : dict
+        component -> variable -> value; a whole bench has a "GyroBlock"
+    symmetric : bool
+        the block's scale factors do not depend on the sign
+    mountings : tuple of str
+        presets, one or two
+    mounting_errors : tuple
+        rotation vector [rad] of each mounting
+    alpha, beta : (N,) array
+        commanded angles [rad]; of a whole bench they count whole turns
+    mounting : (N,) array
+        which mounting each position is measured in
+    noise : str
+        one of "uniform", "edge" and "correlated"
+    latitude, azimuth : float
+        of the outer axis of a whole bench [rad]
+    step_s : float
+        from one row of a whole bench's record to the next [s]
+    """
 
     truth: dict[str, dict[str, Any]]
-    """component -> variable -> value"""
     symmetric: bool
-    """the block's scale factors do not depend on the sign"""
     mountings: tuple[str, ...]
-    """presets, one or two"""
     mounting_errors: tuple[tuple[float, ...], ...]
-    """rotation vector [rad] of each mounting"""
     alpha: NDArray
     beta: NDArray
-    """(N,): commanded angles [rad]"""
     mounting: NDArray
-    """(N,): which mounting each position is measured in"""
     noise: str = "uniform"
-    """one of "uniform", "edge" and "correlated" """
+    latitude: float = 0.0
+    azimuth: float = 0.0
+    step_s: float = WHOLE_STEP_S
 
-    decimals: ClassVar[int | None] = RECORD_DECIMALS
-    """of the numbers of its record"""
+    reference = None
+    """What a record of a block in the hand is held against; a bench needs nothing."""
+
+    @property
+    def whole(self) -> bool:
+        """Whether it has gyros."""
+        return "GyroBlock" in self.truth
+
+    @property
+    def decimals(self) -> int | None:
+        """Of the numbers of its record; None: they are written whole."""
+        return None if self.whole else RECORD_DECIMALS
 
     @property
     def baseline(self) -> str:
@@ -86,32 +125,58 @@ class Bench:
         return "symmetric" if self.symmetric else "asymmetric"
 
     @property
-    def asked(self) -> dict[str, Any]:
-        """What is known beside the record: σ, the mountings and the kind of block."""
-        return {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
+    def place(self) -> Place:
+        """What a laboratory says of its whole bench."""
+        latitude, azimuth = math.degrees(self.latitude), math.degrees(self.azimuth)
+        return Place(latitude, azimuth, GYRO_NOISE, encoder_bound=ENCODER_FLUCTUATION)
 
-    def as_measured(self, record: PositionRecord) -> PositionRecord | RawRecord:
-        """The record as a laboratory has it: of a whole bench the series, not its rests."""
-        return record
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What is known beside the record: σ, the mountings, the kind of block, and where a whole bench stands."""
+        known = {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
+        return known | {"bench": self.place} if self.whole else known
+
+    @property
+    def matrices(self) -> dict[str, NDArray]:
+        """Q by name."""
+        return {name: PRESETS[name] for name in self.mountings}
 
     @property
     def table(self) -> Mapping[str, Any]:
         """The true parameters of the table."""
         return self.truth["TurntableMotion"]
 
+    def as_measured(self, record: PositionRecord) -> PositionRecord | RawRecord:
+        """The record as a laboratory has it: of a whole bench the series, not its rests."""
+        if not self.whole:
+            return record
+        assert record.raw is not None
+        return record.raw
+
     def as_recorded(self, hidden: Sequence[Hidden], evidence: Evidence) -> tuple[Hidden, ...]:
         """What is hidden by the clock of the record: only it says when its first rest was.
 
-        What changes within a rest may take a part of it away.
+        What changes within a rest may take a part of it away. What gyros do counts from the record's first row, as the
+        run does.
         """
         seen = evidence.readings.circumstances
-        warm = None if seen.temperature is None else (float(temperature_at(np.zeros(1))[0]), float(seen.temperature[0]))
-        return tuple(one.since(seen.began / 3600.0, warm) for one in hidden)
+        warm = None
+        if seen.temperature is not None:
+            warm = (float(temperature_at(np.zeros(1))[0]), float(seen.temperature[0]))
+        recorded = []
+        for effect in hidden:
+            if self.whole and effect.place.definition.component in OF_GYROS:
+                recorded.append(effect)
+            else:
+                recorded.append(effect.since(seen.began / 3600.0, warm))
+        return tuple(recorded)
 
     def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
         """The secret and the true parameters, for whoever wants to compare."""
-        told = [{**NamedEffect.keys(one.place), "parameters": one.parameters} for one in hidden]
-        return {"hidden": told[0] if told else {"effect": None}, "seed": seed, "truth": self.truth}
+        secret: dict[str, Any] = {"effect": None}
+        if hidden:
+            secret = {**NamedEffect.keys(hidden[0].place), "parameters": hidden[0].parameters}
+        return {"hidden": secret, "seed": seed, "truth": self.truth}
 
     def told(self, seed: int, index: int, hidden: Sequence[Hidden]) -> dict[str, Any]:
         """The case, as its outcome tells it."""
@@ -125,15 +190,6 @@ class Bench:
             "hidden": tuple(map(Secret.hidden, hidden)),
         }
 
-    def found(self, errors: tuple[float, ...], result: Any) -> dict[str, Any]:
-        """What a diagnosis made of it beside verdict and names."""
-        return {"errors": errors}
-
-    @property
-    def matrices(self) -> dict[str, NDArray]:
-        """Q by name."""
-        return {name: PRESETS[name] for name in self.mountings}
-
     def measured(
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
     ) -> PositionRecord:
@@ -141,16 +197,19 @@ class Bench:
 
         With the index of the case in its suite the seed decides everything, and the record has nine decimals. Without
         one it is a record by itself, as a laboratory makes it: errors vary within rests, those that drift are left out.
+        Of a whole bench these are the rests of the series.
 
         Slews, dwells and temperature are simulated with the physical components. With two mountings the whole programme
         is run in each, and each gives the positions that are its own: the clock goes on. Uniform errors are the
         components' own; errors at ±σ, and those that wander, are added to the averaged readings.
         """
+        if self.whole:
+            return self._measured_whole(seed * 100_003 + (index or 0), hidden, progress=progress)
         alone = index is None
         first = seed if alone else int(np.random.default_rng([seed, index, 0]).integers(2**31))
         runs = []
-        for k in range(len(self.mountings)):
-            scenario = self.scenario(hidden, k, first + k, alone=alone)
+        for mounting in range(len(self.mountings)):
+            scenario = self.scenario(hidden, first + mounting, mounting, alone=alone)
             runs.append(record_of(scenario, every=not alone, progress=progress))
         if not alone and any(len(run) != len(self.alpha) for run in runs):
             raise ValueError(f"case {index} of seed {seed}: a rest of the programme was not found")
@@ -159,31 +218,53 @@ class Bench:
         if self.noise != "uniform":
             rng = np.random.default_rng([seed, index or 0, ERRORS])
             error = NOISE_BOUND * drawn_errors(rng, self.noise, len(error))
-        for one in hidden:
-            if one.place.effect == "outlier":
-                error[int(one.place.where.removeprefix("position-")) - 1, one.place.axes[0] - 1] += one.values[0]
+        for effect in hidden:
+            if effect.place.effect == "outlier":
+                row = int(effect.place.where.removeprefix("position-")) - 1
+                error[row, effect.place.axes[0] - 1] += effect.values[0]
         force = record.specific_force + STANDARD_GRAVITY * error
         if alone:
             return replace(record, specific_force=force)
         written = np.round(force, RECORD_DECIMALS)
         return replace(record, specific_force=written, resolution=0.5 * 10.0**-RECORD_DECIMALS)
 
-    def scenario(self, hidden: Sequence[Hidden], mounting: int, seed: int, *, alone: bool) -> Scenario:
-        """The scenario in which the table carries the block, in a mounting of this number, from position to position.
+    def _measured_whole(self, seed: int, hidden: Sequence[Hidden], *, progress: bool) -> PositionRecord:
+        rests = read_record(simulate(self.scenario(hidden, seed), progress=progress).table, PositionRecord)
+        raw: Any = rests.raw
+        for effect in hidden:
+            if effect.place.effect == UNDERSAMPLING and raw.increment is not None:
+                raw = replace(raw, increment=without_coning(raw.increment, effect.values[0]))
+        about = {name: str(value) for name, value in vars(self.place).items() if value is not None}
+        return replace(rests, raw=replace(raw, about=about))
 
-        `seed` is that of the components' errors.
+    def scenario(self, hidden: Sequence[Hidden], seed: int, mounting: int = 0, *, alone: bool = True) -> Scenario:
+        """The scenario in which the table carries the blocks, in a mounting of this number, from position to position.
+
+        `seed` is that of the components' errors; `alone` says whether errors vary within rests.
         """
         own_errors = self.noise == "uniform"
-        # Within a step it cannot be seen which axis changed an input last.
-        fine = not alone and any(one.place.effect == "hysteresis" for one in hidden)
-        seconds = np.arange(0.0, LONGEST_RUN_S, 1.0)
+        angles_deg = np.degrees([self.alpha, self.beta])
+        # Every position has a move before it, whose sense the record can tell.
+        initial = [float(self.alpha[0]) - START_APART, float(self.beta[0]) - START_APART]
+        dwell_s, step_s = DWELL_S, STEP_S
+        place, gyros = {}, {}
+        if self.whole:
+            # The first command's own digits: what rounding leaves would be a move, whose sense no record tells.
+            initial = np.radians(angles_deg[:, 0]).tolist()
+            dwell_s, step_s = WHOLE_DWELL_S, self.step_s
+            place = {"latitude": self.latitude, "azimuth": self.azimuth}
+            parameters = {**self.truth["GyroBlock"], "noise_bound": ROW_NOISE, "seed": (seed + 2) % 2**31}
+            gyros = {"gyros": ("GyroBlock", parameters)}
+        elif not alone and any(effect.place.effect == "hysteresis" for effect in hidden):
+            # Within a step it cannot be seen which axis changed an input last.
+            step_s = FINE_STEP_S
         table = {
             **self.truth["TurntableMotion"],
             "mounting": PRESETS[self.mountings[mounting]].ravel().tolist(),
             "mounting_error": list(self.mounting_errors[mounting]),
             "encoder_fluctuation_bound": ENCODER_FLUCTUATION if own_errors else 0.0,
-            # Every position has a move before it, whose sense the record can tell.
-            "initial_angle": [float(self.alpha[0]) - START_APART, float(self.beta[0]) - START_APART],
+            "initial_angle": initial,
+            **place,
             "seed": seed % 2**31,
         }
         block = {
@@ -191,32 +272,37 @@ class Bench:
             "noise_bound": BLOCK_NOISE if own_errors else 0.0,
             # An error that is held over a rest is uniform within its bound; a mean of several would be small.
             "held_fraction": 0.8 if alone else 1.0,
-            "seed": seed % 2**31,
+            "seed": (seed + self.whole) % 2**31,
         }
-        commands = {"alpha_deg": np.degrees(self.alpha).tolist(), "beta_deg": np.degrees(self.beta).tolist()}
+        seconds = np.arange(0.0, LONGEST_RUN_S, 1.0)
         warmth = {"time_s": seconds.tolist(), "temperature_degC": temperature_at(seconds / 3600.0).tolist()}
+        wires = [("table", "block", name, name) for name in ("specific_force", "angle", "dwell")]
+        increments = {}
+        if self.whole:
+            wires.append(("table", "block", "block_rate", "rate"))
+            wires += [("table", "gyros", name, name) for name in ("increment", "specific_force")]
+            increments = {f"dtheta{p}_rad": f"gyros.increment_reading[{p}]" for p in (1, 2, 3)}
+        warmed = [f"{name}.temperature" for name in ("table", "block", *gyros)]
         return composed(
             "a measured record",
-            {"table": ("TurntableMotion", table), "block": ("AccelerometerBlock", block)},
-            [one.entry for one in hidden if one.place.effect != "outlier"],
+            {"table": ("TurntableMotion", table), "block": ("AccelerometerBlock", block), **gyros},
+            [effect.entry for effect in hidden if effect.place.effect not in ("outlier", UNDERSAMPLING)],
             {
                 "alpha_deg": "table.angle_reading[1]",
                 "beta_deg": "table.angle_reading[2]",
+                **increments,
                 **{f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)},
                 "temperature_degC": "block.temperature",
             },
-            run={"step_s": FINE_STEP_S if fine else STEP_S},
-            connections=[
-                {"from": "table.specific_force", "to": "block.specific_force"},
-                {"from": "table.angle", "to": "block.angle"},
-                {"from": "table.dwell", "to": "block.dwell"},
-            ],
+            run={"step_s": step_s},
+            connections=[{"from": f"{a}.{out}", "to": f"{b}.{into}"} for a, b, out, into in wires],
             stimuli=[
-                {"to": "table.command", "table": commands, "dwell_s": DWELL_S},
                 {
-                    "table": warmth,
-                    "columns": dict.fromkeys(("table.temperature", "block.temperature"), "temperature_degC"),
+                    "to": "table.command",
+                    "table": {"alpha_deg": angles_deg[0].tolist(), "beta_deg": angles_deg[1].tolist()},
+                    "dwell_s": dwell_s,
                 },
+                {"table": warmth, "columns": dict.fromkeys(warmed, "temperature_degC")},
             ],
         )
 
@@ -226,14 +312,13 @@ class Bench:
         if len(records) == 1:
             return first
         rows = np.arange(len(self.mounting))
-
-        def own(name: str) -> NDArray | None:
-            columns = [getattr(record, name) for record in records]
-            return None if any(column is None for column in columns) else np.stack(columns)[self.mounting, rows]
-
+        columns: dict[str, Any] = {}
         angles = ("alpha", "beta", "approach_alpha", "approach_beta")
-        names = ("time_s", *angles, "specific_force", "temperature", "scatter")
-        columns: dict[str, Any] = {name: own(name) for name in names}
+        for name in ("time_s", *angles, "specific_force", "temperature", "scatter"):
+            runs = [getattr(record, name) for record in records]
+            columns[name] = None
+            if not any(run is None for run in runs):
+                columns[name] = np.stack(runs)[self.mounting, rows]
         return replace(first, mounting=tuple(self.mountings[k] for k in self.mounting), **columns)
 
 
@@ -339,68 +424,72 @@ def true_elementary(truth: Mapping[str, Mapping[str, Any]], mounting_error: tupl
     return elementary(**{name: value for name, value in values.items() if name in ELEMENTARY})
 
 
-def faultless_record(bench: Bench) -> PositionRecord:
-    """What the bench would read without secret and without noise, in about the circumstances of its run."""
-    reading = np.zeros((len(bench.alpha), 3))
-    for k, name in enumerate(bench.mountings):
-        rows = bench.mounting == k
-        parameters = true_elementary(bench.truth, bench.mounting_errors[k])
-        reading[rows] = elementary_reading(parameters, bench.alpha[rows], bench.beta[rows], PRESETS[name])
-    ways = np.stack([np.diff(angle, prepend=angle[0] - START_APART) for angle in (bench.alpha, bench.beta)], axis=1)
-    size = np.abs(ways)
-    long = RATE**2 / ACCELERATION
-    move = np.where(size > long, size / RATE + RATE / ACCELERATION, 2.0 * np.sqrt(size / ACCELERATION)).max(axis=1)
-    # A move ends with a step of the run; a row has the time of the middle of its rest.
-    time = np.cumsum(np.ceil(move / STEP_S - 1e-6) * STEP_S + DWELL_S) - 0.5 * DWELL_S
-    senses = np.sign(ways)
-    for row in range(1, len(senses)):
-        senses[row] = np.where(senses[row] == 0.0, senses[row - 1], senses[row])
-    names = tuple(bench.mountings[k] for k in bench.mounting) if len(bench.mountings) > 1 else None
-    return PositionRecord(
-        position=np.arange(1, len(reading) + 1),
-        time_s=time,
-        alpha=bench.alpha,
-        beta=bench.beta,
-        specific_force=STANDARD_GRAVITY * reading,
-        temperature=temperature_at(time / 3600.0),
-        approach_alpha=senses[:, 0],
-        approach_beta=senses[:, 1],
-        mounting=names,
+def draw_whole(rng: np.random.Generator) -> Bench:
+    """Draw a bench, accelerometers and gyros within usual bounds, positions, and whole turns after them."""
+    truth = draw_truth(rng, symmetric=False)
+    truth["GyroBlock"] = {
+        "bias": rng.uniform(-2e-3, 2e-3, 3).tolist(),
+        "scale_misalignment": rng.uniform(-8e-3, 8e-3, 9).tolist(),
+    }
+    count = int(rng.integers(POSITIONS[0], POSITIONS[1] + 1))
+    drawn = rng.uniform(-math.pi, math.pi, (count, 2))
+    angles = np.vstack([drawn, [[0.0, 0.0]], np.radians(TURNS)])
+    error = tuple(truth["TurntableMotion"]["mounting_error"])
+    latitude, azimuth = float(rng.uniform(-1.2, 1.2)), float(rng.uniform(-math.pi, math.pi))
+    alpha, beta = angles.T
+    return Bench(
+        truth,
+        False,
+        ("identity",),
+        (error,),
+        alpha,
+        beta,
+        np.zeros(len(alpha), dtype=int),
+        "uniform",
+        latitude,
+        azimuth,
     )
 
 
-def expected(bench: Bench) -> tuple[Linearisation, Circumstances]:
-    """The model at the truth, with the bounds of the readings, and the circumstances of the rows."""
-    record = faultless_record(bench)
-    here = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
-    return here, circumstances_of(record)
+def draw_days(rng: np.random.Generator, count: int, positions: tuple[int, int], noise: str = "uniform") -> list[Bench]:
+    """Draw the benches of one block on so many days, its scale factors depending on the sign, in one mounting.
 
-
-def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDArray, *, symmetric: bool):
-    """The model linearised at a faultless bench, at positions in the first mounting.
-
-    Returns
-    -------
-    Linearisation
+    Its bias, its mounting, the table and the positions are each day's own.
     """
-    p = parametrise(mountings, symmetric=symmetric)
-    count = len(alpha)
-    at = Positions(alpha, beta, np.zeros(count, dtype=int))
-    return linearise(p, at, np.zeros((count, 3)), np.zeros(len(p.symbols)), np.full(3 * count, NOISE_BOUND))
+    truth, days = draw_truth(rng, symmetric=False), []
+    for _ in range(count):
+        bench, of_day = draw_bench(rng, positions), draw_truth(rng, symmetric=False)
+        # What the inner axis does on all days has one phase where the zero of its encoder is one.
+        shared = {name: truth["TurntableMotion"][name] for name in ("gravity_error", "beta_offset")}
+        table = {**of_day["TurntableMotion"], **shared}
+        block = {**truth["AccelerometerBlock"], "bias": of_day["AccelerometerBlock"]["bias"]}
+        day = replace(
+            bench,
+            truth={"TurntableMotion": table, "AccelerometerBlock": block},
+            symmetric=False,
+            mountings=("identity",),
+            mounting_errors=bench.mounting_errors[:1],
+            mounting=np.zeros(len(bench.alpha), dtype=int),
+            noise=noise,
+        )
+        days.append(day)
+    return days
 
 
-def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
-    """Effects that are linear, sorted into what these mountings can tell apart."""
-    return _classes_with(mountings, tuple(POSITION_EFFECTS.values()), symmetric)
-
-
-@lru_cache(maxsize=64)
-def _classes_with(mountings: tuple[str, ...], effects: tuple[Effect, ...], symmetric: bool) -> Classes:
-    p = parametrise({name: PRESETS[name] for name in mountings}, symmetric=symmetric)
-    baseline = "symmetric" if symmetric else "asymmetric"
-    linear = [e for e in effects if e.within != baseline and e.variants is None]
-    places = [place for effect in linear for place in effect.places]
-    return Classes.of(places, dense_spaces(p, places))
+def measured_on_days(
+    days: Sequence[Bench], seed: int, index: int | None, hidden: Sequence[Hidden], *, progress: bool = False
+) -> dict[str, PositionRecord]:
+    """The records of one block on several days, by label; an effect `in_record` acts in that one alone."""
+    seed = seed if index is None else int(np.random.default_rng([seed, index, 0]).integers(2**31))
+    records = {}
+    for number, bench in enumerate(days):
+        label = f"record-{number + 1}"
+        acting = []
+        for effect in hidden:
+            if getattr(effect.place, "record", label) == label:
+                acting.append(replace(effect, place=plain(effect.place)))
+        records[label] = bench.measured(seed, number, acting, progress=progress)
+    return records
 
 
 def record_of(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:

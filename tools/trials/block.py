@@ -158,11 +158,6 @@ class Block:
         """The case, as its outcome tells it."""
         return {**self.answer(seed, index, hidden), "rows": len(self.motion) - 1}
 
-    def found(self, errors: tuple[float, ...], result: Any) -> dict[str, Any]:
-        """What a diagnosis made of it beside verdict and names."""
-        why = "; ".join((*(result.not_named or ()), *map(str, result.missing or ())))
-        return {"error": errors[0] if errors else None, "why": why}
-
     def measured(
         self, seed: int, index: int | None = None, hidden: Sequence[Hidden] = (), *, progress: bool = False
     ) -> StrapdownRecord:

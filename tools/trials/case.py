@@ -6,6 +6,7 @@ from typing import Any
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 from ..errors import InputError, nearest
 from ..own_effects import OwnEffects
+from .bench import Bench, measured_on_days
 from .sizes import Hidden
 
 MODES = ("clean", "single", "between", "pairs")
@@ -30,11 +31,13 @@ class Case:
     index: int | None
     """of the case in its suite, with the seed it decides everything; None: a record by itself"""
     instrument: Any
-    """`Bench` of a record of a table's positions, `Days` of several of one block, or `Block` moved by hand"""
+    """`Bench` with a table, or `Block` moved by hand"""
     hidden: tuple[Hidden, ...] = ()
     """empty for a clean record"""
     redrawn: int = 0
     """effects that were drawn and put aside, as no possible size would do"""
+    days: tuple[Bench, ...] = ()
+    """of several records of one block: the bench of each day, the first one the instrument"""
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
@@ -43,6 +46,8 @@ class Case:
 
     def measured(self, *, progress: bool = False) -> Any:
         """The record, of positions or strapdown, or several by label: what a laboratory would hand over."""
+        if self.days:
+            return measured_on_days(self.days, self.seed, self.index, self.hidden, progress=progress)
         return self.instrument.measured(self.seed, self.index, self.hidden, progress=progress)
 
     def answer(self) -> dict[str, Any]:

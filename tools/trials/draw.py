@@ -1,36 +1,32 @@
 """Cases drawn from a seed: an instrument, what is hidden in it, and how large that is against what must be seen."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace
-from ...models.effects.last_stage import place_of
-from ...models.effects.settling import beginnings
+from ...models.effects import POSITION_EFFECTS, EffectPlace
 from ..bounded.programmes import chebyshev_radius
-from ..calibration.model import Linearisation
 from ..errors import InputError, nearest
+from ..evidence.bench import bench_evidence
 from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_columns
 from ..evidence.carried import Carried
 from ..evidence.carried_record import linear_evidence
 from ..evidence.evidence import Evidence
-from ..evidence.fit import Classes, contains
+from ..evidence.joint import join
 from ..motion.inspect import inspect_record
 from ..motion.norm import norm_values
 from .bench import (
     DWELL_S,
     NOISE_BOUND,
     bench_positions,
-    classes_with,
     draw_bench,
+    draw_days,
     draw_truth,
-    expected,
-    faultless_model,
+    draw_whole,
     plain_bench,
     temperature_at,
 )
@@ -44,29 +40,12 @@ from .block import (
     draw_instruments,
     draw_motion,
 )
-from .case import NOISES, TAKEN_OUT, Case, Options, check_seed, hidden_effects
-from .days import Days, draw_shared_and_own, joined
-from .sizes import (
-    Hidden,
-    SureSizes,
-    Way,
-    draw_direction,
-    drawn_time,
-    largest_size,
-    level_margins,
-    sizes_of_way,
-    sure_sizes,
-)
-from .whole import draw_whole, hidden_in
+from .case import NOISES, TAKEN_OUT, Case, Options, check_seed
+from .hiding import TRIES, Drawing, draw_place, draw_shared_and_own, faultless_model, hidden_in
+from .sizes import Hidden, draw_direction, drawn_time
 
-ADDING = ("reading_effects", "geometry_effects")
-"""Stages of effects that are not linear but for a time that is found."""
-ABOVE = 1.5
-"""So many times the size that excludes every rival an effect has, where it is to be named."""
-MOST_ABOVE = 30.0
-"""So many times the size of sure detection is the most where nothing else limits it."""
-TRIES, BLOCK_TRIES = 10, 40
-"""Effects that are drawn for one bench before another one is drawn; for one moved block."""
+BLOCK_TRIES = 40
+"""Effects that are drawn for one moved block."""
 MOST_BENCHES = 60
 """Benches that are drawn for one case."""
 ALONE_SIZES = (3.0, 6.0)
@@ -86,243 +65,66 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
     InputError
         no bench that was drawn can hide such effects at such sizes, or the record of the moved block cannot show them
     """
-    if options.whole:
-        return _draw_whole_case(options, seed, index)
-    if options.records > 1:
-        return _draw_days_case(options, seed, index)
-    if not options.strapdown:
-        return _draw_bench_case(options, seed, index)
-    clean = draw_clean_block(seed, index)
-    return clean if options.mode == "clean" else _hidden_in_block(clean, options)
-
-
-# Records of a table's positions, in suites
-
-
-def _draw_bench_case(options: Options, seed: int, index: int) -> Case:
-    """Draw a bench and what is hidden in it."""
-    rng = np.random.default_rng([seed, index])
-    noise = NOISES[index % len(NOISES)] if options.noise == "all" else options.noise
-    redrawn = 0
-    for _ in range(MOST_BENCHES):
-        bench = replace(draw_bench(rng, options.positions), noise=noise)
-        if options.mode == "clean":
-            return Case(seed, index, bench)
-        here, circumstances = expected(bench)
-        if here.deficient:
-            redrawn += 1
-            continue
-        drawing = _Drawing(rng, options, here, circumstances, classes_with(bench.mountings, symmetric=bench.symmetric))
-        for _ in range(TRIES if drawing.names else 0):
-            hidden = drawing.pair() if options.mode == "pairs" else drawing.single()
-            if hidden is not None:
-                # What rounds or clips has to act on errors that are there already.
-                own = all(h.place.definition.variants is None for h in hidden)
-                return Case(seed, index, bench if own else replace(bench, noise="uniform"), hidden, redrawn)
-            redrawn += 1
-    raise InputError(
-        f"--mode {options.mode}: no bench of {MOST_BENCHES} with {options.positions[0]} to {options.positions[1]} "
-        "positions can hide such an effect at such a size; allow more --positions, or other --effects"
-    )
-
-
-def _draw_whole_case(options: Options, seed: int, index: int) -> Case:
-    """Draw a whole bench and what is hidden in it."""
-    rng = np.random.default_rng([seed, index])
-    for redrawn in range(MOST_BENCHES):
-        clean = Case(seed, index, draw_whole(rng), redrawn=redrawn)
-        if options.mode == "clean":
-            return clean
-        hidden = hidden_in(rng, clean.instrument, clean.measured(), options, ABOVE)
-        if hidden is not None:
-            return replace(clean, hidden=(hidden,))
-    raise InputError(f"--mode {options.mode}: no whole bench of {MOST_BENCHES} can hide such an effect at such a size")
-
-
-def _draw_days_case(options: Options, seed: int, index: int) -> Case:
-    """Draw a block on several days, and what is hidden in all records and in one."""
+    if options.strapdown and not options.whole and options.records == 1:
+        clean = draw_clean_block(seed, index)
+        return clean if options.mode == "clean" else _hidden_in_block(clean, options)
     rng, redrawn = np.random.default_rng([seed, index]), 0
     noise = NOISES[index % len(NOISES)] if options.noise == "all" else options.noise
     for _ in range(MOST_BENCHES):
-        count = int(rng.integers(options.positions[0], options.positions[1] + 1))
-        days = Days.drawn(rng, options.records, (count, count), noise)
+        clean = _clean_bench(rng, options, noise, Case(seed, index, None))
         if options.mode == "clean":
-            return Case(seed, index, days)
-        joint = joined(days.measured(seed, index))
-        for _ in range(0 if joint.missing() else TRIES):
-            if (hidden := draw_shared_and_own(rng, joint, ABOVE, options.effects)) is not None:
-                return Case(seed, index, days, hidden, redrawn)
+            return replace(clean, redrawn=redrawn)
+        for hidden in _tried(rng, options, clean):
+            if hidden is not None:
+                return replace(_as_it_can_be_read(clean, hidden), hidden=hidden, redrawn=redrawn)
             redrawn += 1
-    raise InputError(
-        f"--records {options.records}: no instrument of {MOST_BENCHES} can hide such effects at such sizes; allow more "
-        "--positions, or other --effects"
-    )
-
-
-@dataclass(frozen=True)
-class _Drawing:
-    """What is known of a bench at best, and effects drawn for it: None where no possible size would do."""
-
-    rng: np.random.Generator
-    options: Options
-    here: Linearisation
-    circumstances: Circumstances
-    classes: Classes
-
-    @cached_property
-    def linear(self) -> list[EffectPlace]:
-        """Every linear effect that is not wholly in the nominal model, those that stand for another one too."""
-        return [place for first in self.classes.places for place in self.classes.whole_class(first)]
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of effects that this bench can hide."""
-        seen, alone = {place.effect for place in self.linear}, self.options.mode != "pairs"
-        names = [
-            effect.name
-            for effect in (POSITION_EFFECTS[name] for name in hidden_effects())
-            if effect.name in seen or effect.name == "outlier" or (effect.variants is not None and alone)
-        ]
-        return tuple(name for name in names if not self.options.effects or name in self.options.effects)
-
-    def drawn(self) -> tuple[EffectPlace, NDArray]:
-        """One of the effects at one of its places, and a direction of its coefficients."""
-        name = self.names[self.rng.integers(len(self.names))]
-        return _draw_place(self.rng, name, self.linear, len(self.here.reading))
-
-    def sizes(
-        self, place: EffectPlace, direction: NDArray, apart: Sequence[EffectPlace], beside: Sequence[EffectPlace] = ()
-    ) -> SureSizes:
-        """The sizes of an effect against one rival of each class that is that of none of some effects."""
-        rivals = [p for p in self.classes.places if not set(self.classes.whole_class(p)) & set(apart)] if apart else []
-        ways = self.other_ways(place) if apart else []
-        return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside, ways=ways)
-
-    @cached_property
-    def ways(self) -> list[Way]:
-        """Every effect that is not linear and adds to a reading, or turns the block, in each of its ways."""
-        rows = Visits.of(self.here, self.circumstances).rows(self.here.point)
-        known = [effect for effect in POSITION_EFFECTS.values() if effect.variants and effect.stage in ADDING]
-        return [
-            (place, way)
-            for effect in known
-            for place in effect.places
-            for way in effect.variants(place, rows, rows.prediction, NOISE_BOUND)  # type: ignore[misc]
-        ]
-
-    def other_ways(self, place: EffectPlace) -> list[Way]:
-        """Ways of all effects but an effect itself and those that contain it, which are no rivals."""
-        return [way for way in self.ways if way[0] != place and not contains([way[0]], [place])]
-
-    def in_way(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
-        """An effect that is not linear in one of its ways, at a size of the mode."""
-        own, options = [way for other, way in self.ways if other == place], self.options
-        way = own[self.rng.integers(len(own))]
-        unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
-        if way.sizes is not None and len(way.sizes) > 1:
-            # What it was before is somewhere between the ends of what it may have been.
-            unit = self.rng.dirichlet(np.ones(len(unit))) * unit.sum()
-        if way.slipped is not None:
-            unit = self.rng.normal(size=len(unit))
-            unit /= np.linalg.norm(unit)
-        sizes = sizes_of_way(
-            self.here, self.circumstances, way.columns @ unit, self.classes.places, self.other_ways(place)
-        )
-        low, high = sizes.detected, min(sizes.excluded, MOST_ABOVE * sizes.detected)
-        if options.size is not None:
-            low, high = (sizes.detected * end for end in options.size)
-        elif options.mode == "single":
-            low = high = ABOVE * sizes.excluded
-        size = low + (high - low) * float(self.rng.random())
-        values = way.values(size * unit) if np.isfinite(size) else (np.inf,)
-        parameters = place.definition.parameters
-        if not all(parameter.possible(value) for parameter, value in zip(parameters, values, strict=False)):
-            return None
-        # The run begins before the record's first row.
-        warmth, first = self.circumstances.temperature, float(temperature_at(np.zeros(1))[0])
-        warm = None if warmth is None else (first, float(warmth[0]))
-        hidden = Hidden(place, values, float(size), sizes).since(-self.circumstances.began / 3600.0, warm)
-        if "settling" in hidden.parameters and warmth is not None:
-            # Then, too, the lag was where it may have been.
-            begun = first + hidden.parameters["settling"] / hidden.parameters["coefficient"]
-            low, high = warmth[0] + beginnings(warmth)
-            if not low <= begun <= high:
-                return None
-        return (hidden,)
-
-    def single(self) -> tuple[Hidden, ...] | None:
-        """One effect at a size of the mode."""
-        place, direction = self.drawn()
-        if any(other == place for other, _ in self.ways):
-            return self.in_way(place)
-        if place.definition.variants is not None:
-            return self.level(place)
-        relative = self.options.size
-        sizes = self.sizes(place, direction, () if relative is not None else [place])
-        if relative is not None:
-            size = sizes.detected * float(np.exp(self.rng.uniform(*np.log(relative))))
-        elif self.options.mode == "single":
-            size = ABOVE * sizes.excluded
-        else:
-            top = min(sizes.excluded, MOST_ABOVE * sizes.detected, largest_size(place, direction))
-            size = self.rng.uniform(sizes.detected, max(top, sizes.detected)) if np.isfinite(sizes.detected) else np.inf
-        return _made(place, direction, size, sizes)
-
-    def pair(self) -> tuple[Hidden, ...] | None:
-        """Two effects, each at a size at which nothing can stand for it even when the other one is free."""
-        (first, along), (second, across) = self.drawn(), self.drawn()
-        if self.classes.whole_class(first)[0] == self.classes.whole_class(second)[0]:
-            return None
-        both: list[Hidden] = []
-        for place, direction, other in ((first, along, second), (second, across, first)):
-            sizes = self.sizes(place, direction, [first, second], [other])
-            hidden = _made(place, direction, ABOVE * sizes.excluded, sizes)
-            if hidden is None:
-                return None
-            both += hidden
-        return tuple(both)
-
-    def level(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
-        """An effect that is not linear, at a level of which the mode's sizes are true."""
-        parameter, options = place.definition.parameters[0], self.options
-        size = np.abs(self.here.prediction[:, place.index])
-        largest = min(parameter.largest, float(size.max()))
-        low = max(parameter.smallest or 0.0, 1e-3 * largest)
-        levels = np.exp(self.rng.uniform(np.log(low), np.log(max(largest, low)), TRIES)).tolist()
-        rivals = [p for p in self.classes.places if place not in self.classes.whole_class(p)]
-        margins = level_margins(self.here, self.circumstances, place, levels, rivals)
-        for level, sizes in zip(levels, margins, strict=True):
-            wanted = ABOVE * sizes.excluded <= 1.0
-            if options.mode == "between":
-                wanted = sizes.detected <= 1.0 < sizes.excluded
-            if options.size is not None:
-                wanted = options.size[0] <= 1.0 / sizes.detected <= options.size[1]
-            if wanted:
-                return (Hidden(place, (level,), 1.0, sizes),)
-        return None
-
-
-def _draw_place(
-    rng: np.random.Generator, name: str, places: Sequence[EffectPlace], positions: int
-) -> tuple[EffectPlace, NDArray]:
-    """One of an effect's places, or any reading for an outlier, and a direction of its coefficients."""
-    if name == "outlier":
-        place = place_of(int(rng.integers(positions)) + 1, int(rng.integers(3)) + 1)
+    if options.whole:
+        of, change = f"--mode {options.mode}: no whole bench of {MOST_BENCHES} can hide such an effect", ""
+    elif options.records > 1:
+        of = f"--records {options.records}: no instrument of {MOST_BENCHES} can hide such effects"
+        raise InputError(f"{of} at such sizes; allow more --positions, or other --effects")
     else:
-        own = [place for place in places if place.effect == name] or list(CATALOGUE[name].places)
-        place = own[rng.integers(len(own))]
-    return place, draw_direction(rng, place)
+        few, many = options.positions
+        of = f"--mode {options.mode}: no bench of {MOST_BENCHES} with {few} to {many} positions can hide such an effect"
+        change = "; allow more --positions, or other --effects"
+    raise InputError(f"{of} at such a size{change}")
 
 
-def _made(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> tuple[Hidden] | None:
-    """The effect at a size; None where that is not a possible one."""
-    if not np.isfinite(size) or size > largest_size(place, direction):
-        return None
-    values = place.definition.from_coefficients(size * direction)
-    return (Hidden(place, values, float(size), sizes),)
+def _clean_bench(rng: np.random.Generator, options: Options, noise: str, case: Case) -> Case:
+    """A case of the seed and index of `case`, with a bench, a whole bench, or one block's benches of several days."""
+    if options.whole:
+        return replace(case, instrument=draw_whole(rng))
+    if options.records > 1:
+        count = int(rng.integers(options.positions[0], options.positions[1] + 1))
+        days = draw_days(rng, options.records, (count, count), noise)
+        return replace(case, instrument=days[0], days=tuple(days))
+    return replace(case, instrument=replace(draw_bench(rng, options.positions), noise=noise))
 
 
-# A single record of a table's positions
+def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[tuple[Hidden, ...] | None]:
+    """What is drawn to be hidden in a clean case, again and again; None where it cannot be."""
+    if options.whole:
+        hidden = hidden_in(rng, clean.instrument, clean.measured(), options)
+        yield None if hidden is None else (hidden,)
+    elif options.records > 1:
+        records = clean.measured()
+        joint = join({name: bench_evidence(record, noise_bound=NOISE_BOUND) for name, record in records.items()})
+        for _ in range(0 if joint.missing() else TRIES):
+            yield draw_shared_and_own(rng, joint, options.effects)
+    else:
+        drawing = Drawing.of(rng, options, clean.instrument)
+        if drawing.here.deficient:
+            yield None
+            return
+        for _ in range(TRIES if drawing.names else 0):
+            yield drawing.pair() if options.mode == "pairs" else drawing.single()
+
+
+def _as_it_can_be_read(clean: Case, hidden: Sequence[Hidden]) -> Case:
+    """The case with uniform noise where something rounds or clips: it has to act on errors that are there already."""
+    if clean.days or all(effect.place.definition.variants is None for effect in hidden):
+        return clean
+    return replace(clean, instrument=replace(clean.instrument, noise="uniform"))
 
 
 def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bool = False) -> Case:
@@ -369,7 +171,7 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     names = usable if effects is None else list(effects)
     if not names:
         return Case(seed, None, bench)
-    place, direction = _draw_place(rng, names[rng.integers(len(names))], visible, len(alpha))
+    place, direction = draw_place(rng, names[rng.integers(len(names))], visible, len(alpha))
     unit = signature_columns([place], rows) @ direction
     size = rng.uniform(*ALONE_SIZES) * _sure_size(here.jacobian, unit, NOISE_BOUND)
     effect = place.definition

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import permutations
 from typing import Any
 
 from ...models.effects import EffectPlace
@@ -12,7 +11,6 @@ from ..diagnosis.several import Several, diagnosed_together
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
-from .days import Days
 from .sizes import Hidden, NamedInRecord, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
@@ -80,14 +78,14 @@ class Outcome(Told):
     @property
     def secrets(self) -> tuple[Secret, ...]:
         """What was hidden in a bench, with its sizes."""
-        return self.hidden if isinstance(self.hidden, tuple) else ()
+        return () if self.hidden is None or self.reference is not None else tuple(self.hidden)  # type: ignore[arg-type]
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
         """What was hidden."""
-        if isinstance(self.hidden, dict):
-            return (NamedEffect.model_validate(self.hidden).place,)
-        return tuple(secret.place for secret in self.secrets)
+        if self.reference is None:
+            return tuple(secret.place for secret in self.secrets)
+        return () if self.hidden is None else (NamedEffect.model_validate(self.hidden).place,)
 
     @property
     def relative_size(self) -> float | None:
@@ -99,12 +97,14 @@ class Outcome(Told):
     @property
     def size_errors(self) -> tuple[float, ...]:
         """Relative error of the estimated size of each effect that was named by its own name."""
-        return self.errors if self.reference is None else () if self.error is None else (self.error,)
+        if self.reference is None:
+            return self.errors
+        return () if self.error is None else (self.error,)
 
     @property
     def hidden_words(self) -> str:
         """The secret in words: the names of the effects."""
-        return " + ".join(sorted(place.effect for place in self.places)) or NOTHING
+        return _names(self.places) or NOTHING
 
     @property
     def named_words(self) -> str:
@@ -114,40 +114,49 @@ class Outcome(Told):
         if self.verdict == "ambiguous":
             return "ambiguous, not among them"
         if self.verdict == "explained":
-            named = " + ".join(sorted(one.effect for one in self.named))
-            return self.hidden_words if self.outcome == "right" else named
+            return self.hidden_words if self.outcome == "right" else _names(self.named)
         return NOTHING if self.verdict == "consistent" else self.verdict
 
     def titles(self, *, named: bool, between: str = " + ") -> str:
         """What was hidden, or what was named, by effect and place."""
-        places = [one.place for one in self.named] if named else self.places
+        places = [effect.place for effect in self.named] if named else self.places
         return between.join(place.title for place in places)
+
+
+def _names(effects: Iterable[EffectPlace | NamedInRecord]) -> str:
+    return " + ".join(sorted(effect.effect for effect in effects))
 
 
 def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis | Several:
     """The diagnosis of a case's record, or records; of a bench σ, the mountings and the kind of block are known."""
-    if isinstance(case.instrument, Days):
+    if case.days:
         alone = {label: diagnose(one, rerun=rerun, noise_bound=NOISE_BOUND) for label, one in record.items()}
         return diagnosed_together(alone, rerun=rerun)
     return diagnose(record, rerun=rerun, **case.instrument.asked)
 
 
-def judged(case: Case, result: Diagnosis | Several) -> Outcome:
+def judged(case: Case, result: Any) -> Outcome:
     """Hold a diagnosis against the secret of its case."""
-    own = case.instrument.benches[0] if isinstance(case.instrument, Days) else case.instrument
+    instrument, secrets = case.instrument, case.hidden
     sets = [finding.causes for finding in result.findings]
-    alone = isinstance(result, Diagnosis)
-    others = (result.equal_sets, result.containing_sets) if alone else ()
-    kind = kind_of(case.places, result.verdict, sets, *others)
-    secrets = own.as_recorded(case.hidden, result.evidence) if alone else case.hidden
-    inside, errors = _held_against(secrets, kind, sets, own.table)
-    told = own.told(case.seed, case.index or 0, secrets) | own.found(errors, result)
-    if not alone:
+    if case.days:
+        kind, radius = kind_of(case.places, result.verdict, sets), result.radius
+    else:
+        kind = kind_of(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
+        secrets, radius = instrument.as_recorded(case.hidden, result.evidence), result.baseline.radius
+    inside, errors = _held_against(secrets, kind, sets, instrument.table)
+    told = instrument.told(case.seed, case.index or 0, secrets)
+    if case.days:
         told["records"] = len(result.records)
+    if instrument.reference is None:
+        told["errors"] = errors
+    else:
+        why = "; ".join((*(result.not_named or ()), *map(str, result.missing or ())))
+        told |= {"error": errors[0] if errors else None, "why": why}
     return Outcome(
         **told,
         redrawn=case.redrawn,
-        radius=result.baseline.radius if alone else result.radius,
+        radius=radius,
         verdict=result.verdict,
         outcome=kind,
         named=tuple(NamedInRecord.of(cause.place) for cause in sets[0]) if sets else (),
@@ -172,13 +181,17 @@ def kind_of(
     if any(_is_same(causes, places) for causes in sets):
         return "right" if verdict == "explained" else "candidate"
     if verdict == "explained":
-        if any(set(others) == set(places) for others in equivalent_sets):
+        if _is_among(places, equivalent_sets):
             return "right"
-        if any(set(others) == set(places) for others in containing):
+        if _is_among(places, containing):
             return "candidate"
         if sets and sets[0] and all(set(places) & _alike(cause) for cause in sets[0]):
             return "part"
     return "wrong"
+
+
+def _is_among(places: Sequence[EffectPlace], sets: Iterable[Iterable[EffectPlace]]) -> bool:
+    return any(set(effects) == set(places) for effects in sets)
 
 
 def _alike(cause: Cause) -> set[EffectPlace]:
@@ -187,26 +200,30 @@ def _alike(cause: Cause) -> set[EffectPlace]:
 
 
 def _is_same(causes: Sequence[Cause], places: Sequence[EffectPlace]) -> bool:
-    """Whether a set of causes is a set of effects, up to those that cannot be told apart."""
-    if len(causes) != len(places):
-        return False
-    return any(
-        all(place in _alike(cause) for place, cause in zip(order, causes, strict=True))
-        for order in permutations(places)
-    )
+    """Whether a set of causes is a set of effects, in some order, up to those that cannot be told apart."""
+    if not causes:
+        return not places
+    for number, place in enumerate(places):
+        remaining = [*places[:number], *places[number + 1 :]]
+        if place in _alike(causes[0]) and _is_same(causes[1:], remaining):
+            return True
+    return False
 
 
 def _held_against(
     hidden: Sequence[Hidden], kind: str, sets: Sequence[Sequence[Cause]], table: Mapping[str, Any] | None = None
 ) -> tuple[bool | None, tuple[float, ...]]:
     """Whether the true parameters are inside their intervals, and errors of the sizes, of effects named as they are."""
-    own = [(h, cause) for h in hidden for cause in (sets[0] if sets else ()) if cause.place == h.place]
-    if kind != "right" or not own:
+    if kind != "right" or not sets:
         return None, ()
-    inside = None
-    if len(own) == len(hidden):
-        inside = all(is_inside(as_readings_tell(h, table), cause) for h, cause in own)
-    return inside, tuple(relative_error(h, cause) for h, cause in own)
+    inside, errors = True, []
+    for effect in hidden:
+        for cause in sets[0]:
+            if cause.place == effect.place:
+                inside = inside and is_inside(as_readings_tell(effect, table), cause)
+                errors.append(relative_error(effect, cause))
+    complete = errors and len(errors) == len(hidden)
+    return inside if complete else None, tuple(errors)
 
 
 def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[float, ...]:
@@ -217,30 +234,31 @@ def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[f
     """
     if table is None:
         return hidden.values
-    true_g, offset = 1.0 - float(table["gravity_error"]), float(table["beta_offset"])
-    place = hidden.place
-    factor = true_g ** max(0, place.definition.degree)
-    turn = (place.order or 1) * offset if place.where == "inner-axis" else 0.0
-    return tuple(
-        value - turn if name.endswith("phase") else value * factor for name, value in hidden.parameters.items()
-    )
+    place, turn = hidden.place, 0.0
+    factor = (1.0 - float(table["gravity_error"])) ** max(0, place.definition.degree)
+    if place.where == "inner-axis":
+        turn = (place.order or 1) * float(table["beta_offset"])
+    values = []
+    for name, value in hidden.parameters.items():
+        values.append(value - turn if name.endswith("phase") else value * factor)
+    return tuple(values)
 
 
 def is_inside(values: Iterable[float], cause: Cause) -> bool:
     """Whether true parameters are inside a cause's intervals, phases up to whole turns."""
-    parameters = cause.place.definition.parameters
-    turns = [(-1, 0, 1) if parameter.name.endswith("phase") else (0,) for parameter in parameters]
-    return all(
-        any(low <= value + 2.0 * math.pi * turn <= high for turn in possible)
-        for value, (low, high), possible in zip(values, cause.intervals, turns, strict=True)
-    )
+    for value, (low, high), parameter in zip(values, cause.intervals, cause.place.definition.parameters, strict=True):
+        turns = (-1, 0, 1) if parameter.name.endswith("phase") else (0,)
+        if not any(low <= value + 2.0 * math.pi * turn <= high for turn in turns):
+            return False
+    return True
 
 
 def relative_error(hidden: Hidden, cause: Cause) -> float:
     """Error of the estimated size, along the true effect, as a part of the true size."""
     names = list(hidden.parameters)
     true, estimate = _vector(names, hidden.values), _vector(names, cause.values)
-    return float(sum(e * t for e, t in zip(estimate, true, strict=True)) / sum(t * t for t in true) - 1.0)
+    along = sum(e * t for e, t in zip(estimate, true, strict=True))
+    return float(along / sum(t * t for t in true) - 1.0)
 
 
 def _vector(names: Sequence[str], values: Sequence[float]) -> list[float]:

@@ -29,8 +29,8 @@ from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.rests import position_record_of
 from trihedron.tools.reports.calibration import gyro_section
+from trihedron.tools.trials.bench import draw_whole
 from trihedron.tools.trials.sizes import Hidden
-from trihedron.tools.trials.whole import draw_whole
 
 SIGMA = 1.2e-5
 PLACE = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)

@@ -29,8 +29,8 @@ from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_travel import Travel, approached
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
+from trihedron.tools.trials.bench import Bench, draw_whole
 from trihedron.tools.trials.sizes import Hidden
-from trihedron.tools.trials.whole import WholeBench, draw_whole
 
 SIGMA = 1e-5
 HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 3)
@@ -38,7 +38,7 @@ UNDERSAMPLING = EffectPlace("undersampling", "attitude-computer")
 
 
 @cache
-def bench() -> WholeBench:
+def bench() -> Bench:
     drawn = draw_whole(np.random.default_rng([5, 5]))
     return replace(drawn, alpha=drawn.alpha[-28:], beta=drawn.beta[-28:])
 

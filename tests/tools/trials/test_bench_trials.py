@@ -14,9 +14,10 @@ from trihedron.tools import cli
 from trihedron.tools.diagnosis.cause import Cause
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.of_record import in_record
-from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors, expected, faultless_record
+from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors
 from trihedron.tools.trials.case import Case, Options
 from trihedron.tools.trials.draw import draw_case
+from trihedron.tools.trials.hiding import expected, faultless_record
 from trihedron.tools.trials.outcome import diagnosed, judged, kind_of
 from trihedron.tools.trials.sizes import NamedInRecord
 from trihedron.tools.trials.suite import Suite, named_suite, run_suite

@@ -1,0 +1,369 @@
+"""What could be known of a bench at best, and what is hidden in it: an effect, its place, its size."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...fmus.units import STANDARD_GRAVITY
+from ...models.bench import elementary_reading
+from ...models.effects import CATALOGUE, POSITION_EFFECTS, Effect, EffectPlace
+from ...models.effects.last_stage import place_of
+from ...models.effects.settling import beginnings
+from ..calibration.calibration import Asked, fit_record
+from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
+from ..evidence.bench_in_motion import whole_evidence
+from ..evidence.bench_predictions import dense_spaces
+from ..evidence.bench_travel import acts_at_rest
+from ..evidence.bench_visits import Circumstances, Visits, circumstances_of
+from ..evidence.fit import Classes, contains
+from ..evidence.joint import Joint
+from ..evidence.of_record import InRecord, plain
+from ..records import PositionRecord
+from .bench import (
+    ACCELERATION,
+    DWELL_S,
+    NOISE_BOUND,
+    RATE,
+    START_APART,
+    STEP_S,
+    Bench,
+    temperature_at,
+    true_elementary,
+)
+from .case import Options, hidden_effects
+from .sizes import (
+    Hidden,
+    SureSizes,
+    Way,
+    draw_direction,
+    drawn_time,
+    largest_size,
+    level_margins,
+    most_alike,
+    sizes_of_change,
+    sizes_of_way,
+    sure_sizes,
+)
+
+ADDING = ("reading_effects", "geometry_effects")
+"""Stages of effects that are not linear but for a time that is found."""
+ABOVE = 1.5
+"""So many times the size that excludes every rival an effect has, where it is to be named."""
+MOST_ABOVE = 30.0
+"""So many times the size of sure detection is the most where nothing else limits it."""
+TRIES = 10
+"""Effects that are drawn for one bench before another one is drawn; levels that are drawn for one effect."""
+
+
+def faultless_record(bench: Bench) -> PositionRecord:
+    """What the bench would read without secret and without noise, in about the circumstances of its run."""
+    reading = np.zeros((len(bench.alpha), 3))
+    for k, name in enumerate(bench.mountings):
+        rows = bench.mounting == k
+        parameters = true_elementary(bench.truth, bench.mounting_errors[k])
+        reading[rows] = elementary_reading(parameters, bench.alpha[rows], bench.beta[rows], PRESETS[name])
+    ways = np.stack([np.diff(angle, prepend=angle[0] - START_APART) for angle in (bench.alpha, bench.beta)], axis=1)
+    size = np.abs(ways)
+    long = RATE**2 / ACCELERATION
+    move = np.where(size > long, size / RATE + RATE / ACCELERATION, 2.0 * np.sqrt(size / ACCELERATION)).max(axis=1)
+    # A move ends with a step of the run; a row has the time of the middle of its rest.
+    time = np.cumsum(np.ceil(move / STEP_S - 1e-6) * STEP_S + DWELL_S) - 0.5 * DWELL_S
+    senses = np.sign(ways)
+    for row in range(1, len(senses)):
+        senses[row] = np.where(senses[row] == 0.0, senses[row - 1], senses[row])
+    names = tuple(bench.mountings[k] for k in bench.mounting) if len(bench.mountings) > 1 else None
+    return PositionRecord(
+        position=np.arange(1, len(reading) + 1),
+        time_s=time,
+        alpha=bench.alpha,
+        beta=bench.beta,
+        specific_force=STANDARD_GRAVITY * reading,
+        temperature=temperature_at(time / 3600.0),
+        approach_alpha=senses[:, 0],
+        approach_beta=senses[:, 1],
+        mounting=names,
+    )
+
+
+def expected(bench: Bench) -> tuple[Linearisation, Circumstances]:
+    """The model at the truth, with the bounds of the readings, and the circumstances of the rows."""
+    record = faultless_record(bench)
+    here = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
+    return here, circumstances_of(record)
+
+
+def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDArray, *, symmetric: bool):
+    """The model linearised at a faultless bench, at positions in the first mounting.
+
+    Returns
+    -------
+    Linearisation
+    """
+    p = parametrise(mountings, symmetric=symmetric)
+    count = len(alpha)
+    at = Positions(alpha, beta, np.zeros(count, dtype=int))
+    return linearise(p, at, np.zeros((count, 3)), np.zeros(len(p.symbols)), np.full(3 * count, NOISE_BOUND))
+
+
+def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
+    """Effects that are linear, sorted into what these mountings can tell apart."""
+    return _classes_with(mountings, tuple(POSITION_EFFECTS.values()), symmetric)
+
+
+@lru_cache(maxsize=64)
+def _classes_with(mountings: tuple[str, ...], effects: tuple[Effect, ...], symmetric: bool) -> Classes:
+    p = parametrise({name: PRESETS[name] for name in mountings}, symmetric=symmetric)
+    baseline = "symmetric" if symmetric else "asymmetric"
+    linear = [e for e in effects if e.within != baseline and e.variants is None]
+    places = [place for effect in linear for place in effect.places]
+    return Classes.of(places, dense_spaces(p, places))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What is known of a bench at best, and effects drawn for it: None where no possible size would do."""
+
+    rng: np.random.Generator
+    options: Options
+    here: Linearisation
+    circumstances: Circumstances
+    classes: Classes
+
+    @staticmethod
+    def of(rng: np.random.Generator, options: Options, bench: Bench) -> "Drawing":
+        """The drawing of effects for a bench."""
+        here, circumstances = expected(bench)
+        return Drawing(rng, options, here, circumstances, classes_with(bench.mountings, symmetric=bench.symmetric))
+
+    @cached_property
+    def linear(self) -> list[EffectPlace]:
+        """Every linear effect that is not wholly in the nominal model, those that stand for another one too."""
+        return [place for first in self.classes.places for place in self.classes.whole_class(first)]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of effects that this bench can hide."""
+        shown = {place.effect for place in self.linear} | {"outlier"}
+        if self.options.mode != "pairs":
+            shown |= {name for name in hidden_effects() if POSITION_EFFECTS[name].variants is not None}
+        if self.options.effects:
+            shown &= set(self.options.effects)
+        return tuple(name for name in hidden_effects() if name in shown)
+
+    def drawn(self) -> tuple[EffectPlace, NDArray]:
+        """One of the effects at one of its places, and a direction of its coefficients."""
+        name = self.names[self.rng.integers(len(self.names))]
+        return draw_place(self.rng, name, self.linear, len(self.here.reading))
+
+    def sizes(
+        self, place: EffectPlace, direction: NDArray, apart: Sequence[EffectPlace], beside: Sequence[EffectPlace] = ()
+    ) -> SureSizes:
+        """The sizes of an effect against one rival of each class that is that of none of some effects."""
+        rivals, ways = [], []
+        if apart:
+            rivals = [other for other in self.classes.places if not set(self.classes.whole_class(other)) & set(apart)]
+            ways = self.other_ways(place)
+        return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside, ways=ways)
+
+    @cached_property
+    def ways(self) -> list[Way]:
+        """Every effect that is not linear and adds to a reading, or turns the block, in each of its ways."""
+        rows = Visits.of(self.here, self.circumstances).rows(self.here.point)
+        ways: list[Way] = []
+        for effect in POSITION_EFFECTS.values():
+            if effect.variants is None or effect.stage not in ADDING:
+                continue
+            for place in effect.places:
+                ways += [(place, way) for way in effect.variants(place, rows, rows.prediction, NOISE_BOUND)]
+        return ways
+
+    def other_ways(self, place: EffectPlace) -> list[Way]:
+        """Ways of all effects but an effect itself and those that contain it, which are no rivals."""
+        return [way for way in self.ways if way[0] != place and not contains([way[0]], [place])]
+
+    def in_way(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
+        """An effect that is not linear in one of its ways, at a size of the mode."""
+        ways, options = [way for other, way in self.ways if other == place], self.options
+        way = ways[self.rng.integers(len(ways))]
+        unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
+        if way.sizes is not None and len(way.sizes) > 1:
+            # What it was before is somewhere between the ends of what it may have been.
+            unit = self.rng.dirichlet(np.ones(len(unit))) * unit.sum()
+        if way.slipped is not None:
+            unit = self.rng.normal(size=len(unit))
+            unit /= np.linalg.norm(unit)
+        change, rivals = way.columns @ unit, self.classes.places
+        sizes = sizes_of_way(self.here, self.circumstances, change, rivals, self.other_ways(place))
+        low, high = sizes.detected, min(sizes.excluded, MOST_ABOVE * sizes.detected)
+        if options.size is not None:
+            low, high = (sizes.detected * end for end in options.size)
+        elif options.mode == "single":
+            low = high = ABOVE * sizes.excluded
+        size = low + (high - low) * float(self.rng.random())
+        if not np.isfinite(size):
+            return None
+        values = way.values(size * unit)
+        parameters = place.definition.parameters
+        if not all(parameter.possible(value) for parameter, value in zip(parameters, values, strict=False)):
+            return None
+        # The run begins before the record's first row.
+        warmth, first = self.circumstances.temperature, float(temperature_at(np.zeros(1))[0])
+        warm = None if warmth is None else (first, float(warmth[0]))
+        hidden = Hidden(place, values, float(size), sizes).since(-self.circumstances.began / 3600.0, warm)
+        if "settling" in hidden.parameters and warmth is not None:
+            # Then, too, the lag was where it may have been.
+            begun = first + hidden.parameters["settling"] / hidden.parameters["coefficient"]
+            low, high = warmth[0] + beginnings(warmth)
+            if not low <= begun <= high:
+                return None
+        return (hidden,)
+
+    def single(self) -> tuple[Hidden, ...] | None:
+        """One effect at a size of the mode."""
+        place, direction = self.drawn()
+        if any(other == place for other, _ in self.ways):
+            return self.in_way(place)
+        if place.definition.variants is not None:
+            return self.level(place)
+        relative = self.options.size
+        sizes = self.sizes(place, direction, () if relative is not None else [place])
+        size = ABOVE * sizes.excluded
+        if relative is not None:
+            size = relative_size(self.rng, sizes, relative)
+        elif self.options.mode == "between":
+            top = min(sizes.excluded, MOST_ABOVE * sizes.detected, largest_size(place, direction))
+            size = np.inf
+            if np.isfinite(sizes.detected):
+                size = self.rng.uniform(sizes.detected, max(top, sizes.detected))
+        hidden = hidden_at(place, direction, size, sizes)
+        return None if hidden is None else (hidden,)
+
+    def pair(self) -> tuple[Hidden, ...] | None:
+        """Two effects, each at a size at which nothing can stand for it even when the other one is free."""
+        (first, along), (second, across) = self.drawn(), self.drawn()
+        if self.classes.whole_class(first)[0] == self.classes.whole_class(second)[0]:
+            return None
+        pair: list[Hidden] = []
+        for place, direction, other in ((first, along, second), (second, across, first)):
+            sizes = self.sizes(place, direction, [first, second], [other])
+            hidden = hidden_at(place, direction, ABOVE * sizes.excluded, sizes)
+            if hidden is None:
+                return None
+            pair.append(hidden)
+        return tuple(pair)
+
+    def level(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
+        """An effect that is not linear, at a level of which the mode's sizes are true."""
+        parameter, options = place.definition.parameters[0], self.options
+        largest = min(parameter.largest, float(np.abs(self.here.prediction[:, place.index]).max()))
+        low = max(parameter.smallest or 0.0, 1e-3 * largest)
+        levels = np.exp(self.rng.uniform(np.log(low), np.log(max(largest, low)), TRIES)).tolist()
+        rivals = [other for other in self.classes.places if place not in self.classes.whole_class(other)]
+        margins = level_margins(self.here, self.circumstances, place, levels, rivals)
+        for level, sizes in zip(levels, margins, strict=True):
+            fits = ABOVE * sizes.excluded <= 1.0
+            if options.mode == "between":
+                fits = sizes.detected <= 1.0 < sizes.excluded
+            if options.size is not None:
+                fits = options.size[0] <= 1.0 / sizes.detected <= options.size[1]
+            if fits:
+                return (Hidden(place, (level,), 1.0, sizes),)
+        return None
+
+
+def draw_place(
+    rng: np.random.Generator, name: str, places: Sequence[EffectPlace], positions: int
+) -> tuple[EffectPlace, NDArray]:
+    """One of an effect's places, or any reading for an outlier, and a direction of its coefficients."""
+    if name == "outlier":
+        place = place_of(int(rng.integers(positions)) + 1, int(rng.integers(3)) + 1)
+    else:
+        possible = [place for place in places if place.effect == name] or list(CATALOGUE[name].places)
+        place = possible[rng.integers(len(possible))]
+    return place, draw_direction(rng, place)
+
+
+def relative_size(rng: np.random.Generator, sizes: SureSizes, relative: tuple[float, float]) -> float:
+    """A size between two that are relative to that of sure detection, every decade as likely as another."""
+    return sizes.detected * float(np.exp(rng.uniform(*np.log(relative))))
+
+
+def hidden_at(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> Hidden | None:
+    """The effect at a size along a direction of its coefficients; None where that is not a possible one."""
+    if not np.isfinite(size) or size > largest_size(plain(place), direction):
+        return None
+    return Hidden(place, place.definition.from_coefficients(size * direction), float(size), sizes)
+
+
+def draw_shared_and_own(
+    rng: np.random.Generator, joint: Joint, names: Sequence[str] = ()
+) -> tuple[Hidden, Hidden] | None:
+    """An effect in all records and one of a record alone, of these names if any; the records, of `joint`, are clean.
+
+    Each is `ABOVE` times as large as excludes every other effect beside the two; None where that is not possible.
+    """
+    places = [place for place in joint.classes.places if not names or place.effect in names]
+    label = joint.labels[rng.integers(len(joint.labels))]
+    common = [place for place in places if not isinstance(place, InRecord)]
+    alone = [place for place in places if type(place) is InRecord and place.record == label]
+    if not common or not alone:
+        return None
+    first, second = common[rng.integers(len(common))], alone[rng.integers(len(alone))]
+    if (first.where, first.effect) == (second.where, second.effect):
+        return None
+    shared, own = _beside(rng, joint, first, second), _beside(rng, joint, second, first)
+    return None if shared is None or own is None else (shared, own)
+
+
+def _beside(rng: np.random.Generator, joint: Joint, place: EffectPlace, other: EffectPlace) -> Hidden | None:
+    """An effect that no third one, and no reading that is off, can stand for beside another; None where too large."""
+    direction = draw_direction(rng, plain(place))
+    same = {*joint.classes.whole_class(place), *joint.classes.whole_class(other)}
+    rivals = {rival.title: joint.columns_of([rival]) for rival in joint.classes.places if rival not in same}
+    base = np.hstack([joint.nominal, joint.columns_of([other])])
+    sizes = sizes_of_change(base, joint.columns_of([place]) @ direction, rivals)
+    return hidden_at(place, direction, ABOVE * sizes.excluded, sizes)
+
+
+def hidden_in(rng: np.random.Generator, bench: Bench, clean: PositionRecord, options: Options) -> Hidden | None:
+    """An effect for a whole bench whose clean record is given, at a size of the mode; None where none is possible.
+
+    It is linear, at its time where it sets in; by default `ABOVE` times as large as excludes each other one.
+    """
+    evidence = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND)
+    classes = evidence.classes
+    shown = [place for first in classes.places for place in classes.whole_class(first)]
+    shown += evidence.starting
+    names = sorted({place.effect for place in shown if not options.effects or place.effect in options.effects})
+    if not names:
+        return None
+    name = names[rng.integers(len(names))]
+    possible = [place for place in shown if place.effect == name]
+    place = possible[rng.integers(len(possible))]
+    in_time = place in evidence.starting
+    here = evidence.with_onset(place, drawn_time(rng, evidence, place)) if in_time else evidence
+    direction = draw_direction(rng, place)
+    change = here.columns_of([place]) @ direction
+    columns = {}
+    if options.size is None:
+        for rival in classes.places:
+            if place not in classes.whole_class(rival):
+                columns[rival.title] = evidence.columns_of([rival])
+        for rival in evidence.starting:
+            # What contains it comes behind it.
+            if rival != place and place.effect not in rival.definition.contains:
+                columns[rival.title] = most_alike(evidence, rival, change)
+    sizes = sizes_of_change(evidence.nominal, change, columns)
+    size = ABOVE * sizes.excluded
+    if options.size is not None:
+        size = relative_size(rng, sizes, options.size)
+    if not np.isfinite(size) or size > largest_size(place, direction):
+        return None
+    values = here.values_of([place], np.append(np.zeros(len(here.names)), size * direction))[place]
+    hidden = Hidden(place, values, float(size), sizes)
+    # What acts at rest counts from the first rest on.
+    began = evidence.readings.circumstances.began / 3600.0
+    return hidden.since(-began) if in_time and acts_at_rest(place) else hidden
