@@ -68,21 +68,11 @@ def __dir__() -> list[str]:
     return [*__all__, *(name for name in globals() if name.startswith("__"))]
 
 
-def _shown(result: Any, medium: str, *given: Any) -> Any:
-    """What a person sees of a result: see `tools.shown`."""
+def _shown(result: Any, medium: str, *options: Any) -> Any:
+    """Show a result to a person: see `tools.shown`."""
     from .tools import reports
-    from .tools.document.blocks import notebook, text
 
-    maker = reports.MAKERS.get(type(result).__name__)
-    if maker is None:
-        return None
-    if medium in ("text", "notebook"):
-        return (text if medium == "text" else notebook)(reports.document_of(result))
-    if medium == "sheet":
-        return reports.write_sheet(given[0], result, *given[1:])
-    if maker[2] is None:
-        raise TypeError(f"a {type(result).__name__} has no page")
-    return reports.write_report(given[0], result, given[1]) if medium == "page" else reports.figures(result, *given)
+    return reports.shown(result, medium, *options)
 
 
 tools.shown = _shown

@@ -9,13 +9,13 @@ import numpy as np
 
 from generator.carried import POSES, strapdown_record, true_motion
 from shown_bounds import Watched
+from trihedron.tools import reports
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.document.blocks import Document, Page
+from trihedron.tools.document.blocks import Page
 from trihedron.tools.document.page import html
 from trihedron.tools.planning.targets import optimal_plans
 from trihedron.tools.records import PositionRecord
-from trihedron.tools.reports import document_of
 from trihedron.tools.result import Result
 from trihedron.tools.trials.bench import NOISE_BOUND
 from trihedron.tools.trials.case import Options
@@ -85,21 +85,21 @@ WATCHED: dict[str, Watched] = {name: Watched() for name in MAKERS}
 
 
 @cache
-def shown(name: str) -> tuple[Any, Any, Document]:
-    """A result, its record where it has one, and its document."""
+def shown(name: str) -> tuple[Any, Any]:
+    """A result, and its record where it has one."""
     result, record = MAKERS[name]()
     assert getattr(result, "verdict", "") in name
-    with WATCHED[name]():
-        return result, record, document_of(result, record)
+    return result, record
 
 
 @cache
 def page_of(name: str) -> Page:
-    """What stands on its page."""
-    make = shown(name)[2].page
-    assert make is not None
+    """What stands on its page, all of its sections made."""
     with WATCHED[name]():
-        return make()
+        page = reports.page_of(*shown(name))
+        assert page is not None
+        assert page.sections
+        return page
 
 
 @cache

@@ -16,6 +16,7 @@ from ..fmus import version
 from ..fmus.parameters import GRAVITIES, calibration_of
 from ..models.bench_turns import GYRO_PARAMETERS
 from .errors import InputError, nearest
+from .quantity import Quantity
 from .result import ABSENT, Result, finite_or_none
 
 if TYPE_CHECKING:
@@ -92,17 +93,23 @@ class Parameter(Part):
         the fit of the exact model
     """
 
-    symbol: str
-    name: str
-    unit: str
+    derived: ClassVar[dict[str, Quantity]] = {
+        "central": Quantity("estimate", "", "estimate"),
+        "error_bound": Quantity("to within", "", "up"),
+    }
+    """How properties are shown."""
+
+    symbol: Annotated[str, Quantity("target")]
+    name: Annotated[str, Quantity("meaning")]
+    unit: Annotated[str, Quantity("unit")]
     determined: bool
     estimate: Number | None
-    standard_error: Size | None = None
-    low: Number | None
-    high: Number | None
-    a_priori: Number | None = None
-    guaranteed_error: Size | None = None
-    least_squares: Number | None = None
+    standard_error: Annotated[Size | None, Quantity("standard error", "", "nearest", 2)] = None
+    low: Annotated[Number | None, Quantity("low", "", "low")]
+    high: Annotated[Number | None, Quantity("high", "", "high")]
+    a_priori: Annotated[Number | None, Quantity("a priori", "", "to the estimate's place")] = None
+    guaranteed_error: Annotated[Size | None, Quantity("guaranteed error", "", "up")] = None
+    least_squares: Annotated[Number | None, Quantity("least squares", "", "to the estimate's place")] = None
 
     @model_validator(mode="after")
     def _ordered(self) -> "Parameter":
@@ -126,6 +133,13 @@ class Parameter(Part):
         if self.estimate is None or self.low is None or self.high is None:
             return None
         return max(self.estimate - self.low, self.high - self.estimate)
+
+    @property
+    def place(self) -> float | None:
+        """The error to whose place other estimates are rounded: half of the interval, else the guaranteed error."""
+        if self.low is None or self.high is None or self.high == self.low:
+            return self.guaranteed_error
+        return 0.5 * (self.high - self.low)
 
     def possible(self, value: float | None) -> bool:
         """Whether a value lies in the interval, as far as both are known."""

@@ -3,7 +3,7 @@
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import polars as pl
@@ -13,6 +13,7 @@ from pydantic import Field
 from .errors import InputError, nearest
 from .files import bytes_of
 from .parquet import MAGIC, fault_of_parquet
+from .quantity import Quantity
 from .records.read import table_of
 from .result import Result
 
@@ -40,12 +41,12 @@ class Difference(Result):
         whether the largest is within what was asked for, and no value is missing
     """
 
-    column: str
-    largest: float
-    rms: float
-    time_s: float
-    first: float
-    second: float
+    column: Annotated[str, Quantity("column")]
+    largest: Annotated[float, Quantity("differs at most by", "", "up", 3)]
+    rms: Annotated[float, Quantity("root mean square", "", "nearest")]
+    time_s: Annotated[float, Quantity("at", "s", "exact", 9)]
+    first: Annotated[float, Quantity("first", "", "nearest", 6)]
+    second: Annotated[float, Quantity("second", "", "nearest", 6)]
     one_only: int
     within: bool
 

@@ -30,9 +30,9 @@ from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
 from .reports.bench import run_section
 from .reports.beyond import sections as band_sections
-from .reports.calibration import calibration_section, gyro_section
+from .reports.calibration import gyro_sections, target_sections
 from .reports.diagnosis import answer_of, sections_of
-from .reports.inspection import attitude_lines, attitude_section
+from .reports.inspection import attitude_section, error_lines, run_line
 from .rounding import digits
 from .trials.bench import NOISE_BOUND, draw_whole, true_elementary
 from .trials.case import Case
@@ -117,8 +117,8 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     )
     sections = [
         run_section(pl.read_parquet(files[0]), calibration.gravity, list(files)),
-        calibration_section(calibration, truth, [out / "calibration.json"]),
-        *filter(None, [gyro_section(calibration)]),
+        *target_sections(calibration, truth, [out / "calibration.json"]),
+        *gyro_sections(calibration),
         Section(
             "A measured record with a hidden effect",
             "A second bench, with encoders, gyros and accelerometers, was simulated with one more piece of physics in "
@@ -235,12 +235,12 @@ def attitude_of_measured_record(out: Path) -> Section:
         return Section("A measured strapdown record", [WHERE_TO_GET])
     record = read_record(path, StrapdownRecord)
     run = attitude_of_record(record, out=out / "attitude-run", progress=True)
-    print("\n".join(attitude_lines(run)))
+    print("\n".join([run_line(run), *error_lines(run)]))
     bias = rate_at_rest(record)
     if bias is None:
         return attitude_section([run])
     freed = attitude_of_record(record, gyro_bias=bias, progress=True)
-    print("\n".join(attitude_lines(freed)[1:]))
+    print("\n".join(error_lines(freed)))
     return attitude_section([run, freed])
 
 

@@ -465,8 +465,8 @@ def write_pictures(result: Diagnosis, folder: Path, stem: str) -> list[Path]:
         found["order"] = order_picture(orders)
     if result.gain is not None:
         found["gain"] = gain_picture(result.gain.before, result.gain.after, result.gain.over or "")
-    for name, svg in found.items():
-        write_text(folder / f"{stem}-{name}.svg", svg)
+    for name, picture in found.items():
+        write_text(folder / f"{stem}-{name}.svg", picture.svg())
     return [folder / f"{stem}-{name}.svg" for name in found]
 
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import trihedron as th
-from trihedron.tools.document.blocks import Document, Page
+from trihedron.tools.document.blocks import Page
 
 SIGMA = 1e-5
 RECORDS = Path(__file__).resolve().parents[1] / "gallery"
@@ -17,25 +18,28 @@ DIAGNOSES = ("consistent", "explained", "ambiguous", "unexplained", "insufficien
 def pages(*, quick: bool = False) -> Iterator[tuple[str, str]]:
     """Name and content of every page; `quick`: the first."""
     from trihedron.tools.document.page import html
-    from trihedron.tools.reports import document_of
 
     for record, verdict in list(CALIBRATIONS.items())[: 1 if quick else None]:
         result = th.calibrate(RECORDS / f"{record}.csv", noise_bound=SIGMA)
-        yield _named("calibrate", verdict), html(_page(document_of(result), result.verdict, verdict))
+        yield _named("calibrate", verdict), html(_page(result, verdict))
     for verdict in () if quick else DIAGNOSES:
         found = th.diagnose(RECORDS / f"{verdict}.csv", noise_bound=SIGMA)
-        yield _named("diagnose", verdict), html(_page(document_of(found), found.verdict, verdict))
+        yield _named("diagnose", verdict), html(_page(found, verdict))
 
 
 def _named(command: str, verdict: str) -> str:
     return f"gallery/{command}-{verdict}.html"
 
 
-def _page(document: Document, found: str, verdict: str) -> Page:
-    if found != verdict:
-        raise ValueError(f"the gallery's record of the verdict {verdict} is {found}")
-    assert document.page is not None
-    return document.page()
+def _page(result: Any, verdict: str) -> Page:
+    """Return the page of a result; a ValueError where its verdict is another one than its record is for."""
+    from trihedron.tools.reports import page_of
+
+    if result.verdict != verdict:
+        raise ValueError(f"the gallery's record of the verdict {verdict} is {result.verdict}")
+    page = page_of(result)
+    assert page is not None
+    return page
 
 
 SAID = {

@@ -381,7 +381,8 @@ def readme_picture() -> str:
     """Residuals of a record with a hidden effect, before and after the simulation was extended (SVG)."""
     record = draw_alone(PICTURE_SEED, effects=["quadratic"]).measured()
     sections = residual_sections(diagnose(record, noise_bound=NOISE_BOUND, rerun=False))
-    return sections[0].svg or ""
+    picture = sections[0].picture
+    return "" if picture is None else picture.svg()
 
 
 def main(arguments: list[str]) -> None:

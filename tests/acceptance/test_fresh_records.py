@@ -22,7 +22,7 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.document.page import html
 from trihedron.tools.records import PositionRecord, StrapdownRecord, read_record
-from trihedron.tools.reports import document_of
+from trihedron.tools.reports import page_of
 
 pytestmark = pytest.mark.acceptance
 SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
@@ -86,9 +86,9 @@ def judged(fresh: Fresh, seed: int) -> Said:
     found.outside += outside(targets)
     found.rounded += rounded_inwards(str(result), [p for cause in told["causes"] for p in cause["parameters"]])
     if seed % PAGES == 0:
-        page = document_of(result, record).page
+        page = page_of(result, record)
         assert page is not None
-        found.rounded += wrong_on_page(html(page()), told)
+        found.rounded += wrong_on_page(html(page), told)
     if positions:
         calibration = calibrate(record, noise_bound=SIGMA).to_json()
         if calibration["verdict"] == "consistent":

@@ -13,6 +13,7 @@ from cyclopts import Parameter
 from .. import calibration as calibrations
 from .. import (
     diagnosis,
+    document,
     library,
     measured,
     motion,
@@ -240,7 +241,7 @@ def apply(
     if isinstance(result, diagnosis.Applied):
         text = str(result)
     else:
-        text = "\n".join(reports.application_lines(result, latitude_deg))
+        text = document.text(reports.application_page(result, latitude_deg))
     if out is not None:
         if result.record is None:
             raise InputError(f"--out {out}: nothing that was found can be taken out of readings")
@@ -317,7 +318,7 @@ def inspect(
     if plot is not None:
         reports.write_plot(plot, record.name, f"{len(rows)} rows as measured.", rows.to_polars())
     if allan is not None:
-        write_text(allan, reports.allan_picture(inspection))
+        write_text(allan, reports.allan_picture(inspection).svg())
     return answer(inspection, json)
 
 

@@ -52,9 +52,9 @@ def target(
         grid = 1.0
     plans = library.plan(*targets, grid=grid, **options, progress=True)
     if report is not None:
-        document.write_page(report, reports.plan_page(plans))
+        reports.write_report(report, plans)
     if picture is not None:
-        write_text(picture, reports.plan_picture(plans[0]))
+        write_text(picture, reports.plan_picture(plans[0]).svg())
     return answer(plans, json)
 
 

@@ -1,19 +1,32 @@
-"""What a result has to say, as blocks: verdict, figures, prose, tables, pictures, equations, files; and as text."""
+"""What a result has to say, as blocks: verdict, figures, prose, tables, pictures, equations, files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ..rounding import NONE, exactly
+from ..quantity import cells_of, quantities_of
+from ..rounding import NONE
 
 if TYPE_CHECKING:
-    from polars import DataFrame
+    from matplotlib.figure import Figure
+    from pydantic import BaseModel
 
     from .notation import Cell
 
 Tone = Literal["good", "attention", "neutral"]
+Words = Mapping[str, Callable[[str], str | None]]
+"""Field -> how a person writes its text."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture that is drawn when it is first looked at."""
+
+    figure: "Callable[[], Figure]"
+    svg: Callable[[], str]
+    """the same as an SVG element"""
 
 
 @dataclass(frozen=True)
@@ -46,12 +59,42 @@ class Table:
             if any(isinstance(cell, float) for cell in row):
                 raise TypeError(f"row {number} has a number that is not rounded: {row}")
 
-    def told(self) -> "Table":
-        """The same without the columns that say nothing: nothing in every row."""
-        kept = [
-            k for k in range(len(self.header)) if any(row[k] is not None and row[k] is not NONE for row in self.rows)
-        ]
-        return Table([self.header[k] for k in kept], [[row[k] for k in kept] for row in self.rows], self.caption)
+    def without_empty_columns(self) -> "Table":
+        """Return the table without the columns that have nothing in any row."""
+        header = []
+        rows: list[list[Cell]] = [[] for _ in self.rows]
+        for k, heading in enumerate(self.header):
+            cells = [row[k] for row in self.rows]
+            if all(cell is None or cell is NONE for cell in cells):
+                continue
+            header.append(heading)
+            for row, cell in zip(rows, cells, strict=True):
+                row.append(cell)
+        return Table(header, rows, self.caption)
+
+
+def table_of(
+    results: "Sequence[BaseModel]",
+    names: Sequence[str],
+    words: "Mapping[str, Callable[[str], str | None]] | None" = None,
+) -> Table:
+    """Return a table with a row for each result, all of one kind, and a column for each named field.
+
+    The types of the fields say what heads a column, its unit and how its numbers are rounded; `words` give texts of
+    some fields as people write them.
+    """
+    if not results:
+        return Table([], [])
+    known = quantities_of(type(results[0]))
+    header = [known[name].heading for name in names]
+    rows: list[list[Cell]] = []
+    for result in results:
+        cells = cells_of(result, names)
+        for k, name in enumerate(names):
+            if words and name in words:
+                cells[k] = words[name](cells[k])
+        rows.append(cells)
+    return Table(header, rows)
 
 
 @dataclass(frozen=True)
@@ -61,8 +104,7 @@ class Section:
     title: str
     paragraphs: Sequence[str] = ()
     """plain text; a single one may stand for itself"""
-    svg: str | None = None
-    """a picture, SVG"""
+    picture: Picture | None = None
     caption: str = ""
     """of the picture"""
     table: Table | None = None
@@ -76,20 +118,25 @@ class Section:
     def __post_init__(self) -> None:
         if isinstance(self.paragraphs, str):
             object.__setattr__(self, "paragraphs", (self.paragraphs,))
-        if self.svg is not None and not self.svg.startswith("<svg "):
-            raise ValueError("svg is not a picture: it begins with '<svg '")
         if not all(equation.startswith("<math ") for equation in self.equations):
             raise ValueError("an equation is not MathML: it begins with '<math '")
 
 
+def _no_sections() -> "Sequence[Section]":
+    return ()
+
+
 @dataclass(frozen=True)
 class Page:
-    """What stands on the page of a result."""
+    """What stands on the page of a result; a terminal shows its verdict, figures, answer and warnings."""
 
     title: str
     verdict: str
     """the sentence that a person who reads no more should have read"""
-    sections: Sequence[Section]
+    answer: Sequence[Section]
+    """the sections that say the answer: they stand above the list of contents"""
+    further: Callable[[], Sequence[Section]] = _no_sections
+    """makes the sections behind it, for a page alone"""
     tone: Tone = "neutral"
     """colour of the rule beside the verdict"""
     key: Mapping[str, object] = field(default_factory=dict)
@@ -98,55 +145,13 @@ class Page:
     """what the results rest on: versions, content hashes; no time of day, so that the page repeats"""
     sources: Sequence[str] = ()
     """where the methods that were used are published"""
-    answer: int = 0
-    """so many sections say the answer, and stand above the list of contents"""
+    warnings: Sequence[str] = ()
     sheet: bool = False
     """one A4 page to sign: what is empty at its head, and in tables, is room to write"""
     zoom: bool = False
     """its pictures are lines over time, of which a stretch can be drawn out"""
 
-
-@dataclass(frozen=True)
-class Document:
-    """What a result has to say."""
-
-    lines: Sequence[str]
-    """what a terminal shows; the first is the verdict"""
-    table: "Callable[[], DataFrame | None]" = lambda: None
-    """gives the table of the result, or None: a notebook shows it below the verdict"""
-    page: Callable[[], Page] | None = None
-    """gives what stands on its page, where it has one; pictures are drawn only then"""
-
-
-MOST_ROWS = 40
-"""Rows of a result's table that a notebook shows."""
-
-
-def text(document: Document) -> str:
-    """What a terminal shows."""
-    return "\n".join(document.lines)
-
-
-def notebook(document: Document) -> str:
-    """What a notebook shows: the verdict, and the table where there is one (HTML)."""
-    frame = document.table()
-    said = f"<p><strong>{escape(document.lines[0])}</strong></p>" if document.lines else ""
-    return f"<div>{said}{'' if frame is None else table_html(frame)}</div>"
-
-
-def table_html(frame: "DataFrame") -> str:
-    """A table as HTML; numbers with all their digits, empty where there is none."""
-    head = "".join(f"<th>{escape(name)}</th>" for name in frame.columns)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(_cell(value))}</td>" for value in row) + "</tr>"
-        for row in frame.head(MOST_ROWS).iter_rows()
-    )
-    left = frame.height - MOST_ROWS
-    more = f"<p>... and {left} rows more</p>" if left > 0 else ""
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    return exactly(value) if isinstance(value, float) else str(value)
+    @cached_property
+    def sections(self) -> "Sequence[Section]":
+        """All sections in their order."""
+        return [*self.answer, *self.further()]

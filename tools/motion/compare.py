@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, cast
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 import polars as pl
@@ -30,6 +30,7 @@ from ...models.attitude_algorithms.products import by_products, by_products_and_
 from ..compiled import Makers, compile_callee, compiled, loop_compiled, loops_over
 from ..errors import InputError
 from ..progress import progress_bar
+from ..quantity import DEGREES, Quantity
 from ..records import StrapdownRecord
 from ..result import Result
 from .attitude import AttitudeRun, attitude_error, attitude_of_record
@@ -71,13 +72,19 @@ class ComparedAlgorithm(Result):
         in one step
     """
 
-    algorithm: str
-    order: int
-    updates: int = 0
-    apart: float | None = Field(default=None, alias="from_reference_rad")
-    rms: float | None = Field(default=None, alias="error_rms_rad")
-    maximum: float | None = Field(default=None, alias="error_max_rad")
-    refused: str = Field(default="", alias="not_taken")
+    algorithm: Annotated[str, Quantity("algorithm")]
+    order: Annotated[int, Quantity("order")]
+    updates: Annotated[int, Quantity("updates")] = 0
+    apart: Annotated[float | None, Quantity("from the reference", "deg", "nearest", 3, DEGREES)] = Field(
+        default=None, alias="from_reference_rad"
+    )
+    rms: Annotated[float | None, Quantity("error rms", "deg", "nearest", 3, DEGREES)] = Field(
+        default=None, alias="error_rms_rad"
+    )
+    maximum: Annotated[float | None, Quantity("error max", "deg", "up", 3, DEGREES)] = Field(
+        default=None, alias="error_max_rad"
+    )
+    refused: Annotated[str, Quantity("not taken")] = Field(default="", alias="not_taken")
     samples: int = Field(default=0, exclude=True)
 
 

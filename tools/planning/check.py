@@ -15,7 +15,7 @@ nearly parameters; extra positions show them.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from ..calibration.model import Positions
 from ..errors import InputError, nearest
 from ..evidence.bench_visits import Circumstances, Visits, is_linear, signature_columns
 from ..orchestrator.stimuli import read_table
+from ..quantity import Quantity
 from ..records.columns import LIMITS
 from ..result import Result
 from .forms import x_from_targets
@@ -72,12 +73,12 @@ class TargetCheck(Result):
         of `ADVICE`
     """
 
-    target: str
-    planned: float
-    bias: float
-    compensated: float | None
-    solved: float | None
-    advice: str
+    target: Annotated[str, Quantity("target")]
+    planned: Annotated[float, Quantity("plan Σ|Φ|", "", "up", 5)]
+    bias: Annotated[float, Quantity("Σ|b|X^max", "", "up", 4)]
+    compensated: Annotated[float | None, Quantity("(4.2) Σ|Φ|", "", "up", 5)]
+    solved: Annotated[float | None, Quantity("re-solved", "", "up", 5)]
+    advice: Annotated[str, Quantity("advice")]
 
 
 class SettingCheck(Result):
@@ -231,10 +232,10 @@ class EffectDistance(Result):
         with the plan, with the extra positions, and with every position of the lattice
     """
 
-    effect: str
-    distance_before: float
-    distance_after: float
-    distance_at_most: float
+    effect: Annotated[str, Quantity("effect")]
+    distance_before: Annotated[float, Quantity("distance before", "", "down", 4)]
+    distance_after: Annotated[float, Quantity("now", "", "down", 4)]
+    distance_at_most: Annotated[float, Quantity("at most", "", "up", 4)]
 
 
 def named_effects(names: Sequence[str]) -> list[EffectPlace]:

@@ -19,6 +19,7 @@ from pydantic import Field
 from ..calibrated import Number
 from ..errors import InputError
 from ..progress import shown_status
+from ..quantity import Quantity
 from ..result import Result
 from ..rounding import downwards
 from .bounds import Bound, HittingSet, bound_positions, pool_of
@@ -460,12 +461,12 @@ def fewest_positions(request: Request, *, progress: bool = False) -> PositionPla
 class CurvePoint(Result):
     """What N positions cost, ratios of the best set found; no N of the pool have a worst ratio below the bound."""
 
-    positions: int
-    readings: int
-    worst: float
-    mean: float
-    bound: float
-    pool: int
+    positions: Annotated[int, Quantity("positions")]
+    readings: Annotated[int, Quantity("readings")]
+    worst: Annotated[float, Quantity("worst ratio", "", "up", 7)]
+    mean: Annotated[float, Quantity("mean", "", "up", 7)]
+    bound: Annotated[float, Quantity("proven", "", "down", 7)]
+    pool: Annotated[int, Quantity("positions of the pool")]
 
 
 class Curve(Result):

@@ -1,4 +1,4 @@
-from .calibration import application_lines as application_lines
+from .calibration import application_page as application_page
 from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite
@@ -6,15 +6,14 @@ from .imu_plan import write_imu_plan as write_imu_plan
 from .inspection import distrust as distrust
 from .lines import write_plot as write_plot
 from .lines import write_plot_of_run as write_plot_of_run
-from .makers import MAKERS as MAKERS
-from .makers import document_of as document_of
-from .makers import figures as figures
-from .makers import write_report as write_report
+from .pages import PAGES as PAGES
+from .pages import page_of as page_of
+from .pages import shown as shown
+from .pages import write_report as write_report
 from .papers import write_reproduction as write_reproduction
 from .pictures.records import allan_picture as allan_picture
 from .pictures.records import plan_picture as plan_picture
 from .plan import operator_page as operator_page
-from .plan import plan_page as plan_page
 from .plan import write_curve as write_curve
 from .plan import write_plan as write_plan
 from .sheet import read_about as read_about

@@ -11,8 +11,8 @@ from ..diagnosis.beyond import Beyond, BeyondCatalogue, StatedLaw
 from ..diagnosis.cause import Cause
 from ..diagnosis.laws import words_of
 from ..diagnosis.result import Diagnosis
-from ..document.blocks import Section, Table
-from ..document.notation import Cell, sentence, unit_of, unit_text
+from ..document.blocks import Picture, Section, Table
+from ..document.notation import Cell, sentence, unit_text
 from ..evidence.pairs import GYROS, in_words
 from ..rounding import digits, interval, residual, upwards
 from .pictures.residuals import BandDrawn, band_picture
@@ -32,29 +32,27 @@ def is_angular(where: str) -> bool:
     return where.endswith("axis") or where == "base"
 
 
-def lines(result: Diagnosis) -> list[str]:
-    """The laws and what extends the model, for a terminal."""
-    # A law that stands alone is the cause, and was told as such.
-    several = result.laws or () if result.caution else ()
-    said = [
-        f"law that stands: {law.words}: {_sizes(law)}; radius {residual(law.radius)}{_left_out(law)}" for law in several
+def extension_texts(result: Diagnosis) -> list[str]:
+    """Return in sentences what extends the model beyond the catalogue, and its gain."""
+    law = result.extension
+    if law is None:
+        return []
+    form = law.words
+    if law.knots:
+        form = f"a table of {len(law.knots)} knots" + (" of each gyro" if law.beside else "")
+    texts = [
+        f"Beyond the catalogue: {_where(law)} {form}, {_function_of(law)}, extends the model: "
+        f"radius {residual(law.radius)}{_left_out(law)}{_needed(law)}."
     ]
-    if (found := result.extension) is not None:
-        what = f"a table of {len(found.knots)} knots" if found.knots else found.words
-        what += " of each gyro" if found.knots and found.beside else ""
-        said.append(
-            f"beyond the catalogue: {_where(found)} {what}, {_function_of(found)}, extends the "
-            f"model: radius {residual(found.radius)}{_left_out(found)}{_needed(found)}"
+    if law.gain is not None:
+        gain, unit = law.gain, result.unit or "g"
+        pieces = f"pieces, {gain.over}" if gain.over else "positions"
+        texts.append(
+            f"Held-out {pieces}, simulated again: rms {digits(gain.held_out_rms_before)} -> "
+            f"{digits(gain.held_out_rms_after)} {unit}, max {upwards(gain.held_out_max_before, 3)} -> "
+            f"{upwards(gain.held_out_max_after, 3)} {unit}."
         )
-        if found.gain is not None:
-            gain, unit = found.gain, result.unit or "g"
-            held_out = f"pieces, {gain.over}" if gain.over else "positions"
-            said.append(
-                f"  held-out {held_out}, simulated again: rms {digits(gain.held_out_rms_before)} -> "
-                f"{digits(gain.held_out_rms_after)} {unit}, max {upwards(gain.held_out_max_before, 3)} -> "
-                f"{upwards(gain.held_out_max_after, 3)} {unit}"
-            )
-    return said
+    return texts
 
 
 def _where(law: StatedLaw) -> str:
@@ -69,35 +67,26 @@ def _gyro_of(cause: Cause) -> int:
     return cause.axes[0] if cause.axes else Formula.of(cause.law or "").target.index + 1
 
 
-def _function_of(found: BeyondCatalogue) -> str:
+def _function_of(law: BeyondCatalogue) -> str:
     """Of what it is a function."""
-    return f"{'functions' if found.beside else 'a function'} of {in_words(found.quantity)}"
+    return f"{'functions' if law.beside else 'a function'} of {in_words(law.quantity)}"
 
 
 def beyond_words(result: Diagnosis) -> str:
     """That the model is extended by what stands in no catalogue; empty where it is not."""
-    if (found := result.extension) is None:
+    if (law := result.extension) is None:
         return ""
-    own = ("A table of each gyro", "Formulas, ") if found.beside else ("A table", "The formula ")
-    what = own[0] if found.kind == "lookup" else f"{own[1]}{found.words}"
-    extend = "extend" if found.beside else "extends"
-    return f"{what}, {_function_of(found)}, {extend} it beyond the catalogue: a description, no cause{_needed(found)}."
+    forms = ("A table of each gyro", "Formulas, ") if law.beside else ("A table", "The formula ")
+    what = forms[0] if law.kind == "lookup" else f"{forms[1]}{law.words}"
+    extend = "extend" if law.beside else "extends"
+    return f"{what}, {_function_of(law)}, {extend} it beyond the catalogue: a description, no cause{_needed(law)}."
 
 
-def _needed(found: BeyondCatalogue) -> str:
+def _needed(law: BeyondCatalogue) -> str:
     """By how much larger a noise bound it would stand, where it does not."""
-    if found.noise_bound_needed is None:
+    if law.noise_bound_needed is None:
         return ""
-    return f"; it would stand with a noise bound of {upwards(found.noise_bound_needed, 3)}"
-
-
-def _sizes(law: StatedLaw) -> str:
-    told = []
-    for cause in law.causes:
-        for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-            shown, low, high = interval(value, *ends)
-            told.append(f"{p.name} {shown} [{low}, {high}] {unit_of(p.unit)}".rstrip())
-    return ", ".join(told)
+    return f"; it would stand with a noise bound of {upwards(law.noise_bound_needed, 3)}"
 
 
 def _left_out(law: StatedLaw) -> str:
@@ -111,30 +100,32 @@ def sections(result: Diagnosis) -> list[Section]:
     bands = result.bands or ((result.band,) if result.band else ())
     if not bands or result.beyond is None:
         return []
-    first, *others = (_pictured(result.beyond, band, own) for band, own in zip(bands, result.beyond.each, strict=True))
+    first, *further = (
+        _pictured(result.beyond, band, possible) for band, possible in zip(bands, result.beyond.each, strict=True)
+    )
     _, picture, caption = first
     points = [POINTS] if "readings" in caption else []
-    text = [sentence(said) for said in result.caution or ()] + [HOW_TO_READ, *points]
+    text = [sentence(text) for text in result.caution or ()] + [HOW_TO_READ, *points]
     head = Section("What the record says, whatever the law", text, picture, caption, _table(result))
-    return [head, *(Section(title, (), picture, caption) for title, picture, caption in others)]
+    return [head, *(Section(title, (), picture, caption) for title, picture, caption in further)]
 
 
-def _pictured(beyond: Beyond, band: BandOfFunctions, own: Possible) -> tuple[str, str, str]:
+def _pictured(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> tuple[str, Picture, str]:
     """The title, the picture and the caption of the band of one place."""
-    circle, angular = own.pair.circle, is_angular(band.where)
+    circle, angular = possible.pair.circle, is_angular(band.where)
     across, up, error = (math.degrees(1.0) if circle else 1.0), 1e5, "1e-5 g"
     if angular or band.where in GYROS:
         up, error = (ARCSECONDS, "arcsec") if angular else (1e3, "1e-3 rad/s")
-    at, said = beyond.readings
+    at, values = beyond.readings
     by = "rad/s" if band.quantity.startswith("w") else "rad/s²" if band.quantity.startswith("d") else "g"
     unit = "deg" if circle else UNITS.get(band.quantity, "·".join([by] * len(band.quantity.split())))
-    shown = BandDrawn(
+    band_drawn = BandDrawn(
         at=across * np.array([knot["at"] for knot in band.knots]),
         low=up * np.array([knot["low"] for knot in band.knots]),
         high=up * np.array([knot["high"] for knot in band.knots]),
-        knots=across * own.knots,
-        readings=(across * at, up * said),
-        lines=[(name, up * values) for name, values in beyond.lines_of(own)],
+        knots=across * possible.knots,
+        readings=(across * at, up * values),
+        lines=[(name, up * values) for name, values in beyond.lines_of(possible)],
         quantity=f"{ANGLES.get(band.quantity, in_words(band.quantity))} [{unit}]".replace(" []", ""),
         error=f"{band.where.replace('-', ' ')} [{error}]",
         steps=band.steps,
@@ -142,17 +133,17 @@ def _pictured(beyond: Beyond, band: BandOfFunctions, own: Possible) -> tuple[str
     )
     what = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
     caption = f"{what}: what the record leaves possible, laws{', and the readings' if len(at) else ''}."
-    return what, band_picture(shown), caption
+    return what, band_picture(band_drawn), caption
 
 
 def _table(result: Diagnosis) -> Table | None:
     """The laws that stand, and what extends the model."""
     rows: list[list[Cell]] = []
-    found = result.extension
-    laws = [*(result.laws or ()), *([found] if found is not None and found.kind == "lookup" else [])]
+    law = result.extension
+    laws = [*(result.laws or ()), *([law] if law is not None and law.kind == "lookup" else [])]
     for law in laws:
         name = law.words if not isinstance(law, BeyondCatalogue) or not law.knots else "table"
-        left = "" if law.left_out_rms is None else digits(law.left_out_rms)
+        left_out = "" if law.left_out_rms is None else digits(law.left_out_rms)
         for cause in law.causes:
             of = (
                 name
@@ -160,7 +151,7 @@ def _table(result: Diagnosis) -> Table | None:
                 else f"gyro {_gyro_of(cause)}: {name if name == 'table' else words_of(cause.place)}"
             )
             for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                rows.append([of, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left])
+                rows.append([of, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left_out])
     header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms"]
     return Table(header, rows) if rows else None
 
@@ -195,8 +186,8 @@ def bound_text(result: Diagnosis) -> str:
     return f"without any effect the model would stand with bounds {times} times as large, of {needed} {result.unit}"
 
 
-def level_lines(result: Diagnosis) -> list[str]:
-    """What is proven of place and quantity, and the noise bound that would do without."""
+def level_texts(result: Diagnosis) -> list[str]:
+    """Return what is proven of place and quantity, and the noise bound that would do without."""
     return [text for text in (proven_text(result), bound_text(result)) if text]
 
 
@@ -205,7 +196,8 @@ def level_section(result: Diagnosis) -> Section | None:
     if not result.suffices and not proven_text(result):
         return None
     rows: list[list[Cell]] = [
-        [one.where, one.on, one.form, str(one.complexity), residual(one.radius)] for one in result.suffices or ()
+        [function.where, function.on, function.form, str(function.complexity), residual(function.radius)]
+        for function in result.suffices or ()
     ]
     header = ["place", "quantity", "form", "complexity", "radius"]
     # The band, where there is one, has the cautions.

@@ -1,4 +1,4 @@
-"""What a calibration says: text and page."""
+"""The page of a calibration."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,64 +8,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibrated import Calibration, Gyros, Parameter
-from ..calibration.correction import Application, Correction, Levelling, correction_of, face_readings, levelling
+from ..calibration.correction import Application, Correction, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..calibration.gyros import said_of_place
 from ..calibration.targets import ARCSEC
-from ..document.blocks import Page, Section, Table, Tone
+from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import (
     Bar,
     Cell,
     bars,
     equation,
-    sentence,
     symbol_text,
-    unit_of,
     unit_text,
 )
 from ..errors import InputError
 from ..records import PositionRecord
-from ..rounding import NONE, Number, digits, exactly, interval, residual, to_bound, upwards
+from ..rounding import digits, exactly, residual, to_bound, upwards
 from . import bench
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
 
 TONES: dict[str, Tone] = {"consistent": "good"}
+MOST_TURNS = 5
+"""Turns that are named in a sentence."""
+WORDS = {"symbol": symbol_text, "name": bench.physical_words, "unit": unit_text}
+"""How texts of a parameter stand in a table."""
 
 
-def page(result: Calibration, record: PositionRecord) -> Page:
-    """Verdict, targets and residuals; record, model, evidence, what next, provenance."""
-    answer = [target_section(result), gyro_section(result), residual_section(result, record.position)]
-    answer = [section for section in answer if section is not None]
-    sections = [
-        *answer,
-        bench.measured_section(record, result),
-        bench.bench_section(result, bench.calibrated_values(result)),
-        beside_section(result),
-        bench.proof_section(result, record.position),
-        bench.next_section(result.linearised, result.next_positions),
-        levelling_section(result),
-        *joint_set_sections(result),
-        *rest_sections(record),
-    ]
+def calibration_page(result: Calibration, record: PositionRecord | None) -> Page:
+    """Return what a calibration says: its parameters, what is open, what it is worth for levelling.
+
+    Behind that stand residuals, record, model, evidence and joint sets; those of the record only where it is known.
+    """
+    answer = [*target_sections(result), *gyro_sections(result), *open_sections(result), *levelling_sections(result)]
+
+    def further() -> list[Section]:
+        sections: list[Section | None] = []
+        if record is not None:
+            sections += [residual_section(result, record.position), bench.measured_section(record, result)]
+        sections += [bench.bench_section(result, bench.calibrated_values(result)), beside_section(result)]
+        if record is not None:
+            sections += [bench.proof_section(result, record.position), *rest_sections(record)]
+        sections += joint_set_sections(result)
+        return [section for section in sections if section is not None]
+
     return Page(
-        f"Calibration of {record.path.name}",
+        f"Calibration of {record.path.name}" if record is not None else "Calibration",
         verdict_sentence(result),
-        [section for section in sections if section is not None],
-        answer=len(answer),
+        answer,
+        further,
         tone=TONES.get(result.verdict, "attention"),
         key=bench.key_figures(result),
         provenance=bench.provenance(result),
         sources=bench.calibration_sources(result),
+        warnings=result.warnings,
     )
 
 
 def verdict_sentence(result: Calibration) -> str:
     """The verdict in a sentence with its figures."""
     if result.verdict == "falsified":
+        proof = f", and {len(result.witness)} readings alone prove it" if result.witness else ""
         return (
-            f"Falsified: no parameters of the model keep every reading within the noise bound; the best leave "
-            f"{residual(result.radius)} σ, and {len(result.witness)} readings alone prove it."
+            "Falsified: no parameters of the model keep every reading within the noise bound; the best leave "
+            f"{residual(result.radius)} σ{proof}."
         )
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
@@ -116,30 +122,36 @@ def joint_set_sections(result: Calibration) -> list[Section]:
     ]
 
 
-def levelling_section(result: Calibration) -> Section | None:
-    """The correction as equations, and the error of the vertical before and after it, attitude by attitude."""
-    found = levelled(result)
-    if found is None:
-        return None
-    correction, names, gained = found
-    rows: list[list[Cell]] = [
-        [name, upwards(before / ARCSEC), upwards(after / ARCSEC)]
-        for name, before, after in zip(names, gained.before.tolist(), gained.after.tolist(), strict=True)
-    ]
+def levelling_sections(result: Calibration) -> list[Section]:
+    """Return the correction as equations, and the error of the vertical before and after it, attitude by attitude.
+
+    There is none without a guaranteed error.
+    """
+    if result.verdict != "consistent" or any(error.low is None for error in result.reading_errors):
+        return []
+    correction = correction_of(result.to_json(), "calibration")
+    names, readings = face_readings(correction)
+    errors = levelling(correction, readings)
+    rows: list[list[Cell]] = []
+    for name, before, after in zip(names, errors.before.tolist(), errors.after.tolist(), strict=True):
+        rows.append([name, upwards(before / ARCSEC), upwards(after / ARCSEC)])
+    equations = []
+    for n, terms, plus, minus in bench.correction_terms(correction, result.noise_bound, "_"):
+        equations.append(equation(f"{n} = {terms} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}"))
+    before, after = errors.worst
     header = ["attitude of the block", "error of the vertical as read [arcsec]", "corrected, guaranteed [arcsec]"]
-    return Section(
-        "What it bought",
-        [
-            "An inertial system that aligns itself by these accelerometers takes their readings for the vertical. "
-            "The errors below are those of the block at rest; the readings' own errors come on top.",
-            "The correction, with f the readings and g n what they become; `trihedron apply` does it:",
-        ],
-        equations=[
-            equation(f"{n} = {terms} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}")
-            for n, terms, plus, minus in bench.correction_terms(correction, result.noise_bound, "_")
-        ],
-        table=Table(header, rows),
-    )
+    return [
+        Section(
+            "What it bought",
+            [
+                f"Levelling with an axis vertical: as read wrong by up to {upwards(before / ARCSEC, 3)} arcsec, "
+                f"corrected by at most {upwards(after / ARCSEC, 3)} (guaranteed; `trihedron apply` corrects). The "
+                "readings' own errors come on top."
+            ],
+            equations=equations,
+            table=Table(header, rows),
+        )
+    ]
 
 
 def rest_sections(record: PositionRecord) -> list[Section]:
@@ -163,39 +175,33 @@ def rest_sections(record: PositionRecord) -> list[Section]:
         "Angles and readings, less their medians, during the rests that were refused.",
         Table(["first row", "last row", "lasts [s]", "why"], rows),
     )
-    return [first, *(Section("Rests that were left out, continued", svg=other) for other in others)]
+    return [first, *(Section("Rests that were left out, continued", picture=other) for other in others)]
 
 
-def calibration_section(
-    result: Calibration, truth: Mapping[str, float] | None = None, files: list[Path] | None = None
-) -> Section:
-    """The verdict in a sentence, and the targets."""
-    return Section(
-        "Calibration with guaranteed bounds",
-        [
-            sentence(bench.VERDICTS[result.verdict]),
-            f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
-            f"({result.sigma.basis}); least possible largest residual {residual(result.radius)} σ.",
-            *bench.missing_lines(result),
-            *map(sentence, estimator_lines(result)),
-        ],
-        table=target_table(result, truth),
-        files=files or [],
-    )
+def target_sections(
+    result: Calibration, truth: Mapping[str, float] | None = None, files: Sequence[Path] = ()
+) -> list[Section]:
+    """Return the parameters of bench and accelerometers; of a falsified model what stands in place of estimates."""
+    paragraphs = estimator_texts(result)
+    if result.verdict == "falsified":
+        paragraphs += beside_texts(result)
+        paragraphs.append("No error is guaranteed. `trihedron diagnose` says what the model lacks.")
+        return [Section("Targets", paragraphs, table=beside_table(result), files=files)]
+    return [Section("Targets", paragraphs, table=target_table(result, truth), files=files)]
+
+
+def open_sections(result: Calibration) -> list[Section]:
+    """Return what the readings do not determine, and the positions that would; none where nothing is open."""
+    missing = bench.missing_texts(result)
+    sections = [Section("What is open", missing)] if missing else []
+    if result.linearised is None:
+        return sections
+    return [*sections, *bench.next_sections(result.linearised, result.next_positions)]
 
 
 def target_section(result: Calibration) -> Section:
-    """The targets on a page of their own."""
-    said = [sentence(line) for line in estimator_lines(result)]
-    if result.missing:
-        said.append(
-            "Where there is no number the readings determine none: measure more, or say what is known by `--prior`."
-        )
-    if result.verdict == "falsified":
-        said += [sentence(line) for line in beside_words(result)]
-        said.append("No error is guaranteed. `trihedron diagnose` says what the model lacks.")
-        return Section("Targets", said, table=beside_table(result))
-    return Section("Targets", said, table=target_table(result))
+    """Return the parameters of bench and accelerometers on the page of a diagnosis."""
+    return target_sections(result)[0]
 
 
 def beside_section(result: Calibration) -> Section | None:
@@ -204,51 +210,45 @@ def beside_section(result: Calibration) -> Section | None:
         return None
     return Section(
         "Beside the estimates",
-        [sentence(line) for line in beside_words(result)],
+        beside_texts(result),
         table=beside_table(result),
     )
 
 
 ESTIMATORS = {
-    "analytic centre": "the estimates are the analytic centre: one possible set of values, which keeps every reading "
-    "within its bound, in the middle of all such",
-    "central programme": "the estimates are the point of the central programme: one possible set of values, as near to "
-    "the middles of the intervals as any, where hardly more than a point is possible",
-    "a priori": "the estimates are the a-priori ones, which the readings may prove impossible; calibrate again for "
-    "others",
+    "analytic centre": "Estimates are the centre of all parameter values that fit every reading within its bound.",
+    "central programme": "Estimates are possible values, as near to the middles of the intervals as any.",
+    "a priori": "Estimates are the a-priori ones, which the readings may prove impossible; calibrate again for others.",
 }
 BESIDE = (
-    "beside them: a-priori estimates, by weights that are best before anything is read, and least squares with its "
-    "standard error"
+    "Two other estimates: a priori, by weights that are best before anything is read; and least squares with its "
+    "standard error."
 )
+WHY_OUTSIDE = {
+    "a_priori": "The a-priori estimate is a promise made before the data, which now say more: it lies outside the "
+    "interval of {}.",
+    "least_squares": "Least squares knows no bound of the readings' errors: it lies outside the interval of {}.",
+}
 
 
-def estimator_lines(result: Calibration) -> list[str]:
-    """What the estimates are, or why there are none."""
-    said = [ESTIMATORS[str(result.estimator)]] if stands_central(result) else []
+def estimator_texts(result: Calibration) -> list[str]:
+    """Return in sentences what the estimates are, or why there are none."""
+    texts = [ESTIMATORS[result.estimator]] if result.estimator in ESTIMATORS else []
     if result.no_estimate:
-        said.append(f"no estimate{' of those' if stands_central(result) else ''}: {result.no_estimate}")
-    return said
+        texts.append(f"No estimate{' of those' if texts else ''}: {result.no_estimate}.")
+    return texts
 
 
-def stands_central(result: Calibration) -> bool:
-    """Whether estimates are possible values."""
-    return result.estimator in ESTIMATORS
-
-
-def beside_words(result: Calibration) -> list[str]:
-    """What stands beside the estimates, and why it may be outside an interval."""
+def beside_texts(result: Calibration) -> list[str]:
+    """Return in sentences what stands beside the estimates, and why it may be outside an interval."""
     if not stands_beside(result):
         return []
-    said = [BESIDE if stands_central(result) else BESIDE.replace("beside them", "what stands in their place")]
-    for title, key, why in (
-        ("the a-priori estimate", "a_priori", "it is a promise made before the data, which now say more"),
-        ("least squares", "least_squares", "it knows no bound of the readings' errors"),
-    ):
-        outside = [e.symbol for e in result.targets if not e.possible(getattr(e, key))]
+    texts = [BESIDE]
+    for name, text in WHY_OUTSIDE.items():
+        outside = [p.symbol for p in result.targets if not p.possible(getattr(p, name))]
         if outside:
-            said.append(f"{title} lies outside the interval of {few(outside)}: {why}")
-    return said
+            texts.append(text.format(few(outside)))
+    return texts
 
 
 def stands_beside(result: Calibration) -> list[Parameter]:
@@ -263,184 +263,97 @@ def few(symbols: Sequence[str]) -> str:
 
 
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
-    """Each target with its interval, drawn in units of σ about its estimate; columns that say nothing are left out."""
-    known, sigma = truth or {}, result.noise_bound
-
-    def over(value: float | None, estimate: float | None) -> float | None:
-        return None if value is None or estimate is None else (value - estimate) / sigma
-
-    drawn, reach = bars(
-        [
-            Bar(
-                None if e.central is None or e.guaranteed_error is None else e.guaranteed_error / sigma,
-                *(over(value, e.central) for value in (e.low, e.high, known.get(e.symbol))),
-                about=over(e.a_priori, e.central) or 0.0,
-            )
-            for e in result.targets
-        ]
-    )
+    """Return each target with its interval, drawn in units of σ about its estimate; a truth where it is known."""
+    known = truth or {}
+    intervals = []
+    for p in result.targets:
+        band = None if p.central is None or p.guaranteed_error is None else p.guaranteed_error / result.noise_bound
+        ends = [_in_sigma(result, p, value) for value in (p.low, p.high, known.get(p.symbol))]
+        intervals.append(Bar(band, *ends, about=_in_sigma(result, p, p.a_priori) or 0.0))
+    pictures, reach = bars(intervals)
+    numbers = table_of(result.targets, ("symbol", "name", "central", "error_bound", "low", "high", "unit"), WORDS)
     rows: list[list[Cell]] = []
-    for e, bar in zip(result.targets, drawn, strict=True):
-        estimate, low, high, *_ = numbers_of(e)
-        row: list[Cell] = [symbol_text(e.symbol), bench.physical_words(e.name), estimate, upwards(e.error_bound)]
-        rows.append([*row, bar, low, high, unit_text(e.unit), to_bound(known.get(e.symbol), e.error_bound)])
-    header = ["target", "meaning", "estimate", "to within", "interval", "low", "high", "unit", "truth"]
-    marks = "band: a-priori estimate and guaranteed error; line: what the readings leave possible; dot: estimate"
-    marks += "; bar: truth" if known else ""
-    drawn_from = f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. {sentence(marks)}"
-    return Table(header, rows, "" if reach == 0.0 else drawn_from).told()
+    for cells, bar, p in zip(numbers.rows, pictures, result.targets, strict=True):
+        rows.append([*cells[:4], bar, *cells[4:], to_bound(known.get(p.symbol), p.error_bound)])
+    caption = ""
+    if reach > 0.0:
+        caption = (
+            f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. Band: a-priori estimate and "
+            "guaranteed error; line: what the readings leave possible; dot: estimate"
+            + ("; bar: truth." if known else ".")
+        )
+    header = [*numbers.header[:4], "interval", *numbers.header[4:], "truth"]
+    return Table(header, rows, caption).without_empty_columns()
+
+
+def _in_sigma(result: Calibration, p: Parameter, value: float | None) -> float | None:
+    """Return a value less the estimate in units of σ; None where either is not known."""
+    return None if value is None or p.central is None else (value - p.central) / result.noise_bound
 
 
 def beside_table(result: Calibration) -> Table:
-    """Each target's estimates by the a-priori weights and by least squares; columns that say nothing are left out."""
-    rows: list[list[Cell]] = []
-    for e in result.targets:
-        estimate, _, _, a_priori, squares = numbers_of(e)
+    """Return each target's estimates by the a-priori weights and by least squares."""
+    columns = ["symbol", "name", "central", "a_priori", "guaranteed_error", "least_squares", "standard_error", "unit"]
+    if result.verdict == "falsified":
         # Of a model that the readings contradict nothing is guaranteed.
-        guaranteed = NONE if result.verdict == "falsified" else upwards(e.guaranteed_error)
-        row: list[Cell] = [symbol_text(e.symbol), bench.physical_words(e.name), estimate, a_priori, guaranteed]
-        beside = (("a priori", e.a_priori), ("least squares", e.least_squares))
-        outside = " and ".join(name for name, value in beside if not e.possible(value))
-        rows.append([*row, squares, digits(e.standard_error, 2), unit_text(e.unit), outside or None])
-    header = ["target", "meaning", "estimate", "a priori", "guaranteed error", "least squares", "standard error"]
-    return Table([*header, "unit", "outside the interval"], rows).told()
-
-
-def numbers_of(e: Parameter) -> tuple[Number, Number, Number, Number, Number]:
-    """Estimate, both ends, a-priori estimate and least squares of a target, with the same decimals."""
-    estimate, low, high = interval(e.central, e.low, e.high, e.error_bound)
-    half = None if e.low is None or e.high is None or e.high == e.low else 0.5 * (e.high - e.low)
-    place = half or e.guaranteed_error
-    return estimate, low, high, to_bound(e.a_priori, place), to_bound(e.least_squares, place)
+        columns.remove("guaranteed_error")
+    numbers = table_of(result.targets, columns, WORDS)
+    rows: list[list[Cell]] = []
+    for cells, p in zip(numbers.rows, result.targets, strict=True):
+        outside = []
+        if not p.possible(p.a_priori):
+            outside.append("a priori")
+        if not p.possible(p.least_squares):
+            outside.append("least squares")
+        rows.append([*cells, " and ".join(outside) or None])
+    return Table([*numbers.header, "outside the interval"], rows).without_empty_columns()
 
 
 LATITUDE_DEG = 55.75
 """Where the azimuth's error is told when nothing else is asked for."""
 
 
-def lines(result: Calibration) -> list[str]:
-    """Verdict, the targets' estimates, and what stands beside them."""
-    said = [
-        bench.VERDICTS[result.verdict],
-        f"{result.positions} positions, {result.measurements} readings, σ = {upwards(result.noise_bound, 3)} g "
-        f"({result.sigma.basis}), radius {residual(result.radius)}",
-        *estimator_lines(result),
-        *beside_words(result),
-        *([] if result.verdict == "falsified" else target_lines(result.targets)),
-        *beside_lines(result),
-        *gyro_lines(result),
-    ]
-    said += [*levelling_lines(result), *bench.proof_lines(result), *bench.missing_lines(result)]
-    said += [f"measure next: {bench.position_text(position)}" for position in result.next_positions]
-    return said + [f"warning: {warning}" for warning in result.warnings]
-
-
-def target_lines(estimates: Sequence[Parameter]) -> list[str]:
-    """Each target with its estimate and interval."""
-    said = ["", f"{'target':<12} {'name':<34} {'estimate':>13} {'to within':>11} {'low':>13} {'high':>13}  unit"]
-    for e in estimates:
-        estimate, low, high, *_ = numbers_of(e)
-        if e.central is None:
-            estimate = "none" if e.determined else "not determined"
-        text = f"{e.symbol:<12} {e.name:<34} {estimate:>13} {upwards(e.error_bound):>11} {low:>13} {high:>13}"
-        said.append(f"{text}  {unit_of(e.unit)}".rstrip() if low else text.rstrip())
-    return said
-
-
-def gyro_words(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
-    """What the gyros' calibration rests on, and what their turns say of the bench."""
-    said = [
-        f"gyros: {gyros.pieces} rests, moves and parts of moves; their noise {_basis(gyros)}; encoders within "
+def gyro_texts(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
+    """Return in sentences what the gyros' calibration rests on, and what their turns say of the bench."""
+    basis = "as given" if gyros.noise_basis == "given" else f"by the {gyros.noise_basis}"
+    texts = [
+        f"Gyros: {gyros.pieces} rests, moves and parts of moves; their noise {basis}; encoders within "
         f"{upwards(gyros.encoder_bound)} rad; latitude {digits(gyros.latitude_deg, 7)}°, outer axis at azimuth "
-        f"{digits(gyros.azimuth_deg, 7)}°"
+        f"{digits(gyros.azimuth_deg, 7)}°."
     ]
-    said += [
-        f"the turns make {gain.symbol} better known: guaranteed within {upwards(gain.with_gyros)}, by the "
-        f"accelerometers alone {upwards(gain.accelerometers_alone)}"
-        for gain in gyros.gains
-    ]
-    missing = [p for p in parameters if not p.determined]
+    for gain in gyros.gains:
+        texts.append(
+            f"The turns make {gain.symbol} better known: guaranteed within {upwards(gain.with_gyros)}, by the "
+            f"accelerometers alone {upwards(gain.accelerometers_alone)}."
+        )
+    missing = [f"{bench.physical_words(p.name)} ({p.symbol})" for p in parameters if not p.determined]
     if missing:
-        named = ", ".join(f"{bench.physical_words(gap.name)} ({gap.symbol})" for gap in missing)
-        said.append(
-            f"the turns do not determine: {named}; turn the table by whole turns about both axes, the outer one at "
-            "several inner angles, steadily for some seconds"
+        texts.append(
+            f"The turns do not determine: {', '.join(missing)}. Turn the table by whole turns about both axes, the "
+            "outer one at several inner angles, steadily for some seconds."
         )
     if gyros.witness:
-        turns = [f"gyro {t.gyro} from {digits(t.from_s, 7)} s to {digits(t.to_s, 7)} s" for t in gyros.witness]
-        said.append(f"what contradicts the model: {few(turns)}")
-    return said
+        turns = []
+        for turn in gyros.witness:
+            turns.append(f"gyro {turn.gyro} from {digits(turn.from_s, 7)} s to {digits(turn.to_s, 7)} s")
+        further = f" and {len(turns) - MOST_TURNS} more" if len(turns) > MOST_TURNS else ""
+        texts.append(f"These contradict the model: {', '.join(turns[:MOST_TURNS])}{further}.")
+    return texts
 
 
-def _basis(gyros: Gyros) -> str:
-    return "as given" if gyros.noise_basis == "given" else f"by the {gyros.noise_basis}"
-
-
-def gyro_lines(result: Calibration) -> list[str]:
-    """The gyros of a bench record."""
+def gyro_sections(result: Calibration) -> list[Section]:
+    """Return the gyros of a bench record: bias, matrix, sensitivity, lag, with their intervals."""
     if result.gyros is None:
         return []
-    known = [] if result.verdict == "falsified" else target_lines(result.of_gyros)
-    return [*gyro_words(result.gyros, result.of_gyros), *known, ""]
-
-
-def gyro_section(result: Calibration) -> Section | None:
-    """The gyros of a bench record: bias, matrix, sensitivity, lag, with their intervals."""
-    if result.gyros is None:
-        return None
-    rows: list[list[Cell]] = []
-    for e in result.of_gyros:
-        estimate, low, high, _, squares = numbers_of(e)
-        row: list[Cell] = [e.symbol, bench.physical_words(e.name), estimate, upwards(e.error_bound), low, high]
-        rows.append([*row, upwards(e.guaranteed_error), squares, unit_text(e.unit)])
-    header = ["target", "meaning", "estimate", "to within", "low", "high", "guaranteed error", "least squares", "unit"]
-    words = [sentence(line) for line in gyro_words(result.gyros, result.of_gyros)]
-    return Section("The gyros, in the accelerometers' axes", words, table=Table(header, rows).told())
-
-
-def beside_lines(result: Calibration) -> list[str]:
-    """Each target's estimates by the a-priori weights and by least squares; beside the central one, where there is."""
-    known = stands_beside(result)
+    columns = ("symbol", "name", "central", "error_bound", "low", "high", "guaranteed_error", "least_squares", "unit")
+    table = table_of(result.of_gyros, columns, WORDS).without_empty_columns()
+    texts = gyro_texts(result.gyros, result.of_gyros)
     falsified = result.verdict == "falsified"
-    first = f"{'name':<34}" if falsified else f"{'estimate':>13}"
-    others = f"{'a priori':>14} {'guaranteed':>11} {'least squares':>14} {'standard error':>15}"
-    said = ["", f"{'target':<12} {first} {others}"] if known else []
-    for e in known:
-        estimate, _, _, a_priori, squares = numbers_of(e)
-        first = f"{e.name:<34}" if falsified else f"{estimate or 'none':>13}"
-        # Of a model that the readings contradict nothing is guaranteed.
-        guaranteed = NONE if falsified else upwards(e.guaranteed_error)
-        beyond = ["" if e.possible(value) else "*" for value in (e.a_priori, e.least_squares)]
-        text = f"{e.symbol:<12} {first} {a_priori + beyond[0]:>14} {guaranteed:>11} {squares + beyond[1]:>14}"
-        said.append(f"{text} {digits(e.standard_error, 2):>15}".rstrip())
-    if not all(e.possible(e.a_priori) and e.possible(e.least_squares) for e in known):
-        said.append("* outside the interval")
-    return [*said, ""] if known else []
+    return [Section("The gyros, in the accelerometers' axes", texts, table=None if falsified else table)]
 
 
-def levelled(result: Calibration) -> tuple[Correction, list[str], Levelling] | None:
-    """The correction, the six attitudes with an axis vertical, and what it is worth there; None without a bound."""
-    if result.verdict != "consistent" or any(e.low is None for e in result.reading_errors):
-        return None
-    correction = correction_of(result.to_json(), "calibration")
-    names, reading = face_readings(correction)
-    return correction, names, levelling(correction, reading)
-
-
-def levelling_lines(result: Calibration) -> list[str]:
-    """What the calibration is worth for levelling, worst of the six attitudes with an axis vertical."""
-    found = levelled(result)
-    if found is None:
-        return []
-    before, after = found[2].worst
-    return [
-        f"levelling with an axis vertical: as read wrong by up to {upwards(before / ARCSEC, 3)} arcsec, "
-        f"corrected by at most {upwards(after / ARCSEC, 3)} (guaranteed; `trihedron apply` corrects)"
-    ]
-
-
-def application_lines(result: Application, latitude_deg: float | None = None) -> list[str]:
-    """The equation with its numbers, and what the correction is worth for an alignment.
+def application_page(result: Application, latitude_deg: float | None = None) -> Page:
+    """Return the equation with its numbers, and what the correction is worth for an alignment.
 
     The latitude is what is given, or what comment lines of the record say, or `LATITUDE_DEG`.
 
@@ -459,7 +372,7 @@ def application_lines(result: Application, latitude_deg: float | None = None) ->
     worst = int(np.argmax(gained.before))
     before, after = gained.worst
     azimuth = abs(math.tan(math.radians(latitude_deg)))
-    lines = correction_equation(result.correction)
+    lines = []
     lines += [
         f"{len(gained.before)} {result.levelled_at}; largest error of the vertical, in arcseconds:",
         f"  as read {upwards(before / ARCSEC, 3)} ({result.levelled_at.removesuffix('s')} {worst + 1}), "
@@ -476,7 +389,8 @@ def application_lines(result: Application, latitude_deg: float | None = None) ->
         lines.append(f"gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated; {', '.join(lags)}")
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
-    return lines + [f"warning: {warning}" for warning in result.warnings]
+    verdict, *equations = correction_equation(result.correction)
+    return Page("Correction", verdict, [Section("Correction", [*equations, *lines])], warnings=result.warnings)
 
 
 def correction_equation(correction: Correction) -> list[str]:

@@ -21,69 +21,101 @@ from ..trials.outcome import KINDS, NOTHING
 from ..trials.suite import Suite, cases_csv, confusion, named_suite
 from .bench import physical_words
 from .lines import spread_over_time
-from .makers import versions
 from .pictures import suites
+from .sources import versions
 
 MOST_ROWS = 24
 """Lines of one table on a terminal; the page has all."""
 
 
-def campaign_lines(result: CampaignResult) -> list[str]:
-    """What was computed over all runs, and what it took."""
-    lines = [f"{result.runs} runs, {result.failed} failed"]
-    lines += [
-        f"  failed {entry.runs} times, first run {entry.first_run}: {entry.message}" for entry in result.failures[:5]
-    ]
+def result_page(result: CampaignResult) -> Page:
+    """Return what was computed over all runs, and what it took."""
+    answer = []
+    if result.failures:
+        rows: list[list[Cell]] = [[entry.runs, entry.first_run, entry.message] for entry in result.failures[:5]]
+        answer.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
     for item in result.computed:
-        lines += ["", *_computed_lines(item)]
-    return lines if result.cost is None else [*lines, "", str(result.cost)]
+        answer += _computed_sections(item)
+    if result.cost is not None:
+        answer.append(Section("Cost", [str(result.cost)]))
+    return Page("Campaign", f"{result.runs} runs, {result.failed} failed", answer)
 
 
-def _computed_lines(item: Mapping[str, Any]) -> list[str]:
+def _computed_sections(item: Mapping[str, Any]) -> list[Section]:
+    """Return a section for each table of one item that a campaign computes."""
     result = item["result"]
     if "quantiles" in item:
-        return _cut(_quantile_lines(result))
+        return [_of_most_rows("Quantiles", _quantile_table(result))]
     if "rate" in item:
-        head = f"{item['rate']} is {told_values(item)}"
+        title = f"{item['rate']} is {told_values(item)}"
         if "against" not in item:
-            return [f"{head}: {rate_text(result[0])}"]
-        rows = [f"  {exactly(r['low']):>10} to {exactly(r['high']):>10}  {rate_text(r)}" for r in result if r["cases"]]
-        return _cut([f"{head}, by {item['against']}:", *rows])
+            return [Section(title, [f"{title}: {rate_text(result[0])}"])]
+        rows: list[list[Cell]] = []
+        for entry in result:
+            if entry["cases"]:
+                rows.append([exactly(entry["low"]), exactly(entry["high"]), rate_text(entry)])
+        return [_of_most_rows(f"{title}, by {item['against']}", Table(["from", "to", "rate"], rows))]
     if "confusion" in item:
-        told = {true: sorted(row.items(), key=lambda pair: -pair[1]) for true, row in result.items()}
-        rows = [f"  {true:<44} {', '.join(f'{n} {count}' for n, count in row)}" for true, row in told.items()]
-        return _cut([f"{item['of']}, and what {item['confusion']} was:", *rows])
-    return [line for name, found in result.items() for line in _sensitivity(name, found)]
-
-
-def _quantile_lines(result: Mapping[str, Any]) -> list[str]:
-    at = next((entry["quantiles"] for entry in result.values() if entry["runs"]), [])
-    lines = [f"{'':<24} {'mean':>11} " + " ".join(f"{exactly(q['at']):>10}q" for q in at)]
+        return [_of_most_rows(f"{item['of']}, and what {item['confusion']} was", _confusion_table(result))]
+    sections = []
     for name, entry in result.items():
-        values = (entry["mean"], *(q["value"] for q in entry["quantiles"])) if entry["runs"] else ()
-        lines.append(f"{name:<24} {' '.join(f'{digits(value, 4):>11}' for value in values) or 'no values'}")
-    return lines
+        head = "Sobol indices, first order and total" if entry["method"] == "sobol" else "rank correlations"
+        sections.append(_of_most_rows(f"{name}: {head}", _sensitivity_table(entry)))
+    return sections
 
 
-def _sensitivity(name: str, found: Mapping[str, Any]) -> list[str]:
-    sobol = found["method"] == "sobol"
+def _of_most_rows(title: str, table: Table) -> Section:
+    """Return a section with the first rows of a table, and how many there are beside them."""
+    further = len(table.rows) - MOST_ROWS
+    note = [f"The first {MOST_ROWS} of {len(table.rows)} rows:"] if further > 0 else []
+    return Section(title, note, table=Table(table.header, table.rows[:MOST_ROWS]))
+
+
+def _quantile_table(result: Mapping[str, Any]) -> Table:
+    """Return mean and quantiles of each scalar."""
+    header = ["scalar", "mean"]
+    rows: list[list[Cell]] = []
+    for entry in result.values():
+        if entry["runs"]:
+            header += [f"{exactly(q['at'])} quantile" for q in entry["quantiles"]]
+            break
+    for name, entry in result.items():
+        cells: list[Cell] = [name, "no values"]
+        if entry["runs"]:
+            cells = [name, digits(entry["mean"], 4)]
+            cells += [digits(q["value"], 4) for q in entry["quantiles"]]
+        rows.append(cells + [None] * (len(header) - len(cells)))
+    return Table(header, rows)
+
+
+def _confusion_table(result: Mapping[str, Mapping[str, int]]) -> Table:
+    """Return what each true value was taken for, the most frequent first."""
+    rows: list[list[Cell]] = []
+    for true, counts in result.items():
+        ordered = sorted(counts.items(), key=lambda pair: -pair[1])
+        rows.append([true, ", ".join([f"{name} {count}" for name, count in ordered])])
+    return Table(["true", "taken for"], rows)
+
+
+def _sensitivity_table(entry: Mapping[str, Any]) -> Table:
+    """Return the Sobol indices or the rank correlation of each parameter, the largest first."""
+    sobol = entry["method"] == "sobol"
     key = "total" if sobol else "correlation"
-    rows = sorted(found["parameters"].items(), key=lambda pair: -abs(pair[1][key] or 0.0))
-    head = "Sobol indices, first order and total" if sobol else "rank correlations"
-    lines = [f"{name}: {head}"]
-    for parameter, entry in rows:
-        if entry[key] is None:
-            told = "no value"
+    ordered = sorted(entry["parameters"].items(), key=lambda pair: -abs(pair[1][key] or 0.0))
+    rows: list[list[Cell]] = []
+    for parameter, numbers in ordered:
+        if numbers[key] is None:
+            rows.append([parameter, "no value", None])
         elif sobol:
-            parts = []
-            for index in ("first", "total"):
-                value, low, high = interval(entry[index], *entry[f"{index}_interval"])
-                parts.append(f"{value:>7} [{low}, {high}]")
-            told = "  ".join(parts)
+            rows.append([parameter, _index_text(numbers, "first"), _index_text(numbers, "total")])
         else:
-            told = f"{digits(entry['correlation'])}  (p {digits(entry['p'], 2)})"
-        lines.append(f"  {parameter:<28} {told}")
-    return _cut(lines)
+            rows.append([parameter, digits(numbers["correlation"]), digits(numbers["p"], 2)])
+    return Table(["parameter", "first order", "total"] if sobol else ["parameter", "correlation", "p"], rows)
+
+
+def _index_text(numbers: Mapping[str, Any], index: str) -> str:
+    value, low, high = interval(numbers[index], *numbers[f"{index}_interval"])
+    return f"{value} [{low}, {high}]"
 
 
 def told_values(item: Mapping[str, Any]) -> str:
@@ -99,23 +131,26 @@ def rate_text(entry: Mapping[str, Any]) -> str:
     return f"{entry['count']} of {entry['cases']} ({percent} %, 95 % from {low} % to {high} %)"
 
 
-def _cut(lines: list[str]) -> list[str]:
-    more = len(lines) - MOST_ROWS
-    return lines if more <= 0 else [*lines[:MOST_ROWS], f"  ... and {more} more"]
-
-
-def change_lines(comparison: Comparison) -> list[str]:
-    """What got better or worse."""
-    told = [change for change in comparison.changes if change.verdict != "same"]
-    counts = ", ".join(f"{len(comparison.of(kind))} {kind}" for kind in ("worse", "better", "changed", "same"))
+def comparison_page(comparison: Comparison) -> Page:
+    """Return what got better or worse."""
+    counts = []
+    for kind in ("worse", "better", "changed", "same"):
+        counts.append(f"{len(comparison.of(kind))} {kind}")
     how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
-    lines = [f"{len(comparison.changes)} scalars compared ({how}): {counts}"]
-    for change in sorted(told, key=lambda c: (c.verdict != "worse", c.verdict, c.name)):
-        before, after = ("no value" if value is None else digits(value, 6) for value in (change.before, change.after))
-        lines.append(
-            f"  {change.verdict:<8} {change.name:<28} {change.what}: {before} -> {after}  (p {digits(change.p, 2)})"
-        )
-    return lines
+    rows: list[list[Cell]] = []
+    for change in sorted(comparison.changes, key=lambda c: (c.verdict != "worse", c.verdict, c.name)):
+        if change.verdict == "same":
+            continue
+        values = [_value_text(change.before), _value_text(change.after)]
+        rows.append([change.verdict, change.name, change.what, *values, digits(change.p, 2)])
+    header = ["verdict", "scalar", "what", "before", "after", "p"]
+    answer = [Section("Changes", table=Table(header, rows))] if rows else []
+    verdict = f"{len(comparison.changes)} scalars compared ({how}): {', '.join(counts)}"
+    return Page("Two campaigns", verdict, answer)
+
+
+def _value_text(value: float | None) -> str:
+    return "no value" if value is None else digits(value, 6)
 
 
 WHAT = {
@@ -160,7 +195,8 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     return Page(
         campaign.title or f"Campaign of {WHAT[campaign.kind]}",
         " ".join(verdict),
-        sections,
+        [],
+        lambda: sections,
         tone="attention" if summary.failed or worse else "good" if comparison is not None else "neutral",
         provenance={
             "campaign, SHA-256": manifest["order_sha256"],
@@ -239,12 +275,12 @@ def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Sect
             sections.append(Section(title, [rate_text(found[0]) + "."]))
         elif "confusion" in item:
             title = f"{item['of']}, and what {item['confusion']} was"
-            sections.append(Section(title, svg=suites.confusion_picture(found), caption=f"Rows: {item['of']}."))
+            sections.append(Section(title, picture=suites.confusion_picture(found), caption=f"Rows: {item['of']}."))
         else:
             sections += [
                 Section(
                     f"What {name} depends on",
-                    svg=suites.sensitivity_picture(name, entry, runs),
+                    picture=suites.sensitivity_picture(name, entry, runs),
                     caption=_method(entry, runs),
                 )
                 for name, entry in found.items()
@@ -275,7 +311,7 @@ def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> S
             rows.append([*ends, entry["cases"], *(str(of["count"]) for of in found)])
     return Section(
         f"Rates against {against}",
-        svg=suites.rates_picture(curves, against),
+        picture=suites.rates_picture(curves, against),
         caption="Lines are intervals of 95 % (Wilson).",
         table=Table(header, rows),
     )
@@ -302,9 +338,12 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
     columns = {scalar_words(name): np.asarray(results.numbers(name)) for name in there}
     marks = {scalar_words(name): [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
     title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
-    svg = suites.distributions_picture(columns, marks)
+    picture = suites.distributions_picture(columns, marks)
     return Section(
-        title, svg=svg, caption="Runs over values; dashed lines are the quantiles.", table=Table(header, rows).told()
+        title,
+        picture=picture,
+        caption="Runs over values; dashed lines are the quantiles.",
+        table=Table(header, rows).without_empty_columns(),
     )
 
 
@@ -358,78 +397,150 @@ def write_suite(suite: Suite, folder: Path) -> list[Path]:
     return files
 
 
-def suite_lines(suite: Suite) -> list[str]:
-    """What a person is told."""
+def suite_page(suite: Suite) -> Page:
+    """Return what was made of the records of a suite: counts, confusion, errors of sizes, cases named wrongly."""
     bench = not suite.strapdown
+    provenance = {"trihedron": versions()["trihedron"], "seed": suite.seed}
+    if bench:
+        provenance["mode"] = suite.mode
+    return Page(
+        f"Hidden effects: {suite.mode}" if bench else "Hidden effects in strapdown records",
+        f"{_what_was_drawn(suite)}, seed {suite.seed}: {_outcome_counts(suite)}",
+        [_counts_section(suite), *_confusion_sections(suite), *_size_sections(suite), *_failure_sections(suite)],
+        lambda: [_about_section(suite), *_all_failures(suite)],
+        tone="attention" if "wrong" in suite.outcomes else "good",
+        provenance=provenance,
+    )
+
+
+def _what_was_drawn(suite: Suite) -> str:
+    if suite.strapdown:
+        return f"{suite.cases} strapdown records"
     of_each = "" if suite.records is None else f" of {suite.records} records"
-    what = f"cases{of_each} ({suite.mode})" if bench else "strapdown records"
-    made = ", ".join(f"{kind} {number}" for kind, number in suite.outcomes.items())
-    lines = [f"{suite.cases} {what}, seed {suite.seed}: {made}"]
-    if bench and suite.redrawn:
+    return f"{suite.cases} cases{of_each} ({suite.mode})"
+
+
+def _outcome_counts(suite: Suite) -> str:
+    counts = [f"{kind} {count}" for kind, count in suite.outcomes.items()]
+    return ", ".join(counts)
+
+
+def _counts_section(suite: Suite) -> Section:
+    """Return effects that were put aside, false alarms, and how right the estimated sizes are."""
+    lines = []
+    if suite.redrawn and not suite.strapdown:
         lines.append(f"{suite.redrawn} effects were put aside, as no possible size would do at their positions")
     alarms = suite.false_alarms
     if alarms["clean"]:
         lines.append(f"false alarms on clean records: {alarms['alarms']} of {alarms['clean']}")
-    if alarms["clean"] < suite.cases:
-        width = 44 if bench else 28
-        lines += ["", f"{'hidden':<{width}} {'cases':>5}  what was made of it"]
-        for name, row in confusion(suite.results).items():
-            made = ", ".join(f"{'right' if k == name else k} {n}" for k, n in row.most_common())
-            lines.append(f"{name:<{width}} {sum(row.values()):>5}  {made}")
-    if bench and suite.detection:
-        lines += ["", "size / sure detection   cases  falsified  named"]
-        lines += [
-            f"{digits(b.low):>6} to {digits(math.inf if b.high is None else b.high):>6}        {b.cases:>6}  "
-            f"{digits(100.0 * b.detected / b.cases):>7} %  {digits(100.0 * b.named / b.cases):>3} %"
-            for b in suite.detection
-        ]
     errors: Any = suite.size_errors
     if errors["estimates"]:
-        mean = f"mean error {digits(100.0 * errors['mean'])} %, rms" if bench else "rms error"
-        rms, largest = digits(100.0 * errors["rms"]), upwards(100.0 * errors["largest"], 3)
-        lines += [
-            "",
-            f"estimated sizes: {mean} {rms} %, largest {largest} %; inside their intervals "
-            f"{errors['inside_intervals']} of {errors['cases_with_intervals']}",
-        ]
-    failures = KINDS[2:] if suite.strapdown else ("part", "wrong")
-    told = [outcome for outcome in suite.results if outcome.outcome in failures]
-    lines += [""] if told else []
-    for outcome in told[:MOST_LISTED]:
-        hidden = outcome.titles(named=False, between=" and ") or NOTHING
-        named = outcome.titles(named=True, between=" and ")
-        where = f" ({outcome.reference})" if suite.strapdown else ""
-        made = f"{outcome.verdict}: {named}" if bench or named else outcome.verdict
-        lines.append(f"case {outcome.case}: hidden {hidden}{where}; {made}")
-    return lines
+        figures = [f"rms error {digits(100.0 * errors['rms'])} %", f"largest {upwards(100.0 * errors['largest'], 3)} %"]
+        if not suite.strapdown:
+            figures.insert(0, f"mean error {digits(100.0 * errors['mean'])} %")
+        inside = f"{errors['inside_intervals']} of {errors['cases_with_intervals']}"
+        lines.append(f"estimated sizes: {', '.join(figures)}; inside their intervals {inside}")
+    return Section("What was made of the records", lines)
 
 
-def suite_page(suite: Suite) -> Page:
-    """The page: what was hidden, the table of confusion, errors of the sizes, every case that was not named rightly."""
-    bench = not suite.strapdown
-    told = ", ".join(f"{number} {kind}" for kind, number in suite.outcomes.items())
-    hidden = any(outcome.places for outcome in suite.results)
-    picture = suites.confusion_picture(confusion(suite.results)) if hidden else None
-    about = _about_bench(suite, told) if bench else _about_block(suite, hidden=hidden)
-    sections = [Section("What was made of the records", about, picture, CAPTION), *(_sizes(suite) if bench else ())]
-    rows: list[list[Any]] = []
+def _confusion_sections(suite: Suite) -> list[Section]:
+    """Return what was made of each hidden effect, as a table and a picture; none where nothing was hidden."""
+    if suite.false_alarms["clean"] >= suite.cases:
+        return []
+    counts = confusion(suite.results)
+    rows: list[list[Cell]] = []
+    for name, row in counts.items():
+        words = []
+        for outcome, count in row.most_common():
+            words.append(f"{'right' if outcome == name else outcome} {count}")
+        rows.append([name, sum(row.values()), ", ".join(words)])
+    table = Table(["hidden", "cases", "what was made of it"], rows)
+    return [Section("What was made of each effect", [], suites.confusion_picture(counts), CAPTION, table)]
+
+
+def _size_sections(suite: Suite) -> list[Section]:
+    """Return from which size effects are seen, and how right the estimated sizes are; of positions alone."""
+    if suite.strapdown:
+        return []
+    sections = []
+    if suite.detection:
+        sections.append(_detection_section(suite))
+    sizes, errors = [], []
     for outcome in suite.results:
-        if outcome.outcome != "right":
-            of = [outcome.case, outcome.positions, outcome.reference, outcome.titles(named=False) or NOTHING]
-            rows.append([*of, outcome.verdict, outcome.outcome, outcome.titles(named=True), outcome.why])
-    if rows:
-        header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "what it says"]
-        sections.append(Section("Cases that were not named rightly", table=Table(header, rows).told()))
-    return Page(
-        f"Hidden effects: {suite.mode}" if bench else "Hidden effects in strapdown records",
-        f"Of {suite.cases} {'cases' if bench else 'records'} {told}.",
-        sections,
-        tone="attention" if "wrong" in suite.outcomes else "good",
-        provenance={"trihedron": versions()["trihedron"], "seed": suite.seed} | ({"mode": suite.mode} if bench else {}),
+        if len(outcome.errors) == len(outcome.secrets):
+            for secret, error in zip(outcome.secrets, outcome.errors, strict=True):
+                sizes.append(secret.relative_size)
+                errors.append(error)
+    if sizes:
+        counts: Any = suite.size_errors
+        sections.append(
+            Section(
+                "How right the sizes are",
+                f"In {counts['inside_intervals']} of {counts['cases_with_intervals']} cases named by their own "
+                "name the true parameters are inside their intervals.",
+                suites.size_errors_picture(sizes, errors),
+                "Relative error of each estimated size; the band is the mean with twice its standard error.",
+            )
+        )
+    return sections
+
+
+def _detection_section(suite: Suite) -> Section:
+    """Return how often effects are detected and named, over their size."""
+    falsified, named_rightly = [], []
+    rows: list[list[Cell]] = []
+    for bin_ in suite.detection:
+        high = bin_.low * 1.19**2 if bin_.high is None else bin_.high
+        ends = {"low": max(bin_.low, 0.18), "high": high}
+        falsified.append({**ends, **rate(np.arange(bin_.cases) < bin_.detected)})
+        named_rightly.append({**ends, **rate(np.arange(bin_.cases) < bin_.named)})
+        last = digits(math.inf if bin_.high is None else bin_.high)
+        shares = [f"{digits(100.0 * count / bin_.cases)} %" for count in (bin_.detected, bin_.named)]
+        rows.append([digits(bin_.low), last, bin_.cases, *shares])
+    curves = {"falsified": falsified, "named rightly": named_rightly}
+    return Section(
+        "From which size it is seen",
+        ["Sizes are relative to that from which an effect is surely detected at its positions."],
+        suites.rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
+        "How often an effect is detected and named, over its size.",
+        Table(["size from", "to", "cases", "falsified", "named"], rows),
     )
 
 
-def _about_bench(suite: Suite, told: str) -> list[str]:
+def _failure_sections(suite: Suite) -> list[Section]:
+    """Return the first cases that were named wrongly or in part."""
+    lines = []
+    for outcome in suite.results:
+        if outcome.outcome not in (KINDS[2:] if suite.strapdown else ("part", "wrong")):
+            continue
+        hidden = outcome.titles(named=False, between=" and ") or NOTHING
+        where = f" ({outcome.reference})" if suite.strapdown else ""
+        names = outcome.titles(named=True, between=" and ")
+        verdict = f"{outcome.verdict}: {names}" if names or not suite.strapdown else outcome.verdict
+        lines.append(f"case {outcome.case}: hidden {hidden}{where}; {verdict}")
+    return [Section("Wrong or in part", lines[:MOST_LISTED])] if lines else []
+
+
+def _all_failures(suite: Suite) -> list[Section]:
+    """Return every case that was not named rightly, with what its diagnosis says."""
+    rows: list[list[Any]] = []
+    for outcome in suite.results:
+        if outcome.outcome != "right":
+            case = [outcome.case, outcome.positions, outcome.reference, outcome.titles(named=False) or NOTHING]
+            rows.append([*case, outcome.verdict, outcome.outcome, outcome.titles(named=True), outcome.why])
+    if not rows:
+        return []
+    header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "what it says"]
+    return [Section("Cases that were not named rightly", table=Table(header, rows).without_empty_columns())]
+
+
+def _about_section(suite: Suite) -> Section:
+    """Return how the records of a suite were made."""
+    about = _about_block(suite) if suite.strapdown else _about_bench(suite)
+    return Section("How the records were made", about)
+
+
+def _about_bench(suite: Suite) -> list[str]:
     what = SHOWN[suite.mode] if suite.size is None else "effects of drawn sizes"
     if suite.records is not None:
         what = f"{suite.records} records of one instrument each, " + what.replace("two effects", WHOSE)
@@ -437,57 +548,22 @@ def _about_bench(suite: Suite, told: str) -> list[str]:
     return [
         f"{suite.cases} cases: {what}; {fewest} to {most} positions in random order, noise {suite.noise}.",
         "The bench runs in time, with its slews, dwells and temperature; the diagnosis gets the record, σ and the "
-        f"mountings, and nothing else. {told.capitalize()}.",
+        "mountings, and nothing else.",
         f"{suite.redrawn} drawn effects were put aside, as no possible size would do at their positions.",
     ]
 
 
-def _about_block(suite: Suite, *, hidden: bool) -> list[str]:
+def _about_block(suite: Suite) -> list[str]:
     sizes = "Nothing is hidden."
-    if hidden and suite.size is not None:
-        least, greatest = map(exactly, suite.size)
-        sizes = f"Effects are {least} to {greatest} times the size from which a record surely disproves the model."
+    if suite.size is not None and any(outcome.places for outcome in suite.results):
+        least, greatest = suite.size
+        sizes = (
+            f"Effects are {exactly(least)} to {exactly(greatest)} times the size from which a record surely disproves "
+            "the model."
+        )
     return [
         "A block is moved by hand from rest to rest; gyro and accelerometer block read, with white and flicker noise. "
         "Every second record has the true attitude, the others have gravity at their rests alone. The diagnosis gets "
         "the record and nothing else.",
         sizes,
     ]
-
-
-def _sizes(suite: Suite) -> list[Section]:
-    """From which size effects are seen, and how right the estimated sizes are."""
-    sections, errors = [], suite.size_errors
-    if suite.detection:
-        curves: dict[str, list[dict[str, Any]]] = {"falsified": [], "named rightly": []}
-        for b in suite.detection:
-            high = b.low * 1.19**2 if b.high is None else b.high
-            for label, count in zip(curves, (b.detected, b.named), strict=True):
-                counted = rate(np.arange(b.cases) < count)
-                curves[label].append({"low": max(b.low, 0.18), "high": high, **counted})
-        sections.append(
-            Section(
-                "From which size it is seen",
-                [],
-                suites.rates_picture(curves, "size over that of sure detection", "cases", "surely detected from here"),
-                "Sizes are relative to that from which the effect is surely detected at its positions, whatever the "
-                "noise within σ.",
-            )
-        )
-    pairs = [
-        (secret.relative_size, error)
-        for outcome in suite.results
-        if len(outcome.errors) == len(outcome.secrets)
-        for secret, error in zip(outcome.secrets, outcome.errors, strict=True)
-    ]
-    if pairs:
-        sections.append(
-            Section(
-                "How right the sizes are",
-                f"In {errors['inside_intervals']} of {errors['cases_with_intervals']} cases named by their own "
-                "name the true parameters are inside their intervals.",
-                suites.size_errors_picture(*zip(*pairs, strict=True)),
-                "Relative error of each estimated size; the band is the mean with twice its standard error.",
-            )
-        )
-    return sections

@@ -1,19 +1,20 @@
-"""What a diagnosis says, whatever the record: lines for a terminal, and the page."""
+"""The page of a diagnosis, whatever the record."""
 
+import math
 from pathlib import Path
 
 from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Section, Table, Tone
-from ..document.notation import Cell, sentence, unit_of, unit_text
+from ..document.notation import Cell, sentence, unit_text
 from ..records import PositionRecord
 from ..rounding import digits, interval, residual, upwards
-from . import bench, beyond, evidence, witnesses
-from .bench import cause_lines
+from . import beyond, evidence, witnesses
+from .bench import cause_lines, next_sections
 from .kinds import kind_of
-from .makers import cited
 from .pictures.residuals import gain_picture, held_out
-from .verdict import MOST_SETS, cut_off, sentences_of, sets_of, verdict_line, verdict_sentence
+from .sources import cited
+from .verdict import MOST_SETS, cut_off, sentences_of, sets_of, verdict_sentence
 
 ANSWERS = {
     "stands": "stands: it brings every error within its bound",
@@ -24,67 +25,65 @@ ANSWERS = {
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 
 
-def containing_titles(result: Diagnosis) -> list[str]:
-    """Titles of the sets that would do as well, as they contain the one that is named."""
-    return [" and ".join(place.title for place in places) for places in result.containing_sets]
+def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
+    """Return what a diagnosis says, whatever the record.
 
-
-# Lines for a terminal
-
-
-def lines(result: Diagnosis) -> list[str]:
-    """Verdict, evidence, causes and gain."""
-    said = [verdict_line(result)]
-    why = result.not_named or ()
-    said += [f"not named: {text}" for text in why[:MOST_SETS]]
-    said += [f"not named: {len(why) - MOST_SETS} sets more"] if len(why) > MOST_SETS else []
-    said += [f"against the first set: {text}" for text in result.objections or ()]
-    said += hypothesis_lines(result)
-    said += beyond.level_lines(result)
-    said += [f"not excluded: {title}, which contains it" for title in containing_titles(result)]
-    said += [f"caution: {text}" for text in result.caution or ()]
-    said += kind_of(result).lines(result)
-    said += evidence.power_lines(result)
-    said += beyond.lines(result)
-    bound = float(result.evidence.calibration.linearised.bound.min()) if result.next_positions else None
-    for position in result.next_positions or ():
-        said.append(f"measure next: {bench.position_text(position, bound)}")
-    said += [f"measure next: {text}" for text in result.next or ()]
-    warnings = (*result.warnings, *([] if result.cut_off_at is None else [cut_off(result.cut_off_at)]))
-    return said + [f"warning: {text}" for text in warnings]
-
-
-# The page
-
-
-def page(result: Diagnosis, record: PositionRecord | None = None) -> Page:
-    """Verdict, cause, gain and residuals; record (given where it is one of positions), model, evidence, what next."""
-    name, first, key, rests_on = kind_of(result).record(result, record)
-    answer = [*beyond.sections(result), *answer_of(result)]
+    The answer is the cause or the candidates, the gain, the first residuals and what to bear in mind; behind it stand
+    record, model, evidence, and what is excluded. `record` is that of positions, where the diagnosis is of one.
+    """
+    kind = kind_of(result)
+    warnings = list(result.warnings)
+    if result.cut_off_at is not None:
+        warnings.append(cut_off(result.cut_off_at))
+    about = kind.about(result)
     return Page(
-        f"Diagnosis of {name}",
+        f"Diagnosis of {about.name}",
         verdict_sentence(result),
-        [*answer, *first, *sections_of(result)],
-        answer=len(answer),
+        [*beyond.sections(result), *answer_of(result), *remarks_of(result)],
+        lambda: [*kind.record_sections(result, record), *sections_of(result)],
         tone=TONES.get(result.verdict, "attention"),
-        key=key,
-        provenance=rests_on,
+        key=about.key,
+        provenance=about.provenance,
         sources=sources(result),
+        warnings=warnings,
     )
 
 
 def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
-    """The cause with its size, what it gains, and the residuals; `files` belong to the cause."""
-    told = [cause_section(result, files or []), gain_section(result), *kind_of(result).errors(result)[:1]]
-    return [section for section in told if section is not None]
+    """Return the cause with its size, what it gains, and the residuals; `files` belong to the cause."""
+    sections = [cause_section(result, files or []), gain_section(result), *kind_of(result).errors(result)[:1]]
+    return [section for section in sections if section is not None]
+
+
+def remarks_of(result: Diagnosis) -> list[Section]:
+    """Return what to bear in mind, the answers to hypotheses, and what to measure next."""
+    remarks = []
+    for text in (result.not_named or ())[:MOST_SETS]:
+        remarks.append(sentence(f"not named: {text}"))
+    for text in result.objections or ():
+        remarks.append(sentence(f"against the first set: {text}"))
+    remarks += [sentence(text) for text in beyond.level_texts(result)]
+    for places in result.containing_sets:
+        titles = " and ".join([place.title for place in places])
+        remarks.append(f"Not excluded: {titles}, which contains what is named.")
+    if not (result.band or result.bands):
+        remarks += [sentence(text) for text in result.caution or ()]
+    remarks += kind_of(result).remarks(result)
+    remarks += beyond.extension_texts(result)
+    remarks += evidence.power_texts(result)
+    sections = [Section("What to bear in mind", remarks)] if remarks else []
+    sections += hypothesis_sections(result)
+    if result.next_positions:
+        sections += next_sections(result.evidence.calibration.linearised, result.next_positions)
+    if result.next:
+        sections.append(Section("What to measure next", [sentence(text) for text in result.next]))
+    return sections
 
 
 def sections_of(result: Diagnosis) -> list[Section]:
-    """What stands behind the answer: further pictures of residuals, evidence, what is excluded, what is next."""
-    positions = result.next_positions
-    told = [
+    """Return what stands behind the answer: further pictures of residuals, evidence, what is excluded."""
+    sections = [
         *kind_of(result).errors(result)[1:],
-        hypothesis_section(result),
         beyond.level_section(result),
         *kind_of(result).values(result),
         evidence.ranking_section(result),
@@ -94,10 +93,8 @@ def sections_of(result: Diagnosis) -> list[Section]:
         evidence.structure_section(result),
         *evidence.excluded_sections(result),
         evidence.power_section(result),
-        bench.next_section(result.evidence.calibration.linearised, positions) if positions else None,
-        Section("What to measure next", list(map(sentence, result.next))) if result.next else None,
     ]
-    return [section for section in told if section is not None]
+    return [section for section in sections if section is not None]
 
 
 def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
@@ -132,7 +129,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     return Section(
         "The cause" if named else "Causes that remain",
         said,
-        table=Table(header, rows).told(),
+        table=Table(header, rows).without_empty_columns(),
         files=files,
         equations=() if named else cause_lines([cause for finding in shown for cause in finding.causes]),
     )
@@ -185,39 +182,29 @@ def sources(result: Diagnosis) -> list[str]:
 # Formulas that a person states
 
 
-def hypothesis_lines(result: Diagnosis) -> list[str]:
-    """Each formula with its answer, its coefficients and what speaks for others."""
-    said = []
-    for one in result.hypotheses or ():
-        radius = f"radius {residual(one.radius_before)} -> {residual(one.radius)}"
-        said.append(f"hypothesis {one.formula}: {ANSWERS[one.answer]}; {radius}")
-        for p in one.parameters:
-            shown, *ends = interval(p.estimate, *_ends(p.low, p.high))
-            said.append(f"  {p.name} {shown}, within [{', '.join(ends)}] {unit_of(p.unit)}".rstrip())
-        said += [f"  {text}" for text in _besides(one, result.unit or "g")]
-    return said
-
-
-def hypothesis_section(result: Diagnosis) -> Section | None:
-    """The formulas that were asked about, with their answers."""
+def hypothesis_sections(result: Diagnosis) -> list[Section]:
+    """Return the formulas that were asked about, with their answers; none where none were."""
     if not result.hypotheses:
-        return None
+        return []
     rows: list[list[Cell]] = []
-    said: list[str] = []
+    paragraphs: list[str] = []
     equations: list[str] = []
-    for one in result.hypotheses:
-        text = "; ".join([ANSWERS[one.answer], *_besides(one, result.unit or "g")])
-        said.append(sentence(f"{one.formula}: {text}"))
-        radii = [residual(one.radius_before), residual(one.radius)]
-        for p in one.parameters:
-            ends = interval(p.estimate, *_ends(p.low, p.high))
-            rows.append([one.formula, one.answer, *radii, p.name, *ends, unit_text(p.unit)])
-        if not one.parameters:
-            rows.append([one.formula, one.answer, *radii, None, None, None, None, None])
-        if one.finding is not None:
-            equations += cause_lines([one.finding.causes[-1]])
+    for hypothesis in result.hypotheses:
+        texts = [ANSWERS[hypothesis.answer], *_besides(hypothesis, result.unit or "g")]
+        paragraphs.append(sentence(f"{hypothesis.formula}: {'; '.join(texts)}"))
+        radii = [residual(hypothesis.radius_before), residual(hypothesis.radius)]
+        head = [hypothesis.formula, hypothesis.answer, *radii]
+        for p in hypothesis.parameters:
+            low = -math.inf if p.low is None else p.low
+            high = math.inf if p.high is None else p.high
+            rows.append([*head, p.name, *interval(p.estimate, low, high), unit_text(p.unit)])
+        if not hypothesis.parameters:
+            rows.append([*head, None, None, None, None, None])
+        if hypothesis.finding is not None:
+            equations += cause_lines([hypothesis.finding.causes[-1]])
     header = ["formula", "answer", "radius without", "with", "coefficient", "estimate", "low", "high", "unit"]
-    return Section("Hypotheses", said, table=Table(header, rows), equations=tuple(equations))
+    table = Table(header, rows).without_empty_columns()
+    return [Section("Hypotheses", paragraphs, table=table, equations=equations)]
 
 
 def _besides(one: Hypothesis, unit: str) -> list[str]:
@@ -237,7 +224,3 @@ def _besides(one: Hypothesis, unit: str) -> list[str]:
     elif one.answer == "stands":
         said.append("nothing in the catalogue that was tried, of this size or smaller, would do as well")
     return said
-
-
-def _ends(low: float | None, high: float | None) -> tuple[float, float]:
-    return (-float("inf") if low is None else low, float("inf") if high is None else high)

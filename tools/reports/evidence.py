@@ -10,7 +10,7 @@ from ...models.effects import EffectPlace
 from ...models.effects.definition import ACCELEROMETERS, AXES
 from ..diagnosis.result import Diagnosis
 from ..diagnosis.search import compared_places, likeness
-from ..document.blocks import Section, Table
+from ..document.blocks import Picture, Section, Table
 from ..document.notation import (
     Bar,
     Cell,
@@ -91,7 +91,7 @@ def quoted_words(result: Diagnosis) -> str:
     return "moves" if part.pieces.kind == "moves" else f"windows of {part.label}"
 
 
-def error_pictures(result: Diagnosis) -> dict[str, str]:
+def error_pictures(result: Diagnosis) -> dict[str, Picture]:
     """Errors of pieces without and with the effects over time, and over what they may depend on, as SVG."""
     evidence = result.evidence
     part, time = evidence.parts[evidence.quoted], evidence.found.record.time_s
@@ -195,7 +195,7 @@ def parameter_section(result: Diagnosis) -> Section | None:
         said += " The estimates are those of a block that the record contradicts: no interval is given."
         caption = ""
     header = ["parameter", "estimate", "interval", "low", "high", "unit"]
-    return Section("The block's own parameters", [said], table=Table(header, rows, caption).told())
+    return Section("The block's own parameters", [said], table=Table(header, rows, caption).without_empty_columns())
 
 
 def ranking_section(result: Diagnosis) -> Section | None:
@@ -333,7 +333,9 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
         header = ["effect", "parameter", *COLUMNS[part], "unit"]
         rows = [[*key[:2], *(row.get(column) for column in COLUMNS[part]), key[2]] for key, row in entries.items()]
         if rows:
-            sections.append(Section(f"Excluded: effects of the {part}", said, table=Table(header, rows).told()))
+            sections.append(
+                Section(f"Excluded: effects of the {part}", said, table=Table(header, rows).without_empty_columns())
+            )
             said = []
     if result.cannot_be_seen:
         names = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen))
@@ -374,22 +376,29 @@ def power_section(result: Diagnosis) -> Section | None:
             "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
             "hide at a larger size."
         ],
-        table=Table(header, table).told(),
+        table=Table(header, table).without_empty_columns(),
     )
 
 
-def power_lines(result: Diagnosis) -> list[str]:
-    """The same in a line: from which size on the worst of those that show at all would have shown."""
-    every, said = result.power or (), []
-    for unit, what in (("g", "an accelerometer"), ("rad", "an axis"), ("rad/s", "a gyro")):
-        shown = [(e["size"], _of_words(e)) for e in every if e["unit"] == unit and e["size"] is not None]
-        if shown:
-            size, words = max(shown)
-            said.append(f"of {what} from {upwards(size, 2)} {unit} on ({words} last)")
-    never = [f"{entry['place']} by {_of_words(entry)}" for entry in every if entry["size"] is None]
-    more = f" and {len(never) - MOST_NEVER} more" if len(never) > MOST_NEVER else ""
-    said += [f"at no size surely: {', '.join(never[:MOST_NEVER])}{more}"] if never else []
-    return [f"a smooth fault that is in no catalogue would have shown: {'; '.join(said)}"] if said else []
+def power_texts(result: Diagnosis) -> list[str]:
+    """Return in a sentence from which size on the worst smooth fault that shows at all would have shown."""
+    texts = []
+    for unit, where in (("g", "an accelerometer"), ("rad", "an axis"), ("rad/s", "a gyro")):
+        sizes = []
+        for entry in result.power or ():
+            if entry["unit"] == unit and entry["size"] is not None:
+                sizes.append((entry["size"], _of_words(entry)))
+        if sizes:
+            size, words = max(sizes)
+            texts.append(f"{upwards(size, 2)} {unit} in {where} ({words} is seen last)")
+    never = []
+    for entry in result.power or ():
+        if entry["size"] is None:
+            never.append(f"{entry['place']} by {_of_words(entry)}")
+    if never:
+        further = f" and {len(never) - MOST_NEVER} more" if len(never) > MOST_NEVER else ""
+        texts.append(f"never surely: {', '.join(never[:MOST_NEVER])}{further}")
+    return [f"Detection limit for smooth errors in no catalogue: {'; '.join(texts)}."] if texts else []
 
 
 def _of_words(entry: Mapping[str, Any]) -> str:

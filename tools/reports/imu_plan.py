@@ -12,12 +12,11 @@ from ..document.notation import Cell, sentence, symbol_text, unit_text
 from ..document.page import html
 from ..files import whole_folder
 from ..planning import ImuPlan
-from ..planning.imu import Promised
 from ..rounding import digits, exactly, upwards
 from .bench import physical_words
-from .makers import cited, versions
 from .pictures.records import programme_tour
 from .plan import READ, ROOM
+from .sources import cited, versions
 
 
 def ratio_lines(plan: ImuPlan) -> list[str]:
@@ -42,26 +41,6 @@ def planned_for(plan: ImuPlan) -> str:
     )
 
 
-def lines(plan: ImuPlan) -> list[str]:
-    """The programme, what it promises, what is usual."""
-    said = [
-        f"{len(plan.programme)} rests in {digits(plan.minutes)} minutes; {planned_for(plan)}",
-        "",
-        f"{'':>4} {'alpha [deg]':>12} {'beta [deg]':>12} {'rest [s]':>9}",
-    ]
-    for k, one in enumerate(plan.programme, start=1):
-        said.append(f"{k:>4} {exactly(one.alpha_deg):>12} {exactly(one.beta_deg):>12} {digits(one.dwell_s):>9}")
-    said += ["", f"{'target':<8} {'name':<34} {'promised':>11} {'bound':>11} {'ratio':>7}  unit"]
-    for one in plan.targets:
-        promised, bound, ratio = _figures(one)
-        said.append(f"{one.symbol:<8} {one.name:<34} {promised:>11} {bound:>11} {ratio:>7}  {one.unit}")
-    return [*said, "", *ratio_lines(plan)]
-
-
-def _figures(one: Promised) -> tuple[str, str, str]:
-    return upwards(one.promised), upwards(one.bound), upwards(one.promised / one.bound, 4)
-
-
 def way_of(plan: ImuPlan) -> tuple[NDArray, list[NDArray]]:
     """Times [min] at which the table arrives and leaves, and both angles [deg] there."""
     rate, time, here, corners = math.radians(plan.rate_dps), 0.0, plan.programme[0], []
@@ -74,46 +53,43 @@ def way_of(plan: ImuPlan) -> tuple[NDArray, list[NDArray]]:
     return minutes, angles
 
 
-def operator_page(plan: ImuPlan) -> Page:
-    """The programme row by row with room for notes, and what it promises."""
+def imu_page(plan: ImuPlan) -> Page:
+    """Return the programme row by row with room for notes, and what it promises."""
     rows: list[list[Cell]] = []
-    for k, one in enumerate(plan.programme, start=1):
+    for number, one in enumerate(plan.programme, start=1):
         angles = [exactly(one.alpha_deg), exactly(one.beta_deg), digits(one.dwell_s)]
-        rows.append([k, *angles, READ, READ, ROOM, "☐"])
-    promised: list[list[Cell]] = [
-        [symbol_text(one.symbol), physical_words(one.name), *_figures(one), unit_text(one.unit)] for one in plan.targets
-    ]
+        rows.append([number, *angles, READ, READ, ROOM, "☐"])
     header = ["no.", "α [deg]", "β [deg]", "rest [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
-    sections = [
-        Section(
-            "Programme",
-            [
-                "Record encoders, gyros and accelerometers without a break. Bring the table to each position in this "
-                f"order at {exactly(plan.rate_dps)} deg/s, both axes at once, and let it rest. Angles of more than a "
-                "whole turn are whole turns of the table.",
-            ],
-            *(programme_tour(*way_of(plan)), "Both axes over the programme's time."),
-            table=Table(header, rows),
-        ),
-        Section(
-            "What it promises",
-            [
-                "Guaranteed errors of a calibration of the record. Those of a record differ by at most "
-                f"{digits(100.0 * plan.held_to)} per cent, by what bench and block are. The bound is what all rests "
-                "and turns of the pool together would guarantee.",
-                *map(sentence, ratio_lines(plan)),
-            ],
-            table=Table(["target", "meaning", "promised", "bound", "ratio", "unit"], promised),
-        ),
-    ]
-    verdict = (
-        f"{len(plan.programme)} rests in {digits(plan.minutes)} minutes determine accelerometers, gyros and bench; no "
-        f"guaranteed error is more than {upwards(plan.worst_ratio, 4)} times its bound."
+    promises: list[list[Cell]] = []
+    for one in plan.targets:
+        figures = [upwards(one.promised), upwards(one.bound), upwards(one.promised / one.bound, 4)]
+        promises.append([symbol_text(one.symbol), physical_words(one.name), *figures, unit_text(one.unit)])
+    programme = Section(
+        "Programme",
+        [
+            "Record encoders, gyros and accelerometers without a break. Bring the table to each position in this "
+            f"order at {exactly(plan.rate_dps)} deg/s, both axes at once, and let it rest. Angles of more than a "
+            "whole turn are whole turns of the table."
+        ],
+        programme_tour(*way_of(plan)),
+        "Both axes over the programme's time.",
+        Table(header, rows),
+    )
+    promise = Section(
+        "What it promises",
+        [
+            "Guaranteed errors of a calibration of the record. Those of a record differ by at most "
+            f"{digits(100.0 * plan.held_to)} per cent, by what bench and block are. The bound is what all rests "
+            "and turns of the pool together would guarantee.",
+            *map(sentence, ratio_lines(plan)),
+        ],
+        table=Table(["target", "meaning", "promised", "bound", "ratio", "unit"], promises),
     )
     return Page(
         "Rests and turns for the whole IMU",
-        verdict,
-        sections,
+        f"{len(plan.programme)} rests in {digits(plan.minutes)} minutes determine accelerometers, gyros and bench; no "
+        f"guaranteed error is more than {upwards(plan.worst_ratio, 4)} times its bound.",
+        [programme, promise],
         provenance={"planned for": planned_for(plan), **versions()},
         sources=cited("guaranteed", "simplex"),
     )
@@ -130,7 +106,7 @@ def write_imu_plan(plan: ImuPlan, folder: Path) -> list[Path]:
     rows = [f"{one.alpha_deg},{one.beta_deg},{exactly(one.dwell_s)}" for one in plan.programme]
     files = {
         "programme.csv": "\n".join(["alpha_deg,beta_deg,dwell_s", *rows, ""]),
-        "operator.html": html(operator_page(plan)),
+        "operator.html": html(imu_page(plan)),
         "imu-plan.json": plan.json_text(),
     }
     with whole_folder(folder) as beside:

@@ -7,15 +7,15 @@ from pathlib import Path
 import polars as pl
 
 from ...fmus.units import UNITS, column_units
-from ..comparison import Compared, Difference
-from ..document.blocks import Page, Section, Table
+from ..comparison import Compared
+from ..document.blocks import Page, Section, Table, table_of
 from ..document.notation import Cell, plain, short, unit_text
 from ..document.page import write_page
 from ..orchestrator import Simulation
 from ..orchestrator.interface import suffix_for
-from ..rounding import digits, exactly, upwards
-from .makers import versions
+from ..rounding import digits
 from .pictures.lines import MOST_LINES, TRUTH, Line, lines_picture
+from .sources import versions
 
 MOST_PANELS = 60
 """So many panels of lines are drawn, the first ones."""
@@ -27,23 +27,25 @@ def split(column: str, units: Mapping[str, str]) -> tuple[str, str]:
     `units` are those of columns whose suffix is none of ours.
     """
     stem, _, suffix = column.rpartition("_")
-    found = column_units().get(suffix)
-    if found is None or not stem:
+    unit_and_factor = column_units().get(suffix)
+    if unit_and_factor is None or not stem:
         unit = units.get(column, "")
         return column.removesuffix(f"_{suffix_for(unit)}"), unit_text(unit)
-    unit, factor = found
+    unit, factor = unit_and_factor
     displayed = (name for name, scale in UNITS[unit].display.items() if scale == factor)
     return stem, unit_text(unit if factor == 1.0 else next(displayed, unit))
 
 
-def lines_page(title: str, said: str, table: pl.LazyFrame, units: Mapping[str, str]) -> Page:
+def lines_page(title: str, sentence: str, table: pl.LazyFrame, units: Mapping[str, str]) -> Page:
     """The page of a table whose first column is `time_s`; its columns are read one by one."""
-    sections, rows, left = _drawn(table, units)
+    sections, rows, not_drawn = _drawn(table, units)
     if rows:
         sections.append(Section("Columns", table=Table(["column", "first", "least", "largest", "last"], rows)))
-    if left:
-        sections.append(Section("Not drawn", f"{', '.join(left)}: texts, or beyond {MOST_PANELS} panels of lines."))
-    return Page(plain(title), said, sections, provenance=versions(), zoom=True)
+    if not_drawn:
+        sections.append(
+            Section("Not drawn", f"{', '.join(not_drawn)}: texts, or beyond {MOST_PANELS} panels of lines.")
+        )
+    return Page(plain(title), sentence, [], lambda: sections, provenance=versions(), zoom=True)
 
 
 def _drawn(
@@ -53,7 +55,7 @@ def _drawn(
     schema = table.collect_schema()
     times = table.select("time_s").collect()["time_s"].to_numpy()
     by_unit: dict[str, dict[str, list[str]]] = {}
-    left: list[str] = []
+    not_drawn: list[str] = []
     for name, kind in schema.items():
         if name == "time_s":
             continue
@@ -63,13 +65,13 @@ def _drawn(
             array = by_unit.setdefault(TRUTH if kind == pl.Boolean else unit, {})
             array.setdefault(re.sub(r"(\[\d+\]|\d+)$", "", stem), []).append(name)
         else:
-            left.append(name)
+            not_drawn.append(name)
     sections: list[Section] = []
     rows: list[list[Cell]] = []
     room = MOST_PANELS
     for unit, arrays in by_unit.items():
         groups = _panels(arrays.values())
-        left += [name for group in groups[room:] for name in group]
+        not_drawn += [name for group in groups[room:] for name in group]
         drawn = []
         for group in groups[:room]:
             drawn.append([])
@@ -81,9 +83,9 @@ def _drawn(
         room -= len(drawn)
         if drawn:
             of_unit = unit if unit == TRUTH else f"in {unit}" if unit else "pure numbers"
-            named = f"{title}, {of_unit}" if title else of_unit[0].upper() + of_unit[1:]
-            sections.append(Section(named, svg=lines_picture(drawn, unit)))
-    return sections, rows, left
+            heading = f"{title}, {of_unit}" if title else of_unit[0].upper() + of_unit[1:]
+            sections.append(Section(heading, picture=lines_picture(drawn, unit)))
+    return sections, rows, not_drawn
 
 
 SPREAD = {"least": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "largest": 1.0}
@@ -99,16 +101,21 @@ def spread_over_time(table: pl.LazyFrame, caption: str) -> list[Section]:
     by_unit: dict[str, list[list[Line]]] = {}
     for name in [name for name in numbers if name not in ("run", "time_s")][:MOST_PANELS]:
         value = pl.col(name).cast(pl.Float64)
-        quantiles = [value.quantile(at, "linear").alias(said) for said, at in SPREAD.items()]
-        found = table.group_by("time_s").agg(quantiles).sort("time_s").collect()
+        quantiles = [value.quantile(at, "linear").alias(name) for name, at in SPREAD.items()]
+        quantiles_at_times = table.group_by("time_s").agg(quantiles).sort("time_s").collect()
         stem, unit = split(name, {})
         lines = [
-            Line.of(f"{short(stem)}, {said}", found["time_s"].to_numpy(), found[said].to_numpy()) for said in SPREAD
+            Line.of(
+                f"{short(stem)}, {name}", quantiles_at_times["time_s"].to_numpy(), quantiles_at_times[name].to_numpy()
+            )
+            for name in SPREAD
         ]
         by_unit.setdefault(unit, []).append(lines)
     return [
         Section(
-            f"Over time, {f'in {unit}' if unit else 'pure numbers'}", svg=lines_picture(panels, unit), caption=caption
+            f"Over time, {f'in {unit}' if unit else 'pure numbers'}",
+            picture=lines_picture(panels, unit),
+            caption=caption,
         )
         for unit, panels in by_unit.items()
     ]
@@ -122,63 +129,52 @@ MATCHED = {
 """How rows of two runs belong together."""
 
 
-def compared_lines(result: Compared) -> list[str]:
-    """The verdict, then what differs most."""
-    beyond = [d for d in result.columns if not d.within]
-    said = [f"{result.verdict}: {_compared(result, beyond)}"]
-    width = max(len(d.column) for d in result.columns)
-    for d in result.columns:
-        missing = f"; {d.one_only} rows of one only" if d.one_only else ""
-        mark = "" if d.within else "  <-"
-        said.append(
-            f"  {d.column:<{width}}  at most {upwards(d.largest, 3):>9} at {exactly(d.time_s, 9):>9} s, "
-            f"root mean square {digits(d.rms):>9}{missing}{mark}"
-        )
-    return said + _apart(result)
+def compared_page(result: Compared) -> Page:
+    """Return the verdict and the differences by column; behind them pictures of the differences, and of both."""
+    beyond = sum(not difference.within for difference in result.columns)
+    columns = ("column", "largest", "time_s", "first", "second", "rms")
+    differences = table_of(result.columns, columns)
+    rows: list[list[Cell]] = []
+    for cells, difference in zip(differences.rows, result.columns, strict=True):
+        rows.append([*cells, difference.one_only or None, "yes" if difference.within else "no"])
+    table = Table([*differences.header, "rows of one only", "allowed"], rows).without_empty_columns()
+
+    def pictures() -> list[Section]:
+        apart = _drawn(result.differences.lazy(), {}, "Second less first")[0]
+        return apart + _drawn(result.both.lazy(), {}, "Both")[0]
+
+    return Page(
+        plain(f"{Path(result.second).name} against {Path(result.first).name}"),
+        f"{result.verdict.capitalize()}: {_compared(result, beyond)}.",
+        [Section("Differences", _apart(result), table=table)],
+        pictures,
+        tone="good" if result.verdict == "same" else "attention",
+        provenance=versions(),
+        zoom=True,
+    )
 
 
-def _compared(result: Compared, beyond: Sequence[Difference]) -> str:
+def _compared(result: Compared, beyond: int) -> str:
+    """What was compared, and how many columns differ by more than is allowed."""
     what = f"{result.first} and {result.second}, {result.rows} rows ({MATCHED[result.matched]})"
     if beyond:
-        return f"{what}; {len(beyond)} of {len(result.columns)} columns differ by more than is allowed"
+        return f"{what}; {beyond} of {len(result.columns)} columns differ by more than is allowed"
     if result.verdict == "different":
         return f"{what}; what both have is within what is allowed, but one has rows or columns that the other has not"
     return f"{what}; every column is within what is allowed"
 
 
 def _apart(result: Compared) -> list[str]:
-    """What was not held against anything."""
-    named = ("only in the first", result.only_first), ("only in the second", result.only_second)
-    return [
-        f"{said}: {', '.join(columns)}" for said, columns in (*named, ("no numbers", result.not_compared)) if columns
-    ]
-
-
-def compared_page(result: Compared) -> Page:
-    """Differences by column, then their pictures, then both."""
-    rows: list[list[Cell]] = [
-        [
-            *(d.column, upwards(d.largest, 3), exactly(d.time_s, 9), digits(d.first, 6), digits(d.second, 6)),
-            *(digits(d.rms), d.one_only or None, "yes" if d.within else "no"),
-        ]
-        for d in result.columns
-    ]
-    header = ["column", "differs at most by", "at [s]", "first", "second", "root mean square", "rows of one only"]
-    differences = Section("Differences", _apart(result), table=Table([*header, "allowed"], rows).told())
-    beyond = [d for d in result.columns if not d.within]
-    return Page(
-        plain(f"{Path(result.second).name} against {Path(result.first).name}"),
-        f"{result.verdict.capitalize()}: {_compared(result, beyond)}.",
-        [
-            differences,
-            *_drawn(result.differences.lazy(), {}, "Second less first")[0],
-            *_drawn(result.both.lazy(), {}, "Both")[0],
-        ],
-        answer=1,
-        tone="good" if result.verdict == "same" else "attention",
-        provenance=versions(),
-        zoom=True,
-    )
+    """Columns that could not be compared."""
+    lines = []
+    for words, columns in (
+        ("only in the first", result.only_first),
+        ("only in the second", result.only_second),
+        ("no numbers", result.not_compared),
+    ):
+        if columns:
+            lines.append(f"{words}: {', '.join(columns)}")
+    return lines
 
 
 def _panels(arrays: Iterable[Sequence[str]]) -> list[list[str]]:
@@ -195,7 +191,7 @@ def _panels(arrays: Iterable[Sequence[str]]) -> list[list[str]]:
 
 
 def write_plot(
-    path: Path, title: str, said: str, table: pl.LazyFrame | pl.DataFrame, units: Mapping[str, str] | None = None
+    path: Path, title: str, sentence: str, table: pl.LazyFrame | pl.DataFrame, units: Mapping[str, str] | None = None
 ) -> None:
     """Write a table of columns over `time_s` as a page of lines, by unit.
 
@@ -215,10 +211,10 @@ def write_plot(
     InputError
         where the file cannot be written, or the page not be printed
     """
-    write_page(path, lines_page(title, said, table.lazy(), units or {}))
+    write_page(path, lines_page(title, sentence, table.lazy(), units or {}))
 
 
 def write_plot_of_run(path: Path, run: Simulation) -> None:
     """Write what a simulation has recorded as lines over time; an InputError where it cannot be written."""
-    said = f"{run.rows} rows up to {digits(run.final_time_s, 9)} s. {run.ended}".strip()
-    write_plot(path, run.title or "A run without a title", said, run.rows_of_file(), run.units)
+    sentence = f"{run.rows} rows up to {digits(run.final_time_s, 9)} s. {run.ended}".strip()
+    write_plot(path, run.title or "A run without a title", sentence, run.rows_of_file(), run.units)

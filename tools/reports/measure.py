@@ -1,5 +1,6 @@
 """What a measurement at the table says, while it is made and when it has ended: sentences for every view."""
 
+from ..document.blocks import Page, Section
 from ..measure import Measured, Present, Session, Setting, Visit
 from ..rounding import digits, exactly, residual, upwards
 
@@ -100,24 +101,34 @@ def visit_text(session: Session, visit: Visit) -> str:
     )
 
 
-def measured_lines(result: Measured) -> list[str]:
-    """What a session came to: positions, promise, rests that do not count, verdict, files."""
-    lines = [f"{result.done} of {result.planned} positions measured, {result.rows} readings"]
+def measured_page(result: Measured) -> Page:
+    """Return what a session came to: positions, promise, rests that do not count, verdict, files."""
+    lines = []
     if result.left_out:
         lines.append(f"{result.left_out} lines were left out: they are no rows of a record")
-    lines += [f"rest {one.rest} does not count: {one.why}" for one in result.rests if not one.counts]
-    open_ = [one.symbol for one in result.targets if one.guaranteed_error is None]
-    if open_:
-        lines.append(f"not determined: {', '.join(open_)}")
+    for rest in result.rests:
+        if not rest.counts:
+            lines.append(f"rest {rest.rest} does not count: {rest.why}")
+    undetermined, ratios = [], []
+    for target in result.targets:
+        if target.guaranteed_error is None:
+            undetermined.append(target.symbol)
+        else:
+            ratios.append(target.guaranteed_error / target.promised)
+    if undetermined:
+        lines.append(f"not determined: {', '.join(undetermined)}")
     else:
-        worst = max((one.guaranteed_error or 0.0) / one.promised for one in result.targets)
-        said = "reached" if result.promise_reached else "not reached"
-        lines.append(f"promise {said}: guaranteed errors up to {upwards(worst, 3)} times what the plan promises")
+        outcome = "reached" if result.promise_reached else "not reached"
+        worst = upwards(max(ratios), 3)
+        lines.append(f"promise {outcome}: guaranteed errors up to {worst} times what the plan promises")
     if result.verdict is not None:
-        named = f": {' and '.join(result.causes)}" if result.causes else ""
-        lines.append(f"diagnosis of {result.diagnosed} positions: {result.verdict}{named}")
+        causes = f": {' and '.join(result.causes)}" if result.causes else ""
+        lines.append(f"diagnosis of {result.diagnosed} positions: {result.verdict}{causes}")
     elif result.falsified:
         lines.append("the positions contradict the model")
-    if result.trouble:
-        lines.append(f"warning: {result.trouble}")
-    return lines + [file for file in (result.record, result.positions_file) if file is not None]
+    for file in (result.record, result.positions_file):
+        if file is not None:
+            lines.append(file)
+    verdict = f"{result.done} of {result.planned} positions measured, {result.rows} readings"
+    warnings = [result.trouble] if result.trouble else []
+    return Page("Measurement", verdict, [Section("Measurement", lines)], warnings=warnings)

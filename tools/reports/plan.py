@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from .. import planning
 from ..calibration.targets import ARCSEC
-from ..document.blocks import Download, Page, Section, Table
+from ..document.blocks import Download, Page, Section, Table, table_of
 from ..document.notation import Cell, equation, minus, signed, symbol_text
 from ..document.page import html
 from ..files import whole_folder
@@ -14,8 +14,8 @@ from ..planning.request import parsed_keep_out
 from ..planning.targets import Plan, Plans
 from ..rounding import digits, downwards, exactly, upwards
 from .bench import next_positions_csv, physical_words
-from .makers import cited, matrix_text, versions
 from .pictures.records import curve_picture, plan_picture, positions_picture
+from .sources import cited, matrix_text, versions
 
 if TYPE_CHECKING:
     from ..planning.check import SettingCheck
@@ -25,95 +25,172 @@ COST = 11
 """Digits of a cost, which is proven to more."""
 UNCERTAIN = 1e-8
 """A relative gap above this is said in words."""
+POSITIONS_DRAWN = (
+    "Left: the angles, joined in the order of measurement; grey: not to be used. "
+    "Right: the vertical in the inner frame."
+)
+CURVE_DRAWN = "Cost above the optimum against the number of positions, with the proven bound."
 
 
-def plan_lines(plans: Plans) -> list[str]:
-    """Positions and weights of one plan, or a line for each of several."""
+def plans_page(plans: Plans) -> Page:
+    """Return the costs of all targets; of one target its readings and weights; then each target's estimator."""
     first = plans[0]
     where = "all angles" if first.grid_deg is None else f"a grid of {exactly(first.grid_deg)}°"
-    rows = " with the bias rows" if first.admissible == "tables" else ""
-    signs = f"signs certain by (1.7){rows}, u = {exactly(first.bounds[0])}, v = {exactly(first.bounds[1])}"
-    which = "every position" if first.baseline == "symmetric" else signs
-    lines = [f"optimal among {where}; {which}; mounting {next(iter(first.mounting))}", ""]
-    if len(plans) > 1:
-        lines.append(f"{'target':<12} {'name':<34} {'cost [σ]':>14} {'gap':>8} {'readings':>9}")
-        lines += [
-            f"{plan.target:<12} {plan.name:<34} {upwards(plan.cost, COST):>14} {upwards(plan.gap, 1):>8} "
-            f"{len(plan.weights):>9}"
-            for plan in plans
-        ]
+    rows: list[list[Cell]] = []
+    warnings = []
+    for plan in plans:
+        cost = [upwards(plan.cost, COST), downwards(plan.lower_bound, COST), upwards(plan.gap, 1)]
+        rows.append([symbol_text(plan.target), physical_words(plan.name), *cost, len(plan.weights)])
+        if plan.gap > UNCERTAIN:
+            warnings.append(f"{plan.target}: the optimum is proven to {upwards(plan.gap)} only")
+    costs = Section(
+        "Guaranteed errors",
+        "A target is estimated by a sum of readings with weights Φ. Errors of readings within σ make it wrong "
+        f"by σ Σ|Φ| at most: its cost, in units of σ. Of all positions among {where}, and all weights without "
+        "bias, these cost least; no others cost less by more than the gap.",
+        table=Table(["target", "meaning", "cost [σ]", "no less than [σ]", "proven gap", "readings"], rows),
+        equations=[equation("z = f/g − Q up(α, β)"), equation("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
+    )
+    verdict = f"{len(plans)} optimal plans, each proven: no readings of {where} estimate a target better."
+    key: dict[str, object] = {"signs": _certain_signs(first), "mounting": next(iter(first.mounting))}
+    if len(plans) == 1:
+        verdict = (
+            f"{first.target}, {physical_words(first.name)}, can be estimated to {upwards(first.cost, 7)} σ, and no "
+            "better."
+        )
     else:
-        lines.append(f"{'accelerometer':>13} {'alpha [deg]':>14} {'beta [deg]':>14} {'weight':>12}")
-        lines += [
-            f"{one.accelerometer:>13} {digits(one.alpha_deg, 8):>14} {digits(one.beta_deg, 8):>14} "
-            f"{digits(one.weight, 6):>12}"
-            for one in first.weights
-        ]
-        lines += [
-            "",
-            f"{first.target} ({first.name}): guaranteed error {upwards(first.cost, COST)} σ; "
-            f"no plan has less than {downwards(first.lower_bound, COST)} σ (gap {upwards(first.gap, 1)})",
-        ]
-    lines += [
-        f"warning: {plan.target}: the optimum is proven to {upwards(plan.gap)} only"
-        for plan in plans
-        if plan.gap > UNCERTAIN
-    ]
-    return lines
+        largest = max(plan.cost for plan in plans)
+        key |= {"targets": len(plans), "largest cost": f"{upwards(largest, 5)} σ"}
+    name, matrix = next(iter(first.mounting.items()))
+    provenance = {
+        "positions": where,
+        "signs certain by": _certain_signs(first),
+        f"mounting {name}": matrix_text(matrix),
+        "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
+        **versions(),
+    }
+    estimators = [target_section(plan) for plan in plans]
+    return Page(
+        "Optimal plan",
+        verdict,
+        [costs, *estimators] if len(plans) == 1 else [costs],
+        lambda: [] if len(plans) == 1 else estimators,
+        key=key,
+        provenance=provenance,
+        sources=cited("guaranteed", "simplex", "columns", first.grid_deg is None and "branches"),
+        warnings=warnings,
+    )
 
 
-def position_lines(plan: "PositionPlan") -> list[str]:
-    """The positions in the order of measurement, the costs, and what is proven."""
-    several = len(plan.mountings) > 1
-    u, v = map(exactly, plan.bounds)
-    reserve = f", setting errors up to {exactly(plan.reserve_deg)}°" if plan.reserve_deg else ""
-    lines = [
-        f"{len(plan.positions)} positions, {plan.readings} readings; signs certain by (1.7)"
-        f"{' with the bias rows' if plan.admissible == 'tables' else ''}, u = {u}, v = {v}{reserve}; "
-        f"mounting{'s' if several else ''} {', '.join(plan.mountings)}",
-        "",
-        f"{'':>4} {'alpha [deg]':>12} {'beta [deg]':>12}",
-    ]
+def _certain_signs(plan: Plan) -> str:
+    """Return by which rule the signs of inputs are certain, with its bounds."""
+    if plan.baseline == "symmetric":
+        return "not asked for: one scale factor for both signs"
+    rule = "(1.7) as printed" if plan.admissible == "paper" else "(1.7) with the bias rows, as the published tables"
+    u, v = plan.bounds
+    return f"{rule}; u = {exactly(u)}, v = {exactly(v)}"
+
+
+def target_section(plan: Plan) -> Section:
+    """Return the estimator of one target, with its numbers."""
+    rows: list[list[Cell]] = []
+    terms = []
+    places = {}
+    for reading in plan.weights:
+        alpha, beta, weight = reading.alpha_deg, reading.beta_deg, reading.weight
+        rows.append([reading.accelerometer, digits(alpha, 8), digits(beta, 8), digits(weight, 6)])
+        size = f"{digits(abs(weight), 6)} z_{reading.accelerometer} ({digits(alpha, 7)}°, {digits(beta, 7)}°)"
+        terms.append(signed(weight, minus(size)))
+        places[alpha, beta] = {"alpha_deg": alpha, "beta_deg": beta}
+    terms[0] = f"'{symbol_text(plan.target)}' = {terms[0].removeprefix('+ ').replace('− ', '−')}"
+    lines = [" ".join(terms[k : k + 3]) for k in range(0, len(terms), 3)]
+    file = f"{plan.target}.csv"
+    return Section(
+        f"{symbol_text(plan.target)}: {physical_words(plan.name)}",
+        picture=plan_picture(plan),
+        caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
+        table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
+        equations=[equation(line) for line in lines],
+        download=Download(file, next_positions_csv(list(places.values())), f"{file}, to take to the table"),
+    )
+
+
+def positions_page(plan: "PositionPlan") -> Page:
+    """Return the positions in the order of measurement, the costs, and what is proven."""
+    u, v = plan.bounds
+    rule = " with the bias rows" if plan.admissible == "tables" else ""
+    key = {
+        "signs certain by": f"(1.7){rule}, u = {exactly(u)}, v = {exactly(v)}",
+        "mountings": ", ".join(plan.mountings),
+        "worst ratio": upwards(plan.worst_ratio, 6),
+        "mean ratio": upwards(plan.mean_ratio, 6),
+        "moves take": f"{digits(plan.duration)} s",
+    }
+    if plan.reserve_deg:
+        key["setting errors up to"] = f"{exactly(plan.reserve_deg)}°"
+    return Page(
+        "Positions to measure",
+        f"{len(plan.positions)} positions, {plan.readings} readings; no target costs more than "
+        f"{upwards(plan.worst_ratio, 5)} times its optimum.",
+        [_order_section(plan), cost_section(plan), *_detection_sections(plan)],
+        key=key,
+        provenance=versions(),
+        warnings=[f"interrupted after {plan.starts} starts: the best set so far"] if plan.interrupted else [],
+    )
+
+
+def _order_section(plan: "PositionPlan") -> Section:
+    """Return the positions in the order of measurement."""
+    rows: list[list[Cell]] = []
     for number, at in enumerate(plan.programme, start=1):
         one = plan.positions[at - 1]
-        again = "  again" if at in plan.programme[: number - 1] else ""
-        mounting = f"  {one.mounting}" if several else ""
-        lines.append(f"{number:>4} {digits(one.alpha_deg, 6):>12} {digits(one.beta_deg, 6):>12}{mounting}{again}")
-    wide = max(map(len, ("target", *plan.costs))) + 1
-    lines += ["", f"{'target':<{wide}} {'cost [σ]':>10} {'optimum':>10} {'ratio':>8}"]
-    for target, cost in plan.costs.items():
-        best = plan.optima[target]
-        lines.append(f"{target:<{wide}} {upwards(cost, 7):>10} {upwards(best, 7):>10} {upwards(cost / best, 6):>8}")
-    lines += [
-        "",
-        f"worst ratio {upwards(plan.worst_ratio, 6)}, mean {upwards(plan.mean_ratio, 6)}; "
-        f"moves take {digits(plan.duration)} s",
+        again = "again" if at in plan.programme[: number - 1] else None
+        mounting = one.mounting if len(plan.mountings) > 1 else None
+        rows.append([number, digits(one.alpha_deg, 6), digits(one.beta_deg, 6), mounting, again])
+    table = Table(["no.", "α [deg]", "β [deg]", "mounting", "measured"], rows).without_empty_columns()
+    return Section("Positions", picture=positions_picture(plan), caption=POSITIONS_DRAWN, table=table)
+
+
+def cost_section(plan: "PositionPlan") -> Section:
+    """Return the guaranteed error of each target beside its optimum, and what is proven of the set."""
+    rows: list[list[Cell]] = []
+    for target, cost, best in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True):
+        figures = [upwards(cost, 7), upwards(best, 7), upwards(cost / best, 6)]
+        rows.append([symbol_text(target.symbol), physical_words(target.name), *figures])
+    texts = ["Guaranteed errors in units of σ, the bound of one averaged reading's error.", *wanted_lines(plan)]
+    table = Table(["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"], rows)
+    return Section("What it gives", [*texts, *_bound_texts(plan)], table=table)
+
+
+def _bound_texts(plan: "PositionPlan") -> list[str]:
+    """Return in sentences what is proven of all sets of so many positions."""
+    if plan.bound is None:
+        return []
+    texts = [
+        f"No {plan.bound.count} positions, of the {plan.bound.on}, have a worst ratio below "
+        f"{downwards(plan.bound.ratio, 6)} (proven by {plan.bound.cuts} cuts and their images)."
     ]
-    lines += wanted_lines(plan)
-    size = plan.task.request.noise_bound / ARCSEC
-    if plan.bound is not None:
-        ratio = downwards(plan.bound.ratio, 6)
-        lines.append(
-            f"no {plan.bound.count} positions, of the {plan.bound.on}, have a worst ratio below {ratio} "
-            f"(proven by {plan.bound.cuts} cuts and their images)"
+    if plan.goal is not None:
+        arcsec = plan.task.request.noise_bound / ARCSEC
+        least = float(plan.task.least.max()) * plan.task.request.magnified
+        on_pool = downwards(plan.bound.ratio * least * arcsec, 4)
+        texts.append(
+            f"That is, none have a {plan.goal} error below {on_pool} arcsec; of all angles "
+            f"{downwards(least * arcsec, 4)} arcsec."
         )
-        if plan.goal is not None:
-            least = float(plan.task.least.max()) * plan.task.request.magnified
-            proven = (f"{downwards(error * size, 4)} arcsec" for error in (plan.bound.ratio * least, least))
-            lines.append("that is, none have a {} error below {}; of all angles {}".format(plan.goal, *proven))
-    if plan.detection:
-        lines.append(
-            f"{len(plan.positions) - plan.searched} positions more; a unit of an effect is so far from the model, and "
-            "2 σ over that is surely seen:"
-        )
-        lines += [
-            f"  {one.effect}: distance {downwards(one.distance_before, 4)} before, "
-            f"{downwards(one.distance_after, 4)} now, at most {upwards(one.distance_at_most, 4)}"
-            for one in plan.detection
-        ]
-    if plan.interrupted:
-        lines.append(f"interrupted after {plan.starts} starts: the best set so far")
-    return lines
+    return texts
+
+
+def _detection_sections(plan: "PositionPlan") -> list[Section]:
+    """Return how far effects are from the model with further positions; none where none are asked for."""
+    if not plan.detection:
+        return []
+    text = (
+        f"{len(plan.positions) - plan.searched} positions more; a unit of an effect is so far from the model, and 2 σ "
+        "over that is surely seen."
+    )
+    columns = ("effect", "distance_before", "distance_after", "distance_at_most")
+    return [Section("Effects that are seen", [text], table=table_of(plan.detection, columns))]
 
 
 def wanted_lines(plan: "PositionPlan") -> list[str]:
@@ -143,110 +220,36 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
     return lines
 
 
-def curve_lines(curve: "Curve") -> list[str]:
-    """The curve as a table."""
-    lines = [f"{'positions':>9} {'readings':>8} {'worst ratio':>11} {'mean':>9} {'proven':>9}  on a pool of"]
-    lines += [
-        f"{p.positions:>9} {p.readings:>8} {upwards(p.worst, 7):>11} {upwards(p.mean, 7):>9} "
-        f"{downwards(p.bound, 7):>9}  {p.pool} positions"
-        for p in curve.points
-    ]
-    return lines
+def curve_page(curve: "Curve") -> Page:
+    """Return the worst and the mean cost against the number of positions, and what is proven."""
+    columns = ("positions", "readings", "worst", "mean", "bound", "pool")
+    section = Section("Curve", picture=curve_picture(curve), caption=CURVE_DRAWN, table=table_of(curve.points, columns))
+    return Page("Number of positions", f"{len(curve.points)} sets of positions, each the best found.", [section])
 
 
-def setting_lines(check: "SettingCheck") -> list[str]:
-    """What errors of setting do to each target, and what to do about them."""
-    lines = [
-        f"largest error of setting {upwards(check.largest_error_deg, 4)}°; bias bounded by Σ|b| X^max, "
-        f"σ = {upwards(check.noise_bound, 6)}; all in units of σ",
-        "",
-        f"{'target':<10} {'plan Σ|Φ|':>10} {'Σ|b|X^max':>10} {'(4.2) Σ|Φ|':>11} {'re-solved':>10}  advice",
-    ]
-    for one in check.targets:
-        compensated, solved = ("-" if x is None else upwards(x, 5) for x in (one.compensated, one.solved))
-        lines.append(
-            f"{one.target:<10} {upwards(one.planned, 5):>10} {upwards(one.bias, 4):>10} {compensated:>11} "
-            f"{solved:>10}  {one.advice}"
-        )
-    said = {
-        "tolerable": "the plan's weights may be used as they are",
-        "compensate": "use the weights of (4.2)",
-        "re-solve": "solve the programme on the actual angles, as `trihedron calibrate` does",
-        "measure again": "the actual angles do not determine every target",
-    }
-    lines += ["", f"over all targets: {check.advice}: {said[check.advice]}"]
+ADVICE = {
+    "tolerable": "the plan's weights may be used as they are",
+    "compensate": "use the weights of (4.2)",
+    "re-solve": "solve the programme on the actual angles, as `trihedron calibrate` does",
+    "measure again": "the actual angles do not determine every target",
+}
+
+
+def setting_page(check: "SettingCheck") -> Page:
+    """Return what errors of setting do to each target, and what to do about them."""
+    columns = ("target", "planned", "bias", "compensated", "solved", "advice")
+    text = f"Bias bounded by Σ|b| X^max, σ = {upwards(check.noise_bound, 6)}; all in units of σ."
+    warnings = []
     if check.lost_readings:
-        lines.append(
+        warnings.append(
             f"{check.lost_readings} readings of the plan have lost the certainty of their sign and are left out"
         )
-    return lines
-
-
-def plan_page(plans: Plans) -> Page:
-    """The page: costs of all targets, then each target's estimator, positions, weights and picture."""
-    first = plans[0]
-    where = "all angles" if first.grid_deg is None else f"a grid of {exactly(first.grid_deg)}°"
-    rows: list[list[Cell]] = []
-    for p in plans:
-        figures = (upwards(p.cost, COST), upwards(p.gap, 1))
-        rows.append([symbol_text(p.target), physical_words(p.name), *figures, len(p.weights)])
-    sections = [
-        Section(
-            "Guaranteed errors",
-            "A target is estimated by a sum of readings with weights Φ. Errors of readings within σ make it wrong "
-            f"by σ Σ|Φ| at most: its cost, in units of σ. Of all positions among {where}, and all weights without "
-            "bias, these cost least; no others cost less by more than the gap.",
-            table=Table(["target", "meaning", "cost [σ]", "proven gap", "readings"], rows),
-            equations=[equation("z = f/g − Q up(α, β)"), equation("'estimate' = Σ Φ z, 'error' ≤ σ Σ |Φ|")],
-        ),
-        *map(target_section, plans),
-    ]
-    verdict = f"{len(plans)} optimal plans, each proven: no readings of {where} estimate a target better."
-    if len(plans) == 1:
-        cost = upwards(first.cost, 7)
-        verdict = f"{first.target}, {physical_words(first.name)}, can be estimated to {cost} σ, and no better."
-    rule = "(1.7) as printed" if first.admissible == "paper" else "(1.7) with the bias rows, as the published tables"
-    (name, matrix), *_ = first.mounting.items()
-    provenance = {
-        "positions": where,
-        "signs certain by": f"{rule}; u = {exactly(first.bounds[0])}, v = {exactly(first.bounds[1])}",
-        f"mounting {name}": matrix_text(matrix),
-        "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
-        **versions(),
-    }
-    key = (
-        {"targets": len(plans), "largest cost": f"{upwards(max(p.cost for p in plans), 5)} σ"} if len(plans) > 1 else {}
-    )
     return Page(
-        "Optimal plan",
-        verdict,
-        sections,
-        key=key,
-        provenance=provenance,
-        sources=cited("guaranteed", "simplex", "columns", first.grid_deg is None and "branches"),
-    )
-
-
-def target_section(plan: Plan) -> Section:
-    """The estimator of one target, with its numbers."""
-    best = plan.optimum
-    readings = list(zip(best.accelerometer, best.alpha_deg, best.beta_deg, best.weights, strict=True))
-    rows: list[list[Cell]] = []
-    terms = []
-    for p, a, b, w in readings:
-        rows.append([int(p) + 1, digits(a, 8), digits(b, 8), digits(w, 6)])
-        terms.append(signed(w, minus(f"{digits(abs(w), 6)} z_{int(p) + 1} ({digits(a, 7)}°, {digits(b, 7)}°)")))
-    terms[0] = f"'{symbol_text(plan.target)}' = {terms[0].removeprefix('+ ').replace('− ', '−')}"
-    places = dict.fromkeys((float(a), float(b)) for _, a, b, _ in readings)
-    name = f"{plan.target}.csv"
-    content = next_positions_csv([{"alpha_deg": a, "beta_deg": b} for a, b in places])
-    return Section(
-        f"{symbol_text(plan.target)}: {physical_words(plan.name)}",
-        svg=plan_picture(plan),
-        caption="Where the sign of each accelerometer's input is certain, and the readings of the plan.",
-        table=Table(["accelerometer", "α [deg]", "β [deg]", "weight"], rows),
-        equations=[equation(" ".join(terms[k : k + 3])) for k in range(0, len(terms), 3)],
-        download=Download(name, content, f"{name}, to take to the table"),
+        "Errors of setting",
+        f"{check.advice.capitalize()}: {ADVICE[check.advice]}.",
+        [Section("Targets", [text], table=table_of(check.targets, columns))],
+        key={"largest error of setting": f"{upwards(check.largest_error_deg, 4)}°"},
+        warnings=warnings,
     )
 
 
@@ -279,25 +282,15 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
                 else "Write the encoder readings down as they are: what counts is where the table stands.",
                 *_kept_out(plan),
             ],
-            table=Table(header, rows).told(),
+            table=Table(header, rows).without_empty_columns(),
         ),
         Section(
             "Positions",
-            svg=positions_picture(plan),
+            picture=positions_picture(plan),
             caption="Left: the angles, joined in the order of measurement; grey: not to be used. Right: the vertical "
             "in the inner frame.",
         ),
-        Section(
-            "What it gives",
-            ["Guaranteed errors in units of σ, the bound of one averaged reading's error.", *wanted_lines(plan)],
-            table=Table(
-                ["target", "meaning", "cost [σ]", "optimum [σ]", "ratio"],
-                [
-                    [symbol_text(t.symbol), physical_words(t.name), *(upwards(v, 6) for v in (c, b, c / b))]
-                    for t, c, b in zip(plan.task.targets, plan.costs.values(), plan.optima.values(), strict=True)
-                ],
-            ),
-        ),
+        cost_section(plan),
     ]
     verdict = (
         f"{len(plan.programme)} measurements at {len(plan.positions)} positions, about {digits(minutes)} minutes; "
@@ -368,7 +361,7 @@ def write_plan(plan: "PositionPlan", folder: Path, *, dwell_s: float) -> list[Pa
     files["angles.csv"] = _csv(planned, [f"{row(one)},{row(one)}" for one in rows])
     files["plan.json"] = plan.json_text()
     files["operator.html"] = html(operator_page(plan, dwell_s))
-    files["positions.svg"] = positions_picture(plan)
+    files["positions.svg"] = positions_picture(plan).svg()
     return _written(files, folder)
 
 
@@ -383,7 +376,7 @@ def write_curve(curve: "Curve", folder: Path) -> list[Path]:
     points = curve.points
     rows = [f"{p.positions},{p.readings},{p.worst!r},{p.mean!r},{p.bound!r},{p.pool}" for p in points]
     table = _csv("positions,readings,worst_ratio,mean_ratio,lower_bound,pool", rows)
-    return _written({"curve.csv": table, "curve.svg": curve_picture(curve)}, folder)
+    return _written({"curve.csv": table, "curve.svg": curve_picture(curve).svg()}, folder)
 
 
 def _csv(header: str, rows: list[str]) -> str:

@@ -5,15 +5,15 @@ from collections.abc import Sequence
 from ..calibrated import Calibration, Parameter
 from ..calibration.targets import NAMES
 from ..diagnosis.applied import Applied
-from ..diagnosis.cause import SizedParameter
+from ..diagnosis.cause import Cause, SizedParameter
 from ..diagnosis.repeated import InOneRecord, Repeated
 from ..diagnosis.several import JointCause, Several
-from ..document.blocks import Page, Section, Table, Tone
+from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, minus, sentence, unit_text
 from ..instrument import Entries, Entry, Trend
 from ..rounding import digits, downwards, interval, residual, upwards
-from .makers import cited, versions
 from .pictures.several import drawable, repeatability_picture
+from .sources import cited, versions
 
 VERDICTS = {
     "consistent": "consistent: one value for each parameter of the instrument does for all; nothing must differ",
@@ -27,33 +27,6 @@ MOST_SETS = 6
 """So many sets that remain are printed."""
 
 
-def lines(result: Several) -> list[str]:
-    """The verdict, whose what was found is, each record by itself, repeatability."""
-    said = [verdict_line(result), *(sentences(result))]
-    said += [f"not named: {text}" for text in result.not_named if result.radius is not None]
-    said += [f"caution: {text}" for text in result.caution]
-    if result.missing:
-        said.append(f"still open: {', '.join(result.missing)}")
-    if result.radius is not None:
-        best = result.radius_with_causes
-        radius = residual(result.radius) + ("" if best is None else f", with the causes {residual(best)}")
-        said.append(f"shared parameters, radius {radius}: {', '.join(result.shared) or 'none'}")
-    for one in result.records:
-        alone = f"{one.record} by itself: {one.diagnosis.verdict}{_named(one.diagnosis.causes)}"
-        said.append(alone + ("" if one.left_out is None else f"; not judged with the others: {one.left_out}"))
-    for one in result.repeatability:
-        if one.of == "instrument" and one.at_least > 0.0:
-            most = "" if one.at_most is None else f", {upwards(one.at_most)} at most"
-            said.append(f"{words(one.name)} changes by {_in_unit(downwards(one.at_least), one.unit)} at least{most}")
-    for gain in result.gains:
-        applied = ", ".join(f"{one.found_in} {digits(one.rms)}" for one in gain.applied)
-        said.append(f"{gain.record}, {gain.over}: {digits(gain.rms)} {gain.unit} rms; with what was found in {applied}")
-    said += helps_lines(result)
-    if result.not_searched and result.radius is not None:
-        said.append(f"not sought in several records together: {', '.join(result.not_searched)}")
-    return said
-
-
 HOW = {
     "corrected": "taken out of the readings",
     "simulated": "simulated: it has no inverse that could be taken out of readings",
@@ -61,14 +34,15 @@ HOW = {
 }
 
 
-def applied_lines(result: Applied) -> list[str]:
-    """What became of each effect, and the errors of the simulation without and with them."""
-    said = [f"{one.effect}: {HOW[one.how]}" for one in result.effects]
+def applied_page(result: Applied) -> Page:
+    """Return what became of each effect, and the errors of the simulation without and with them."""
+    lines = [f"{one.effect}: {HOW[one.how]}" for one in result.effects]
     if result.rms_without is not None:
-        ends = zip((result.rms_without, result.max_without), (result.rms_with, result.max_with), strict=True)
-        rms, most = (" -> ".join(digits(value or 0.0) for value in pair) for pair in ends)
-        said.append(f"{result.over}, simulated without and with them: {rms} {result.unit} rms, at most {most}")
-    return said + [f"warning: {text}" for text in result.warnings]
+        rms = f"{digits(result.rms_without)} -> {digits(result.rms_with or 0.0)}"
+        largest = f"{digits(result.max_without or 0.0)} -> {digits(result.max_with or 0.0)}"
+        lines.append(f"{result.over}, simulated without and with them: {rms} {result.unit} rms, at most {largest}")
+    verdict, *further = lines or ["nothing was applied"]
+    return Page("Effects applied to a record", verdict, [Section("Effects", further)], warnings=result.warnings)
 
 
 def helps_lines(result: Several) -> list[str]:
@@ -84,10 +58,6 @@ def words(name: str) -> str:
     """A parameter by its symbol, and in words where it has such."""
     known = NAMES.get(name.partition("@")[0])
     return name if known is None else f"{name}, {known[0]}"
-
-
-def _named(causes: Sequence[object]) -> str:
-    return "".join(f", {cause.place.title}" for cause in causes)  # type: ignore[attr-defined]
 
 
 def verdict_line(result: Several) -> str:
@@ -127,7 +97,7 @@ def cause_text(cause: JointCause) -> str:
     return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
 
 
-def _possible(one: SizedParameter | InOneRecord | Parameter, unit: str = "1") -> str:
+def _possible(one: SizedParameter | InOneRecord, unit: str = "1") -> str:
     """What is stated, in a unit where one is said, and the ends of what is possible."""
     value, low, high = interval(one.estimate, one.low, one.high)
     return f"{_in_unit(value, unit)} ({low} to {high})"
@@ -137,31 +107,59 @@ def _in_unit(number: str, unit: str) -> str:
     return f"{number} {unit_text(unit)}".rstrip()
 
 
-def page(result: Several) -> Page:
-    """The page: together, each by itself, repeatability, what was shared."""
-    found = [sentence(text) for text in sentences(result)]
-    why = [sentence(text) for text in (*result.not_named, *result.caution)]
-    together = Section("Together", [*found, *why] or ["Nothing must differ."])
-    rows: list[list[Cell]] = [
-        [one.record, one.diagnosis.verdict, _named(one.diagnosis.causes)[2:], one.left_out or ""]
-        for one in result.records
-    ]
-    header = ["record", "verdict", "causes", "not judged with the others"]
-    alone = Section("Each by itself", table=Table(header, rows))
-    own = [f"Each record's own: {', '.join(result.own)}."] if result.own else []
-    not_sought = [f"Not sought in several records together: {', '.join(result.not_searched)}."] if result.radius else []
-    shared = Section(
-        "What is shared", [f"One value for all: {', '.join(result.shared) or 'no parameter'}.", *own, *not_sought]
-    )
+def several_page(result: Several) -> Page:
+    """Return what the records say together, each by itself, repeatability, and what was shared."""
+    together = [sentence(text) for text in (*sentences(result), *result.not_named, *result.caution)]
+    if result.missing:
+        together.append(f"Still open: {', '.join(result.missing)}.")
+    rows: list[list[Cell]] = []
+    provenance = versions()
+    for one in result.records:
+        rows.append([one.record, one.diagnosis.verdict, _titles(one.diagnosis.causes), one.left_out or None])
+        provenance[one.record] = one.sha256
+    alone = Table(["record", "verdict", "causes", "not judged with the others"], rows).without_empty_columns()
+    shared = [f"One value for all: {', '.join(result.shared) or 'no parameter'}."]
+    if result.own:
+        shared.append(f"Each record's own: {', '.join(result.own)}.")
+    if result.radius is not None and result.not_searched:
+        shared.append(f"Not sought in several records together: {', '.join(result.not_searched)}.")
+    key = {}
+    if result.radius is not None:
+        key["radius with shared parameters"] = residual(result.radius)
+        if result.radius_with_causes is not None:
+            key["with the causes"] = residual(result.radius_with_causes)
     return Page(
         "Several records of one instrument",
         sentence(verdict_line(result)),
-        [together, alone, *_gains(result), *_repeatability(result.repeatability), shared],
+        [
+            Section("Together", together or ["Nothing must differ."]),
+            Section("Each by itself", table=alone),
+            *_changes(result.repeatability),
+            *_gains(result),
+            Section("What is shared", shared),
+        ],
+        lambda: _repeatability(result.repeatability),
         TONES.get(result.verdict, "attention"),
-        {} if result.radius is None else {"radius with shared parameters": residual(result.radius)},
-        {**versions(), **{one.record: one.sha256 for one in result.records}},
+        key,
+        provenance,
         cited("guaranteed", "simplex", "lawson", "left-out", "shuffles"),
     )
+
+
+def _changes(parameters: Sequence[Repeated]) -> list[Section]:
+    """Return the instrument's parameters that surely change between records; none where none do."""
+    changes = []
+    for one in parameters:
+        if one.of == "instrument" and one.at_least > 0.0:
+            most = "" if one.at_most is None else f", {upwards(one.at_most)} at most"
+            changes.append(
+                f"{words(one.name)} changes by {_in_unit(downwards(one.at_least), one.unit)} at least{most}."
+            )
+    return [Section("What is no constant", changes)] if changes else []
+
+
+def _titles(causes: Sequence[Cause]) -> str | None:
+    return ", ".join([cause.place.title for cause in causes]) or None
 
 
 def _gains(result: Several) -> list[Section]:
@@ -213,82 +211,80 @@ CALIBRATED = {
 }
 
 
-def joint_calibration_lines(result: Calibration) -> list[str]:
-    """The verdict; each parameter, the instrument's first, with its interval."""
-    said = [CALIBRATED[result.verdict], f"{len(result.of_record)} records, radius {residual(result.radius)}"]
-    for record, parameters in _owners(result):
-        where = f" in {record}" if record else ""
-        said += [f"{words(p.symbol)}{where}: {_possible(p, p.unit)}" for p in parameters if p.bounded]
-    return said + _still_open(result)
-
-
-def _owners(result: Calibration) -> list[tuple[str, list[Parameter]]]:
-    """The parameters of the instrument, whose label is empty, then those of each record."""
-    return [("", result.parameters), *((label, record.parameters) for label, record in result.of_record.items())]
-
-
-def _still_open(result: Calibration) -> list[str]:
-    """What the records leave open, in a line."""
-    missing = [symbol for direction in result.open for symbol in direction.parameters]
-    return [f"still open: {', '.join(missing)}"] if missing else []
-
-
-def joint_calibration_page(result: Calibration) -> Page:
-    """The page: what is the instrument's, then what is each record's own."""
-    sections = []
-    for record, parameters in _owners(result):
-        rows: list[list[Cell]] = []
-        for p in parameters:
-            value, low, high = interval(p.estimate, p.low, p.high) if p.bounded else (None, None, None)
-            rows.append([_typeset(p.symbol), value, low, high, unit_text(p.unit)])
-        said = ["Every value inside an interval is possible, none outside."] if not record and rows else []
-        if not record:
-            said += map(sentence, _still_open(result))
-        head = f"{record} alone" if record else "The instrument"
-        table = Table(["parameter", "estimate", "at least", "at most", "unit"], rows) if rows else None
-        sections += [Section(head, said, table=table)] if said or table else []
+def joint_calibration_page(result: Calibration, _: object = None) -> Page:
+    """Return what is the instrument's, then what is each record's own."""
+    missing = []
+    for direction in result.open:
+        missing += direction.parameters
+    still_open = [f"Still open: {', '.join(missing)}."] if missing else []
+    answer = []
+    if result.parameters or still_open:
+        texts = ["Every value inside an interval is possible, none outside."] if result.parameters else []
+        answer.append(Section("The instrument", [*texts, *still_open], table=_joint_table(result.parameters)))
+    provenance = versions()
+    for label, record in result.of_record.items():
+        provenance[label] = record.provenance.sha256
+        if record.parameters:
+            answer.append(Section(f"{label} alone", table=_joint_table(record.parameters)))
     return Page(
         "An instrument calibrated by several records",
         sentence(CALIBRATED[result.verdict]),
-        sections,
-        "good" if result.verdict == "consistent" else "attention",
-        {"records": len(result.of_record), "radius": residual(result.radius)},
-        {**versions(), **{label: record.provenance.sha256 for label, record in result.of_record.items()}},
-        cited("guaranteed", "simplex"),
+        answer,
+        tone="good" if result.verdict == "consistent" else "attention",
+        key={"records": len(result.of_record), "radius": residual(result.radius)},
+        provenance=provenance,
+        sources=cited("guaranteed", "simplex"),
     )
 
 
-def entry_lines(result: Entry) -> list[str]:
-    """What an entry is, and when and how warm it was measured."""
-    warm = "" if result.temperature is None else f", {digits(result.temperature)} °C"
-    of = "" if result.serial is None else f", of {result.serial}"
-    return [f"{result.date.removesuffix('T00:00')}{warm}: {result.kind}, {result.verdict}{of}: {result.file}"]
+def _joint_table(parameters: Sequence[Parameter]) -> Table | None:
+    """Return parameters with their intervals; None where there are none."""
+    if not parameters:
+        return None
+    rows = table_of(parameters, ("symbol", "central", "low", "high", "unit"), {"symbol": _typeset, "unit": unit_text})
+    return Table(["parameter", "estimate", "at least", "at most", "unit"], rows.rows)
 
 
-def entries_lines(result: Entries) -> list[str]:
-    """The entries, in order of their dates."""
-    return [line for entry in result.entries for line in entry_lines(entry)] or ["nothing is in the folder"]
+def entry_page(result: Entry) -> Page:
+    """Return what an entry is, and when and how warm it was measured."""
+    return Page("An entry", entry_text(result), [])
 
 
-def trend_lines(result: Trend) -> list[str]:
-    """Parameters that are no constants, with the date since when; then how many may be."""
-    said = []
-    for one in sorted(result.parameters, key=lambda one: one.of == "run"):
-        if one.falsified is not None:
-            whose = ", each run's own" if one.of == "run" else ""
-            change = f"changes by {_in_unit(downwards(one.at_least), one.unit)} at least"
-            said.append(f"{words(one.name)}{whose}: no constant since {one.falsified} (beside {one.against}): {change}")
-    told = [one for one in result.parameters if sum(r.low is not None for r in one.records) > 1]
-    kept = sum(one.falsified is None for one in told)
-    return [*said, f"{kept} of {len(told)} parameters may be constants over {len(result.dates)} dates"]
+def entry_text(entry: Entry) -> str:
+    """Return an entry of an instrument's folder in a line."""
+    warm = "" if entry.temperature is None else f", {digits(entry.temperature)} °C"
+    serial = "" if entry.serial is None else f", of {entry.serial}"
+    return f"{entry.date.removesuffix('T00:00')}{warm}: {entry.kind}, {entry.verdict}{serial}: {entry.file}"
+
+
+def entries_page(result: Entries) -> Page:
+    """Return the entries, in order of their dates."""
+    lines = [entry_text(entry) for entry in result.entries]
+    verdict, *further = lines or ["nothing is in the folder"]
+    return Page("Entries", verdict, [Section("Entries", further)] if further else [])
 
 
 def trend_page(result: Trend) -> Page:
-    """The page: what is no constant, and all parameters with their intervals."""
-    lines = trend_lines(result)
-    changed = sum(one.falsified is not None for one in result.parameters)
-    verdict = f"{changed} parameters are no constants" if changed else "Every parameter may be a constant"
-    sections = [Section("Since when", [sentence(line) for line in lines]), *_repeatability(result.parameters)]
-    title = "An instrument over time" if result.serial is None else f"{result.serial} over time"
-    tone: Tone = "attention" if changed else "good"
-    return Page(title, f"{verdict}.", sections, tone, {"dates": len(result.dates)}, versions(), cited("guaranteed"))
+    """Return which parameters are no constants, with the date since when, and all with their intervals."""
+    changes, constants, judged = [], 0, 0
+    for one in sorted(result.parameters, key=lambda parameter: parameter.of == "run"):
+        judged_here = sum(record.low is not None for record in one.records) > 1
+        judged += judged_here
+        constants += judged_here and one.falsified is None
+        if one.falsified is not None:
+            own = ", each run's own" if one.of == "run" else ""
+            change = f"changes by {_in_unit(downwards(one.at_least), one.unit)} at least"
+            since = f"no constant since {one.falsified} (beside {one.against})"
+            changes.append(sentence(f"{words(one.name)}{own}: {since}: {change}"))
+    verdict = f"{len(changes)} parameters are no constants" if changes else "Every parameter may be a constant"
+    tone: Tone = "attention" if changes else "good"
+    return Page(
+        "An instrument over time" if result.serial is None else f"{result.serial} over time",
+        f"{verdict}; {constants} of {judged} parameters may be constants over {len(result.dates)} dates.",
+        [Section("Since when", changes)] if changes else [],
+        lambda: _repeatability(result.parameters),
+        tone,
+        {"dates": len(result.dates)},
+        versions(),
+        cited("guaranteed"),
+    )

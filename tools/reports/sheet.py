@@ -1,21 +1,21 @@
 """The sheet of a calibration, one A4 page to sign: who measured, the numbers, the correction, what they rest on."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..calibration import Calibration
+from ..calibrated import Calibration, Parameter
 from ..calibration.correction import correction_of
-from ..document.blocks import Page, Section, Table
-from ..document.notation import Cell, equation, symbol_text, unit_text
+from ..document.blocks import Page, Section, Table, table_of
+from ..document.notation import Cell, equation, unit_text
 from ..document.page import write_page
 from ..errors import InputError, nearest
 from ..files import LARGEST_TEXT, bytes_of
 from ..instrument.folder import SAID
 from ..records import PositionRecord
-from ..rounding import digits, upwards
+from ..rounding import digits
 from . import bench
-from .calibration import TONES, numbers_of, verdict_sentence
+from .calibration import TONES, WORDS, verdict_sentence
 
 HEAD: Mapping[str, tuple[str, ...]] = {
     "serial number": SAID["serial"],
@@ -55,7 +55,7 @@ def sheet_page(result: Calibration, record: PositionRecord | None, about: Mappin
         head["temperature"] = digits(low) if high - low < 0.05 else f"{digits(low)} to {digits(high)}"
     if head["temperature"]:
         head["temperature"] = f"{head['temperature'].removesuffix('°C').strip()} °C"
-    sections = [_numbers("Calibrated values", result)]
+    sections = [_numbers("Calibrated values", result, result.targets)]
     if result.verdict == "consistent":
         terms = bench.correction_terms(correction_of(result.to_json(), "calibration"), result.noise_bound, "_")
         sections.append(
@@ -72,7 +72,7 @@ def sheet_page(result: Calibration, record: PositionRecord | None, about: Mappin
     rests: list[list[Cell]] = [[name, str(text)] for name, text in (evidence | bench.provenance(result)).items()]
     sections.append(Section("What it rests on", table=Table(["", ""], rests)))
     if result.gyros is not None:
-        sections.append(_numbers("Gyros, in the accelerometers' axes", result, gyros=True))
+        sections.append(_numbers("Gyros, in the accelerometers' axes", result, result.of_gyros))
     signed = Table(["calibrated by: name, signature", "checked by: name, signature", "date"], [["", "", ""]])
     return Page(
         "Calibration sheet",
@@ -84,20 +84,14 @@ def sheet_page(result: Calibration, record: PositionRecord | None, about: Mappin
     )
 
 
-def _numbers(title: str, result: Calibration, *, gyros: bool = False) -> Section:
-    """Each target with its guaranteed error and interval; of a falsified model there is none."""
-    parameters = result.of_gyros if gyros else result.targets
+def _numbers(title: str, result: Calibration, parameters: Sequence[Parameter]) -> Section:
+    """Return each parameter with its guaranteed error and interval; of a falsified model there is none."""
     if result.verdict == "falsified":
         return Section(title, "No value is guaranteed: no parameters of the model explain the readings.")
-    rows: list[list[Cell]] = []
-    for e in parameters:
-        estimate, low, high, *_ = numbers_of(e)
-        named = e.symbol if gyros else symbol_text(e.symbol)
-        rows.append(
-            [named, bench.physical_words(e.name), estimate, upwards(e.error_bound), low, high, unit_text(e.unit) or "1"]
-        )
+    columns = ("symbol", "name", "central", "error_bound", "low", "high", "unit")
+    numbers = table_of(parameters, columns, WORDS | {"unit": lambda unit: unit_text(unit) or "1"})
     header = ["symbol", "quantity", "value", "guaranteed error", "at least", "at most", "unit"]
-    return Section(title, table=Table(header, rows))
+    return Section(title, table=Table(header, numbers.rows))
 
 
 def write_sheet(

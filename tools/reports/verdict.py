@@ -13,21 +13,6 @@ MOST_SETS = 6
 """So many sets that remain are printed."""
 
 
-def verdict_line(result: Diagnosis) -> str:
-    """The first line for a terminal: the verdict, and on whose word it rests."""
-    said = bench.VERDICTS[result.verdict]
-    if result.verdict == "unexplained" and result.cut_off_at is not None and not result.not_named:
-        return "unexplained: the model is falsified, and nothing that was tried mends it"
-    if only_unlisted(result):
-        said = "ambiguous: a set of effects makes the model consistent, and so does what is in no catalogue"
-    if result.verdict == "ambiguous" and result.cut_off_at is not None:
-        if len(sets_of(result)) == 1:
-            said = said.replace("several sets", "a set")
-        said += f", {OTHERS_MAY}"
-    proviso = evidence.as_stated(result)
-    return f"{said}; {proviso}" if proviso else said
-
-
 def verdict_sentence(result: Diagnosis) -> str:
     """The verdict, with the cause when one is named, and on whose word it rests."""
     proviso = evidence.as_stated(result)
@@ -48,11 +33,11 @@ def _verdict(result: Diagnosis) -> str:
         return f"{lacks}: {least}, and {result.not_named[0]}."
     if result.verdict == "unexplained" and result.cut_off_at is not None:
         return f"{lacks}: {least}. {sentence(cut_off(result.cut_off_at))}"
-    if result.verdict == "unexplained" and (said := beyond.proven_text(result)):
-        return f"{lacks}, and what is {said}."
+    if result.verdict == "unexplained" and (text := beyond.proven_text(result)):
+        return f"{lacks}, and what is {text}."
     if result.verdict == "unexplained":
-        said = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
-        return f"{said} {beyond.beyond_words(result)}".rstrip()
+        text = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+        return f"{text} {beyond.beyond_words(result)}".rstrip()
     if result.verdict == "insufficient":
         return f"Too little was measured to judge the simulation: {missing_words(result)}."
     return (
@@ -74,19 +59,19 @@ def missing_words(result: Diagnosis) -> str:
 def rivals(result: Diagnosis) -> str:
     """The sets of effects that remain, few by their names, and what further positions would do."""
     sets = sets_of(result)
-    named = (
+    titles = (
         " or ".join(finding.title for finding in sets) if len(sets) <= FEW_RIVALS else f"{len(sets)} sets of effects"
     )
-    others = "" if result.cut_off_at is None else f", {OTHERS_MAY}"
-    said = f"{named} would explain it{others}."
+    further = "" if result.cut_off_at is None else f", {OTHERS_MAY}"
+    text = f"{titles} would explain it{further}."
     proposed = len(result.next_positions or ())
     if not proposed:
-        return said
+        return text
     sure = len(bench.deciding(result.evidence.calibration.linearised, result.next_positions or ()))
     if sure == proposed:
-        return f"{said} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
+        return f"{text} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
     tells = "none surely tells" if not sure else "one surely tells" if sure == 1 else f"{sure} surely tell"
-    return f"{said} Of {proposed} further positions that are proposed {tells} two of them apart."
+    return f"{text} Of {proposed} further positions that are proposed {tells} two of them apart."
 
 
 def sets_of(result: Diagnosis) -> tuple[Finding, ...]:

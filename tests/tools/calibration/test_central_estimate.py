@@ -1,6 +1,7 @@
 """What a calibration states is possible: one point, within every interval, near the truth; what stands beside it."""
 
 import json
+from collections.abc import Sequence
 from decimal import Decimal
 from functools import cache
 from pathlib import Path
@@ -16,9 +17,11 @@ from trihedron.fmus.parameters import bench_parameters, calibrated_block
 from trihedron.models.bench import target_reading, target_values
 from trihedron.tools.calibration import Calibration, apply_calibration, calibrate, write_parameter_set
 from trihedron.tools.calibration.correction import correction_of
+from trihedron.tools.document.blocks import Section
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import write_record
-from trihedron.tools.reports.calibration import ESTIMATORS, lines, page
+from trihedron.tools.records import PositionRecord, write_record
+from trihedron.tools.reports import page_of
+from trihedron.tools.reports.calibration import ESTIMATORS
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)
@@ -81,15 +84,26 @@ def test_the_estimate_is_possible_and_near_the_truth(count, noise, part_of_a_pri
     assert np.all(np.abs(estimate - (low + high) / 2.0) < 0.45 * (high - low) + 1e-12 * SIGMA)
 
 
+def sections_of(result: Calibration, record: PositionRecord | None = None) -> Sequence[Section]:
+    """The sections of a calibration's page."""
+    page = page_of(result, record)
+    assert page is not None
+    return page.sections
+
+
 def test_more_readings_prove_a_priori_estimates_impossible_and_it_is_said():
     outside = {}
     for count in (100, 1000):
         result = calibrated(3, count)[1]
         outside[count] = sum(not e.possible(e.a_priori) for e in result.parameters)
-        said = "\n".join(lines(result))
-        assert ESTIMATORS["analytic centre"] in said
-        assert f"the a-priori estimate lies outside the interval of {outside[count]} targets: it is a promise" in said
-        assert said.count("*") >= outside[count]
+        assert ESTIMATORS["analytic centre"] in str(result)
+        (beside,) = [section for section in sections_of(result) if section.title == "Beside the estimates"]
+        assert (
+            f"a promise made before the data, which now say more: it lies outside the interval of {outside[count]}"
+            in (" ".join(beside.paragraphs))
+        )
+        assert beside.table is not None
+        assert sum("a priori" in str(row[-1]) for row in beside.table.rows) == outside[count]
     assert outside[100] < outside[1000]
     assert outside[1000] >= 14
 
@@ -154,8 +168,8 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
     assert np.isnan(column(falsified, "low")).all()
     np.testing.assert_array_equal(column(falsified, "estimate"), column(falsified, "least_squares"))
     assert falsified.estimator == "least squares"
-    said = "\n".join(lines(falsified))
-    assert "no estimate: no parameters of the model keep every reading within the noise bound" in said
+    said = str(falsified)
+    assert "No estimate: no parameters of the model keep every reading within the noise bound" in said
     for refused in (bench_parameters, calibrated_block, lambda content: correction_of(content, "here")):
         with pytest.raises(
             (ValueError, InputError), match="only a consistent one gives parameters; no values fit its readings: `trihe"
@@ -248,7 +262,7 @@ def test_an_estimate_that_was_edited_out_of_its_interval_is_refused():
 def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exclude():
     _, measured = random_record(3, 100)
     result = calibrated(3, 100)[1]
-    shown = {section.title: section for section in page(result, measured).sections}
+    shown = {section.title: section for section in sections_of(result, measured)}
     stated, beside = shown["Targets"].table, shown["Beside the estimates"].table
     assert stated is not None
     assert beside is not None
@@ -269,7 +283,7 @@ def test_a_page_shows_the_three_estimates_of_a_target_and_which_the_readings_exc
     bad.specific_force[5, 0] += 1e-2
     falsified = calibrate(bad, noise_bound=SIGMA)
     assert falsified.verdict == "falsified"
-    shown = {section.title: section for section in page(falsified, bad).sections}
+    shown = {section.title: section for section in sections_of(falsified, bad)}
     table = shown["Targets"].table
     assert table is not None
     assert table.header == ["target", "meaning", "a priori", "least squares", "standard error", "unit"]

@@ -23,10 +23,11 @@ from trihedron.tools.calibration.correction import (
     levelling,
     remaining_error,
 )
+from trihedron.tools.document.text import text
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import read_record, write_record
 from trihedron.tools.records.kinds import StrapdownRecord
-from trihedron.tools.reports.calibration import application_lines, correction_equation
+from trihedron.tools.reports.calibration import application_page, correction_equation
 
 SIGMA = 1e-5
 
@@ -226,7 +227,7 @@ def test_the_gyrocompass_is_where_the_record_says_it_was_measured(tmp_path):
         write_record(there, path)
         done = apply_calibration(file, path)
         assert f"gyrocompass at latitude {told}°" in str(done)
-        assert "gyrocompass at latitude 10°" in "\n".join(application_lines(done, 10.0))
+        assert "gyrocompass at latitude 10°" in text(application_page(done, 10.0))
 
 
 def test_another_convention_gives_the_same_correction():

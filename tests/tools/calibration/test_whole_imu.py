@@ -28,7 +28,7 @@ from trihedron.tools.measured import bench_at
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.rests import position_record_of
-from trihedron.tools.reports.calibration import gyro_section
+from trihedron.tools.reports.calibration import gyro_sections
 from trihedron.tools.trials.bench import draw_whole
 from trihedron.tools.trials.sizes import Hidden
 
@@ -321,7 +321,7 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     place = ["--latitude-deg", str(PLACE.latitude_deg), "--azimuth-deg", str(PLACE.azimuth_deg)]
     assert main([*alone, *place, "--encoder-bound", "2e-6", "--json", "imu.json", "--ssv", "imu.ssv"]) == 0
     said = capsys.readouterr().out
-    assert "the turns make X3 better known" in said
+    assert "The turns make X3 better known" in said
     assert "gyro-misalignment-12" in said
     again = Calibration.model_validate_json((tmp_path / "imu.json").read_text(encoding="utf-8"))
     assert [e.symbol for e in again.of_gyros] == [*GYRO_PARAMETERS, *LATENCIES]
@@ -330,7 +330,7 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     written = (tmp_path / "imu-gyros.ssv").read_text(encoding="utf-8")
     assert f'value="{again.of_gyros[3].estimate!r}"' in written
     assert "bias" in (tmp_path / "imu.ssv").read_text(encoding="utf-8")
-    section = gyro_section(again)
+    (section,) = gyro_sections(again)
     assert section is not None
     assert section.table is not None
     assert "misalignment of gyro 1 towards axis 2" in {row[1] for row in section.table.rows}

@@ -23,7 +23,6 @@ from trihedron.tools.evidence.bench import LARGEST_OF_BENCH, bench_evidence
 from trihedron.tools.evidence.bench_model import with_possible_sizes
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.records.channels import Channels
-from trihedron.tools.reports.diagnosis import lines as told_lines
 from trihedron.tools.reports.verdict import verdict_sentence
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.case import Case
@@ -231,8 +230,8 @@ def test_a_search_is_cut_off_by_the_work_that_it_does_and_says_among_which_sets(
     result = diagnosed_evidence(evidence, most_work=1e3)
     assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 1)
     assert result.to_json()["cut_off_at"] == 1
-    said = told_lines(result)
-    assert "nothing that was tried mends it" in said[0]
+    said = str(result).splitlines()
+    assert "the search was cut off" in said[0].lower()
     assert "warning: the search was cut off: single effects were not all tried" in said
 
 
@@ -251,9 +250,8 @@ def test_what_was_found_before_the_search_was_cut_off_stands():
     assert {fit.title for fit in found.fits} < every
     result = diagnosed_evidence(evidence, most_work=limit)
     assert (result.verdict, result.complete, result.cut_off_at) == ("ambiguous", False, 1)
-    said = told_lines(result)
-    assert said[0].endswith("and others may that were not tried: the search was cut off")
-    assert ("several sets" in said[0]) == (len(result.findings) > 1)
+    said = str(result).splitlines()
+    assert "others may that were not tried: the search was cut off" in said[0]
     assert "warning: the search was cut off: single effects were not all tried" in said
     assert "others may that were not tried" in verdict_sentence(result)
 
@@ -313,9 +311,9 @@ def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
     assert not result.causes
     assert result.not_named
     assert all("would do; others may that were not tried, and, as simple, a function" in s for s in result.not_named)
-    said = told_lines(result)
-    assert said[0] == "unexplained: the model is falsified and nothing that can be named mends it"
-    assert said[1].startswith("not named: ")
+    said = str(result).splitlines()
+    assert said[0].startswith("The simulation lacks something")
+    assert any(line.startswith("Not named: ") for line in said)
 
 
 @pytest.mark.parametrize(

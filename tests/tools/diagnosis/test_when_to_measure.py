@@ -14,7 +14,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.result import Diagnosis
 from trihedron.tools.records import PositionRecord
-from trihedron.tools.reports.diagnosis import lines
+from trihedron.tools.reports import page_of
 from trihedron.tools.trials.bench import NOISE_BOUND
 
 SPAN = 1.0
@@ -70,9 +70,14 @@ def test_what_is_ambiguous_in_time_is_decided_by_repeats_at_the_hours_that_are_p
         assert np.radians([position["alpha_deg"], position["beta_deg"]]) == pytest.approx(at, abs=1e-8)
     times = np.array([float(position["hours"]) for position in next_positions])
     assert np.all(np.diff(times) >= 0.0)
-    said = [line for line in lines(first) if line.startswith("measure next") and "again" in line]
-    assert len(said) == len(again)
-    assert all(" h after the first" in line and " σ at least" in line for line in said)
+    page = page_of(first)
+    assert page is not None
+    (table,) = [section.table for section in page.answer if section.title == "Where and when to measure next"]
+    assert table is not None
+    proposals = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    repeats = [row for row in proposals if row["again"] is not None]
+    assert len(repeats) == len(again)
+    assert all(row["t [h]"] is not None and row["by [σ]"] is not None for row in repeats)
     proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in next_positions]).T
     times = times + 1e-3 * np.arange(len(times))
     then = diagnosed(joined(record, measured(bench, proposed, times, in_time(effect, times), seed + 1)))

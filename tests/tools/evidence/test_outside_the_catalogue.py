@@ -13,7 +13,7 @@ from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.motion.rest_noise import RestNoise, allan_square
 from trihedron.tools.records import StrapdownRecord
-from trihedron.tools.reports.diagnosis import lines, page
+from trihedron.tools.reports import page_of
 
 ARCMIN = np.pi / 180.0 / 60.0
 PERIOD, WHITE = 0.02, 7e-4
@@ -90,7 +90,9 @@ def two_biases(time, rate, rng):
 
 def first_words(found: Diagnosis) -> tuple[str, str]:
     """The verdict as the page's headline says it, and the terminal's lines."""
-    return page(found).verdict, "\n".join(lines(found))
+    page = page_of(found)
+    assert page is not None
+    return page.verdict, str(found)
 
 
 @pytest.mark.acceptance

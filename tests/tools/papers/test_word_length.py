@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from trihedron.tools.motion.attitude import algorithm_named, angle_between
 from trihedron.tools.motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_algorithm, run_single
 from trihedron.tools.papers.reproduction import DOUBLE, INCOMMENSURATE, REPEATING, word_length_errors
-from trihedron.tools.reports.papers import word_length_lines
 
 
 def degrees(found):
@@ -61,8 +60,7 @@ def test_angle_between_is_right_for_small_and_large_angles():
 def test_ten_minutes():
     """600 s, variant 1, 1 kHz: below 1e-6 degrees with feedback or pairs; the floor of independent rounding."""
     errors = word_length_errors()
-    for line in word_length_lines(errors):
-        print(line)
+    print(errors)
     found = degrees(errors)
     for rounding in ROUNDINGS:
         assert 1e-3 < found[REPEATING, rounding, "single"] < 2e-2

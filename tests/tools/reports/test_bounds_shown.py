@@ -18,12 +18,12 @@ from planning_tasks import planned, stored, tables_task
 from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well, wrong_on_page
 from trihedron.tools import library, measured
 from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration.correction import correction_of, face_readings, levelling
 from trihedron.tools.campaign.store import open_result
 from trihedron.tools.document.page import html
 from trihedron.tools.planning.check import SettingCheck, check_settings
 from trihedron.tools.planning.positions import PositionPlan
-from trihedron.tools.reports import document_of
-from trihedron.tools.reports.calibration import levelled
+from trihedron.tools.reports import page_of
 from trihedron.tools.reports.campaign import campaign_page
 from trihedron.tools.reports.plan import operator_page
 from trihedron.tools.result import Result
@@ -36,7 +36,7 @@ SHOWN = ("reports", "document", "cli")
 NUMERIC = re.compile(r"[^{}]*[eEfFgGn%]")
 DATA = {
     "rounding.py",
-    "foreign/workbook.py",
+    "foreign/sheet.py",
     "records/kinds.py",
     "papers/reproduction.py",
     "document/notation.py",
@@ -142,7 +142,7 @@ def setting() -> SettingCheck:
 def test_lines_show_no_bound_better_than_it_is(kind):
     result, watched = KINDS[kind](), Watched()
     with watched():
-        lines = document_of(result).lines
+        lines = str(result).splitlines()
     assert lines
     assert watched.seen
     assert shown_too_well(result.to_json(), watched) == []
@@ -167,7 +167,7 @@ def test_a_campaigns_page_shows_no_bound_better_than_it_is(tmp_path: Path):
     done = library.run_campaign(written(tmp_path, few + more), tmp_path / "out", jobs=1)
     watched = Watched()
     with watched():
-        lines = document_of(done).lines
+        lines = str(done).splitlines()
         page = html(campaign_page(*open_result(tmp_path / "out")))
     assert lines
     assert "X4_guaranteed" in page
@@ -195,7 +195,7 @@ def test_a_small_attitude_error_has_its_digits_and_its_unit():
     *motion, attitude = drawn_motion(np.random.default_rng(3), moves=2)
     true = attitude.as_quat()[:, [3, 0, 1, 2]]
     run = measured.attitude_of_record(strapdown_record(motion, attitude=true)).model_copy(update=small)
-    lines = document_of(run).lines
+    lines = str(run).splitlines()
     shown = figures(r"(\S+) deg rms, (\S+) deg at most, (\S+) deg at the end, drift (\S+) deg/min", lines)
     wanted = np.degrees([small["rms"], small["maximum"], small["final"], 60.0 * small["drift"]])
     assert shown == pytest.approx(wanted, rel=5e-3)
@@ -207,10 +207,10 @@ def test_a_small_attitude_error_has_its_digits_and_its_unit():
 
 def test_levelling_is_told_in_arcseconds_rounded_up():
     result = calibrate(clean(), noise_bound=NOISE_BOUND)
-    found = levelled(result)
-    assert found is not None
-    shown = figures(r"wrong by up to (\S+) arcsec, corrected by at most (\S+) \(", document_of(result).lines)
-    for text, true in zip(shown, np.degrees(found[2].worst) * 3600.0, strict=True):
+    correction = correction_of(result.to_json(), "calibration")
+    worst = levelling(correction, face_readings(correction)[1]).worst
+    shown = figures(r"wrong by up to (\S+) arcsec, corrected by at most (\S+) \(", str(result).splitlines())
+    for text, true in zip(shown, np.degrees(worst) * 3600.0, strict=True):
         assert true <= text <= 1.01 * true + 1.0
 
 
@@ -218,7 +218,7 @@ def test_bounds_of_means_at_rest_are_told_in_their_units_rounded_up():
     found = measured.inspect(strapdown_record())
     assert found.rests.force_bound is not None
     assert found.rests.rate_bound is not None
-    shown = figures(r"3 Allan deviations: (\S+) g, (\S+) deg/s", document_of(found).lines)
+    shown = figures(r"3 Allan deviations: (\S+) g, (\S+) deg/s", str(found).splitlines())
     force = np.median(found.rests.force_bound, axis=0).max() / found.gravity
     rate = np.degrees(np.median(found.rests.rate_bound, axis=0).max())
     for text, true in zip(shown, (force, rate), strict=True):
@@ -277,11 +277,11 @@ def test_headline_terminal_and_table_agree_on_the_bound():
     """With 3.541e-5 in JSON the headline said 3.5e-5, the terminal 3.5e-05 and the table 3.6e-5."""
     result = calibrate(clean(), noise_bound=1.7432e-5)
     largest = max(row.error_bound for row in result.parameters if row.error_bound is not None)
-    page = document_of(result, clean()).page
+    page = page_of(result, clean())
     assert page is not None
-    (shown,) = re.findall(r"to within ([-+0-9.e]+) or better", made.verdict if (made := page()) else "")
+    (shown,) = re.findall(r"to within ([-+0-9.e]+) or better", page.verdict)
     assert float(shown) >= largest
-    assert any(re.search(rf"(?<![0-9.]){re.escape(shown)}(?![0-9])", line) for line in document_of(result).lines)
-    (table,) = (section.table for section in made.sections if section.title == "Targets")
+    assert re.search(rf"(?<![0-9.]){re.escape(shown)}(?![0-9])", str(result).partition("Targets")[2])
+    (table,) = (section.table for section in page.sections if section.title == "Targets")
     assert table is not None
     assert shown in {str(cell) for row in table.rows for cell in row}

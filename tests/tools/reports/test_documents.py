@@ -18,8 +18,9 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
-from trihedron.tools.document.blocks import Page, Section, notebook, text
+from trihedron.tools.document.blocks import Page, Section
 from trihedron.tools.document.notation import half_width, minus, typeset
+from trihedron.tools.document.text import text
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
 from trihedron.tools.reports import bench, calibration, diagnosis, evidence, inspection
@@ -29,20 +30,20 @@ from trihedron.tools.trials.bench import NOISE_BOUND
 MEASURED = ["What was measured", "What was simulated"]
 RANKED = ["Evidence: which effect mends it", "Evidence: what could be taken for what"]
 SECTIONS = {
-    "calibration, consistent": ["Targets", "Residuals before and after", *MEASURED, "What it bought"],
+    "calibration, consistent": ["Targets", "What it bought", "Residuals before and after", *MEASURED],
     "calibration, falsified": ["Targets", *MEASURED, "Evidence: the readings that prove it"],
-    "calibration, insufficient": ["Targets", *MEASURED, "Where to measure next"],
+    "calibration, insufficient": ["Targets", "What is open", "Where to measure next", *MEASURED],
     "bench, consistent": ["Residuals", *MEASURED, "Targets", "Excluded: effects of the accelerometers"],
     "bench, explained": ["The cause", "Residuals before and after", *MEASURED, "Residuals against the inputs",
                          "Targets, and what the effects do to them", *RANKED, "Left out, and shuffled"],
     "bench, explained, with its gain": ["The cause", "The gain on what was not used", *MEASURED, *RANKED],
-    "bench, ambiguous": ["Causes that remain", *RANKED, "Where to measure next"],
+    "bench, ambiguous": ["Causes that remain", "Where to measure next", *RANKED],
     "bench, unexplained": ["Targets", RANKED[0], "What the residual depends on"],
     "bench, insufficient": ["Residuals", *MEASURED, "Targets"],
     "block, explained": ["The cause", "The gain on what was not used", "Errors before and after", *MEASURED,
                          "The block's own parameters", *RANKED, "Left out, and shuffled",
                          "Excluded: effects of the gyros"],
-    "block, ambiguous": ["Causes that remain", *MEASURED, "The block's own parameters", "What to measure next"],
+    "block, ambiguous": ["Causes that remain", "What to measure next", *MEASURED, "The block's own parameters"],
     "block, insufficient": MEASURED[:1],
     "plan": ["Guaranteed errors"],
     "plans": ["Guaranteed errors"],
@@ -85,11 +86,11 @@ def in_order(wanted: Sequence[str], found: Sequence[str]) -> bool:
 
 @pytest.mark.parametrize("name", MAKERS)
 def test_what_every_document_says(name):
-    result, record, document = shown(name)
-    assert text(document) == str(result) == repr(result)
-    assert not any(re.search(r"(\]|below [0-9.e-]+) 1$|\bnan\b", line) for line in document.lines)
-    assert f"<strong>{escape(document.lines[0])}</strong>" in notebook(document) == result._repr_html_()
+    result, record = shown(name)
     page, html = page_of(name), text_of(name)
+    assert text(page) == str(result) == repr(result)
+    assert not any(re.search(r"(\]|below [0-9.e-]+) 1$|\bnan\b", line) for line in str(result).splitlines())
+    assert f"<strong>{escape(page.verdict)}</strong>" in result._repr_html_()
     titles = [section.title for section in page.sections]
     assert shown_too_well(result.to_json(), WATCHED[name]) == []
     assert in_order(SECTIONS[name], titles), titles
@@ -103,15 +104,15 @@ def test_what_every_document_says(name):
     for part in page.sections:
         for equation in part.equations:
             ElementTree.fromstring(equation.replace("&nbsp;", " "))
-        if part.svg is not None:
-            ElementTree.fromstring(part.svg)
+        if part.picture is not None:
+            ElementTree.fromstring(part.picture.svg())
             assert part.caption
         if part.table is not None:
-            assert part.table.told() == part.table
+            assert part.table.without_empty_columns() == part.table
             assert "1" not in [row.get("unit") for row in rows_of(name, part.title)]
     # Who reads on finds what there is behind the answer.
     if "<nav" in html:
-        assert html[: html.index("<nav")].count("<h2>") == page.answer
+        assert html[: html.index("<nav")].count("<h2>") == len(page.answer)
     addresses = re.findall(r'(?:href|src)="([^"]*)"', html)
     assert all(address.startswith(("#", "data:")) for address in addresses)
     ids = re.findall(r' id="([^"]*)"', html)
@@ -121,11 +122,11 @@ def test_what_every_document_says(name):
 
 def test_a_page_repeats_to_the_byte():
     again = diagnose(few(4), noise_bound=NOISE_BOUND)
-    assert html_of(diagnosis.page, again, few(4)) == text_of("bench, insufficient")
+    assert html_of(diagnosis.diagnosis_page, again, few(4)) == text_of("bench, insufficient")
 
 
 def test_a_calibration_shows_each_target_in_its_table_and_in_the_model():
-    result, _, _ = shown("calibration, consistent")
+    result, _ = shown("calibration, consistent")
     page = text_of("calibration, consistent")
     assert f"within {residual(result.radius)} σ" in page
     row = next(e for e in result.parameters if e.symbol == "X4")
@@ -272,7 +273,7 @@ def test_pages_of_several_mountings_whatever_they_are_called():
     record = replace(clean(), mounting=("upright-1e5",) * half + ("elsewhere",) * (len(clean()) - half))
     mounting = {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}
     result = diagnose(record, noise_bound=NOISE_BOUND, mounting=mounting)
-    for page in (without_pictures(result.evidence.calibration), html_of(diagnosis.page, result, record)):
+    for page in (without_pictures(result.evidence.calibration), html_of(diagnosis.diagnosis_page, result, record)):
         assert "X8@upright-1e5" in page
         assert "X13@elsewhere" in page
 
@@ -285,7 +286,7 @@ def without_pictures(result: Calibration) -> str:
 
 def test_warnings_of_the_record_are_on_the_page():
     warned = shown("calibration, falsified")[0].model_copy(update={"warnings": ["row 7 <b>looks</b> odd"]})
-    page = html_of(Page, "t", "v", [bench.measured_section(bent(), warned)])
+    page = html_of(calibration.calibration_page, warned, bent())
     assert "Warning: row 7 &lt;b&gt;looks&lt;/b&gt; odd." in page
 
 

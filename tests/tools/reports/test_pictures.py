@@ -43,7 +43,7 @@ HOSTILE = "<script>alert('x')</script> & \"$\\frac{1}{$ ]]> \x00\x1b \ud800 漢�
 def tour(count: int = 500) -> str:
     time = np.linspace(0.0, 60.0, count)
     readings = np.column_stack([np.sin(time / 9), np.cos(time / 9), 0.2 * np.ones(count)])
-    return bench_tour(time, (6.0 * time, 360.0 - 6.0 * time), readings)
+    return bench_tour(time, (6.0 * time, 360.0 - 6.0 * time), readings).svg()
 
 
 def run(count: int, error: float) -> AttitudeRun:
@@ -61,7 +61,7 @@ def at(alpha: ArrayLike, beta: ArrayLike) -> Positions:
 def residual_picture() -> str:
     generator = np.random.default_rng(0)
     values = generator.uniform(-2.0, 2.0, (24, 3))
-    return residuals(at(np.arange(24) / 4, np.arange(24) / 6), values, 0.4 * values, np.abs(values) > 1.8)
+    return residuals(at(np.arange(24) / 4, np.arange(24) / 6), values, 0.4 * values, np.abs(values) > 1.8).svg()
 
 
 PICTURES: dict[str, Callable[[], str]] = {
@@ -69,27 +69,27 @@ PICTURES: dict[str, Callable[[], str]] = {
     "residuals": residual_picture,
     "strips": strips_picture,
     "what intervals are": interval_picture,
-    "likeness": lambda: likeness_picture(["cubic", "sag"], np.array([[1.0, 0.95], [0.95, 1.0]])),
-    "held_out": lambda: held_out(np.ones((5, 3)), np.zeros((5, 3)), range(1, 6)),
-    "attitude": lambda: attitude_picture(run(90, 1.0)),
-    "confusion": lambda: confusion_picture({"cubic": {"cubic": 3, "odd-quadratic": 1}, "sag": {"sag": 2}}),
+    "likeness": lambda: likeness_picture(["cubic", "sag"], np.array([[1.0, 0.95], [0.95, 1.0]])).svg(),
+    "held_out": lambda: held_out(np.ones((5, 3)), np.zeros((5, 3)), range(1, 6)).svg(),
+    "attitude": lambda: attitude_picture(run(90, 1.0)).svg(),
+    "confusion": lambda: confusion_picture({"cubic": {"cubic": 3, "odd-quadratic": 1}, "sag": {"sag": 2}}).svg(),
     "rates": lambda: rates_picture(
         {"falsified": [{"low": 0.5, "high": 1.2, "cases": 12, "rate": 0.5, "interval": [0.3, 0.7]}]}, "size"
-    ),
-    "size errors": lambda: size_errors_picture([1.2, 3.0], [0.01, -0.02]),
-    "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]),
+    ).svg(),
+    "size errors": lambda: size_errors_picture([1.2, 3.0], [0.01, -0.02]).svg(),
+    "candidates": lambda: candidates(["quadratic accelerometer-3", "none"], [0.7, 3.1]).svg(),
 }
 UNKNOWN = np.full((2, 3), np.nan)
 NOTHING: dict[str, Callable[[], str]] = {
-    "tour of one row": lambda: bench_tour(np.zeros(1), (np.ones(1), np.ones(1)), np.ones((1, 3))),
-    "residuals of NaN": lambda: residuals(at([1, 2], [3, 4]), UNKNOWN, UNKNOWN, np.isfinite(UNKNOWN)),
+    "tour of one row": lambda: bench_tour(np.zeros(1), (np.ones(1), np.ones(1)), np.ones((1, 3))).svg(),
+    "residuals of NaN": lambda: residuals(at([1, 2], [3, 4]), UNKNOWN, UNKNOWN, np.isfinite(UNKNOWN)).svg(),
     "one accelerometer missing": lambda: residuals(
         at([1.0], [2.0]), np.array([[0.1, np.nan, 3.0]]), None, np.array([[False, True, True]])
-    ),
-    "unknown attitude error": lambda: attitude_picture(run(2, np.nan)),
-    "nothing hidden": lambda: confusion_picture({}),
-    "nothing detected": lambda: rates_picture({"falsified": []}, "size"),
-    "no radius": lambda: candidates(["a", "b"], [np.nan, np.inf]),
+    ).svg(),
+    "unknown attitude error": lambda: attitude_picture(run(2, np.nan)).svg(),
+    "nothing hidden": lambda: confusion_picture({}).svg(),
+    "nothing detected": lambda: rates_picture({"falsified": []}, "size").svg(),
+    "no radius": lambda: candidates(["a", "b"], [np.nan, np.inf]).svg(),
 }
 
 
@@ -130,8 +130,8 @@ def test_a_picture_repeats_to_the_byte_whatever_the_settings_of_the_user(name: s
 def test_hostile_labels_are_shown_cut_and_nothing_else() -> None:
     hostile = [f"{HOSTILE} {k} {'effect ' * 200}" for k in range(40)]
     for svg in (
-        candidates(hostile, np.linspace(0.1, 5.0, 40).tolist()),
-        held_out(np.ones((40, 3)), np.ones((40, 3)), hostile),
+        candidates(hostile, np.linspace(0.1, 5.0, 40).tolist()).svg(),
+        held_out(np.ones((40, 3)), np.ones((40, 3)), hostile).svg(),
     ):
         assert not list(ElementTree.fromstring(svg).iter(f"{SVG}script"))
         assert any("<script>" in text for text in texts(svg))
@@ -141,11 +141,11 @@ def test_hostile_labels_are_shown_cut_and_nothing_else() -> None:
 @given(st.text(), st.floats())
 @settings(max_examples=8)
 def test_any_text_and_any_number_give_a_picture(text: str, value: float) -> None:
-    ElementTree.fromstring(candidates([text], [value if abs(value) < 1e9 else np.nan]))
+    ElementTree.fromstring(candidates([text], [value if abs(value) < 1e9 else np.nan]).svg())
 
 
 def test_what_a_picture_shows_is_what_it_was_given() -> None:
-    shown = texts(candidates(["worse", "better", "impossible"], [2.5, 0.25, np.nan]))
+    shown = texts(candidates(["worse", "better", "impossible"], [2.5, 0.25, np.nan]).svg())
     assert [text for text in shown if text in ("worse", "better", "impossible")] == ["better", "worse", "impossible"]
     assert {"0.25", "2.5", "not possible"} <= set(shown)
 
@@ -182,7 +182,7 @@ def test_a_scalar_that_never_changes_is_told_and_not_drawn():
             ("error of X1", "rad"): np.linspace(2.671e-7, 2.694e-7, 20),
         },
         {("misses", ""): [0.0]},
-    )
+    ).svg()
     assert "mathdefault" not in svg
     assert {"10⁻⁷ rad", "2.69", "runs"} <= set(texts(svg))
     assert "always 0" in texts(svg)

@@ -10,13 +10,14 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
+from functools import cache, wraps
 from html import escape
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...document.blocks import Picture
 from ...document.notation import plain, raised
 
 if TYPE_CHECKING:
@@ -162,8 +163,8 @@ def _dark_rules() -> str:
 def _own_ids(text: str) -> str:
     """Drop the ids that nothing refers to, and make the others this picture's own."""
     mark = hashlib.sha256(text.encode()).hexdigest()[:10]
-    used = dict.fromkeys(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
-    fresh = {name: f"p{mark}-{number}" for number, name in enumerate(used)}
+    references = dict.fromkeys(re.findall(r'(?:url\(#|href="#)([^)"]+)', text))
+    fresh = {name: f"p{mark}-{number}" for number, name in enumerate(references)}
 
     def renamed(match: re.Match[str]) -> str:
         return f' id="{fresh[match[1]]}"' if match[1] in fresh else ""
@@ -199,32 +200,20 @@ PROOF: dict[str, Any] = {
 """Marks of what is left without effects, of what is left with them, and of what proves that no parameters fit."""
 
 
-def drawn(draw: "Callable[P, Drawn]") -> Callable[P, str]:
-    """The picture of a function that draws a figure and says what it shows: SVG."""
+def drawn(draw: "Callable[P, Drawn]") -> Callable[P, Picture]:
+    """Make a picture of a function that draws a figure and says what it shows; it is drawn when first looked at."""
 
     @wraps(draw)
-    def made(*arguments: P.args, **options: P.kwargs) -> str:
-        with drawing():
-            figure, label = draw(*arguments, **options)
-            text = svg_text(figure, label)
-        if _kept:
-            _kept[-1][text] = figure
-        return text
+    def picture(*arguments: P.args, **options: P.kwargs) -> Picture:
+        @cache
+        def figure_and_svg() -> "tuple[Figure, str]":
+            with drawing():
+                figure, label = draw(*arguments, **options)
+                return figure, svg_text(figure, label)
 
-    return made
+        return Picture(lambda: figure_and_svg()[0], lambda: figure_and_svg()[1])
 
-
-_kept: "list[dict[str, Figure]]" = []
-
-
-@contextmanager
-def keeping() -> "Iterator[dict[str, Figure]]":
-    """Within it, the figures of pictures that are `drawn`, by their SVG."""
-    _kept.append({})
-    try:
-        yield _kept[-1]
-    finally:
-        _kept.pop()
+    return picture
 
 
 def sheet(height: float, rows: int = 1, columns: int = 1, **shared: Any) -> "tuple[Figure, NDArray[Any]]":
@@ -237,13 +226,13 @@ def sheet(height: float, rows: int = 1, columns: int = 1, **shared: Any) -> "tup
 
 def legend(figure: "Figure", columns: int = 4, **how: Any) -> None:
     """What was drawn with a label, each label once, above the panels."""
-    named: dict[str, Any] = {}
+    handles: dict[str, Any] = {}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            named.setdefault(label, handle)
-    if named:
+            handles.setdefault(label, handle)
+    if handles:
         where = {"loc": "outside upper left", "ncols": columns, "handletextpad": 0.5, **how}
-        figure.legend(list(named.values()), list(named), **where)
+        figure.legend(list(handles.values()), list(handles), **where)
 
 
 def legend_beside(axes: "Axes", columns: int) -> None:
@@ -270,16 +259,16 @@ def zero_line(axes: "Axes") -> None:
 
 def one_turn(axes: "Axes", angle: NDArray, of: str = "x", room: float = 8.0) -> None:
     """An axis of angles [deg] shows a whole turn, unless they lie beyond it."""
-    known = angle[np.isfinite(angle)]
-    if not known.size or (known.min() >= -1.0 and known.max() <= 361.0):
+    finite = angle[np.isfinite(angle)]
+    if not finite.size or (finite.min() >= -1.0 and finite.max() <= 361.0):
         axes.set(**{f"{of}lim": (-room, 360.0 + room), f"{of}ticks": range(0, 361, 90)})
 
 
 def log_ticks(axes: "Axes", ticks: Iterable[float]) -> None:
     """Plain numbers at some places of a logarithmic axis, as far as it reaches."""
     low, high = axes.get_xlim()
-    shown = [tick for tick in ticks if low <= tick <= high]
-    axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
+    visible = [tick for tick in ticks if low <= tick <= high]
+    axes.set_xticks(visible, [f"{tick:g}" for tick in visible])
     axes.minorticks_off()
 
 

@@ -31,8 +31,8 @@ class Line:
     @classmethod
     def of(cls, name: str, time: np.ndarray, value: np.ndarray) -> "Line":
         """Of values (N,) at times (N,) [s]; where one is not known the line has a gap."""
-        known = value[np.isfinite(value)]
-        least, largest = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+        finite = value[np.isfinite(value)]
+        least, largest = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
         drawable = np.where(np.abs(value) < LARGEST_DRAWN, value, np.nan)
         return cls(name, *thinned(time, drawable), (float(value[0]), least, largest, float(value[-1])))
 
@@ -40,10 +40,10 @@ class Line:
 @drawn
 def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
     """A panel for each group of lines, one above the other, all over the same time; SVG."""
-    beside = [max(1, min(3, LETTERS // (MARK + max(len(line.name) for line in lines)))) for lines in panels]
-    names = [-(-len(lines) // count) for lines, count in zip(panels, beside, strict=True)]
-    figure, axes = sheet(0.5 + 1.5 * len(panels) + 0.19 * sum(names), len(panels), sharex=True)
-    for axis, lines, columns in zip(axes.flat, panels, beside, strict=True):
+    columns_of = [max(1, min(3, LETTERS // (MARK + max(len(line.name) for line in lines)))) for lines in panels]
+    rows_of_names = [-(-len(lines) // count) for lines, count in zip(panels, columns_of, strict=True)]
+    figure, axes = sheet(0.5 + 1.5 * len(panels) + 0.19 * sum(rows_of_names), len(panels), sharex=True)
+    for axis, lines, columns in zip(axes.flat, panels, columns_of, strict=True):
         for line, (colour, dash) in zip(lines, LOOKS, strict=False):
             axis.plot(line.time, line.value, color=colour.light, linestyle=dash, label=line.name)
         axis.set_ylabel(unit if unit != TRUTH else "")
@@ -56,5 +56,5 @@ def lines_picture(panels: Sequence[Sequence[Line]], unit: str) -> Drawn:
     if first[0] < first[-1]:
         axes.flat[-1].set_xlim(float(first[0]), float(first[-1]))
     axes.flat[-1].set_xlabel("time [s]")
-    shown = ", ".join(line.name for lines in panels for line in lines)
-    return figure, f"{shown} over time, {f'in {unit}' if unit else 'pure numbers'}"
+    names = ", ".join(line.name for lines in panels for line in lines)
+    return figure, f"{names} over time, {f'in {unit}' if unit else 'pure numbers'}"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ....fmus.units import STANDARD_GRAVITY
 from ....models.bench import up
+from ...document.blocks import Picture
 from ...document.notation import plain
 from ...motion.rests import rates_of
 from ...planning.forms import clearance, sheets
@@ -55,15 +56,15 @@ def thinned(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray
     if len(time) <= MOST_POINTS:
         return time, value
     edges = np.linspace(0, len(time), MOST_POINTS // 2 + 1).astype(np.int64)
-    kept: set[int] = {0, len(time) - 1}
+    rows: set[int] = {0, len(time) - 1}
     for first, last in pairwise(edges):
         part = value[first:last]
-        known = np.flatnonzero(np.isfinite(part))
-        if known.size:
-            kept |= {int(first + known[np.argmin(part[known])]), int(first + known[np.argmax(part[known])])}
-        if known.size < len(part):
-            kept.add(int(first + np.flatnonzero(~np.isfinite(part))[0]))
-    index = np.array(sorted(kept))
+        finite = np.flatnonzero(np.isfinite(part))
+        if finite.size:
+            rows |= {int(first + finite[np.argmin(part[finite])]), int(first + finite[np.argmax(part[finite])])}
+        if finite.size < len(part):
+            rows.add(int(first + np.flatnonzero(~np.isfinite(part))[0]))
+    index = np.array(sorted(rows))
     return time[index], value[index]
 
 
@@ -138,19 +139,19 @@ def allan_curve(values: NDArray, rows: Sequence[slice], period: float) -> tuple[
     octaves = np.arange(0.0, np.log2(longest) + 1e-9, 1.0 / PER_OCTAVE) if longest else np.zeros(0)
     sizes = np.unique(np.round(2.0**octaves).astype(int))
     sizes = [size for size in sizes if sum(len(piece) // (2 * size) for piece in pieces) >= FEWEST_PAIRS]
-    found = [(size * period, d) for size in sizes if (d := allan_deviation(pieces, int(size))) is not None]
-    if not found:
+    curve = [(size * period, d) for size in sizes if (d := allan_deviation(pieces, int(size))) is not None]
+    if not curve:
         return np.zeros(0), np.zeros((0, 3))
-    return np.array([time for time, _ in found]), np.array([deviation for _, deviation in found])
+    return np.array([time for time, _ in curve]), np.array([deviation for _, deviation in curve])
 
 
 @drawn
-def allan_picture(found: "Inspection") -> Drawn:
+def allan_picture(inspection: "Inspection") -> Drawn:
     """Allan deviation over the averaging time, gyros above and accelerometers below; the rests' length is marked."""
-    record, rests, period = found.record, found.rests, found.sampling.period
+    record, rests, period = inspection.record, inspection.rests, inspection.sampling.period
     figure, panels = sheet(5.2, 2, sharex=True)
-    shown = ((rates_of(record), "gyros, rad/s"), (record.specific_force, "accelerometers, m/s²"))
-    for axes, (values, title) in zip(panels.flat, shown, strict=True):
+    sensors = ((rates_of(record), "gyros, rad/s"), (record.specific_force, "accelerometers, m/s²"))
+    for axes, (values, title) in zip(panels.flat, sensors, strict=True):
         times, deviation = allan_curve(values, rests.rows, period)
         axes.set_title(f"Allan deviation of the {title}")
         visible = deviation > 0.0
@@ -179,7 +180,7 @@ MOST_OF_A_REST = 400
 """Points: more rows are thinned out, as a line has no more places in print."""
 
 
-def refused_rests(raw: RawRecord, rests: Sequence[Rest]) -> list[str]:
+def refused_rests(raw: RawRecord, rests: Sequence[Rest]) -> list[Picture]:
     """Each refused rest of all those of a record, a few to a picture: angles and readings, less their medians."""
     refused = [rest for rest in rests if rest.refused is not None]
     return [_refused(raw, refused[k : k + IN_ONE_PICTURE]) for k in range(0, len(refused), IN_ONE_PICTURE)]
@@ -189,28 +190,28 @@ def refused_rests(raw: RawRecord, rests: Sequence[Rest]) -> list[str]:
 def _refused(raw: RawRecord, rests: Sequence[Rest]) -> Drawn:
     names = ("α, accelerometer 1", "β, accelerometer 2", "accelerometer 3")
     figure, panels = sheet(0.7 + 1.75 * len(rests), len(rests), 2)
-    for (left, right), rest in zip(panels, rests, strict=True):
-        whole = slice(rest.first, rest.last + 1)
+    for (angle_axes, reading_axes), rest in zip(panels, rests, strict=True):
+        rest_rows = slice(rest.first, rest.last + 1)
         rows = slice(rest.first, rest.last + 1, max(1, (rest.last + 1 - rest.first) // MOST_OF_A_REST))
         since = raw.time_s[rows] - raw.time_s[rest.first]
-        angles = [3600.0 * np.degrees(without_turns(angle[whole])) for angle in (raw.alpha, raw.beta)]
-        shown = [(left, (angle - np.median(angle))[:: rows.step]) for angle in angles]
+        angles = [3600.0 * np.degrees(without_turns(angle[rest_rows])) for angle in (raw.alpha, raw.beta)]
+        series = [(angle_axes, (angle - np.median(angle))[:: rows.step]) for angle in angles]
         force = 1e6 * raw.specific_force[rows] / STANDARD_GRAVITY
         middle = np.median(force, axis=0)
-        shown = [*shown, *((right, part) for part in (force - middle).T)]
-        for (axes, values), k in zip(shown, (0, 1, 0, 1, 2), strict=True):
+        series = [*series, *((reading_axes, part) for part in (force - middle).T)]
+        for (axes, values), k in zip(series, (0, 1, 0, 1, 2), strict=True):
             axes.plot(since, values, color=AXES[k].light, linestyle=DASHES[k], label=names[k])
-        kept = 1e6 * raw.specific_force[rest.kept_first : rest.kept_last + 1] / STANDARD_GRAVITY - middle
-        low, high = float(kept.min()), float(kept.max())
+        settled = 1e6 * raw.specific_force[rest.kept_first : rest.kept_last + 1] / STANDARD_GRAVITY - middle
+        low, high = float(settled.min()), float(settled.max())
         if high > low:
             # what was dropped as unsettled would hide what is left
-            right.set_ylim(low - 0.25 * (high - low), high + 0.25 * (high - low))
+            reading_axes.set_ylim(low - 0.25 * (high - low), high + 0.25 * (high - low))
         unsettled = float(raw.time_s[rest.kept_first] - raw.time_s[rest.first])
-        for axes, name in ((left, "angle [arcsec]"), (right, "reading [µg]")):
+        for axes, name in ((angle_axes, "angle [arcsec]"), (reading_axes, "reading [µg]")):
             axes.axvspan(0.0, unsettled, color=BAND.light, lw=0, label="not settled")
             axes.set_ylabel(name)
         what = plain(f"rows {raw.row[rest.first]} to {raw.row[rest.last]}: {rest.refused}")
-        left.set_title("\n".join(textwrap.wrap(what, 100)), fontsize=8)
+        angle_axes.set_title("\n".join(textwrap.wrap(what, 100)), fontsize=8)
     for axes in panels[-1]:
         axes.set_xlabel("time in the rest [s]")
     legend(figure)
@@ -228,27 +229,29 @@ def plan_picture(plan: "Plan") -> Drawn:
     which, alpha, beta, weights = best.accelerometer + 1, best.alpha_deg, best.beta_deg, best.weights
     grid = np.radians(np.arange(0.0, 360.0 + STEP_DEG / 2, STEP_DEG))
     fields: dict[int, NDArray] = {}
-    for own in sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible):
-        here = clearance(own, grid[:, None], grid[None, :])
+    for region in sheets(plan.parametrisation, bounds=plan.bounds, rule=plan.admissible):
+        inside = clearance(region, grid[:, None], grid[None, :])
         # Certain is certain, whichever sign the input has.
-        fields[own.accelerometer + 1] = np.maximum(fields.get(own.accelerometer + 1, -np.inf), here)
-    shown = [(number, field) for number, field in sorted(fields.items()) if (which == number).any()]
-    figure, ((*panels,),) = sheet(7.4 if len(shown) == 1 else 0.9 + WIDTH / len(shown), 1, len(shown), sharey=True)
+        fields[region.accelerometer + 1] = np.maximum(fields.get(region.accelerometer + 1, -np.inf), inside)
+    accelerometers = [(number, field) for number, field in sorted(fields.items()) if (which == number).any()]
+    count = len(accelerometers)
+    height = 7.4 if count == 1 else 0.9 + WIDTH / count
+    figure, ((*panels,),) = sheet(height, 1, count, sharey=True)
     largest = max(float(np.abs(weights).max(initial=0.0)), 1e-300)
-    for axes, (number, field) in zip(panels, shown, strict=True):
+    for axes, (number, field) in zip(panels, accelerometers, strict=True):
         angle = np.linspace(0.0, 360.0, len(field))
         axes.contourf(angle, angle, field.T, levels=[0.0, np.inf], colors=[BAND.light])
         axes.fill([], [], color=BAND.light, linewidth=0, label="sign of the input certain")
-        here = which == number
+        of_panel = which == number
         for sense, look, label in (
             (1.0, {"color": FIRST.light, "marker": "o"}, "positive weight"),
             (-1.0, {"color": SECOND.light, "marker": "s"}, "negative weight"),
         ):
-            part = here & (np.sign(weights) == sense)
+            part = of_panel & (np.sign(weights) == sense)
             size = 18.0 + 90.0 * np.abs(weights[part]) / largest
             axes.scatter(alpha[part], beta[part], s=size, linewidth=0, zorder=3, **look)
             axes.plot([], [], linestyle="none", label=label, **look)
-        for a, b, w in zip(alpha[here], beta[here], weights[here], strict=True) if len(shown) == 1 else ():
+        for a, b, w in zip(alpha[of_panel], beta[of_panel], weights[of_panel], strict=True) if count == 1 else ():
             side, text = -1 if a > 300 else 1, digits(w, 5).replace("-", "−")
             words = {"ha": "left" if side > 0 else "right", "fontsize": 8, "color": INK.light}
             axes.annotate(text, (a, b), (8 * side, 6), textcoords="offset points", **words)
@@ -263,7 +266,9 @@ def plan_picture(plan: "Plan") -> Drawn:
 @drawn
 def positions_picture(plan: "PositionPlan") -> Drawn:
     """The positions in the plane of the two angles, and where they put the vertical in the inner frame."""
-    alpha, beta = (np.array([getattr(one, name) for one in plan.positions]) for name in ("alpha_deg", "beta_deg"))
+    alpha, beta = (
+        np.array([getattr(position, name) for position in plan.positions]) for name in ("alpha_deg", "beta_deg")
+    )
     programme = [at - 1 for at in plan.programme]
     number = {row: place for place, row in enumerate(dict.fromkeys(programme), start=1)}
     from matplotlib.patches import Circle
@@ -287,8 +292,8 @@ def positions_picture(plan: "PositionPlan") -> Drawn:
     for row, (sense, title) in enumerate(((1.0, "vertical, axis 3 up"), (-1.0, "vertical, axis 3 down"))):
         disc = figure.add_subplot(grid[row, 1])
         disc.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=MUTED.light, linewidth=0.7))
-        here = sense * s[:, 2] >= 0.0
-        disc.scatter(s[here, 0], s[here, 1], s=18, color=SECOND.light, linewidth=0, zorder=3)
+        half = sense * s[:, 2] >= 0.0
+        disc.scatter(s[half, 0], s[half, 1], s=18, color=SECOND.light, linewidth=0, zorder=3)
         disc.set(xlim=(-1.08, 1.08), ylim=(-1.08, 1.08), aspect="equal", xticks=(-1, 0, 1), yticks=(-1, 0, 1))
         disc.set_title(title)
     return figure, f"The {len(alpha)} positions of a plan in their order"
@@ -305,8 +310,8 @@ def curve_picture(curve: "Curve") -> Drawn:
         ("bound", "proven on the pool", MUTED, "_"),
     ):
         above = np.array([100.0 * (getattr(point, ratio) - 1.0) for point in curve.points])
-        shown = np.where(above > 0.0, above, np.nan)
-        axes.semilogy(count, shown, color=colour.light, marker=marker, markersize=4, label=label)
+        drawable = np.where(above > 0.0, above, np.nan)
+        axes.semilogy(count, drawable, color=colour.light, marker=marker, markersize=4, label=label)
     axes.set(xlabel="positions", ylabel="cost above the optimum [%]")
     axes.legend()
     return figure, "Cost above the optimum against the number of positions"

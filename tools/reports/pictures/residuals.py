@@ -172,15 +172,15 @@ def errors_over_time(time: NDArray, before: NDArray, after: NDArray | None, boun
 @drawn
 def errors_over_quantities(quantities: Mapping[str, NDArray], before: NDArray, after: NDArray | None) -> Drawn:
     """Errors of each piece against mean rate, turn, orientation and, where the record has it, temperature."""
-    shown = [
+    quantities_drawn = [
         ("mean rate, deg/s", np.degrees(np.linalg.norm(quantities["rate"], axis=1))),
         ("turn, deg", np.degrees(np.linalg.norm(quantities["turn"], axis=1))),
         ("axis 3 from the vertical, deg", np.degrees(np.arccos(np.clip(quantities["orientation"][:, 2], -1.0, 1.0)))),
     ]
     if "temperature" in quantities:
-        shown.append(("temperature, °C", quantities["temperature"][:, 0]))
-    figure, ((*panels,),) = sheet(2.6, 1, len(shown), sharey=True)
-    for axes, (name, values) in zip(panels, shown, strict=True):
+        quantities_drawn.append(("temperature, °C", quantities["temperature"][:, 0]))
+    figure, ((*panels,),) = sheet(2.6, 1, len(quantities_drawn), sharey=True)
+    for axes, (name, values) in zip(panels, quantities_drawn, strict=True):
         _pieces(axes, values, before, after)
         axes.set_xlabel(name)
     panels[0].set_ylabel("error, arcmin")
@@ -209,9 +209,9 @@ def gain_picture(before: NDArray, after: NDArray, label: str) -> Drawn:
         (before, SECOND, DASHES[1], "the block without effects"),
         (after, FIRST, DASHES[0], "with them"),
     ):
-        found = np.sort(sizes(errors))
-        share = np.arange(1, len(found) + 1) / max(len(found), 1)
-        axes.plot(found, share, color=colour.light, linestyle=dash, drawstyle="steps-post", label=name)
+        ordered = np.sort(sizes(errors))
+        share = np.arange(1, len(ordered) + 1) / max(len(ordered), 1)
+        axes.plot(ordered, share, color=colour.light, linestyle=dash, drawstyle="steps-post", label=name)
     axes.axhline(0.5, color=QUIET.light, linewidth=0.7)
     axes.set_xlim(left=0.0)
     axes.set(ylim=(0.0, 1.02), xlabel=f"error over {label}, arcmin", ylabel="part of the pieces")
@@ -229,11 +229,13 @@ def order_picture(orders: Sequence[tuple[str, "OrderOfEffects"]]) -> Drawn:
     figure, ((axes,),) = sheet(2.9)
     names = list(dict.fromkeys(step.effect for _, order in orders for step in order.steps))
     for k, (label, order) in enumerate(orders):
-        left = [order.held_out_rms_arcmin, *(step.held_out_rms_arcmin for step in order.steps)]
+        errors = [order.held_out_rms_arcmin, *(step.held_out_rms_arcmin for step in order.steps)]
         colour = STEP_COLOURS[k % 5].light
-        axes.plot(range(len(left)), left, color=colour, linestyle=DASHES[k % 3], label=label)
+        axes.plot(range(len(errors)), errors, color=colour, linestyle=DASHES[k % 3], label=label)
         for number, step in enumerate(order.steps, start=1):
-            axes.plot(number, left[number], marker=MARKERS[names.index(step.effect) % 5], markersize=4.5, color=colour)
+            axes.plot(
+                number, errors[number], marker=MARKERS[names.index(step.effect) % 5], markersize=4.5, color=colour
+            )
     for k, name in enumerate(names):
         axes.plot([], [], linestyle="none", marker=MARKERS[k % 5], color=INK.light, markersize=4.5, label=name)
     most = max(len(order.steps) for _, order in orders)
@@ -256,17 +258,17 @@ def candidates(names: Sequence[str], radius: Sequence[float]) -> Drawn:
     `radius` (N,) is the least max |residual| in units of its bound; the data are explained up to 1.
     """
     order = np.argsort(radius, kind="stable")
-    left, labels = np.array(radius)[order], [short(names[k]) for k in order]
-    explained = left <= 1.0 + ROUNDING
+    radii, labels = np.array(radius)[order], [short(names[k]) for k in order]
+    explained = radii <= 1.0 + ROUNDING
     figure, ((axes,),) = sheet(1.05 + 0.25 * max(len(labels), 2))
     colours = [FIRST.light if good else QUIET.light for good in explained]
-    axes.barh(np.arange(len(labels)), np.where(np.isfinite(left), left, 0.0), height=0.62, color=colours, linewidth=0)
+    axes.barh(np.arange(len(labels)), np.where(np.isfinite(radii), radii, 0.0), height=0.62, color=colours, linewidth=0)
     axes.axvline(1.0, color=ALERT.light, linewidth=1.3, label="the data are explained up to here")
-    for k, value in enumerate(left):
+    for k, value in enumerate(radii):
         text = residual(value) if np.isfinite(value) else "not possible"
         at = 0.0 if not np.isfinite(value) else 1.0 if explained[k] else value
         axes.annotate(text, (at, k), (4, 0), textcoords="offset points", va="center", fontsize=8.5)
-    axes.set(xlim=(0.0, 1.1 * max(farthest(left), 1.25)), xlabel="largest residual over its bound")
+    axes.set(xlim=(0.0, 1.1 * max(farthest(radii), 1.25)), xlabel="largest residual over its bound")
     named_rows(axes, labels)
     legend(figure)
     return figure, "Largest residual that each candidate effect leaves, in units of the noise bound"
@@ -381,23 +383,23 @@ class BandDrawn:
 
 
 @drawn
-def band_picture(shown: BandDrawn) -> Drawn:
+def band_picture(band: BandDrawn) -> Drawn:
     """The band with the laws in it and the readings; SVG."""
     figure, ((axes,),) = sheet(3.6)
-    axes.fill_between(shown.at, shown.low, shown.high, color=BAND.light, linewidth=0, label="possible")
-    for end in (shown.low, shown.high):
-        axes.plot(shown.at, end, color=QUIET.light, linewidth=0.8)
+    axes.fill_between(band.at, band.low, band.high, color=BAND.light, linewidth=0, label="possible")
+    for end in (band.low, band.high):
+        axes.plot(band.at, end, color=QUIET.light, linewidth=0.8)
     axes.axhline(0.0, color=MUTED.light, linewidth=0.6)
-    if len(shown.readings[0]):
-        axes.plot(*shown.readings, **{**AFTER, "color": INK.light}, label="readings")
-    for (name, values), colour, dash in zip(shown.lines[:MOST_LINES], AXES, DASHES, strict=False):
-        axes.plot(shown.knots, values, color=colour.light, linestyle=dash, label=name)
-    axes.set(xlabel=shown.quantity, ylabel=shown.error)
-    if shown.circle:
-        one_turn(axes, shown.at)
+    if len(band.readings[0]):
+        axes.plot(*band.readings, **{**AFTER, "color": INK.light}, label="readings")
+    for (name, values), colour, dash in zip(band.lines[:MOST_LINES], AXES, DASHES, strict=False):
+        axes.plot(band.knots, values, color=colour.light, linestyle=dash, label=name)
+    axes.set(xlabel=band.quantity, ylabel=band.error)
+    if band.circle:
+        one_turn(axes, band.at)
     # A reading that tells little may lie far off: the band and the laws fill the picture.
-    ends = np.concatenate([shown.low, shown.high, *(values for _, values in shown.lines[:MOST_LINES])])
+    ends = np.concatenate([band.low, band.high, *(values for _, values in band.lines[:MOST_LINES])])
     reach = 0.35 * float(np.ptp(ends))
     axes.set_ylim(float(ends.min()) - reach, float(ends.max()) + reach)
     legend(figure, 3)
-    return figure, f"Functions of {shown.quantity} that the record leaves possible, with laws among them"
+    return figure, f"Functions of {band.quantity} that the record leaves possible, with laws among them"

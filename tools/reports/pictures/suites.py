@@ -45,8 +45,8 @@ def confusion_picture(table: Mapping[str, Mapping[str, int]]) -> Drawn:
     What was named rightly stands on the diagonal in one colour, all else in another.
     """
     rows = list(table)
-    made = {name for row in table.values() for name in row}
-    columns = [name for name in rows if name in made] + sorted(made - set(rows))
+    names = {name for row in table.values() for name in row}
+    columns = [name for name in rows if name in names] + sorted(names - set(rows))
     figure, ((axes,),) = sheet(1.9 + 0.23 * max(len(rows), 2))
     for y, row in enumerate(rows):
         total = sum(table[row].values())
@@ -128,8 +128,8 @@ def distributions_picture(
             axes.set_xscale("log")
             axes.minorticks_off()
             decades = np.arange(math.ceil(math.log10(low)), math.floor(math.log10(high)) + 1)
-            shown = decades[:: -(-len(decades) // MOST_TICKS)]
-            axes.set_xticks(10.0**shown, [power_of_ten(10.0**d) for d in shown])
+            ticks = decades[:: -(-len(decades) // MOST_TICKS)]
+            axes.set_xticks(10.0**ticks, [power_of_ten(10.0**d) for d in ticks])
         else:
             axes.locator_params(axis="x", nbins=5)
             largest = max(abs(low), abs(high))
@@ -157,14 +157,14 @@ def rates_picture(
     drawn_ranges = [entry for ranges in curves.values() for entry in ranges if entry["cases"]]
     positive = bool(drawn_ranges) and all(e["low"] >= 0.0 and e["high"] > 0.0 for e in drawn_ranges)
     for k, (label, ranges) in enumerate(curves.items()):
-        there = [entry for entry in ranges if entry["cases"]]
-        x = np.array([_middle(entry["low"], entry["high"], positive=positive) for entry in there])
+        filled = [entry for entry in ranges if entry["cases"]]
+        x = np.array([_middle(entry["low"], entry["high"], positive=positive) for entry in filled])
         # Side by side, so that none hides another where both are the same.
         x = x * 1.02 ** (2 * k - len(curves) + 1) if positive else x
         look: dict[str, Any] = {"color": AXES[k % 3].light, "marker": "os^"[k % 3], "markersize": 4.2}
-        ends = np.array([entry["interval"] for entry in there]).reshape(-1, 2)
+        ends = np.array([entry["interval"] for entry in filled]).reshape(-1, 2)
         axes.vlines(x, ends[:, 0], ends[:, 1], color=AXES[k % 3].light, linewidth=0.9, alpha=0.6)
-        y = [entry["rate"] for entry in there]
+        y = [entry["rate"] for entry in filled]
         axes.plot(x, y, linestyle=DASHES[k % 3], label=short(label, 60), **look)
     if sure:
         axes.axvline(1.0, color=MUTED.light, linewidth=0.9, linestyle=DASHED, label=sure)
@@ -193,14 +193,14 @@ def chance_of(runs: int) -> float:
 
 
 @drawn
-def sensitivity_picture(name: str, found: Mapping[str, Any], runs: int) -> Drawn:
+def sensitivity_picture(name: str, sensitivity: Mapping[str, Any], runs: int) -> Drawn:
     """How a scalar depends on the parameters: Sobol indices with their intervals, or rank correlations.
 
     `found` is what `trihedron.tools.campaign.summary.sensitivity` says of it, of so many runs.
     """
-    sobol = found["method"] == "sobol"
+    sobol = sensitivity["method"] == "sobol"
     key = "total" if sobol else "correlation"
-    rows = sorted(found["parameters"].items(), key=lambda pair: -abs(pair[1][key] or 0.0))[:MOST_DRAWN]
+    rows = sorted(sensitivity["parameters"].items(), key=lambda pair: -abs(pair[1][key] or 0.0))[:MOST_DRAWN]
     figure, ((axes,),) = sheet(0.95 + 0.27 * max(len(rows), 2))
     axes.axvline(0.0, color=MUTED.light, linewidth=0.7)
     series = [("total", "total", -0.14, FIRST, "o"), ("first", "first order", 0.14, SECOND, "s")]
@@ -254,8 +254,8 @@ def published_and_reproduced(result: Reproduction) -> Drawn:
     above.yaxis.set_minor_formatter(NullFormatter())
     outside = (ratios < SHOWN[0]) | (ratios > SHOWN[1])
     if outside.any():
-        shown = np.where(outside, np.clip(ratios, *SHOWN), np.nan)
-        above.plot(numbers, shown, marker="x", color=ALERT.light, linestyle="none", markersize=6)
+        clipped = np.where(outside, np.clip(ratios, *SHOWN), np.nan)
+        above.plot(numbers, clipped, marker="x", color=ALERT.light, linestyle="none", markersize=6)
     above.set(ylabel="reproduced / published", title="under the paper's conditions")
     legend_beside(above, 3)
     below.set_ylabel("largest error over 600 s [deg]")

@@ -1,0 +1,233 @@
+"""The page of each kind of result: what a terminal, a notebook, HTML, PDF and figures show is made from it."""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from ..document.blocks import Page, Section, Table
+from ..document.notation import Cell
+from ..document.page import write_page
+from ..document.text import notebook, text
+from ..errors import InputError
+from ..result import Result
+from ..rounding import digits
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..check import Check
+    from ..exporting import Exported
+    from ..foreign import Imported
+    from ..installation import Installation
+    from ..orchestrator.run import Simulation
+
+PAGES = {
+    "Application": ("calibration", "application_page"),
+    "Applied": ("several", "applied_page"),
+    "AttitudeComparison": ("inspection", "comparison_page"),
+    "AttitudeRun": ("inspection", "attitude_page"),
+    "Calibration": ("calibration", "calibration_page"),
+    "CampaignResult": ("campaign", "result_page"),
+    "Check": ("pages", "check_page"),
+    "Compared": ("lines", "compared_page"),
+    "Comparison": ("campaign", "comparison_page"),
+    "Curve": ("plan", "curve_page"),
+    "Diagnosis": ("diagnosis", "diagnosis_page"),
+    "Entries": ("several", "entries_page"),
+    "Entry": ("several", "entry_page"),
+    "Exported": ("pages", "exported_page"),
+    "ImuPlan": ("imu_plan", "imu_page"),
+    "Imported": ("pages", "import_page"),
+    "Inspection": ("inspection", "inspection_page"),
+    "Installation": ("pages", "installation_page"),
+    "Measured": ("measure", "measured_page"),
+    "Plans": ("plan", "plans_page"),
+    "PositionPlan": ("plan", "positions_page"),
+    "PublishedCalibration": ("papers", "published_page"),
+    "Reproduction": ("papers", "reproduction_page"),
+    "Several": ("several", "several_page"),
+    "SettingCheck": ("plan", "setting_page"),
+    "Simulation": ("pages", "simulation_page"),
+    "Suite": ("campaign", "suite_page"),
+    "Trend": ("several", "trend_page"),
+    "WordLength": ("papers", "word_length_page"),
+}
+"""Kind of result -> module here, and its function that makes the page."""
+OF_RECORDS = ("Calibration", "Diagnosis")
+"""Results whose pages show the record that they were made from, too."""
+
+
+def page_of(result: Result, record: Any = None) -> Page | None:
+    """Return the page of a result; None for a part of a result, which has none.
+
+    Parameters
+    ----------
+    record : PositionRecord, StrapdownRecord, optional
+        what the result was made from, where that is not known to the result
+    """
+    kind = type(result).__name__
+    if kind not in PAGES:
+        return None
+    module, maker = PAGES[kind]
+    if kind == "Calibration":
+        module, maker = _of_calibration(result)
+    make: Callable[..., Page] = getattr(import_module(f"{__package__}.{module}"), maker)
+    if kind in OF_RECORDS:
+        return make(result, getattr(result, "made_of", None) if record is None else record)
+    return make(result)
+
+
+def _of_calibration(result: Any) -> tuple[str, str]:
+    """Return what makes the page of a calibration: of several records, by the norm of gravity, or at a table."""
+    if result.of_record:
+        return "several", "joint_calibration_page"
+    return ("inspection", "norm_page") if result.convention is None else PAGES["Calibration"]
+
+
+def shown(result: Result, medium: str, *options: Any) -> Any:
+    """Show a result to a person.
+
+    Parameters
+    ----------
+    medium : str
+        "text" and "notebook" return what these show; "page" writes a file, "figures" returns the pictures, and "sheet"
+        writes the sheet of a calibration
+    options
+        for a page its path and the record, for figures the record, for a sheet path, record and what is known
+
+    Raises
+    ------
+    TypeError
+        for a part of a result, which has no page
+    """
+    if medium == "sheet":
+        from .sheet import write_sheet
+
+        path, *known = options
+        return write_sheet(path, cast(Any, result), *known)
+    if medium == "page":
+        return write_report(options[0], result, options[1])
+    if medium == "figures":
+        return figures(result, *options)
+    page = page_of(result)
+    if page is None:
+        return None
+    if medium == "text":
+        return text(page)
+    table: Callable[[], Any] = getattr(result, "to_polars", lambda: None)
+    return notebook(page, table())
+
+
+def write_report(path: Path, result: Result, record: Any = None) -> None:
+    """Write the page of a result as HTML, or as PDF where the name ends so.
+
+    Raises
+    ------
+    InputError
+        where the file cannot be written, or the page not be printed
+    TypeError
+        for a part of a result, which has no page
+    """
+    write_page(path, _page_with_record(result, record))
+
+
+def figures(result: Result, record: Any = None) -> "dict[str, Figure]":
+    """Return the pictures on the page of a result, as figures, by the titles of their sections in lower case."""
+    drawn = {}
+    for section in _page_with_record(result, record).sections:
+        if section.picture is not None:
+            drawn[section.title.lower()] = section.picture.figure()
+    return drawn
+
+
+def _page_with_record(result: Result, record: Any) -> Page:
+    """Return the page of a result; an InputError where it needs a record that is not known."""
+    kind = type(result).__name__
+    at_table = kind == "Calibration" and _of_calibration(result) == PAGES["Calibration"]
+    if at_table and record is None and getattr(result, "made_of", None) is None:
+        raise InputError("the page of a calibration from a file needs the record that it was made from")
+    page = page_of(result, record)
+    if page is None:
+        raise TypeError(f"a {kind} has no page")
+    return page
+
+
+def plain_page(title: str, verdict: str, lines: Sequence[str] = (), warnings: Sequence[str] = ()) -> Page:
+    """Return a page of a verdict and a few lines."""
+    answer = [Section(title, lines)] if lines else []
+    return Page(title, verdict, answer, warnings=warnings)
+
+
+# Results that need few words
+
+
+def check_page(result: "Check") -> Page:
+    """Return the verdict, and every problem as `file:line: what`."""
+    lines = []
+    for problem in result.problems:
+        place = "" if problem.line is None else f":{problem.line}"
+        lines.append(f"{result.file}{place}: {problem.text}")
+    if result.not_listed:
+        lines.append(f"... and {result.not_listed} more")
+    for line in result.summary:
+        lines.append(f"  {line}")
+    return plain_page(f"Check of {result.file}", result.verdict, lines, result.warnings)
+
+
+def exported_page(result: "Exported") -> Page:
+    """Return the FMUs that were written, a line each."""
+    first, *further = [fmu.file for fmu in result.fmus]
+    return plain_page("FMUs", first, further)
+
+
+def installation_page(result: "Installation") -> Page:
+    """Return the verdict, and a row for each finding."""
+    wrong = [finding.subject for finding in result.findings if finding.good is False]
+    verdict = f"does not work: {', '.join(wrong)}" if wrong else "everything works"
+    marks = {True: "yes", False: "NO", None: "-"}
+    rows: list[list[Cell]] = [[marks[one.good], one.subject, one.state] for one in result.findings]
+    return Page("Installation", verdict, [Section("Installation", table=Table(["good", "what", "state"], rows))])
+
+
+def import_page(result: "Imported") -> Page:
+    """Return what became of a file: how it was read, its columns, what was left out, the first rows as understood."""
+    rows = f"{result.rows} rows"
+    if result.readings != result.rows:
+        rows += f" of {result.readings} readings"
+    lines = [f"read as {result.written_as}"]
+    width = max(len(column.column) for column in result.columns)
+    for column in result.columns:
+        sign = "-" if column.sign < 0 else ""
+        unit = f" in {column.unit}" if column.unit else ""
+        lines.append(f"  {column.column:<{width}}  {sign}{column.source!r}{unit}")
+    for reason in result.left_out:
+        lines.append(f"left out: {reason}")
+    lines += result.notes
+    for key, value in result.about.items():
+        lines.append(f"kept: {key}: {value}")
+    lines.append("its first rows:")
+    for row in result.first_rows:
+        cells = [f"{name} {_cell_text(value)}" for name, value in row.items()]
+        lines.append("  " + ", ".join(cells))
+    for file in (result.record_file, result.mapping_file):
+        if file is not None:
+            lines.append(file)
+    return plain_page(f"Import of {result.file}", f"{result.file}: {result.kind} of {rows}", lines)
+
+
+def _cell_text(value: float | str) -> str:
+    return value if isinstance(value, str) else digits(value, 9)
+
+
+def simulation_page(result: "Simulation") -> Page:
+    """Return what was run, what it recorded, and where that is."""
+    title = result.title or "a scenario without a title"
+    lines = []
+    if result.rests is not None:
+        lines.append(f"{result.rests} rests averaged")
+    elif result.no_positions:
+        lines.append(f"no position record: {result.no_positions}")
+    for file in result.files:
+        lines.append(str(file))
+    return plain_page("Simulation", f"{title}: {result.rows} rows of {', '.join(result.columns)}", lines)
