@@ -25,10 +25,9 @@ FIRST_SCHEMA, SECOND_SCHEMA = "trihedron.calibration/1", "trihedron.calibration/
 JOINT_SCHEMA = "trihedron.joint-calibration/1"
 CALIBRATIONS = (CALIBRATION, SECOND_SCHEMA, FIRST_SCHEMA, JOINT_SCHEMA)
 """Schemas of calibrations that can be read."""
-RENAMED = {
+RENAMED: dict[tuple[int | str, ...], tuple[int | str, ...]] = {
     ("noise_bound",): ("sigma", "value"),
     ("noise_bound_basis",): ("sigma", "from"),
-    ("of_records",): ("of_record",),
 }
 """Places of fields in the former schemas -> their places now."""
 MENDS = {
@@ -171,8 +170,10 @@ def _of_joint_schema(content: Mapping[str, Any]) -> Mapping[str, Any]:
     gone = ("records", "sha256", "of_records", "missing")
     present = {key: value for key, value in content.items() if key not in gone}
     present |= {"schema": CALIBRATION, "sigma": {"value": None, "kind": "estimated", "from": "each record has its own"}}
-    missing = [{"parameters": [name]} for name in content.get("missing", ())]
-    return present | {"parameters": shared, "of_record": of_record, "open": missing, "estimator": "analytic centre"}
+    present |= {"parameters": shared, "of_record": of_record, "estimator": "analytic centre"}
+    if content.get("verdict") == "falsified":
+        present["estimator"] = None
+    return present | {"open": [{"parameters": [name]} for name in content.get("missing", ())]}
 
 
 def of_one_record(calibration: Any, sha256: str = "") -> Any:

@@ -164,7 +164,7 @@ def test_the_first_date_is_that_at_which_no_number_lies_in_all_intervals_so_far(
         any(all(low <= number <= high for low, high in ends[: k + 1]) for number in range(-9, 16))
         for k in range(len(ends))
     ]
-    falsified, against = first_falsified([(str(k), float(low), float(high)) for k, (low, high) in enumerate(ends)])
+    falsified, against = first_falsified({str(k): (float(low), float(high)) for k, (low, high) in enumerate(ends)})
     assert falsified == (str(common.index(False)) if False in common else None)
     if falsified is not None and against is not None:
         (low, high), (least, most) = ends[int(falsified)], ends[int(against)]

@@ -97,7 +97,9 @@ class Bench:
         if isinstance(record, PositionRecord) and isinstance(record.raw, BenchRecord):
             place = said_of_place(record.raw)
         chosen = {name: value for name, value in options.items() if value not in (None, "instantaneous")}
-        for name in ANGLES_DEG.keys() & chosen.keys() & place.keys():
+        for name in ANGLES_DEG:
+            if name not in chosen or name not in place:
+                continue
             if abs(math.remainder(chosen[name] - place[name], 360.0)) > SAME_DEG:
                 raise InputError(
                     f"--{name.replace('_', '-')} {exactly(chosen[name])}: {record.path} says '# {name}: "

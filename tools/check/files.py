@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from polars import read_parquet_schema
 from pydantic import BaseModel, ValidationError
 
-from ...fmus.parameters import CALIBRATIONS, JOINT_SCHEMA, RENAMED, calibration_of, of_one_record, target_estimates
+from ...fmus.parameters import (
+    CALIBRATIONS,
+    FIRST_SCHEMA,
+    JOINT_SCHEMA,
+    RENAMED,
+    SECOND_SCHEMA,
+    calibration_of,
+    of_one_record,
+    target_estimates,
+)
 from ...fmus.units import STANDARD_GRAVITY
 from ..calibrated import Calibration
 from ..calibration.calibration import channels_advice
@@ -42,7 +51,7 @@ from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import limits_of
 from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
-from ..result import dotted, field_problems, not_for_files
+from ..result import Location, dotted, field_problems, not_for_files
 from ..rounding import digits, exactly, upwards
 from .findings import Findings, json_lines, toml_lines
 from .scenario import check_scenario
@@ -84,7 +93,10 @@ def check_content(findings: Findings, content: bytes, channels: Sequence[str]) -
         line = content[: error.start].count(b"\n") + 1
         findings.add(f"byte {error.start + 1} is not UTF-8 text; save it as UTF-8", line=line)
     else:
-        (_check_json if ending == ".json" else _check_toml)(findings, text)
+        if ending == ".json":
+            _check_json(findings, text)
+        else:
+            _check_toml(findings, text)
     return None
 
 
@@ -94,15 +106,21 @@ def _check_toml(findings: Findings, text: str) -> None:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         problem, _, place = str(error).partition(" (at line ")
-        line = place.partition(",")[0]
-        findings.add(f"is not TOML: {problem}", line=int(line) if line.isdigit() else None)
+        number = place.partition(",")[0]
+        line = None
+        if number.isdigit():
+            line = int(number)
+        findings.add(f"is not TOML: {problem}", line=line)
         return
     except (ValueError, RecursionError) as error:
         findings.add(f"is not TOML: {error}")
         return
     findings.lines = toml_lines(text)
     schema = content.get("schema")
-    for name, problem in not_for_files(content, Campaign if schema == CAMPAIGN else Scenario).items():
+    sections: type[BaseModel] = Scenario
+    if schema == CAMPAIGN:
+        sections = Campaign
+    for name, problem in not_for_files(content, sections).items():
         findings.add(problem, (name,))
         del content[name]
     if schema == CAMPAIGN:
@@ -137,8 +155,11 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) ->
     Of a record every field that is wrong, by row; of a series without such fields also the limits of its channels, and
     whether a raw record has rests.
     """
-    names = [] if content.startswith(MAGIC) else _header(content)
-    if names and not set(names) & {*FORCE, *VELOCITY} and set(names) & {*ANGLES, "time_s"}:
+    names: list[str] = []
+    if not content.startswith(MAGIC):
+        names = _header(content)
+    measured, commanded = set(FORCE) | set(VELOCITY), set(ANGLES) | {"time_s"}
+    if names and measured.isdisjoint(names) and not commanded.isdisjoint(names):
         _check_commands(findings, names)
         return
 
@@ -149,10 +170,14 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) ->
 
     columns: Columns | None = None
     for fault in listed():
-        findings.add(f"column {fault.column}: {fault.what}" if fault.column is not None else fault.what, line=fault.row)
-    findings.kind = "record" if columns is None else columns.layout.kind.name
+        text = fault.what
+        if fault.column is not None:
+            text = f"column {fault.column}: {text}"
+        findings.add(text, line=fault.row)
+    findings.kind = "record"
     if columns is None:
         return
+    findings.kind = columns.layout.kind.name
     findings.warnings = extra_warning(columns)
     if findings.problems:
         return
@@ -184,8 +209,9 @@ def channels_warning(
     rows, or no rests, tells nothing.
     """
     if isinstance(record, StrapdownRecord):
-        advice = wrong_channels(inspect_record(record)) if len(record) >= FEWEST_ROWS else ()
-        return (*advice, *downward_warning(record))
+        if len(record) < FEWEST_ROWS:
+            return downward_warning(record)
+        return wrong_channels(inspect_record(record)) + downward_warning(record)
     if isinstance(record, RawRecord):
         try:
             record = position_record_of(record)
@@ -195,7 +221,9 @@ def channels_warning(
         return ()
     at = Positions(record.alpha, record.beta, np.zeros(len(record), dtype=int))
     advice = channels_advice(record, record.specific_force / STANDARD_GRAVITY, parametrise({"": mounting}), at)
-    return (advice,) if advice else ()
+    if not advice:
+        return ()
+    return (advice,)
 
 
 def _header(content: bytes) -> list[str]:
@@ -210,7 +238,9 @@ def _header(content: bytes) -> list[str]:
 
 def _check_commands(findings: Findings, names: list[str]) -> None:
     """A table without readings: a position programme, the angles of a plan that were set, or rows for inputs."""
-    findings.kind = "position programme" if set(names) <= {*ANGLES, "dwell_s"} else "table of numbers"
+    findings.kind = "table of numbers"
+    if set(names) <= set(ANGLES) | {"dwell_s"}:
+        findings.kind = "position programme"
     try:
         if any(name.startswith("planned_") for name in names):
             findings.kind = "angles of a plan"
@@ -244,27 +274,31 @@ def _check_json(findings: Findings, text: str) -> None:
         findings.add(f"schema: {schema!r} cannot be checked; {nearest(str(schema), list(SCHEMAS))}", ("schema",))
         return
     kind = findings.kind = SCHEMAS[schema]
+    if kind == "calibration" and ("of_record" in content or schema == JOINT_SCHEMA):
+        findings.kind = "calibration of several records"
     model: type[BaseModel] = MODELS.get(kind, PositionPlan)
-    if kind == "plan":
-        model = Plans if "plans" in content else Plan if "target" in content else PositionPlan
-    former = {} if schema in (CALIBRATIONS[0], JOINT_SCHEMA) else {present: place for place, present in RENAMED.items()}
+    if kind == "plan" and "plans" in content:
+        model = Plans
+    elif kind == "plan" and "target" in content:
+        model = Plan
+    former: dict[Location, Location] = {}
+    if schema in (SECOND_SCHEMA, FIRST_SCHEMA):
+        former = {present: place for place, present in RENAMED.items()}
     try:
         model.model_validate_json(text, strict=True)
     except ValidationError as error:
-        keys = [field.alias or name for name, field in model.model_fields.items()]
+        keys = {field.alias or name for name, field in model.model_fields.items()}
+        keys |= {str(where[0]) for where in former.values()}
         for place, problem in field_problems(error, model):
             where = former.get(place, place)
             problem = problem.replace(dotted(place), dotted(where), 1)
-            meant = ""
             if problem.endswith(": is missing"):
-                siblings = _at(content, where[:-1])
-                close = get_close_matches(str(where[-1]), [k for k in siblings if k not in keys], n=1)
-                meant = f" (is '{close[0]}' meant?)" if close else ""
-            findings.add(problem + meant, where)
+                unknown = [key for key in _at(content, where[:-1]) if key not in keys]
+                for close in get_close_matches(str(where[-1]), unknown, n=1):
+                    problem += f" (is '{close}' meant?)"
+            findings.add(problem, where)
     if kind == "calibration" and not findings.problems:
         content = calibration_of(content)
-        if content.get("of_record"):
-            findings.kind = "calibration of several records"
         _check_calibration(content, findings)
     if not findings.problems:
         findings.summary = (_summary_of(kind, content),)
@@ -278,7 +312,9 @@ def _at(content: Any, location: tuple[int | str, ...]) -> list[str]:
     """The keys of the object at a location."""
     for part in location:
         content = content[part]
-    return list(content) if isinstance(content, dict) else []
+    if not isinstance(content, dict):
+        return []
+    return list(content)
 
 
 def _check_calibration(content: Mapping[str, Any], findings: Findings) -> None:
@@ -290,8 +326,11 @@ def _check_calibration(content: Mapping[str, Any], findings: Findings) -> None:
             target_estimates(of_one_record(content))
     except (InputError, ValueError) as error:
         problem = str(error).removeprefix("calibration: ")
-        numbers = (k for k, entry in enumerate(content["parameters"]) if problem.startswith(f"{entry.get('symbol')}:"))
-        findings.add(problem, ("parameters", *list(numbers)[:1]))
+        place: Location = ("parameters",)
+        for number, entry in reversed(list(enumerate(content["parameters"]))):
+            if problem.startswith(f"{entry.get('symbol')}:"):
+                place = ("parameters", number)
+        findings.add(problem, place)
     except KeyError as error:
         findings.add(f"parameters: lack {error.args[0]!r}", ("parameters",))
 
@@ -300,7 +339,7 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "calibration" and content.get("of_record"):
         return f"{len(content['of_record'])} records, {content['verdict']}"
     if kind == "calibration":
-        return f"{content['verdict']}, {content['positions']} positions, σ = {upwards(content['sigma']['value'], 3)} g"
+        return f"{content['verdict']}, {content.get('positions', 0)} positions, σ = {upwards(content['sigma']['value'], 3)} g"
     if kind == "diagnosis":
         causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
         return f"{content['verdict']}{f': {causes}' if causes else ''}"

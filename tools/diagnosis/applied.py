@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from .helps import figures_of
 from .result import Diagnosis
 from .several import DIAGNOSES, Diagnosed
 
+How: TypeAlias = Literal["corrected", "simulated", "left"]
+
 
 class AppliedEffect(Result):
     """An effect that was found, and what became of it in another record.
@@ -27,7 +29,7 @@ class AppliedEffect(Result):
     """
 
     effect: str
-    how: Literal["corrected", "simulated", "left"]
+    how: How
 
 
 class Applied(Told):
@@ -68,9 +70,10 @@ def read_diagnosis(path: Path) -> Diagnosed | None:
 def coefficients_of(cause: Cause) -> NDArray[np.float64]:
     """Linear coefficients (K,) of a cause: of an amplitude and its phase those of cosine and sine."""
     values, coefficients = list(cause.values), []
-    for parameter, value, after in zip(cause.parameters, values, [*values[1:], 0.0], strict=True):
+    for number, (parameter, value) in enumerate(zip(cause.parameters, values, strict=True)):
         if parameter.name.endswith("amplitude"):
-            coefficients += [value * np.cos(after), value * np.sin(after)]
+            phase = values[number + 1]
+            coefficients += [value * np.cos(phase), value * np.sin(phase)]
         elif not parameter.name.endswith("phase"):
             coefficients.append(value)
     return np.array(coefficients)
@@ -84,28 +87,37 @@ def applied_to(diagnosis: Diagnosed, record: PositionRecord | StrapdownRecord, e
     """
     if diagnosis.verdict != "explained":
         raise InputError(f"the diagnosis is {diagnosis.verdict}: it names nothing that could be applied")
-    if not (causes := diagnosis.causes if isinstance(diagnosis, Diagnosis) else diagnosis.causes_in(record.sha256)):
+    if isinstance(diagnosis, Diagnosis):
+        causes = diagnosis.causes
+    else:
+        causes = diagnosis.causes_in(record.sha256)
+    if not causes:
         raise InputError("the diagnosis names nothing that is the instrument's: what is a run's is of no other record")
     if missing := evidence.missing():
         raise InputError(f"{record.path}: cannot be run: {'; '.join(map(str, missing.get('missing', ())))}")
     places = {c.place: c for c in causes if c.place in evidence.linear_places}
     sizes = {place: coefficients_of(cause) for place, cause in places.items()}
     corrected, readings = evidence.without_added(sizes)
-    effects = tuple(
-        AppliedEffect(
-            effect=cause.place.title,
-            how="corrected" if cause.place in corrected else "simulated" if cause.place in sizes else "left",
-        )
-        for cause in causes
-    )
+    effects = []
+    for cause in causes:
+        how: How = "left"
+        if cause.place in corrected:
+            how = "corrected"
+        elif cause.place in sizes:
+            how = "simulated"
+        effects.append(AppliedEffect(effect=cause.place.title, how=how))
     errors: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
-    before, after = (evidence.applied(those) for those in ({}, sizes)) if sizes else (None, None)
+    before = after = None
+    if sizes:
+        before, after = evidence.applied({}), evidence.applied(sizes)
     if before is not None and after is not None:
         over, unit, scale = evidence.quoted_errors
         errors |= {"over": over, "unit": unit}
         for name, error in (("without", before), ("with", after)):
             errors |= {f"{key}_{name}": value for key, value in figures_of(error, scale).items()}
-    return Applied(effects=effects, record=replace(record, **readings) if corrected else None, **errors)
+    if corrected:
+        errors["record"] = replace(record, **readings)
+    return Applied(effects=tuple(effects), **errors)
 
 
 def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:
@@ -138,4 +150,6 @@ def _standing(diagnosis: Diagnosis) -> Finding | None:
             return hypothesis.finding
     if diagnosis.extension is not None:
         return Finding(diagnosis.extension.causes, diagnosis.extension.fit)
-    return diagnosis.findings[0] if diagnosis.verdict == "explained" else None
+    if diagnosis.verdict == "explained":
+        return diagnosis.findings[0]
+    return None

@@ -29,14 +29,16 @@ def calibrated_together(
     """
     joint = join(members_of(members, shared, own), shared, own)
     missing: tuple[str, ...] = ()
-    parameters: dict[str, list[Parameter]] = {label: [] for label in ("", *members)}
+    parameters: dict[str, list[Parameter]] = {label: [] for label in ["", *members]}
     errors: dict[str, list[ReadingError]] = {label: [] for label in members}
     verdict: Verdict = "falsified"
     if not joint.falsified:
         fit, missing = centred(joint, joint.baseline), joint.missing().get("missing", ())
         for sized in parameters_of(joint, fit):
             symbol, _, record = sized.name.partition(" in ")
-            bounded = sized.low is not None and sized.high is not None
+            bounded, estimate = sized.low is not None and sized.high is not None, None
+            if bounded:
+                estimate = float(sized.estimate)
             target, at, mounting = symbol.partition("@")
             parameters[record].append(
                 Parameter(
@@ -44,7 +46,7 @@ def calibrated_together(
                     name=NAMES[target][0] + at + mounting,
                     unit=sized.unit,
                     determined=bounded,
-                    estimate=float(sized.estimate) if bounded else None,
+                    estimate=estimate,
                     low=sized.low,
                     high=sized.high,
                 )

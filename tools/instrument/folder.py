@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
-from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
 
@@ -109,28 +108,43 @@ def add_to_instrument(
     by_label = digests_of(parsed)
     digests = [digest for digest in by_label.values() if digest]
     comments = _said_by(records, result, digests)
-    facts = {"date": date, "serial": serial, "temperature": None if temperature is None else str(temperature)}
-    for name in facts:
-        told = [one[name] for digest in (digests or comments) if (one := comments.get(digest, {})).get(name)]
-        facts[name] = facts[name] or next(reversed(told), None)
-        if name == "serial" and serial is None and len(set(told)) > 1:
-            raise InputError(f"{result}: its records are of several instruments: {', '.join(dict.fromkeys(told))}")
+    facts = {"date": date, "serial": serial}
+    if temperature is not None:
+        facts["temperature"] = str(temperature)
+    in_order = [comments[digest] for digest in digests or comments if digest in comments]
+    serials = dict.fromkeys(facts_of["serial"] for facts_of in in_order if facts_of.get("serial"))
+    if serial is None and len(serials) > 1:
+        raise InputError(f"{result}: its records are of several instruments: {', '.join(serials)}")
+    for name in ("date", "serial", "temperature"):
+        for facts_of in reversed(in_order):
+            facts[name] = facts.get(name) or facts_of.get(name)
     if facts["date"] is None:
         raise InputError(f"{result}: no date: give --date, or --record with a comment line '# date: 2026-11-23'")
-    on = [(label, comments.get(digest, {}).get("date")) for label, digest in by_label.items() if label]
-    dates = tuple(OnDate(record=label, date=_minute(date, "--record")) for label, date in on if date)
+    dates = []
+    for label, digest in by_label.items():
+        measured = comments.get(digest, {}).get("date")
+        if label and measured:
+            dates.append(OnDate(record=label, date=_minute(measured, "--record")))
+    kind: Literal["calibration", "diagnosis"] = "calibration"
+    if isinstance(parsed, Diagnosed):
+        kind = "diagnosis"
+    if isinstance(parsed, Diagnosis):
+        content = parsed.to_json()
     entry = Entry(
-        kind="diagnosis" if isinstance(parsed, Diagnosed) else "calibration",
+        kind=kind,
         date=_minute(facts["date"], "--date"),
-        temperature_degC=_degrees(facts["temperature"]),
+        temperature_degC=_degrees(facts.get("temperature")),
         serial=facts["serial"],
         verdict=str(content["verdict"]),
         sha256=hashlib.sha256(content_bytes).hexdigest(),
         record_sha256=" ".join(sorted(digests or comments)),
-        dates=dates,
-        result=parsed.to_json() if isinstance(parsed, Diagnosis) else content,
+        dates=tuple(dates),
+        result=content,
     )
-    for present in entries_of(folder).entries if folder.exists() else ():
+    present_entries: tuple[Entry, ...] = ()
+    if folder.exists():
+        present_entries = entries_of(folder).entries
+    for present in present_entries:
         if present.sha256 == entry.sha256:
             raise InputError(f"{result}: is there already: {folder / present.file}")
         if entry.record_sha256 and (present.record_sha256, present.kind) == (entry.record_sha256, entry.kind):
@@ -147,13 +161,19 @@ def _said_by(paths: Sequence[Path], result: Path, digests: Sequence[str]) -> dic
     comments: dict[str, dict[str, str]] = {}
     for path in paths:
         measured = read_record(path)
-        if measured.sha256 not in digests if digests else comments:
+        is_another = measured.sha256 not in digests
+        if not digests:
+            is_another = bool(comments)
+        if is_another:
             raise InputError(f"{path}: is not the record of {result}: its SHA-256 is another")
-        about = measured.about
-        of_it = {name: about[key] for name, keys in SAID.items() for key in reversed(keys) if key in about}
+        facts: dict[str, str] = {}
+        for name, keys in SAID.items():
+            for key in reversed(keys):
+                if key in measured.about:
+                    facts[name] = measured.about[key]
         if measured.temperature is not None:
-            of_it.setdefault("temperature", str(float(measured.temperature.mean())))
-        comments[measured.sha256] = of_it
+            facts.setdefault("temperature", str(float(measured.temperature.mean())))
+        comments[measured.sha256] = facts
     return comments
 
 
@@ -190,12 +210,16 @@ def nearest_of_instrument(
     of_kind = [entry for entry in entries_of(folder).entries if kind in (None, entry.kind)]
     if temperature is not None:
         of_kind = [entry for entry in of_kind if entry.temperature is not None]
+    if not of_kind and temperature is not None:
+        raise InputError(f"{folder}: holds no {kind or 'entry'} with a temperature")
     if not of_kind:
-        raise InputError(f"{folder}: holds no {kind or 'entry'}{'' if temperature is None else ' with a temperature'}")
+        raise InputError(f"{folder}: holds no {kind or 'entry'}")
     if temperature is not None:
         return min(of_kind, key=lambda entry: abs((entry.temperature or 0.0) - temperature))
-    target = None if date is None else moment(date, "--date")
-    return of_kind[-1] if target is None else min(of_kind, key=lambda entry: abs(moment(entry.date, "") - target))
+    if date is not None:
+        target = moment(date, "--date")
+        return min(of_kind, key=lambda entry: abs(moment(entry.date, "") - target))
+    return of_kind[-1]
 
 
 def trend_of_instrument(folder: Path) -> Trend:
@@ -205,7 +229,9 @@ def trend_of_instrument(folder: Path) -> Trend:
     meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
     """
     content = entries_of(folder)
-    dated = [pair for entry in content.entries for pair in _dated(entry) if pair[1]]
+    dated = []
+    for entry in content.entries:
+        dated += [(date, values) for date, values in _dated(entry) if values]
     dated.sort(key=lambda pair: moment(pair[0], ""))
     if len(dated) < 2:
         raise InputError(f"{folder}: two records at least must tell parameters, of consistent or explained results")
@@ -215,21 +241,23 @@ def trend_of_instrument(folder: Path) -> Trend:
         for key, value in values.items():
             by_name.setdefault(key, {})[label] = value
     parameters = []
-    for key, values in by_name.items():
-        falsified, against = first_falsified([(label, *values[label].ends) for label in labels if label in values])
-        parameters.append(Trended(**dict(repeated_of(*key, values, labels)), falsified=falsified, against=against))
+    for (name, unit), values in by_name.items():
+        falsified, against = first_falsified({label: values[label].ends for label in labels if label in values})
+        repeated = repeated_of(name, unit, values, labels)
+        parameters.append(Trended(**dict(repeated), falsified=falsified, against=against))
     return Trend(serial=content.serial, dates=tuple(labels), parameters=tuple(parameters))
 
 
-def first_falsified(intervals: Sequence[tuple[str, float, float]]) -> tuple[str | None, str | None]:
+def first_falsified(intervals: Mapping[str, tuple[float, float]]) -> tuple[str | None, str | None]:
     """The first label at which no constant lies in all intervals so far, and one before that excludes it; or None."""
-    apart = (
-        (later, earlier)
-        for (earlier, low, high), (later, least, most) in combinations(intervals, 2)
-        if least > high or most < low
-    )
-    order = [label for label, *_ in intervals]
-    return min(apart, key=lambda pair: (order.index(pair[0]), order.index(pair[1])), default=(None, None))
+    labels = list(intervals)
+    for number, later in enumerate(labels):
+        least, most = intervals[later]
+        for earlier in labels[:number]:
+            low, high = intervals[earlier]
+            if least > high or most < low:
+                return later, earlier
+    return None, None
 
 
 def digests_of(result: Held) -> dict[str, str]:
@@ -238,8 +266,10 @@ def digests_of(result: Held) -> dict[str, str]:
         return {alone.record: alone.sha256 for alone in result.records}
     if isinstance(result, Calibration) and result.of_record:
         return {label: record.provenance.sha256 for label, record in result.of_record.items()}
-    source = result.provenance if isinstance(result, Calibration) else result.record
-    return {"": "" if source is None else source.sha256}
+    source = result.record if isinstance(result, Diagnosis) else result.provenance
+    if source is None:
+        return {"": ""}
+    return {"": source.sha256}
 
 
 def parameters_of(result: Held) -> Iterator[tuple[str, str, str, Any]]:
@@ -252,7 +282,7 @@ def parameters_of(result: Held) -> Iterator[tuple[str, str, str, Any]]:
     if isinstance(result, Several):
         yield from _of_several(result)
     elif isinstance(result, Calibration):
-        last = list(result.of_record)[-1] if result.of_record else ""
+        last = next(reversed(result.of_record), "")
         yield from ((last, p.symbol, p.unit, p) for p in result.targets)
         for label, record in result.of_record.items():
             yield from ((label, p.symbol, p.unit, p) for p in record.parameters)
@@ -270,14 +300,16 @@ def _of_several(result: Several) -> Iterator[tuple[str, str, str, Any]]:
     """Of records that were judged together: of a shared parameter that differs in one, that tells it by itself."""
     apart = {(cause.record, cause.parameter) for cause in result.causes}
     for p in result.parameters:
-        yield next((one for one in reversed(result.judged) if (one, p.name) not in apart), ""), p.name, p.unit, p
+        shared_by = [label for label in result.judged if (label, p.name) not in apart]
+        yield (shared_by or [""])[-1], p.name, p.unit, p
     effects = [(cause, cause.effect.place.title) for cause in result.causes if cause.effect is not None]
     for cause, title in effects:
         yield from ((cause.record or result.judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
-    for one in result.repeatability:
-        for own in one.records:
-            if own.record in result.judged and (one.of == "run" or (own.record, one.name) in apart):
-                yield own.record, one.name, one.unit, own
+    for parameter in result.repeatability:
+        for alone in parameter.records:
+            of_record = parameter.of == "run" or (alone.record, parameter.name) in apart
+            if of_record and alone.record in result.judged:
+                yield alone.record, parameter.name, parameter.unit, alone
 
 
 def _dated(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter]]]:
@@ -296,7 +328,9 @@ def moment(text: str, where: str) -> datetime:
         parsed = datetime.fromisoformat(text.strip())
     except ValueError as error:
         raise InputError(f"{where} {text}: write a date as 2026-11-23 or 2026-11-23T14:00") from error
-    return parsed if parsed.tzinfo is None else parsed.astimezone(UTC).replace(tzinfo=None)
+    if parsed.tzinfo is None:
+        return parsed
+    return parsed.astimezone(UTC).replace(tzinfo=None)
 
 
 def _minute(text: str, where: str) -> str:
@@ -306,7 +340,13 @@ def _minute(text: str, where: str) -> str:
 def _labels(dates: Sequence[str]) -> list[str]:
     """Dates without the time of day where that is midnight, numbered where two are alike."""
     short = [date.removesuffix("T00:00") for date in dates]
-    return [f"{text} ({short[: k + 1].count(text)})" if short.count(text) > 1 else text for k, text in enumerate(short)]
+    labels = []
+    for number, text in enumerate(short, start=1):
+        label = text
+        if short.count(text) > 1:
+            label = f"{text} ({short[:number].count(text)})"
+        labels.append(label)
+    return labels
 
 
 def _degrees(text: str | None) -> float | None:
