@@ -339,7 +339,8 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "calibration" and content.get("of_record"):
         return f"{len(content['of_record'])} records, {content['verdict']}"
     if kind == "calibration":
-        return f"{content['verdict']}, {content.get('positions', 0)} positions, σ = {upwards(content['sigma']['value'], 3)} g"
+        positions, sigma = content.get("positions", 0), upwards(content["sigma"]["value"], 3)
+        return f"{content['verdict']}, {positions} positions, σ = {sigma} g"
     if kind == "diagnosis":
         causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
         return f"{content['verdict']}{f': {causes}' if causes else ''}"
