@@ -3,7 +3,7 @@
 import random
 
 from trihedron.fmus import components
-from trihedron.fmus.component import Component, extend
+from trihedron.fmus.component import Component, Variable, extend
 from trihedron.fmus.source import references
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
@@ -132,9 +132,18 @@ def draw_inputs(component: Component, rng: random.Random) -> dict[str, float]:
     return values
 
 
+def elements_of(component: Component, *causalities: str) -> dict[str, Variable]:
+    """Names of the scalars of a component, of some causalities or of all, with the variable of each."""
+    variables: dict[str, Variable] = {}
+    for v in component.interface:
+        if not causalities or v.causality in causalities:
+            variables |= dict.fromkeys(v.elements, v)
+    return variables
+
+
 def setter_of(slave, component: Component):
     """Set values by name, each through the function of its type."""
-    kinds = {e: v.type for v in component.interface for e in v.elements}
+    kinds = {name: v.type for name, v in elements_of(component).items()}
     numbers = references(component)
 
     def set_values(values: dict[str, float]) -> None:

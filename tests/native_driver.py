@@ -124,8 +124,8 @@ class Library:
         return self.call("DoStep", instance, ct.c_double(time), ct.c_double(step), ct.c_bool(True), *places)
 
     def array(self, kind: str, values: Sequence[float]) -> Any:
-        whole = kind != "real"
-        return (C_TYPES[self.fmi][kind] * len(values))(*(int(x) if whole else x for x in values))
+        block = kind != "real"
+        return (C_TYPES[self.fmi][kind] * len(values))(*(int(x) if block else x for x in values))
 
     def set(self, instance: int | None, kind: str, references: Sequence[int], values: Sequence[float]) -> int:
         return self._access("Set", instance, kind, references, self.array(kind, values))
@@ -136,10 +136,10 @@ class Library:
         return status, [float(x) for x in values]
 
     def _access(self, verb: str, instance: int | None, kind: str, references: Sequence[int], values: Any) -> int:
-        given = (ct.c_uint * len(references))(*references)
+        arguments = (ct.c_uint * len(references))(*references)
         counts = [ct.c_size_t(len(values))] if self.fmi == 3 else []
         name = f"{verb}{ACCESS[self.fmi][kind]}"
-        return self.call(name, instance, given, ct.c_size_t(len(references)), values, *counts)
+        return self.call(name, instance, arguments, ct.c_size_t(len(references)), values, *counts)
 
     @property
     def state_word(self) -> str:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import fmpy
 
+from native_checks import Entry
 from native_driver import OK, Library
-from native_sequences import Entry
 from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.native.compile import PLATFORMS, host_name
 
@@ -32,12 +32,12 @@ def unpack(path: Path, folder: Path) -> tuple[Path, int, str]:
 
 def numbering(component: Component, fmi: int) -> dict[str, list[int]]:
     """Value references of each variable: one for each element in FMI 2.0, one in FMI 3.0."""
-    found, at = {}, 1
+    numbers, at = {}, 1
     for v in component.interface:
         count = len(v.elements) if fmi == 2 else 1
-        found[v.name] = list(range(at, at + count))
+        numbers[v.name] = list(range(at, at + count))
         at += count
-    return found
+    return numbers
 
 
 def entries(component: Component, fmi: int) -> list[Entry]:
@@ -79,4 +79,8 @@ class Model:
         return values
 
     def outputs(self) -> list[float]:
-        return [x for v in self.component.interface if v.causality == "output" for x in self.get(v)]
+        values: list[float] = []
+        for v in self.component.interface:
+            if v.causality == "output":
+                values += self.get(v)
+        return values

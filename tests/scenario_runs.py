@@ -16,14 +16,14 @@ CLOCK, GAIN, ACCUMULATOR, FAILING = ({"fmu": f"{name}.fmu"} for name in ("Clock"
 
 def scenario(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
     """A scenario of one second in ten steps, where its sections say nothing else."""
-    data = {"run": ONE_SECOND, "fmus": fmus, **sections}
-    return Scenario.model_validate({**data, "base_folder": folder})
+    settings = {"run": ONE_SECOND, "fmus": fmus, **sections}
+    return Scenario.model_validate({**settings, "base_folder": folder})
 
 
 def here(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
     """The same in this process: for what is no matter of where an FMU runs, as a process for each takes long."""
-    own = {"in_process": True, **sections.pop("run", ONE_SECOND)}
-    return scenario(folder, fmus, run=own, **sections)
+    settings = {"in_process": True, **sections.pop("run", ONE_SECOND)}
+    return scenario(folder, fmus, run=settings, **sections)
 
 
 def run(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:

@@ -14,25 +14,25 @@ def values(*parameters: str, units: str = "") -> str:
     lines = []
     for text in parameters:
         name, kind, value, *unit = text.split("|")
-        shown = f' unit="{unit[0]}"' if unit else ""
-        lines.append(f'<ssv:Parameter name="{name}"><ssv:{kind} value="{value}"{shown}/></ssv:Parameter>')
+        written = f' unit="{unit[0]}"' if unit else ""
+        lines.append(f'<ssv:Parameter name="{name}"><ssv:{kind} value="{value}"{written}/></ssv:Parameter>')
     inside = f"<ssv:Units>{units}</ssv:Units>" if units else ""
     parts = f"<ssv:Parameters>{''.join(lines)}</ssv:Parameters>{inside}"
     return f'<ssv:ParameterSet {HEAD} version="1.0" name="p">{parts}</ssv:ParameterSet>'
 
 
 def inline(*parameters: str, units: str = "", attributes: str = "", mapping: str = "") -> str:
-    held = f"<ssd:ParameterValues>{values(*parameters, units=units)}</ssd:ParameterValues>"
-    return f"<ssd:ParameterBinding {attributes}>{held}{mapping}</ssd:ParameterBinding>"
+    inner = f"<ssd:ParameterValues>{values(*parameters, units=units)}</ssd:ParameterValues>"
+    return f"<ssd:ParameterBinding {attributes}>{inner}{mapping}</ssd:ParameterBinding>"
 
 
-def bindings(*each: str) -> str:
-    return f"<ssd:ParameterBindings>{''.join(each)}</ssd:ParameterBindings>" if each else ""
+def bindings(*attributes: str) -> str:
+    return f"<ssd:ParameterBindings>{''.join(attributes)}</ssd:ParameterBindings>" if attributes else ""
 
 
 def connectors(**kinds: str) -> str:
-    each = "".join(f'<ssd:Connector name="{n.replace("_1", "[1]")}" kind="{k}"/>' for n, k in kinds.items())
-    return f"<ssd:Connectors>{each}</ssd:Connectors>"
+    attributes = "".join(f'<ssd:Connector name="{n.replace("_1", "[1]")}" kind="{k}"/>' for n, k in kinds.items())
+    return f"<ssd:Connectors>{attributes}</ssd:Connectors>"
 
 
 def component(name: str, model: str, *bound: str, attributes: str = "", **kinds: str) -> str:
@@ -42,13 +42,13 @@ def component(name: str, model: str, *bound: str, attributes: str = "", **kinds:
 
 
 def system(
-    name: str, *elements: str, wires: str = "", bound: tuple[str, ...] = (), more: str = "", **kinds: str
+    name: str, *elements: str, wires: str = "", bound: tuple[str, ...] = (), attributes: str = "", **kinds: str
 ) -> str:
     ends = connectors(**kinds) if kinds else ""
-    held = f"<ssd:Elements>{''.join(elements)}</ssd:Elements>" + (
+    inner = f"<ssd:Elements>{''.join(elements)}</ssd:Elements>" + (
         f"<ssd:Connections>{wires}</ssd:Connections>" if wires else ""
     )
-    return f'<ssd:System name="{name}">{ends}{bindings(*bound)}{held}{more}</ssd:System>'
+    return f'<ssd:System name="{name}">{ends}{bindings(*bound)}{inner}{attributes}</ssd:System>'
 
 
 def wire(start: str, end: str, inside: str = "") -> str:
@@ -59,11 +59,11 @@ def wire(start: str, end: str, inside: str = "") -> str:
     return f"<ssd:Connection{ends}>{inside}</ssd:Connection>"
 
 
-def packed(folder: Path, fmus: Path, whole: str, *models: str, tail: str = EXPERIMENT, **files: str) -> Path:
+def packed(folder: Path, fmus: Path, document: str, *models: str, tail: str = EXPERIMENT, **files: str) -> Path:
     """An .ssp of a system and FMUs."""
     path = folder / "made.ssp"
     name = "ssd:SystemStructureDescription"
-    root = f'<{name} {HEAD} name="made" version="1.0">{whole}{tail}</{name}>'
+    root = f'<{name} {HEAD} name="made" version="1.0">{document}{tail}</{name}>'
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("SystemStructure.ssd", root)
         for model in models:

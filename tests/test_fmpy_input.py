@@ -36,19 +36,19 @@ def strapdown(tmp_path: Path) -> Path:
 
 
 def test_fmpy_gives_the_attitude_of_the_orchestrator(strapdown: Path, tmp_path: Path, fmu_folder: Path) -> None:
-    made = write_fmpy_input(strapdown, tmp_path / "input.csv")
-    found = fmpy.simulate_fmu(
+    inputs = write_fmpy_input(strapdown, tmp_path / "input.csv")
+    result = fmpy.simulate_fmu(
         str(fmu_folder / "AttitudeComputer.fmu"),
-        stop_time=made.stop,
-        output_interval=made.step,
+        stop_time=inputs.stop,
+        output_interval=inputs.step,
         input=read_csv(tmp_path / "input.csv"),
-        start_values=made.start_values,
+        start_values=inputs.start_values,
     )
     record = read_record(strapdown)
     assert isinstance(record, StrapdownRecord)
     run = attitude_of_record(record)
-    updated = found["updated"] != 0
-    attitude = np.column_stack([found[f"attitude[{i}]"] for i in (1, 2, 3, 4)])[updated]
+    updated = result["updated"] != 0
+    attitude = np.column_stack([result[f"attitude[{i}]"] for i in (1, 2, 3, 4)])[updated]
     assert len(attitude) == 99
     assert (attitude == run.attitude).all()
 
@@ -61,19 +61,19 @@ def test_increments_of_velocity_are_inputs_of_the_velocity_computer(tmp_path: Pa
     columns |= {f"dv{i}_mps": rng.uniform(-0.01, 0.01, 60) + 0.1 * (i == 3) for i in (1, 2, 3)}
     pl.DataFrame(columns).write_parquet(tmp_path / "motion.parquet")
     assert th.check(tmp_path / "motion.parquet").summary == (f"60 rows, columns {', '.join(columns)}",)
-    made = write_fmpy_input(tmp_path / "motion.parquet", tmp_path / "input.csv")
-    assert made.component == "VelocityComputer"
-    found = fmpy.simulate_fmu(
+    inputs = write_fmpy_input(tmp_path / "motion.parquet", tmp_path / "input.csv")
+    assert inputs.component == "VelocityComputer"
+    result = fmpy.simulate_fmu(
         str(fmu_folder / "VelocityComputer.fmu"),
-        stop_time=made.stop,
-        output_interval=made.step,
+        stop_time=inputs.stop,
+        output_interval=inputs.step,
         input=read_csv(tmp_path / "input.csv"),
-        start_values=made.start_values,
+        start_values=inputs.start_values,
     )
     record = read_record(tmp_path / "motion.parquet")
     assert isinstance(record, StrapdownRecord)
     run = attitude_of_record(record)
-    velocity = np.column_stack([found[f"velocity[{i}]"] for i in (1, 2, 3)])[found["updated"] != 0]
+    velocity = np.column_stack([result[f"velocity[{i}]"] for i in (1, 2, 3)])[result["updated"] != 0]
     assert run.velocity is not None
     assert (velocity == run.velocity).all()
 
@@ -85,19 +85,19 @@ def test_fmpy_compensates_readings_as_the_orchestrator_does(tmp_path: Path, fmu_
     columns = {"time_s": 0.1 * np.arange(50), "alpha_deg": np.full(50, 10.0), "beta_deg": np.full(50, 20.0)}
     columns |= {f"f{i + 1}_mps2": force[:, i] for i in range(3)}
     pl.DataFrame(columns).write_csv(tmp_path / "raw.csv")
-    made = write_fmpy_input(tmp_path / "raw.csv", tmp_path / "input.csv")
+    inputs = write_fmpy_input(tmp_path / "raw.csv", tmp_path / "input.csv")
     parameters = {"bias[1]": 1e-3, "scale_error_plus[3]": 2e-3, "gamma_21": 5e-3}
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         str(fmu_folder / "AccelerometerCompensation.fmu"),
-        stop_time=made.stop,
-        output_interval=made.step,
+        stop_time=inputs.stop,
+        output_interval=inputs.step,
         input=read_csv(tmp_path / "input.csv"),
         start_values=parameters,
     )
     run = th.simulate(
         {
             "base_folder": tmp_path,
-            "run": {"stop_s": made.stop, "step_s": made.step},
+            "run": {"stop_s": inputs.stop, "step_s": inputs.step},
             "fmus": {"c": {"component": "AccelerometerCompensation", "parameters": parameters}},
             "stimuli": [
                 {"csv": "raw.csv", "columns": {f"c.reading[{i}]": f"f{i}_mps2" for i in (1, 2, 3)}},
@@ -105,7 +105,7 @@ def test_fmpy_compensates_readings_as_the_orchestrator_does(tmp_path: Path, fmu_
         }
     )
     for i in (1, 2, 3):
-        assert found[f"specific_force[{i}]"].tolist() == run[f"c.specific_force[{i}]_mps2"].to_list()
+        assert result[f"specific_force[{i}]"].tolist() == run[f"c.specific_force[{i}]_mps2"].to_list()
 
 
 def test_the_command_says_how_fmpy_runs_it(strapdown: Path, tmp_path: Path, capsys) -> None:
@@ -113,37 +113,37 @@ def test_the_command_says_how_fmpy_runs_it(strapdown: Path, tmp_path: Path, caps
     assert cli.main(["fmpy-input", "--help"]) == 0
     assert "Example: trihedron fmpy-input" in " ".join(capsys.readouterr().out.split())
     assert cli.main(["fmpy-input", str(strapdown), "--out", str(out)]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith(
+    message = capsys.readouterr().out
+    assert message.startswith(
         f"fmpy simulate AttitudeComputer.fmu --input-file {out} --stop-time 1.97 --output-interval 0.01"
     )
-    assert "initial_attitude[1]' 0.6" in said
+    assert "initial_attitude[1]' 0.6" in message
     assert pl.read_csv(out).columns == ["time", "increment[1]", "increment[2]", "increment[3]"]
 
 
 def test_a_gap_is_bridged_and_a_limit_is_said_as_by_attitude(strapdown: Path, tmp_path: Path, capsys) -> None:
     """The same increments as the orchestrator takes, the same bound, and the same moment in the run's own time."""
-    data = pl.read_csv(strapdown)
+    table = pl.read_csv(strapdown)
     rate = np.clip(np.sin(0.05 * np.arange(200.0)), -0.8, 0.8)
-    data = data.with_columns(w1_radps=pl.Series(rate), w2_radps=0.0 * pl.col("w2_radps") + 0.1, w3_radps=pl.lit(0.2))
+    table = table.with_columns(w1_radps=pl.Series(rate), w2_radps=0.0 * pl.col("w2_radps") + 0.1, w3_radps=pl.lit(0.2))
     path, out = tmp_path / "gap.csv", tmp_path / "in.csv"
-    pl.concat([data[:8], data[10:]]).write_csv(path)
+    pl.concat([table[:8], table[10:]]).write_csv(path)
     with pytest.raises(InputError, match="bridge it, with a bound of the error: --bridge-gaps 2"):
         write_fmpy_input(path, out)
-    made = write_fmpy_input(path, out, bridge_gaps=2)
+    inputs = write_fmpy_input(path, out, bridge_gaps=2)
     record = read_record(path)
     assert isinstance(record, StrapdownRecord)
     run = attitude_of_record(record, algorithm="mean-rate", bridge_gaps=2)
-    assert made.bridged_bound == run.bridged_bound > 0.0
+    assert inputs.bridged_bound == run.bridged_bound > 0.0
     assert len(pl.read_csv(out)) == 197
     assert run.trusted_until is not None
-    assert made.trusted_until == pytest.approx(run.trusted_until - run.time_s[0])
-    assert made.warnings == run.warnings != ()
+    assert inputs.trusted_until == pytest.approx(run.trusted_until - run.time_s[0])
+    assert inputs.warnings == run.warnings != ()
     assert cli.main(["fmpy-input", str(path), "--bridge-gaps", "2", "--out", str(out)]) == 2
-    said = capsys.readouterr()
-    assert said.out.startswith("fmpy simulate AttitudeComputer.fmu")
-    assert re.search(r"gap\.csv: attitudes after 0\.160* s of the run are not to be trusted; bridged gaps", said.err)
-    assert f"at most {upwards(np.degrees(made.bridged_bound), 3)} deg; w1: " in said.err
+    message = capsys.readouterr()
+    assert message.out.startswith("fmpy simulate AttitudeComputer.fmu")
+    assert re.search(r"gap\.csv: attitudes after 0\.160* s of the run are not to be trusted; bridged gaps", message.err)
+    assert f"at most {upwards(np.degrees(inputs.bridged_bound), 3)} deg; w1: " in message.err
 
 
 def test_a_limit_of_a_table_s_readings_is_said(tmp_path: Path, capsys) -> None:
@@ -152,8 +152,8 @@ def test_a_limit_of_a_table_s_readings_is_said(tmp_path: Path, capsys) -> None:
     columns = {"time_s": time, "alpha_deg": np.full(400, 10.0), "beta_deg": np.full(400, 20.0)}
     columns |= {f"f{i + 1}_mps2": force[:, i] for i in range(3)}
     pl.DataFrame(columns).write_csv(tmp_path / "raw.csv")
-    made = write_fmpy_input(tmp_path / "raw.csv", tmp_path / "in.csv")
-    assert [line[:3] for line in made.warnings] == ["f1:", "f2:", "f3:"]
+    inputs = write_fmpy_input(tmp_path / "raw.csv", tmp_path / "in.csv")
+    assert [line[:3] for line in inputs.warnings] == ["f1:", "f2:", "f3:"]
     assert cli.main(["fmpy-input", str(tmp_path / "raw.csv"), "--out", str(tmp_path / "in.csv")]) == 0
     assert "raw.csv: f1: " in capsys.readouterr().err
     with pytest.raises(InputError, match="--bridge-gaps 1: is of a strapdown record"):

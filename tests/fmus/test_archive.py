@@ -19,7 +19,7 @@ import pytest
 from fmpy.util import read_csv, read_ref_opt_file
 from fmpy.validation import validate_fmu
 
-from component_kinds import all_kinds, draw_parameters, outputs_of, setter_of, title
+from component_kinds import all_kinds, draw_parameters, elements_of, outputs_of, setter_of, title
 from named import Named
 from native_model import Model, numbering, open_fmu
 from trihedron.fmus import build, components
@@ -30,8 +30,6 @@ from trihedron.fmus.source import references
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import export_components, write_reference
-from trihedron.tools.orchestrator.run import simulate
-from trihedron.tools.orchestrator.scenario import Scenario
 
 needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 
@@ -42,9 +40,9 @@ def _names_are_parsed_once() -> Iterator[None]:
 
     @cache
     def parser(grammar: str, start: str) -> SimpleNamespace:
-        return SimpleNamespace(parse=cache(made(grammar, start=start).parse))
+        return SimpleNamespace(parse=cache(lark_class(grammar, start=start).parse))
 
-    made = lark.Lark
+    lark_class = lark.Lark
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lark, "Lark", parser)
         yield
@@ -158,45 +156,47 @@ def test_the_reference_inputs_give_the_reference_outputs(name, fmi, tmp_path):
     options = read_ref_opt_file(tmp_path / f"{name}_ref.opt")
     heads, rows = rows_of(tmp_path / f"{name}_ref.csv")
     assert 2 <= len(heads) <= 10
-    variables = {e: v for v in component.interface for e in (v.name, *v.elements)}
+    variables = {v.name: v for v in component.interface} | elements_of(component)
     numbers = numbering(component, fmi) | references(component) if fmi == 2 else numbering(component, fmi)
-    driven, given = rows_of(tmp_path / f"{name}_in.csv") if (tmp_path / f"{name}_in.csv").exists() else (["time"], [])
+    driven, driven_rows = (
+        rows_of(tmp_path / f"{name}_in.csv") if (tmp_path / f"{name}_in.csv").exists() else (["time"], [])
+    )
     inputs = [v for v in component.interface if v.causality == "input"]
-    assert driven[1:] == [name for v in inputs for name in ((v.name,) if fmi == 3 else v.elements)]
+    assert driven[1:] == ([v.name for v in inputs] if fmi == 3 else list(elements_of(component, "input")))
     library = open_fmu(path, tmp_path / "unpacked")
     instance = library.instantiate()
     assert library.enter(instance) == 0
     step = options["StepSize"]
 
     def apply(k: int) -> None:
-        for head, cell in zip(driven[1:], given[k][1:] if given else [], strict=True):
+        for head, cell in zip(driven[1:], driven_rows[k][1:] if driven_rows else [], strict=True):
             variable, at = variables[head], numbers[head]
             assert library.set(instance, variable.type, np.atleast_1d(at).tolist(), numbers_in(cell, variable)) == 0
 
     def shown() -> list[list[float]]:
-        found = []
+        values = []
         for head in heads[1:]:
             variable, at = variables[head], np.atleast_1d(numbers[head]).tolist()
-            found.append(library.get(instance, variable.type, at, variable.size or 1 if fmi == 3 else 1)[1])
-        return found
+            values.append(library.get(instance, variable.type, at, variable.size or 1 if fmi == 3 else 1)[1])
+        return values
 
     apply(0)
     assert library.leave(instance) == 0
-    seen = [shown()]
+    outputs = [shown()]
     for k in range(len(rows) - 1):
         apply(k)
         assert library.step(instance, k * step, step) == 0
-        seen.append(shown())
+        outputs.append(shown())
     library.free(instance)
     expected = [[numbers_in(c, variables[h]) for h, c in zip(heads[1:], row[1:], strict=True)] for row in rows]
-    assert seen == expected
-    assert seen[0] != seen[-1]
+    assert outputs == expected
+    assert outputs[0] != outputs[-1]
     with zipfile.ZipFile(path) as archive:
         folder = "extra/org.fmi-standard.fmi-ls-ref"
         manifest = ElementTree.fromstring(archive.read(f"{folder}/fmi-ls-manifest.xml"))
         inside = {file.get("role"): archive.read(f"{folder}/{file.get('source')}") for file in manifest}
-    beside = {"result": "_ref.csv"} | ({"stimulus": "_in.csv"} if inputs else {})
-    assert inside == {role: (tmp_path / f"{name}{ending}").read_bytes() for role, ending in beside.items()}
+    endings = {"result": "_ref.csv"} | ({"stimulus": "_in.csv"} if inputs else {})
+    assert inside == {role: (tmp_path / f"{name}{ending}").read_bytes() for role, ending in endings.items()}
 
 
 @needs_compiler
@@ -220,8 +220,8 @@ def test_fmpy_reproduces_the_reference_results(name, fmi, tmp_path):
     )
     for column in columns:
         # FMPy's times differ from k h in the last bit.
-        seen = np.reshape(result[column], np.shape(reference[column]))
-        np.testing.assert_allclose(seen, reference[column], rtol=1e-12, atol=1e-15)
+        outputs = np.reshape(result[column], np.shape(reference[column]))
+        np.testing.assert_allclose(outputs, reference[column], rtol=1e-12, atol=1e-15)
 
 
 @needs_compiler
@@ -265,7 +265,7 @@ def test_export_of_native_fmus_from_the_command_line(tmp_path, monkeypatch, caps
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"fmi": 3}, "the Python flavour is FMI 2.0 only"),
         ({"platform": "host"}, "belongs to --flavour native"),
@@ -274,9 +274,9 @@ def test_export_of_native_fmus_from_the_command_line(tmp_path, monkeypatch, caps
         ({"names": ["AttitudeComputer"], "effects": ["quadratic accelerometer-3"]}, "extends AccelerometerBlock"),
     ],
 )
-def test_what_cannot_be_exported_is_refused_in_one_line(options, said, tmp_path):
+def test_what_cannot_be_exported_is_refused_in_one_line(options, message, tmp_path):
     names = options.pop("names", [])
-    with pytest.raises(InputError, match=said) as refusal:
+    with pytest.raises(InputError, match=message) as refusal:
         export_components(names, tmp_path / "out", **options)
     assert "\n" not in str(refusal.value)
     assert not (tmp_path / "out").exists()
@@ -310,8 +310,8 @@ def test_fmpy_compiles_the_sources_again(component, fmi, tmp_path):
         pytest.skip("skipped: no cmake")
     path = build(component.name, tmp_path, component.effects, flavour="native", fmi=fmi)
     program = Path(sys.executable).with_name("fmpy")
-    done = subprocess.run([program, "compile", path], capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
+    process = subprocess.run([program, "compile", path], capture_output=True, text=True, cwd=tmp_path)
+    assert process.returncode == 0, process.stdout + process.stderr
     assert validate_fmu(str(path)) == []
     library = open_fmu(path, tmp_path / "again")
     instance = library.instantiate()
@@ -327,10 +327,10 @@ def test_fmpy_compiles_the_sources_again(component, fmi, tmp_path):
 def test_fmutool_finds_nothing(component, flavour, fmi, tmp_path):
     path = build(component.name, tmp_path, component.effects, flavour=flavour, fmi=fmi)
     code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
-    done = subprocess.run([sys.executable, "-c", code, "-input", path, "-check"], capture_output=True, text=True)
-    said = done.stdout + done.stderr
-    assert f"No semantic error against the FMI-{fmi} standard" in said
-    assert f"seems to be compliant with FMI-{fmi}.0" in said
+    process = subprocess.run([sys.executable, "-c", code, "-input", path, "-check"], capture_output=True, text=True)
+    message = process.stdout + process.stderr
+    assert f"No semantic error against the FMI-{fmi} standard" in message
+    assert f"seems to be compliant with FMI-{fmi}.0" in message
 
 
 @pytest.mark.acceptance
@@ -349,27 +349,3 @@ def test_five_platforms_in_one_fmu_of_under_120_kilobytes(fmi, tmp_path):
         library.start(instance)
         assert library.step(instance, 0.0, 0.01) == 0
         library.free(instance)
-
-
-@needs_compiler
-def test_the_orchestrator_runs_native_fmus_with_the_same_results(tmp_path):
-    """A table, a block and an attitude computer: native FMUs against those of the Python flavour."""
-    names = {"table": "TurntableMotion", "block": "AccelerometerBlock", "computer": "AttitudeComputer"}
-    for name in names.values():
-        build(name, tmp_path, flavour="native")
-    links = (("table.specific_force", "block.specific_force"), ("table.increment", "computer.increment"))
-    parameters = {"table": {"initial_angle": [0.3, -0.2]}, "block": {"noise_bound": 1e-5}, "computer": {}}
-    runs = []
-    for kind in ("component", "fmu"):
-        fmus = {
-            key: {kind: name if kind == "component" else f"{name}.fmu", "parameters": parameters[key]}
-            for key, name in names.items()
-        }
-        data = {
-            "run": {"stop_s": 2.0, "step_s": 0.01},
-            "fmus": fmus,
-            "connections": [{"from": a, "to": b} for a, b in links],
-            "base_folder": tmp_path,
-        }
-        runs.append(simulate(Scenario.model_validate(data)).table)
-    assert runs[0].equals(runs[1])

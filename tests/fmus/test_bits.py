@@ -39,14 +39,16 @@ class Compiled(Instance):
         self.cells, self.memory = cells, memory
 
     def _owner(self, values: list[float]) -> str:
-        return next(name for name, own in self.memory.items() if own is values)
+        return next(name for name, memory in self.memory.items() if memory is values)
 
 
 def by_variable(component: Component, elements: dict[str, float]) -> dict[str, list[float]]:
     """Values of whole variables from those of elements; a variable is there when all its elements are."""
-    return {
-        v.name: [elements[e] for e in v.elements] for v in component.interface if all(e in elements for e in v.elements)
-    }
+    values: dict[str, list[float]] = {}
+    for v in component.interface:
+        if set(v.elements) <= elements.keys():
+            values[v.name] = [elements[element] for element in v.elements]
+    return values
 
 
 def plan(component: Component, steps: int) -> tuple[dict[str, float], list[dict[str, float]], list[float]]:
@@ -63,13 +65,13 @@ def plan(component: Component, steps: int) -> tuple[dict[str, float], list[dict[
 
 
 def run_instance(model: Instance, component: Component, steps: int) -> list[list[float]]:
-    named = Named(component, None, model)
+    instance = Named(component, None, model)
     parameters, inputs, lengths = plan(component, steps)
-    named.put(**parameters).begin()
-    seen = [named.outputs()]
+    instance.put(**parameters).begin()
+    outputs = [instance.outputs()]
     for k in range(steps):
-        seen.append(named.put(**inputs[k]).step(k * lengths[k], lengths[k]).outputs())
-    return seen
+        outputs.append(instance.put(**inputs[k]).step(k * lengths[k], lengths[k]).outputs())
+    return outputs
 
 
 def run_native(component: Component, folder: Path, steps: int, fmi: int) -> list[list[float]]:
@@ -81,15 +83,15 @@ def run_native(component: Component, folder: Path, steps: int, fmi: int) -> list
     for name, values in by_variable(component, parameters).items():
         assert model.set(name, values) == OK, library.log
     assert library.leave(model.instance) == OK, library.log
-    seen = [model.outputs()]
+    outputs = [model.outputs()]
     for k in range(steps):
         for name, values in by_variable(component, inputs[k]).items():
             assert model.set(name, values) == OK
         assert library.step(model.instance, k * lengths[k], lengths[k]) == OK, library.log
-        seen.append(model.outputs())
+        outputs.append(model.outputs())
     library.free(model.instance)
     assert library.log == []
-    return seen
+    return outputs
 
 
 def run_python_fmu(component: Component, folder: Path, steps: int, slaves: Any) -> list[list[float]]:
@@ -100,12 +102,12 @@ def run_python_fmu(component: Component, folder: Path, steps: int, slaves: Any) 
     slave.enterInitializationMode()
     set_values(parameters)
     slave.exitInitializationMode()
-    seen = [outputs_of(slave, component)]
+    outputs = [outputs_of(slave, component)]
     for k in range(steps):
         set_values(inputs[k])
         slave.doStep(k * lengths[k], lengths[k])
-        seen.append(outputs_of(slave, component))
-    return seen
+        outputs.append(outputs_of(slave, component))
+    return outputs
 
 
 def same_bits(first: list[list[float]], second: list[list[float]]) -> bool:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from component_kinds import all_kinds, draw_inputs, outputs_of, setter_of, title
+from component_kinds import all_kinds, draw_inputs, elements_of, outputs_of, setter_of, title
 from native_driver import OK
 from native_model import Model, open_fmu
 from trihedron.fmus import build, components
@@ -61,10 +61,9 @@ class Driven:
 
     def put(self, values: dict[str, list[float]]) -> None:
         if self.slave is not None:
-            known = {v.name: v for v in self.component.interface}
-            elements = {
-                e: x for name, every in values.items() for e, x in zip(known[name].elements, every, strict=True)
-            }
+            elements: dict[str, float] = {}
+            for v in self.component.interface:
+                elements |= dict(zip(v.elements, values.get(v.name, ()), strict=False))
             setter_of(self.slave, self.component)(elements)
         elif self.model is not None:
             assert all(self.model.set(name, every) == OK for name, every in values.items()), self.model.library.log
@@ -91,8 +90,11 @@ class Driven:
         return True
 
     def outputs(self) -> dict[str, list[float]]:
-        every = iter(self.model.outputs() if self.model is not None else outputs_of(self.slave, self.component))
-        return {v.name: [next(every) for _ in v.elements] for v in self.component.interface if v.causality == "output"}
+        values = self.model.outputs() if self.model is not None else outputs_of(self.slave, self.component)
+        by_name: dict[str, list[float]] = {}
+        for v, value in zip(elements_of(self.component, "output").values(), values, strict=True):
+            by_name.setdefault(v.name, []).append(value)
+        return by_name
 
     def second(self, lengths: Sequence[float]) -> dict[str, list[float]]:
         """Outputs after a second in steps of these lengths; of increments their sums."""
@@ -114,11 +116,11 @@ def test_every_declared_capability_is_there(component, flavour, tmp_path, slaves
     if kind == "native" and host_compiler() is None:
         pytest.skip("skipped: no C compiler")
     path = build(component.name, tmp_path, component.effects, flavour=kind, fmi=int(fmi))
-    said = claims(path)
-    assert {name for name, value in said.items() if value} <= TRIED
+    message = claims(path)
+    assert {name for name, value in message.items() if value} <= TRIED
     extra = (slaves,) if kind == "python" else ()
     driven = Driven(component, path, tmp_path / "a", *extra)
-    if said["canHandleVariableCommunicationStepSize"]:
+    if message["canHandleVariableCommunicationStepSize"]:
         even, uneven = driven.second(UNIT), Driven(component, path, tmp_path / "b", *extra).second(UNEVEN)
         for name, values in even.items():
             assert uneven[name] == pytest.approx(values, rel=1e-9, abs=1e-9), name
@@ -134,18 +136,18 @@ def test_the_attitude_computer_takes_a_sample_in_parts(fmi, tmp_path):
     """What the gyros turn over the parts of a sample adds up, also where the last step of a run is a short one."""
     component = components()["AttitudeComputer"]
     path = build(component.name, tmp_path, flavour="native", fmi=fmi)
-    whole = Driven(component, path, tmp_path / "a")
+    complete = Driven(component, path, tmp_path / "a")
     parts = Driven(component, path, tmp_path / "b")
     time = 0.0
     for k, lengths in enumerate([[0.02], [0.02], [0.01, 0.01], [0.005, 0.015], [0.02], [0.0025] * 8]):
-        assert whole.step(0.02 * k, 0.02)
+        assert complete.step(0.02 * k, 0.02)
         for n, length in enumerate(lengths):
             assert parts.step(time, length)
             time += length
             if n < len(lengths) - 1:
                 assert parts.outputs()["updated"] == [0.0]
-        assert parts.outputs()["updated"] == whole.outputs()["updated"]
-        assert parts.outputs()["attitude"] == pytest.approx(whole.outputs()["attitude"], abs=1e-15)
+        assert parts.outputs()["updated"] == complete.outputs()["updated"]
+        assert parts.outputs()["attitude"] == pytest.approx(complete.outputs()["attitude"], abs=1e-15)
     before = parts.outputs()["attitude"]
     assert parts.step(time, 0.004)
     assert parts.outputs() == {"attitude": before, "updated": [0.0]}

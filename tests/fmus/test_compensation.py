@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from component_kinds import elements_of
 from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.instruments import CALIBRATED
@@ -25,7 +26,7 @@ def there_and_back(parameters: dict[str, float], force) -> tuple[np.ndarray, np.
 
 
 def names() -> list[str]:
-    return [e for v in INVERSE.interface if v.causality == "parameter" and v.name != "gravity" for e in v.elements]
+    return [name for name in elements_of(INVERSE, "parameter") if name != "gravity"]
 
 
 def test_it_has_the_parameters_of_the_calibrated_block():

@@ -2,6 +2,7 @@
 
 import math
 import random
+from itertools import product
 
 import numpy as np
 import pytest
@@ -39,12 +40,12 @@ def test_state_is_complete_across_get_set_serialise_and_reset(component, tmp_pat
 
     def run(fmu, first: int, last: int) -> list[list[float]]:
         set_values = setter_of(fmu, component)
-        shown = []
+        outputs = []
         for k in range(first, last):
             set_values(plan[k])
             fmu.doStep(k * 0.05, 0.05)
-            shown.append(outputs_of(fmu, component))
-        return shown
+            outputs.append(outputs_of(fmu, component))
+        return outputs
 
     run(slave, 0, 31)
     state = slave.getFMUstate()
@@ -89,8 +90,8 @@ def test_composing_only_appends_parameters(component):
     numbers, base = references(component), references(components()[component.name])
     assert {name: numbers[name] for name in base} == base
     added = sorted(set(numbers) - set(base), key=lambda name: numbers[name])
-    parameters = [p for place in component.effects for p in CATALOGUE[place.effect].at(place).parameters]
-    assert [numbers[name] for name in added] == list(range(len(base) + 1, len(base) + 1 + len(parameters)))
+    count = sum(len(CATALOGUE[place.effect].at(place).parameters) for place in component.effects)
+    assert [numbers[name] for name in added] == list(range(len(base) + 1, len(base) + 1 + count))
 
 
 def test_effects_do_not_depend_on_their_order():
@@ -113,12 +114,12 @@ def test_an_effect_of_another_component_is_refused():
 
 def test_what_may_not_be_set_is_refused():
     model = Named("AccelerometerBlock")
-    for name, value, said in (
+    for name, value, message in (
         ("held_fraction", 1.5, "outside"),
         ("bias[2]", math.nan, "not a finite number"),
         ("reading[1]", 0.0, "neither a parameter nor an input"),
     ):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             model.put(**{name: value})
     model.begin()
     with pytest.raises(ValueError, match="fixed"):
@@ -159,21 +160,21 @@ def test_a_last_step_of_nothing_does_no_harm(name, inputs):
 
 
 @pytest.mark.parametrize(
-    ("name", "inputs", "step", "said"),
+    ("name", "inputs", "step", "message"),
     [
         ("TurntableMotion", {"command[1]": math.nan}, 0.1, "command is not a finite angle"),
         ("AccelerometerBlock", {"specific_force[2]": math.inf}, 0.1, "not finite"),
         ("AttitudeComputer", {}, 0.15, "not the sample period"),
     ],
 )
-def test_bad_inputs_stop_the_step_with_a_message(name, inputs, step, said):
+def test_bad_inputs_stop_the_step_with_a_message(name, inputs, step, message):
     model = Named(name).begin().step(0.0, 0.1).put(**inputs)
-    assert said in model.refuses_step(0.1, step)
+    assert message in model.refuses_step(0.1, step)
 
 
 def test_a_mounting_that_is_no_rotation_stops_the_initialisation_with_a_message():
-    said = Named("TurntableMotion", **{"mounting[1]": 0.9}).refuses_to_begin()
-    assert "mounting is not a proper orthogonal matrix" in said
+    message = Named("TurntableMotion", **{"mounting[1]": 0.9}).refuses_to_begin()
+    assert "mounting is not a proper orthogonal matrix" in message
 
 
 def test_an_enumeration_takes_its_items_only():
@@ -189,7 +190,7 @@ def test_an_enumeration_takes_its_items_only():
 def test_a_step_that_is_none_is_discarded_and_the_next_one_works(name, fmu_folder, slaves):
     component, slave = components()[name], slaves(fmu_folder / f"{name}.fmu")
     start(slave, component, {})
-    wrong = [(time, step) for time in (0.0, math.inf, math.nan) for step in (0.0, -0.01, math.inf, math.nan)]
+    wrong = product((0.0, math.inf, math.nan), (0.0, -0.01, math.inf, math.nan))
     for k, (time, step) in enumerate(wrong):
         with pytest.raises(FMICallException) as refused:
             slave.doStep(currentCommunicationPoint=time, communicationStepSize=step)
@@ -199,13 +200,13 @@ def test_a_step_that_is_none_is_discarded_and_the_next_one_works(name, fmu_folde
 
 
 @pytest.mark.parametrize(
-    ("parameters", "said"),
+    ("parameters", "message"),
     [
         ({"algorithm": 99}, "algorithm = 99 is none of its values: 1 (two-sample-rodrigues)"),
         ({"initial_attitude": [0.0, 0.0, 0.0, 0.0]}, "initial_attitude is not a unit quaternion"),
     ],
 )
-def test_a_wrong_parameter_of_a_component_is_named_by_the_scenario(parameters, said, tmp_path):
+def test_a_wrong_parameter_of_a_component_is_named_by_the_scenario(parameters, message, tmp_path):
     scenario = Scenario.model_validate(
         {
             "base_folder": tmp_path,
@@ -215,16 +216,16 @@ def test_a_wrong_parameter_of_a_component_is_named_by_the_scenario(parameters, s
     )
     with pytest.raises(InputError) as refused:
         simulate(scenario)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "py exception" not in str(refused.value)
 
 
 @pytest.mark.parametrize(
-    ("name", "settings", "said"),
+    ("name", "settings", "message"),
     [
         ("TurntableMotion", {"mounting[1]": 0.9}, "mounting is not a proper orthogonal matrix"),
         ("AttitudeComputer", {"initial_attitude[1]": 0.5}, "not a unit quaternion"),
     ],
 )
-def test_bad_parameters_stop_the_initialisation_with_a_message(name, settings, said):
-    assert said in Named(name, **settings).refuses_to_begin()
+def test_bad_parameters_stop_the_initialisation_with_a_message(name, settings, message):
+    assert message in Named(name, **settings).refuses_to_begin()

@@ -32,11 +32,11 @@ class Subject:
         self.library = self.model.library
         rng = random.Random(title(component))
         elements = draw_parameters(component, rng) | draw_inputs(component, rng)
-        self.values = {
-            v.name: [elements.get(e, start) for e, start in zip(v.elements, v.starts, strict=True)]
-            for v in component.interface
-            if v.causality != "output"
-        }
+        self.values: dict[str, list[float]] = {}
+        for v in component.interface:
+            if v.causality != "output":
+                starts = dict(zip(v.elements, v.starts, strict=True))
+                self.values[v.name] = [elements.get(element, start) for element, start in starts.items()]
         if component.name == "TurntableMotion":
             self.values |= {"mounting": ROTATION, "encoder_fluctuation_bound": [0.01]}
         for name in self.values:
@@ -46,50 +46,52 @@ class Subject:
     def put(self, name: str) -> int:
         return self.model.set(name, self.values[name])
 
-    def derivative(self, outputs: list[Variable], known: Variable, seed: list[float]) -> tuple[int, list[float]]:
+    def derivative(self, outputs: list[Variable], cause: Variable, seed: list[float]) -> tuple[int, list[float]]:
         numbers = numbering(self.component, self.library.fmi)
-        unknowns = [r for v in outputs for r in numbers[v.name]]
+        unknowns: list[int] = []
+        for v in outputs:
+            unknowns += numbers[v.name]
         count = sum(len(v.elements) for v in outputs)
-        at, of = (ct.c_uint * len(unknowns))(*unknowns), numbers[known.name]
-        found, along = (ct.c_double * count)(), (ct.c_double * len(seed))(*seed)
+        at, of = (ct.c_uint * len(unknowns))(*unknowns), numbers[cause.name]
+        values, along = (ct.c_double * count)(), (ct.c_double * len(seed))(*seed)
         sizes = [[], []] if self.library.fmi == 2 else [[ct.c_size_t(len(seed))], [ct.c_size_t(count)]]
         knowns = ((ct.c_uint * len(of))(*of), ct.c_size_t(len(of)))
-        given = (at, ct.c_size_t(len(unknowns)), *knowns, along, *sizes[0], found, *sizes[1])
-        return self.library.call("GetDirectionalDerivative", self.model.instance, *given), list(found)
+        seeds = (at, ct.c_size_t(len(unknowns)), *knowns, along, *sizes[0], values, *sizes[1])
+        return self.library.call("GetDirectionalDerivative", self.model.instance, *seeds), list(values)
 
-    def difference(self, outputs: list[Variable], known: Variable, element: int, h: float) -> np.ndarray:
+    def difference(self, outputs: list[Variable], cause: Variable, element: int, h: float) -> np.ndarray:
         """By the five-point rule."""
-        kept, total = list(self.values[known.name]), np.zeros(sum(len(v.elements) for v in outputs))
+        state, total = list(self.values[cause.name]), np.zeros(sum(len(v.elements) for v in outputs))
         for steps, weight in STENCIL.items():
             ends = []
             for side in (steps * h, -steps * h):
-                self.values[known.name] = [x + side * (i == element) for i, x in enumerate(kept)]
-                assert self.put(known.name) == OK, self.library.log
-                ends.append(np.array([x for v in outputs for x in self.model.get(v)]))
+                self.values[cause.name] = [x + side * (i == element) for i, x in enumerate(state)]
+                assert self.put(cause.name) == OK, self.library.log
+                ends.append(np.concatenate([self.model.get(v) for v in outputs]))
             total += weight / h * (ends[0] - ends[1])
-        self.values[known.name] = kept
-        assert self.put(known.name) == OK
+        self.values[cause.name] = state
+        assert self.put(cause.name) == OK
         return total
 
     def compare(self, knowns: list[Variable]) -> dict[tuple[str, str], float]:
         """Largest derivative of each output by each known; every one agrees with the differences."""
         outputs = [v for v in self.component.interface if v.causality == "output" and v.type == "real"]
         largest: dict[tuple[str, str], float] = {}
-        for known in knowns:
-            for k in range(len(known.elements)):
-                seed = [float(i == k) for i in range(len(known.elements))]
+        for cause in knowns:
+            for k in range(len(cause.elements)):
+                seed = [float(i == k) for i in range(len(cause.elements))]
                 before = self.model.outputs()
-                status, exact = self.derivative(outputs, known, seed)
+                status, exact = self.derivative(outputs, cause, seed)
                 assert status == OK, self.library.log
                 assert self.model.outputs() == before
                 # A mounting is checked to 1e-6.
-                near = self.difference(outputs, known, k, 1e-7 if known.name == "mounting" else 1e-5)
+                near = self.difference(outputs, cause, k, 1e-7 if cause.name == "mounting" else 1e-5)
                 scale = 1.0 + np.abs(near)
-                assert np.all(np.abs(near - exact) <= (1e-6 if known.name == "mounting" else 1e-8) * scale), known.name
+                assert np.all(np.abs(near - exact) <= (1e-6 if cause.name == "mounting" else 1e-8) * scale), cause.name
                 every = iter(exact)
                 for v in outputs:
                     size = max(abs(next(every)) for _ in v.elements)
-                    largest[v.name, known.name] = max(size, largest.get((v.name, known.name), 0.0))
+                    largest[v.name, cause.name] = max(size, largest.get((v.name, cause.name), 0.0))
         return largest
 
 
@@ -103,21 +105,24 @@ def dependencies(component: Component, path) -> dict[str, set[str]]:
     assert structure is not None
     if root.get("fmiVersion") == "2.0":
         names = {str(i): str(v.get("name")).partition("[")[0] for i, v in enumerate(variables, start=1)}
-        said = [(e.get("index"), e.get("dependencies")) for e in structure]
+        listed = [(e.get("index"), e.get("dependencies")) for e in structure]
     else:
         names = {str(v.get("valueReference")): str(v.get("name")) for v in variables}
-        said = [(e.get("valueReference"), e.get("dependencies")) for e in structure if e.tag == "Output"]
-    return {names[str(at)]: {names[n] for n in str(on).split()} for at, on in said}
+        listed = [(e.get("valueReference"), e.get("dependencies")) for e in structure if e.tag == "Output"]
+    causes: dict[str, set[str]] = {}
+    for at, on in listed:
+        causes[names[str(at)]] = {names[number] for number in str(on).split()}
+    return causes
 
 
 def kinds() -> list[Component]:
     """Every component that gives derivatives, and the extended ones without the effects that round."""
-    found = []
+    selected = []
     for component in all_kinds():
         smooth = tuple(place for place in component.effects if not place.definition.rounds)
         kind = component if smooth == component.effects else extend(components()[component.name], smooth)
-        found += [kind] if kind.derivatives else []
-    return found
+        selected += [kind] if kind.derivatives else []
+    return selected
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -133,8 +138,8 @@ def test_derivatives_are_those_of_the_outputs(component, fmi, tmp_path):
     inputs = [v for v in real if v.causality == "input"]
     largest = subject.compare(inputs)
     follows = dependencies(component, tmp_path / f"{component.name}.fmu")
-    for (name, known), size in largest.items():
-        assert size == 0.0 or known in follows[name]
+    for (name, cause), size in largest.items():
+        assert size == 0.0 or cause in follows[name]
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -144,8 +149,8 @@ def test_what_is_rounded_or_comes_in_steps_has_no_derivatives(fmi, tmp_path):
     for component in rounded:
         subject = Subject(component, fmi, tmp_path / title(component).replace(" ", "-"))
         outputs = [v for v in component.interface if v.causality == "output" and v.type == "real"]
-        known = next(v for v in component.interface if v.causality != "output" and v.type == "real")
-        status, _ = subject.derivative(outputs, known, [0.0] * len(known.elements))
+        cause = next(v for v in component.interface if v.causality != "output" and v.type == "real")
+        status, _ = subject.derivative(outputs, cause, [0.0] * len(cause.elements))
         assert status == ERROR
         assert "does not provide" in subject.library.log[-1][2]
 
@@ -158,25 +163,25 @@ def test_the_block_has_the_scale_factor_of_the_sign_also_at_zero(fmi, tmp_path):
     assert subject.library.leave(subject.model.instance) == OK
     subject.values["specific_force"] = [3.0, -2.0, 0.0]
     assert subject.put("specific_force") == OK
-    known = next(v for v in component.interface if v.name == "specific_force")
+    cause = next(v for v in component.interface if v.name == "specific_force")
     reading = [v for v in component.interface if v.name == "reading"]
     plus, minus = subject.values["scale_error_plus"], subject.values["scale_error_minus"]
     gamma = np.diag([plus[0], minus[1], minus[2]])
     for i, j in ((2, 1), (3, 1), (1, 2), (3, 2), (1, 3), (2, 3)):
         gamma[i - 1, j - 1] = subject.values[f"gamma_{i}{j}"][0]
     seed = [0.3, -0.7, 1.1]
-    status, found = subject.derivative(reading, known, seed)
+    status, values = subject.derivative(reading, cause, seed)
     assert status == OK
-    assert found == pytest.approx((np.eye(3) + gamma) @ seed, rel=4e-16, abs=1e-16)
+    assert values == pytest.approx((np.eye(3) + gamma) @ seed, rel=4e-16, abs=1e-16)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_derivatives_of_other_things_are_refused(fmi, tmp_path):
     component = components()["AccelerometerCompensation"]
     subject = Subject(component, fmi, tmp_path)
-    known = next(v for v in component.interface if v.name == "reading")
-    made = next(v for v in component.interface if v.name == "specific_force")
-    for outputs, of in (([known], known), ([made], made)):
+    cause = next(v for v in component.interface if v.name == "reading")
+    instance = next(v for v in component.interface if v.name == "specific_force")
+    for outputs, of in (([cause], cause), ([instance], instance)):
         status, _ = subject.derivative(outputs, of, [1.0] * 3)
         assert status == ERROR
         assert "GetDirectionalDerivative: a" in subject.library.log[-1][2]

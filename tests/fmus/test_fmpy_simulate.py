@@ -4,6 +4,7 @@ import fmpy
 import numpy as np
 import pytest
 
+from component_kinds import elements_of
 from trihedron.fmus import component_names, components
 
 
@@ -14,7 +15,7 @@ def test_fmpy_simulates_the_default_experiment(name, fmu_folder):
     stop = 50 * component.step_size
     run = fmpy.simulate_fmu(str(fmu_folder / f"{name}.fmu"), stop_time=stop, output_interval=component.step_size)
     assert len(run) == 51
-    outputs = [e for v in component.interface if v.causality == "output" for e in v.elements]
+    outputs = list(elements_of(component, "output"))
     assert run.dtype.names is not None
     assert set(run.dtype.names) == {"time", *outputs}
     assert all(np.isfinite(run[output].astype(float)).all() for output in outputs)

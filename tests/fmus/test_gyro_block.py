@@ -15,15 +15,15 @@ def run(inputs: dict[str, np.ndarray], **settings) -> tuple[np.ndarray, np.ndarr
     """Readings of rates and increments (N, 3) for inputs, one row a step."""
     model = Named("GyroBlock", **settings)
     rows = len(next(iter(inputs.values())))
-    shown = np.zeros((rows, 6))
+    outputs = np.zeros((rows, 6))
     for k in range(-1, rows):
         model.put(**{name: values[max(k, 0)] for name, values in inputs.items()})
         if k < 0:
             model.begin(5.0)
             continue
         model.step(5.0 + k * H, H)
-        shown[k] = model.outputs()
-    return shown[:, :3], shown[:, 3:]
+        outputs[k] = model.outputs()
+    return outputs[:, :3], outputs[:, 3:]
 
 
 def turning(rows: int = 200) -> np.ndarray:
@@ -60,8 +60,8 @@ def test_quanta_are_whole_and_their_sum_stays_within_half_of_one():
     w = turning(2000)
     _, increment = run({"increment": w * H}, quantum=quantum)
     assert np.allclose(increment / quantum, np.round(increment / quantum), atol=1e-9)
-    left = np.cumsum(w * H - increment, axis=0)
-    assert np.abs(left).max() <= 0.5 * quantum * (1.0 + 1e-9)
+    remainder = np.cumsum(w * H - increment, axis=0)
+    assert np.abs(remainder).max() <= 0.5 * quantum * (1.0 + 1e-9)
     plain = np.cumsum(w * H - quantum * np.floor(w * H / quantum + 0.5), axis=0)
     assert np.abs(plain).max() > 10.0 * quantum
 
@@ -81,14 +81,14 @@ def test_errors_stay_within_their_bound_fill_it_and_repeat_with_the_seed():
 def test_its_errors_are_not_those_of_the_accelerometers_with_the_same_seed():
     gyro = run({"rate": np.zeros((50, 3))}, input_kind=2, noise_bound=1.0)[0]
     block = Named("AccelerometerBlock", noise_bound=0.5, held_fraction=0.0).begin()
-    other = [block.step(k * H, H)["reading"] for k in range(50)]
-    assert np.abs(np.corrcoef(gyro.ravel(), np.ravel(other))[0, 1]) < 0.3
+    accelerometers = [block.step(k * H, H)["reading"] for k in range(50)]
+    assert np.abs(np.corrcoef(gyro.ravel(), np.ravel(accelerometers))[0, 1]) < 0.3
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [("rate", "rate is not finite"), ("increment", "increment is"), ("specific_force", "specific_force is")],
 )
-def test_an_input_that_is_not_finite_stops_the_step(name, said):
+def test_an_input_that_is_not_finite_stops_the_step(name, message):
     model = Named("GyroBlock").begin().put(**{f"{name}[2]": math.inf})
-    assert said in model.refuses_step(0.0, H)
+    assert message in model.refuses_step(0.0, H)

@@ -81,10 +81,10 @@ def test_the_increment_is_the_integral_of_the_rate(begin: float, step: float) ->
     pieces = 1 + int(step / 1e-3)
     edges = np.linspace(begin, begin + step, pieces + 1)
     expected = np.zeros(3)
-    for left, right in pairwise(edges):
-        half = 0.5 * (right - left)
+    for remainder, right in pairwise(edges):
+        half = 0.5 * (right - remainder)
         for node, weight in zip(nodes, weights, strict=True):
-            expected += half * weight * moment(model, left + half * (1 + node))[1]
+            expected += half * weight * moment(model, remainder + half * (1 + node))[1]
     model.step(begin, step)
     np.testing.assert_allclose(model["increment"], expected, rtol=0, atol=2e-13)
 

@@ -1,12 +1,14 @@
 """HarmonicMotion and TurntableMotion in model exchange: the numbers of co-simulation, events where moves change."""
 
 import ctypes as ct
+from itertools import product
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
 
+from component_kinds import elements_of
 from native_driver import ERROR, OK, Library
 from native_model import Model, open_fmu
 from trihedron.fmus import build, components
@@ -95,21 +97,23 @@ def test_fmpy_gets_the_numbers_of_co_simulation(name, fmi, solver, tmp_path):
     path = build(name, tmp_path, flavour="native", fmi=fmi)
     component = components()[name]
     values: dict[str, object] = {}
-    given, shown = None, [v.name for v in component.interface if v.causality == "output"]
+    inputs, output_names = None, [v.name for v in component.interface if v.causality == "output"]
     if name == "TurntableMotion":
-        elements = [f"{n}[{i + 1}]" for n in LIMITS for i in range(2)]
+        elements = [f"{name}[{i}]" for name, i in product(LIMITS, (1, 2))]
         values = dict.fromkeys(elements, 0.5) if fmi == 2 else dict.fromkeys(LIMITS, "0.5 0.5")
         at, alpha, beta = np.array(COMMANDS).T
         if fmi == 2:
             kinds = [("time", float), ("command[1]", float), ("command[2]", float)]
-            given = np.array(list(zip(at, alpha, beta, strict=True)), dtype=kinds)
+            inputs = np.array(list(zip(at, alpha, beta, strict=True)), dtype=kinds)
         else:
             # FMPy reads no discrete arrays: one command, from the start.
             values["command"] = "1.0 -0.3"
         # What counts at the end of a step, and its length, is of another step where events cut it.
-        shown = ["angle", "rate", "specific_force", "attitude", "attitude_inertial"]
-    shown = [n for v in component.interface if v.name in shown for n in (v.elements if fmi == 2 else [v.name])]
-    run = {"stop_time": 6.0, "output_interval": 0.125, "start_values": values, "input": given, "output": shown}
+        output_names = ["angle", "rate", "specific_force", "attitude", "attitude_inertial"]
+    if fmi == 2:
+        variables = elements_of(component, "output")
+        output_names = [element for element, v in variables.items() if v.name in output_names]
+    run = {"stop_time": 6.0, "output_interval": 0.125, "start_values": values, "input": inputs, "output": output_names}
     stepped = columns(fmpy.simulate_fmu(path, fmi_type="CoSimulation", **run))
     flown = columns(fmpy.simulate_fmu(path, fmi_type="ModelExchange", solver=solver, step_size=0.125, **run))
     times = np.isin(np.round(flown["0"], 9), stepped["0"])
@@ -153,27 +157,27 @@ def test_events_come_where_a_move_changes_and_where_a_rest_begins(fmi, tmp_path)
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", EXCHANGED)
 def test_a_time_that_was_tried_changes_nothing(name, fmi, tmp_path):
-    straight, tried = (Exchange(name, fmi, tmp_path / part, LIMITS if "Table" in name else {}) for part in "ab")
-    for each in (straight, tried):
+    straight, trial = (Exchange(name, fmi, tmp_path / part, LIMITS if "Table" in name else {}) for part in "ab")
+    for state in (straight, trial):
         if "Table" in name:
-            assert each.model.set("command", [1.0, -0.3]) == OK
-        each.update()
-        each.flow()
+            assert state.model.set("command", [1.0, -0.3]) == OK
+        state.update()
+        state.flow()
     for k in range(1, 6):
         for time in (0.9 * k, 0.4 * k + 0.1, 0.41 * k):
-            assert tried.go(time) == OK
-            tried.model.outputs()
-        kept = tried.library.save(tried.model.instance)
-        assert tried.go(0.9 * k) == OK
-        tried.complete()
-        assert tried.library.restore(tried.model.instance, kept) == OK
-        for each in (straight, tried):
-            assert each.go(0.4 * k) == OK
-            each.complete()
-        assert tried.model.outputs() == straight.model.outputs()
-    before = tried.model.outputs()
-    assert tried.go(1.0) == ERROR
-    assert tried.model.outputs() == before
+            assert trial.go(time) == OK
+            trial.model.outputs()
+        saved = trial.library.save(trial.model.instance)
+        assert trial.go(0.9 * k) == OK
+        trial.complete()
+        assert trial.library.restore(trial.model.instance, saved) == OK
+        for state in (straight, trial):
+            assert state.go(0.4 * k) == OK
+            state.complete()
+        assert trial.model.outputs() == straight.model.outputs()
+    before = trial.model.outputs()
+    assert trial.go(1.0) == ERROR
+    assert trial.model.outputs() == before
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 
 from component_kinds import all_kinds, title
-from native_checks import CHECKS
+from native_checks import CHECKS, Subject
 from native_driver import Library
 from native_model import as_json, entries, open_fmu, unpack
-from native_sequences import Subject
 from trihedron.fmus import build
 from trihedron.fmus.component import Component
 from trihedron.fmus.native.compile import host_compiler
@@ -47,9 +46,9 @@ def watched(component: Component, fmi: int, folder: Path, flags: list[str]) -> t
     return binary, described
 
 
-def blamed(said: str, binary: Path) -> list[str]:
+def blamed(message: str, binary: Path) -> list[str]:
     """Lines of a memory checker that name the FMU: its library, or one of its sources."""
-    return re.findall(rf".*(?:{re.escape(binary.name)}|\b(?:model|component|values|state|fmi[23]\w*)\.c:).*", said)
+    return re.findall(rf".*(?:{re.escape(binary.name)}|\b(?:model|component|values|state|fmi[23]\w*)\.c:).*", message)
 
 
 PROGRAM = Path(__file__).parents[1] / "native_checks.py"
@@ -61,24 +60,24 @@ PROGRAM = Path(__file__).parents[1] / "native_checks.py"
 def test_no_invalid_access_and_no_leak_under_address_sanitizer(component, fmi, tmp_path):
     compiler = host_compiler()
     assert compiler is not None
-    found = subprocess.run([compiler[0], "-print-file-name=libasan.so"], capture_output=True, text=True).stdout.strip()
-    if not Path(found).is_absolute():
+    report = subprocess.run([compiler[0], "-print-file-name=libasan.so"], capture_output=True, text=True).stdout.strip()
+    if not Path(report).is_absolute():
         pytest.skip("skipped: no AddressSanitizer")
     flags = ["-fsanitize=address,undefined", "-fno-omit-frame-pointer"]
     binary, described = watched(component, fmi, tmp_path, flags)
     options = {
-        "LD_PRELOAD": found,
+        "LD_PRELOAD": report,
         "PYTHONMALLOC": "malloc",
         "ASAN_OPTIONS": "detect_leaks=1:exitcode=0:fast_unwind_on_malloc=0",
         "UBSAN_OPTIONS": "print_stacktrace=1",
     }
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, PROGRAM, described], capture_output=True, text=True, env={**os.environ, **options}, timeout=600
     )
-    assert "checks, 0 failures" in done.stdout, done.stdout + done.stderr[-2000:]
+    assert "checks, 0 failures" in process.stdout, process.stdout + process.stderr[-2000:]
     # The interpreter leaks; the FMU does not.
-    assert blamed(done.stderr, binary) == []
-    assert "runtime error" not in done.stderr, done.stderr[-4000:]
+    assert blamed(process.stderr, binary) == []
+    assert "runtime error" not in process.stderr, process.stderr[-4000:]
 
 
 @pytest.mark.acceptance
@@ -90,15 +89,15 @@ def test_no_invalid_access_and_no_leak_under_valgrind(component, fmi, tmp_path):
         pytest.skip("skipped: no valgrind")
     binary, described = watched(component, fmi, tmp_path, [])
     command = [valgrind, "--leak-check=full", "--show-leak-kinds=definite,indirect,possible", sys.executable, PROGRAM]
-    done = subprocess.run(
+    process = subprocess.run(
         [*command, described],
         capture_output=True,
         text=True,
         env={**os.environ, "PYTHONMALLOC": "malloc"},
         timeout=900,
     )
-    assert "checks, 0 failures" in done.stdout, done.stdout + done.stderr[-2000:]
-    assert blamed(done.stderr, binary) == []
+    assert "checks, 0 failures" in process.stdout, process.stdout + process.stderr[-2000:]
+    assert blamed(process.stderr, binary) == []
 
 
 def test_only_the_functions_of_fmi_are_visible(tmp_path):
@@ -118,9 +117,9 @@ def test_the_program_that_memory_checkers_watch_counts_failures(tmp_path):
     """A library that is none of ours fails the checks: they can."""
     component = all_kinds()[0]
     _, described = watched(component, 2, tmp_path, [])
-    said = json.loads(described.read_text())
-    assert isinstance(Library(Path(said["binary"]), 2, "another"), Library)
-    described.write_text(json.dumps({**said, "token": "another"}))
-    done = subprocess.run([sys.executable, PROGRAM, described], capture_output=True, text=True)
-    assert done.returncode == 1
-    assert "0 failures" not in done.stdout
+    message = json.loads(described.read_text())
+    assert isinstance(Library(Path(message["binary"]), 2, "another"), Library)
+    described.write_text(json.dumps({**message, "token": "another"}))
+    process = subprocess.run([sys.executable, PROGRAM, described], capture_output=True, text=True)
+    assert process.returncode == 1
+    assert "0 failures" not in process.stdout

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from component_kinds import draw_inputs, draw_parameters
+from component_kinds import draw_inputs, draw_parameters, elements_of
 from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.component import Component
@@ -28,9 +28,9 @@ BOUND = 1e-12
 def script_and_result(component: Component) -> tuple[str, list[float]]:
     """Lines for the host, and the real outputs that plain Python has after each step."""
     rng = random.Random(5)
-    kinds = {e: v.type for v in component.interface for e in v.elements}
-    shown = [e for v in component.interface if v.causality == "output" and v.type == "real" for e in v.elements]
-    model, lines, seen = Named(component), ["enter - -"], []
+    kinds = {name: v.type for name, v in elements_of(component).items()}
+    names = [name for name in elements_of(component, "output") if kinds[name] == "real"]
+    model, lines, printed = Named(component), ["enter - -"], []
 
     def set_all(values: dict[str, float]) -> None:
         model.put(**values)
@@ -44,9 +44,9 @@ def script_and_result(component: Component) -> tuple[str, list[float]]:
             set_all(draw_inputs(component, rng))
         model.step(k * 0.02, 0.02)
         lines.append(f"step {(k * 0.02).hex()} {(0.02).hex()}")
-        lines += [f"show {model.at[e]} 0" for e in shown]
-        seen += [float(model[e]) for e in shown]
-    return "\n".join(lines) + "\n", seen
+        lines += [f"show {model.at[e]} 0" for e in names]
+        printed += [float(model[e]) for e in names]
+    return "\n".join(lines) + "\n", printed
 
 
 @pytest.mark.acceptance
@@ -71,27 +71,27 @@ def test_other_platforms_give_the_same_bits_but_for_sin_and_cos(name, target, tm
     (tmp_path / "script.txt").write_text(script)
     run = [*([runner] if runner else []), str(tmp_path / output), "script.txt"]
     quiet = {**os.environ, "WINEDEBUG": "-all"}
-    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, env=quiet)
-    assert done.returncode == 0, done.stderr
-    given = np.array([float.fromhex(line) for line in done.stdout.split()])
+    process = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, env=quiet)
+    assert process.returncode == 0, process.stderr
+    reference = np.array([float.fromhex(line) for line in process.stdout.split()])
     plain = np.array(expected)
-    assert given.shape == plain.shape
-    difference = float(np.abs(given - plain).max() / np.abs(plain).max())
+    assert reference.shape == plain.shape
+    difference = float(np.abs(reference - plain).max() / np.abs(plain).max())
     print(f"{name} on {target}: greatest difference {difference:.2e} of the largest output")
     if "sin(" in (tmp_path / "model.c").read_text():
         assert difference <= BOUND
     else:
-        assert given.tobytes() == plain.tobytes()
+        assert reference.tobytes() == plain.tobytes()
 
 
 def load_commands(library: bytes) -> dict[int, bytes]:
     """The load commands of a Mach-O library, by their kind."""
-    count, at, found = struct.unpack_from("<I", library, 16)[0], 32, {}
+    count, at, commands = struct.unpack_from("<I", library, 16)[0], 32, {}
     for _ in range(count):
         kind, length = struct.unpack_from("<2I", library, at)
-        found[kind] = library[at : at + length]
+        commands[kind] = library[at : at + length]
         at += length
-    return found
+    return commands
 
 
 @pytest.mark.acceptance

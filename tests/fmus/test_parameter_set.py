@@ -3,6 +3,7 @@
 import pytest
 from fmpy.ssp.ssd import read_ssv
 
+from component_kinds import elements_of
 from trihedron.fmus import components
 from trihedron.fmus.parameters import parameter_set
 
@@ -13,11 +14,15 @@ def test_every_value_comes_back_exactly_with_its_unit(tmp_path):
     values = {"bias": [1e-3 / 3, -2e-17, 0.1 + 0.2], "gravity": 9.81, "gamma_21": 1 / 7}
     path = tmp_path / "block.ssv"
     path.write_bytes(parameter_set(BLOCK, values, "of a test <&>"))
-    read = {p.name: p for p in read_ssv(str(path)).parameters}
-    assert list(read) == ["gravity", "gamma_21", "bias[1]", "bias[2]", "bias[3]"]
-    assert [float(read[f"bias[{p}]"].value) for p in (1, 2, 3)] == values["bias"]
-    assert (float(read["gravity"].value), read["gravity"].unit, read["bias[1]"].unit) == (9.81, "m/s2", "g")
-    assert all(p.type == "Real" for p in read.values())
+    described = {p.name: p for p in read_ssv(str(path)).parameters}
+    assert list(described) == ["gravity", "gamma_21", "bias[1]", "bias[2]", "bias[3]"]
+    assert [float(described[f"bias[{p}]"].value) for p in (1, 2, 3)] == values["bias"]
+    assert (float(described["gravity"].value), described["gravity"].unit, described["bias[1]"].unit) == (
+        9.81,
+        "m/s2",
+        "g",
+    )
+    assert all(p.type == "Real" for p in described.values())
 
 
 def test_names_and_units_are_those_of_the_model_description(tmp_path):
@@ -25,7 +30,7 @@ def test_names_and_units_are_those_of_the_model_description(tmp_path):
     real = {v.name: starts[v.name] for v in BLOCK.interface if v.causality == "parameter" and v.type == "real"}
     path = tmp_path / "block.ssv"
     path.write_bytes(parameter_set(BLOCK, real, "starts"))
-    units = {e: v.unit for v in BLOCK.interface if v.name in real for e in v.elements}
+    units = {name: v.unit for name, v in elements_of(BLOCK).items() if v.name in real}
     assert {p.name: p.unit for p in read_ssv(str(path)).parameters} == units
 
 

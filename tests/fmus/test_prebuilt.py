@@ -34,8 +34,8 @@ def wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_an_export_without_a_compiler_gives_the_fmu_that_came_along(fmi: Literal[2, 3], wheel: Path, tmp_path: Path):
-    done = th.export(NAME, out=tmp_path / "out", flavour="native", fmi=fmi)
-    assert done.files[0].read_bytes() == (wheel / f"fmi{fmi}" / f"{NAME}.fmu").read_bytes()
+    process = th.export(NAME, out=tmp_path / "out", flavour="native", fmi=fmi)
+    assert process.files[0].read_bytes() == (wheel / f"fmi{fmi}" / f"{NAME}.fmu").read_bytes()
 
 
 def test_a_run_uses_it(wheel: Path):
@@ -59,8 +59,8 @@ def test_another_source_is_not_taken(wheel: Path, tmp_path: Path):
     """With an effect the kernels are others; another component was not made; other platforms are not in it."""
     assert "need a C compiler" in refused(tmp_path, NAME, effects=["quadratic accelerometer-3"])
     assert "need a C compiler" in refused(tmp_path, "TurntableMotion")
-    other = next(name for name in compiler.PLATFORMS if name != host_name())
-    assert f"platform {other}: needs ziglang" in refused(tmp_path, NAME, platform=other)
+    altered = next(name for name in compiler.PLATFORMS if name != host_name())
+    assert f"platform {altered}: needs ziglang" in refused(tmp_path, NAME, platform=altered)
 
 
 @pytest.mark.parametrize("damage", ["flags", "manifest", "source", "cut"])

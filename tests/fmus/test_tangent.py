@@ -49,10 +49,10 @@ def kernel(x: float, y: float, k: int, v: Vector, out: Vector) -> int:
 '''
 
 
-def made(*texts: str, wanted: str = "kernel") -> dict:
+def made(*texts: str, kernels: str = "kernel") -> dict:
     """The kernels and their tangents, in Python; they go through the translator, too."""
     parts = [Part(text.strip(), "kernel.py", 10) for text in texts]
-    every = [*parts, *tangents(parts, [wanted])]
+    every = [*parts, *tangents(parts, [kernels])]
     translate(every)
     names: dict = {}
     code = "from __future__ import annotations\nimport math\n" + "\n\n".join(part.text for part in every)

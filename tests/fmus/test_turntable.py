@@ -140,13 +140,13 @@ def test_a_slip_at_the_end_of_a_step_is_in_one_increment_and_in_the_attitude_the
         ends = [(times[at] - begin) / 3600.0, at * length / 3600.0, (times[at - 1] + length - begin) / 3600.0]
         start = ends[case % 3]
         model = Named("TurntableMotion", {SLIP: (*size, start)}, earth_rotation=False).begin(begin)
-        seen, shown = [], []
+        increments, attitudes = [], []
         for time in times[:-1]:
             model.step(time, length)
-            seen.append(model["increment"])
-            shown.append(Rotation.from_quat(model["attitude"], scalar_first=True).as_rotvec())
-        assert np.sum(seen, axis=0) == pytest.approx(size, abs=1e-17), (length, start)
-        assert np.cumsum(seen, axis=0) == pytest.approx(np.array(shown), abs=1e-15)
+            increments.append(model["increment"])
+            attitudes.append(Rotation.from_quat(model["attitude"], scalar_first=True).as_rotvec())
+        assert np.sum(increments, axis=0) == pytest.approx(size, abs=1e-17), (length, start)
+        assert np.cumsum(increments, axis=0) == pytest.approx(np.array(attitudes), abs=1e-15)
 
 
 def test_a_state_remembers_how_far_the_block_has_slipped():
@@ -185,7 +185,10 @@ def test_rests_are_counted_and_their_encoder_fluctuation_is_held():
         if k % 100 > 60:
             assert model["at_rest"] == 1.0
             readings.append((model["dwell"], model["angle_reading[1]"] - 0.5 * (k // 100)))
-    values = {dwell: {v for d, v in readings if d == dwell} for dwell in (1.0, 2.0, 3.0, 4.0)}
+    values: dict[float, set[float]] = {1.0: set(), 2.0: set(), 3.0: set(), 4.0: set()}
+    for dwell, reading in readings:
+        if dwell in values:
+            values[dwell].add(reading)
     spread = {dwell: max(v) - min(v) for dwell, v in values.items()}
     middles = [min(v) for v in values.values()]
     assert max(spread.values()) < 1e-15

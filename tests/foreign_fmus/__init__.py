@@ -42,7 +42,9 @@ def rewritten(fmu: Path, target: Path, change: Callable[[str, bytes], tuple[str,
     return target
 
 
-def compile_foreign(source: str, folder: Path, variables: Mapping[str, str], kind: str, more: str = "", end: str = ""):
+def compile_foreign(
+    source: str, folder: Path, variables: Mapping[str, str], kind: str, options: str = "", end: str = ""
+):
     """Compile a C file of this folder as an FMU of FMI 2.0 (skipped where there is no cc), as `Name.fmu`.
 
     `variables` are attributes and type of each, by the order of their value references; `kind` is the element that says
@@ -56,11 +58,11 @@ def compile_foreign(source: str, folder: Path, variables: Mapping[str, str], kin
     subprocess.run(
         [compiler, "-shared", "-fPIC", "-w", f"-I{headers}", HERE / f"{source}.c", "-o", library], check=True
     )
-    said = enumerate(variables.items())
-    lines = [f'<ScalarVariable name="{n}" valueReference="{k}" {v}</ScalarVariable>' for k, (n, v) in said]
+    process = enumerate(variables.items())
+    lines = [f'<ScalarVariable name="{n}" valueReference="{k}" {v}</ScalarVariable>' for k, (n, v) in process]
     name = source.capitalize()
     described = [
-        f'<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="g" {more}>',
+        f'<fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="g" {options}>',
         f'<{kind} modelIdentifier="{source}"/><ModelVariables>{"".join(lines)}</ModelVariables>',
         f"<ModelStructure>{end}</ModelStructure></fmiModelDescription>",
     ]

@@ -47,9 +47,9 @@ def build_hostile(folder: Path) -> Path:
     variables = ""
     for at, (kind, start) in enumerate(_KINDS.items()):
         variability = "continuous" if kind == "Real" else "discrete"
-        for end, said in (("in", f' start="{start}"'), ("out", "")):
+        for end, process in (("in", f' start="{start}"'), ("out", "")):
             attributes = f'name="{kind}_{end}" valueReference="{at}" causality="{end}put" variability="{variability}"'
-            variables += f"<ScalarVariable {attributes}><{kind}{said}/></ScalarVariable>"
+            variables += f"<ScalarVariable {attributes}><{kind}{process}/></ScalarVariable>"
     with zipfile.ZipFile(folder / "Hostile.fmu", "w") as archive:
         archive.writestr("modelDescription.xml", _DESCRIPTION.format(variables))
         archive.write(library, f"binaries/{fmpy.platform}/hostile{fmpy.sharedLibraryExtension}")
@@ -58,11 +58,11 @@ def build_hostile(folder: Path) -> Path:
 
 def hostile_scenario(folder: Path, name: str, **sections: Any) -> dict[str, Any]:
     """Ten steps of 0.1 s in which all calls of the FMU of this name are made that a run of its kind makes."""
-    own = f"good.Real_out -> {name}.Real_in"
+    settings = f"good.Real_out -> {name}.Real_in"
     if name.partition("_")[2] in STATES:
-        connections, coupling = wires(own, f"{name}.Real_out -> good.Real_in"), {"coupling": "iterate"}
+        connections, coupling = wires(settings, f"{name}.Real_out -> good.Real_in"), {"coupling": "iterate"}
     else:
-        connections = wires(own, *(f"good.{kind}_out -> {name}.{kind}_in" for kind in _KINDS if kind != "Real"))
+        connections = wires(settings, *(f"good.{kind}_out -> {name}.{kind}_in" for kind in _KINDS if kind != "Real"))
         coupling = {}
     setting = {"stop_s": 1.0, "step_s": 0.1, "call_limit_s": LIMIT_S, **coupling, **sections}
     return {"run": setting, "connections": connections, "fmus": {n: {"fmu": "Hostile.fmu"} for n in ("good", name)}}
@@ -70,9 +70,9 @@ def hostile_scenario(folder: Path, name: str, **sections: Any) -> dict[str, Any]
 
 def outcome(folder: Path, name: str, out: Path) -> str:
     """What is said of the run."""
-    given = hostile_scenario(folder, name)
+    options = hostile_scenario(folder, name)
     try:
-        simulate(scenario(folder, given.pop("fmus"), **given), out)
+        simulate(scenario(folder, options.pop("fmus"), **options), out)
     except InputError as error:
         return str(error)
     return ""
@@ -81,24 +81,24 @@ def outcome(folder: Path, name: str, out: Path) -> str:
 def assert_named_and_kept(folder: Path, call: str, way: str, out: Path) -> None:
     """The run of an FMU that does this in this call names it, the call and the time, and keeps its rows until then."""
     name = f"{way}_{call}"
-    said = outcome(folder, name, out)
+    message = outcome(folder, name, out)
     begin, last = {
         **dict.fromkeys(BEFORE, (None, None)),
         **dict.fromkeys(("Terminate", "FreeInstance"), ("1", 1.0)),
         "GetFMUstate": ("0.3", 0.3),
     }.get(call, ("0.3" if call in ACCESSES and call.startswith("Get") else "0.2", 0.2))
-    assert said.startswith(f"FMU '{name}' (Hostile.fmu): "), said
-    assert "\n" not in said
+    assert message.startswith(f"FMU '{name}' (Hostile.fmu): "), message
+    assert "\n" not in message
     if call == "Instantiate":
         # There is no instance yet to speak of a status.
         expected = "fmi2Instantiate failed" if way == "error" else f"its library cannot be loaded.*{WAYS[way]}"
-        assert re.search(expected, said), said
+        assert re.search(expected, message), message
     else:
         when = "before the first step" if begin is None else f"at {begin} s"
-        assert re.search(rf": fmi2{call} {when} {WAYS[way]}", said), said
+        assert re.search(rf": fmi2{call} {when} {WAYS[way]}", message), message
     if last is None:
         assert not out.exists()
         return
-    kept = pl.read_parquet(out / "run.parquet")
-    assert kept["time_s"].to_list() == pytest.approx([0.1 * k for k in range(round(last / 0.1) + 1)])
-    assert f"; {out / 'run.parquet'} has the run up to {last:.9g} s" in said
+    rows = pl.read_parquet(out / "run.parquet")
+    assert rows["time_s"].to_list() == pytest.approx([0.1 * k for k in range(round(last / 0.1) + 1)])
+    assert f"; {out / 'run.parquet'} has the run up to {last:.9g} s" in message

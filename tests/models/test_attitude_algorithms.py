@@ -51,9 +51,9 @@ def feed(model: Named, gamma, begin: float, step: float) -> Named:
 def refused(model: Named, gamma, begin: float = 0.0, step: float = 0.1) -> str:
     """Why an increment is not taken; the attitude stays."""
     before = model["attitude"].tolist()
-    said = model.put(increment=gamma).refuses_step(begin, step)
+    message = model.put(increment=gamma).refuses_step(begin, step)
     assert model["attitude"].tolist() == before
-    return said
+    return message
 
 
 def carry(gammas: np.ndarray, algorithm: Algorithm, step: float = 0.01, **parameters: float) -> np.ndarray:
@@ -86,11 +86,11 @@ def test_the_catalogue_names_each_algorithm_once_by_number() -> None:
 @every
 def test_an_update_comes_with_the_last_sample_of_a_step(algorithm: Algorithm) -> None:
     model = computer(algorithm)
-    shown = []
+    outputs = []
     for k, gamma in enumerate(0.05 * increments(24)):
         feed(model, gamma, 0.1 * k, 0.1)
-        shown.append(model["updated"] == 1.0)
-    assert shown == [(k + 1) % algorithm.samples == 0 for k in range(24)]
+        outputs.append(model["updated"] == 1.0)
+    assert outputs == [(k + 1) % algorithm.samples == 0 for k in range(24)]
 
 
 @every
@@ -110,14 +110,14 @@ def test_turning_the_body_frame_turns_the_answer(algorithm: Algorithm, drift: tu
 def test_running_back_returns_where_the_formula_is_symmetric_in_time(algorithm: Algorithm) -> None:
     gammas = increments(4 * algorithm.samples, 0.05 * algorithm.samples)
     there_and_back = np.vstack((gammas, -gammas[::-1]))
-    left = distance(carry(there_and_back, algorithm), np.array([1.0, 0.0, 0.0, 0.0]))
+    remainder = distance(carry(there_and_back, algorithm), np.array([1.0, 0.0, 0.0, 0.0]))
     if algorithm.name in TIME_SYMMETRIC:
-        assert left < 2e-14
+        assert remainder < 2e-14
     elif algorithm.name == "adaptive-degree":
         # The turn back is a kink in the rate: the degree falls after it, not before it.
-        assert left < 1e-8
+        assert remainder < 1e-8
     else:
-        assert left > 1e-9
+        assert remainder > 1e-9
 
 
 @every
@@ -261,9 +261,9 @@ def test_eight_at_a_time_are_taken_of_a_smooth_rate_alone(seed: int) -> None:
 def test_products_with_the_eight_before_carry_every_cone_and_every_slow_rate() -> None:
     def products(rates: Callable[[float], np.ndarray]) -> np.ndarray:
         """Of the last of 16 increments of two rates; the first three places of the space come to nothing else."""
-        both = np.array([rates(float(k)) for k in range(-15, 1)])
+        pairs = np.array([rates(float(k)) for k in range(-15, 1)])
         space, result = [0.0] * 96, [0.0] * 4
-        place_window(both[:8].ravel().tolist(), both[8:].ravel().tolist(), OWN, space)
+        place_window(pairs[:8].ravel().tolist(), pairs[8:].ravel().tolist(), OWN, space)
         add_products(OWN + 15, OWN + 15, space, result)
         return np.array(result[1:])
 
@@ -271,8 +271,8 @@ def test_products_with_the_eight_before_carry_every_cone_and_every_slow_rate() -
         # The mean over the turn: what differs from step to step adds up to nothing.
         begins = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
         cones = (lambda k, p=phase, c=c: np.array([math.cos(p * k + c), math.sin(p * k + c), 0.0]) for c in begins)
-        found = np.mean([products(cone)[2] for cone in cones])
-        assert found * 4.0 * math.sin(phase / 2.0) ** 2 == pytest.approx((phase - math.sin(phase)) / 2.0, rel=4.1e-5)
+        motion = np.mean([products(cone)[2] for cone in cones])
+        assert motion * 4.0 * math.sin(phase / 2.0) ** 2 == pytest.approx((phase - math.sin(phase)) / 2.0, rel=4.1e-5)
     for a, b in ((0, 1), (0, 2), (0, 3), (1, 2)):
 
         def of_powers(k: float, a: int = a, b: int = b) -> np.ndarray:

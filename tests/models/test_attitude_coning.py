@@ -108,8 +108,8 @@ def analytic_drift(algorithm: Algorithm, x: mpf) -> mpf:
     factors = {p: mpf(k.numerator) / k.denominator for p, k in products_of(algorithm).items()}
     if algorithm.name == "adaptive-degree" and x > 0.6:
         count, factors = 1, {p: mpf(repr(getattr(adaptive, f"C_{p}"))) for p in range(1, 9)}
-    made = sum(k * 4 * mpmath.sin(x / 2) ** 2 * mpmath.sin(p * x) for p, k in factors.items())
-    return (made - (count * x - mpmath.sin(count * x)) / 2) / (count * x / 2)
+    drift = sum(k * 4 * mpmath.sin(x / 2) ** 2 * mpmath.sin(p * x) for p, k in factors.items())
+    return (drift - (count * x - mpmath.sin(count * x)) / 2) / (count * x / 2)
 
 
 FIXED = [a for a in ALGORITHMS if a.name != "adaptive-degree"]
@@ -157,9 +157,9 @@ def test_drift_on_a_cone_of_one_degree(name: str) -> None:
 
 def test_the_adaptive_one_carries_a_cone_of_any_phase() -> None:
     """Eight at a time where the differences fall; above that, what the products with the eight before leave out."""
-    own, fixed = BY_NAME["adaptive-degree"], BY_NAME["functional-iteration-8"]
-    assert relative_drift(own, mpf("0.5"), mpf(10) ** -6) == relative_drift(fixed, mpf("0.5"), mpf(10) ** -6)
+    cone, fixed = BY_NAME["adaptive-degree"], BY_NAME["functional-iteration-8"]
+    assert relative_drift(cone, mpf("0.5"), mpf(10) ** -6) == relative_drift(fixed, mpf("0.5"), mpf(10) ** -6)
     for phase in ("0.65", "0.8", "1.0", "1.2", "1.571", "1.8"):
-        drift = relative_drift(own, mpf(phase), mpf(10) ** -6)
-        assert drift == pytest.approx(analytic_drift(own, mpf(phase)), abs=1e-9)
+        drift = relative_drift(cone, mpf(phase), mpf(10) ** -6)
+        assert drift == pytest.approx(analytic_drift(cone, mpf(phase)), abs=1e-9)
         assert abs(drift) < 4.1e-5

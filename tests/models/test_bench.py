@@ -82,9 +82,9 @@ def test_regressors_are_the_derivatives_of_the_exact_model_by_all_elementary_par
 
 @pytest.mark.parametrize("mounting", MOUNTINGS)
 def test_symmetric_regressors_add_the_columns_of_both_signs(mounting):
-    f, both = regressors(A, B, mounting, symmetric=True), regressors(A, B, mounting)
-    merged = np.delete(both, [4, 9, 14], axis=-1)
-    merged[..., [3, 7, 11]] += both[..., [4, 9, 14]]
+    f, columns = regressors(A, B, mounting, symmetric=True), regressors(A, B, mounting)
+    merged = np.delete(columns, [4, 9, 14], axis=-1)
+    merged[..., [3, 7, 11]] += columns[..., [4, 9, 14]]
     np.testing.assert_array_equal(f, merged)
 
 

@@ -69,8 +69,8 @@ def local_order(algorithm: Algorithm, form: float = JOINT) -> float:
     for step in (HALF**9, HALF**10):
         g, v = (increments(of, mpf(0), step, algorithm.samples) for of in (rates, FORCE))
         before = tuple(increments(of, -step, step, algorithm.samples) for of in (rates, FORCE))
-        found = gained(algorithm, g, v, before, form)
-        errors.append(mpmath.norm([a - b for a, b in zip(found, true_gain(rates, step), strict=True)]))
+        orders = gained(algorithm, g, v, before, form)
+        errors.append(mpmath.norm([a - b for a, b in zip(orders, true_gain(rates, step), strict=True)]))
     return float(mpmath.log(errors[0] / errors[1], 2))
 
 
@@ -164,17 +164,17 @@ def test_gravitation_start_and_parts_of_samples() -> None:
     start = {"initial_velocity": (1.0, 2.0, 3.0), "gravitation": (0.0, 0.0, -9.8)}
     rng = np.random.default_rng(1)
     gammas, velocities = rng.normal(scale=0.05, size=(2, 8, 3))
-    whole, parts = feed(computer(algorithm, **start), gammas, velocities), computer(algorithm, **start)
+    complete, parts = feed(computer(algorithm, **start), gammas, velocities), computer(algorithm, **start)
     free = feed(computer(algorithm), gammas, velocities)
-    assert whole["velocity"] == pytest.approx(free["velocity"] + [1.0, 2.0, 3.0 - 9.8 * 0.08], abs=1e-14)
+    assert complete["velocity"] == pytest.approx(free["velocity"] + [1.0, 2.0, 3.0 - 9.8 * 0.08], abs=1e-14)
     for k in range(16):
         parts.put(increment=gammas[k // 2] / 2, velocity_increment=velocities[k // 2] / 2).step(0.005 * k, 0.005)
-    assert parts["velocity"] == pytest.approx(whole["velocity"], abs=1e-14)
+    assert parts["velocity"] == pytest.approx(complete["velocity"], abs=1e-14)
     # What the body gained stands in the body; the attitude is that of the attitude computer.
     still = Named("AttitudeComputer", algorithm=algorithm.number, sample_period=0.01).begin()
     for k, gamma in enumerate(gammas):
         still.put(increment=gamma).step(0.01 * k, 0.01)
-    assert whole["attitude"].tolist() == still["attitude"].tolist()
+    assert complete["attitude"].tolist() == still["attitude"].tolist()
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, 2e6])

@@ -54,10 +54,10 @@ def test_what_it_does_to_its_process_changes_nothing(
 
 
 def test_not_a_number_and_the_last_words(hostile: Path, tmp_path: Path) -> None:
-    said = outcome(hostile, "nan_DoStep", tmp_path / "nan")
-    assert "FMU 'nan_DoStep' (Hostile.fmu): Real_out is nan at 0.3 s" in said
-    said = outcome(hostile, "abort_DoStep", tmp_path / "abort")
-    assert "fmi2DoStep at 0.2 s crashed (SIGABRT): the valve is stuck" in said
+    message = outcome(hostile, "nan_DoStep", tmp_path / "nan")
+    assert "FMU 'nan_DoStep' (Hostile.fmu): Real_out is nan at 0.3 s" in message
+    message = outcome(hostile, "abort_DoStep", tmp_path / "abort")
+    assert "fmi2DoStep at 0.2 s crashed (SIGABRT): the valve is stuck" in message
 
 
 def test_the_command_says_it_with_a_status_that_is_not_zero(hostile: Path, tmp_path: Path) -> None:
@@ -66,11 +66,11 @@ def test_the_command_says_it_with_a_status_that_is_not_zero(hostile: Path, tmp_p
         command = [sys.executable, "-m", "trihedron.tools.cli", "simulate", str(hostile / f"{name}.toml"), *options]
         return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
 
-    done = simulated("exit_DoStep")
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
-    assert "fmi2DoStep at 0.2 s ended its process (exit status 0)" in done.stderr
-    done = simulated("printf_DoStep", "--json", "-")
-    assert json.loads(done.stdout)["schema"] == "trihedron.simulation/1"
+    process = simulated("exit_DoStep")
+    assert (process.returncode, process.stdout, process.stderr.count("\n")) == (2, "", 1)
+    assert "fmi2DoStep at 0.2 s ended its process (exit status 0)" in process.stderr
+    process = simulated("printf_DoStep", "--json", "-")
+    assert json.loads(process.stdout)["schema"] == "trihedron.simulation/1"
 
 
 def test_who_asks_for_it_has_it_in_our_process(hostile: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -91,9 +91,9 @@ def test_a_guest_gives_the_same_bits(foreign: Path) -> None:
     connections = wires("clock.ended -> one.u[1]", "one.y[1] -> sum.increment")
     tables = [
         run_of_guests(
-            foreign, fmus, connections=connections, run={"stop_s": 5.0, "step_s": 0.01, "in_process": here}
+            foreign, fmus, connections=connections, run={"stop_s": 5.0, "step_s": 0.01, "in_process": folder}
         ).table
-        for here in (True, False)
+        for folder in (True, False)
     ]
     assert tables[0].equals(tables[1])
 
@@ -101,9 +101,9 @@ def test_a_guest_gives_the_same_bits(foreign: Path) -> None:
 @pytest.mark.parametrize("coupling", ["iterate", "jacobi"])
 def test_a_guest_in_a_cycle_gives_the_same_bits(hostile: Path, coupling: str) -> None:
     tables = []
-    for here in (True, False):
-        given = hostile_scenario(hostile, "none_SetFMUstate", in_process=here, coupling=coupling)
-        tables.append(simulate(scenario(hostile, given.pop("fmus"), **given)).table)
+    for folder in (True, False):
+        cycle = hostile_scenario(hostile, "none_SetFMUstate", in_process=folder, coupling=coupling)
+        tables.append(simulate(scenario(hostile, cycle.pop("fmus"), **cycle)).table)
     assert tables[0].equals(tables[1])
     # y = u / 2 + t, twice around: y = 2 t; taken as Jacobi it is late.
     settled = np.array(tables[0]["good.Real_out"]) - 2 * np.array(tables[0]["time_s"])
@@ -115,8 +115,8 @@ def test_a_value_reference_that_is_none(hostile: Path, tmp_path: Path, reference
     """Taken modulo 2^32 it would be another variable's, without a word."""
 
     def change(name: str, content: bytes) -> tuple[str, bytes]:
-        said = f'"Real_in" valueReference="{reference}"'.encode()
-        return name, content.replace(b'"Real_in" valueReference="0"', said)
+        message = f'"Real_in" valueReference="{reference}"'.encode()
+        return name, content.replace(b'"Real_in" valueReference="0"', message)
 
     rewritten(hostile / "Hostile.fmu", tmp_path / "Hostile.fmu", change)
     with pytest.raises(InputError, match=rf"variable 'Real_in': its value reference {reference} does not fit 32 bits"):

@@ -56,15 +56,15 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 def test_a_wrong_parameter(foreign: Path, parameters: dict, says: str) -> None:
-    said = refusal(foreign, {"gain": {**GAIN, "parameters": parameters}})
-    assert said.startswith("fmus.gain.parameters: ")
-    assert says in said
+    message = refusal(foreign, {"gain": {**GAIN, "parameters": parameters}})
+    assert message.startswith("fmus.gain.parameters: ")
+    assert says in message
 
 
 def test_a_value_outside_its_declared_limits(foreign: Path, tmp_path: Path) -> None:
     declaring(foreign / "Gain.fmu", tmp_path / "Gain.fmu", {"gain": 'min="0" max="2"'})
-    said = refusal(tmp_path, {"gain": {**GAIN, "parameters": {"gain": 2.5}}})
-    assert "gain = 2.5 is outside its limits [0.0, 2.0]" in said
+    message = refusal(tmp_path, {"gain": {**GAIN, "parameters": {"gain": 2.5}}})
+    assert "gain = 2.5 is outside its limits [0.0, 2.0]" in message
 
 
 def _link() -> zipfile.ZipInfo:
@@ -109,9 +109,9 @@ def test_a_bad_archive_is_not_unpacked(tmp_path: Path, case: str) -> None:
     with zipfile.ZipFile(tmp_path / "Bad.fmu", "w") as archive:
         for name, content in members:
             archive.writestr(name, content)
-    said = refusal(tmp_path, {"bad": {"fmu": "Bad.fmu"}})
-    assert said.startswith("Bad.fmu: ")
-    assert says in said
+    message = refusal(tmp_path, {"bad": {"fmu": "Bad.fmu"}})
+    assert message.startswith("Bad.fmu: ")
+    assert says in message
     assert [p.name for p in tmp_path.iterdir()] == ["Bad.fmu"]
 
 
@@ -119,10 +119,10 @@ def test_a_file_that_is_no_archive(foreign: Path, tmp_path: Path, monkeypatch: p
     (tmp_path / "folder").mkdir()
     assert "Missing.fmu: no such file" in refusal(tmp_path, {"x": {"fmu": "Missing.fmu"}})
     assert "is a directory" in refusal(tmp_path, {"x": {"fmu": "folder"}})
-    whole = (foreign / "Clock.fmu").read_bytes()
+    intact = (foreign / "Clock.fmu").read_bytes()
     (tmp_path / "Half.fmu").write_bytes(b"")
     assert "is not a ZIP archive, which an .fmu is" in refusal(tmp_path, {"x": {"fmu": "Half.fmu"}})
-    for content in (b"PK", whole[: len(whole) // 2], whole[:5000] + bytes(500) + whole[5500:]):
+    for content in (b"PK", intact[: len(intact) // 2], intact[:5000] + bytes(500) + intact[5500:]):
         (tmp_path / "Half.fmu").write_bytes(content)
         assert "is not a readable FMU archive" in refusal(tmp_path, {"x": {"fmu": "Half.fmu"}})
     monkeypatch.setattr(archives, "MOST_BYTES", 1 << 20)
@@ -222,11 +222,11 @@ def test_both_flavours_give_the_same_bits(cache: Path, monkeypatch: pytest.Monke
 
 def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = compensated("python")
-    (kept,) = cache.glob("fmus/*.fmu")
-    content = kept.read_bytes()
-    kept.write_bytes(content[:-100] + bytes(100))
+    (stored,) = cache.glob("fmus/*.fmu")
+    content = stored.read_bytes()
+    stored.write_bytes(content[:-100] + bytes(100))
     assert compensated("python").table.equals(first.table)
-    assert kept.read_bytes() == content
+    assert stored.read_bytes() == content
 
     def fails(*_: object, **__: object) -> None:
         raise BuildError("there is no C compiler here")
@@ -237,9 +237,9 @@ def test_a_kept_fmu_is_used_again_unless_it_is_damaged(cache: Path, monkeypatch:
         compensated("native")
 
 
-def is_whole(kept: bytes) -> bool:
+def is_whole(stored: bytes) -> bool:
     """Whether what is kept has the digest that stands before it."""
-    return hashlib.sha256(kept[32:]).digest() == kept[:32]
+    return hashlib.sha256(stored[32:]).digest() == stored[:32]
 
 
 def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,27 +249,27 @@ def test_damaged_machine_code_is_made_again(tmp_path: Path, monkeypatch: pytest.
     folder = tmp_path / "cache" / "loops"
     shutil.copytree(cache_folder() / "loops", folder)
     monkeypatch.setenv("TRIHEDRON_CACHE", str(folder.parent))
-    content = {kept: kept.read_bytes() for kept in folder.glob("*.o")}
+    content = {stored: stored.read_bytes() for stored in folder.glob("*.o")}
     assert all(map(is_whole, content.values()))
-    for kept in content:
-        kept.write_bytes(content[kept][:-8] + bytes(8))
+    for stored in content:
+        stored.write_bytes(content[stored][:-8] + bytes(8))
     loops.compiled_march.cache_clear()
     loops.compiled_march()
     # A cache that is used again and again has those of other versions, too.
-    assert [is_whole(kept.read_bytes()) for kept in content].count(True) == 1
+    assert [is_whole(stored.read_bytes()) for stored in content].count(True) == 1
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o775, 0o722])
 def test_what_others_could_have_put_into_the_cache_is_not_run(cache: Path, mode: int) -> None:
     """A digest tells damage only: whoever writes a file can write its digest."""
     first = compensated("python")
-    (kept,) = cache.glob("fmus/*.fmu")
-    for folder in (kept.parent, cache):
-        kept.write_bytes(hashlib.sha256(b"planted").digest() + b"planted")
+    (stored,) = cache.glob("fmus/*.fmu")
+    for folder in (stored.parent, cache):
+        stored.write_bytes(hashlib.sha256(b"planted").digest() + b"planted")
         folder.chmod(mode)
-        assert others_can_write(kept.parent) == folder
+        assert others_can_write(stored.parent) == folder
         assert compensated("python").table.equals(first.table)
-        assert kept.read_bytes().endswith(b"planted")
+        assert stored.read_bytes().endswith(b"planted")
         folder.chmod(0o700)
     with pytest.raises(InputError):
         compensated("python")
@@ -282,8 +282,8 @@ def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, monkeypa
 
 
 def test_an_unknown_component(tmp_path: Path) -> None:
-    said = refusal(tmp_path, {"t": {"component": "TurntableMotions"}})
-    assert said == "fmus.t.component: there is no component 'TurntableMotions'; did you mean 'TurntableMotion'?"
+    message = refusal(tmp_path, {"t": {"component": "TurntableMotions"}})
+    assert message == "fmus.t.component: there is no component 'TurntableMotions'; did you mean 'TurntableMotion'?"
 
 
 @pytest.mark.parametrize(
@@ -314,10 +314,10 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) ->
     table = {"component": "TurntableMotion", "parameters_from": "c.json", "parameters": {"epsilon": 0.25}}
     block = {"component": "AccelerometerBlock", "parameters_from": "c.json"}
     columns = {"kappa_rad": "table.kappa", "epsilon_rad": "table.epsilon", "bias_g": "block.bias[2]"}
-    found = run(tmp_path, {"table": table, "block": block}, record={"columns": columns})
-    row = found.table.row(0, named=True)
+    simulation = run(tmp_path, {"table": table, "block": block}, record={"columns": columns})
+    row = simulation.table.row(0, named=True)
     assert (row["kappa_rad"], row["epsilon_rad"], row["bias_g"]) == (estimate["X1"], 0.25, estimate["X17"])
-    assert list(found.provenance["files"]) == ["c.json"]
+    assert list(simulation.provenance["files"]) == ["c.json"]
     computer = {"c": {"component": "AttitudeComputer", "parameters_from": "c.json"}}
     for content, says in (
         (calibration, "says nothing about AttitudeComputer; known: "),
@@ -328,6 +328,6 @@ def test_a_calibration_gives_parameters_and_explicit_ones_win(tmp_path: Path) ->
     ):
         text = content if isinstance(content, str) else json.dumps(content)
         (tmp_path / "c.json").write_text(text, encoding="utf-8")
-        said = refusal(tmp_path, computer)
-        assert said.startswith("fmus.c.parameters_from: c.json: ")
-        assert says in said
+        message = refusal(tmp_path, computer)
+        assert message.startswith("fmus.c.parameters_from: c.json: ")
+        assert says in message

@@ -130,8 +130,8 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
     library = folder / f"everything{fmpy.sharedLibraryExtension}"
     # Every function of FMI 3.0 must be there; those that nobody calls do nothing.
     names = re.findall(r"FMI3_Export \w+\s+(\w+);", FUNCTIONS.read_text())
-    there = source.read_text()
-    missing = [n for n in names if not re.search(rf"\b{n}\(|ACCESS\({n[7:]},|NOTHING\({n}\)", there)]
+    settings = source.read_text()
+    missing = [n for n in names if not re.search(rf"\b{n}\(|ACCESS\({n[7:]},|NOTHING\({n}\)", settings)]
     (folder / "rest.c").write_text("".join(f"int {name}(void) {{ return 0; }}\n" for name in missing))
     command = [compiler, "-shared", "-fPIC", "-w", f"-I{HEADERS}", source, folder / "rest.c", "-o", library]
     subprocess.run(command, check=True)
@@ -139,10 +139,10 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number, kind in enumerate(KINDS):
         start = "false true" if kind == "Boolean" else "1 2"
         dimension = '<Dimension start="2"/>'
-        more, at = 'variability="discrete"', 2 * number + 1
+        options, at = 'variability="discrete"', 2 * number + 1
         variables.append(
-            f'<{kind} name="{kind}_in" valueReference="{at}" causality="input" {more} start="{start}">'
-            f'{dimension}</{kind}><{kind} name="{kind}_out" valueReference="{at + 1}" causality="output" {more}>'
+            f'<{kind} name="{kind}_in" valueReference="{at}" causality="input" {options} start="{start}">'
+            f'{dimension}</{kind}><{kind} name="{kind}_out" valueReference="{at + 1}" causality="output" {options}>'
             f"{dimension}</{kind}>"
         )
     with zipfile.ZipFile(folder / "Everything.fmu", "w") as archive:
@@ -194,11 +194,13 @@ def test_a_failing_fmu_of_fmi_3_is_named_with_its_own_words(everything, compiled
 @pytest.mark.parametrize("compiled", [True, False])
 def test_an_fmu_may_ask_for_the_end_and_the_others_make_its_last_step(everything, compiled) -> None:
     fmus = {"b": {**EVERYTHING, "parameters": {"stops": 2.0}}, "after": EVERYTHING}
-    found = run(everything, fmus, run=QUARTERS, compiled=compiled, connections=wires("b.sum -> after.Float64_in[1]"))
-    assert found.ended == "FMU 'b' (Everything.fmu) ended the run at 0.75 s (fmi3DoStep asked for it)"
-    assert found.table["time_s"].to_list() == [0.0, 0.25, 0.5, 0.75]
-    assert (found.rows, found.final_time_s, found.provenance["steps"]) == (4, 0.75, 3)
-    assert found.table["after.Float64_out[1]"].to_list()[1:] == [0.25, 0.5, 0.75]
+    simulation = run(
+        everything, fmus, run=QUARTERS, compiled=compiled, connections=wires("b.sum -> after.Float64_in[1]")
+    )
+    assert simulation.ended == "FMU 'b' (Everything.fmu) ended the run at 0.75 s (fmi3DoStep asked for it)"
+    assert simulation.table["time_s"].to_list() == [0.0, 0.25, 0.5, 0.75]
+    assert (simulation.rows, simulation.final_time_s, simulation.provenance["steps"]) == (4, 0.75, 3)
+    assert simulation.table["after.Float64_out[1]"].to_list()[1:] == [0.25, 0.5, 0.75]
 
 
 @pytest.mark.parametrize(("inside", "fits"), [("0.125", True), ("0.25", True), ("0.1", False), ("0.5", False)])
@@ -211,8 +213,8 @@ def test_a_step_is_a_multiple_of_what_an_fmu_makes_inside(everything, tmp_path, 
     if fits:
         assert run(tmp_path, {"a": EVERYTHING}, run=QUARTERS).table.height == 5
     else:
-        said = refusal(tmp_path, {"a": EVERYTHING}, run=QUARTERS)
-        assert f"0.25 is no multiple of the {inside} s by which 'a' (Everything.fmu)" in said
+        message = refusal(tmp_path, {"a": EVERYTHING}, run=QUARTERS)
+        assert f"0.25 is no multiple of the {inside} s by which 'a' (Everything.fmu)" in message
 
 
 def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,8 +231,8 @@ def test_a_record_with_strings_runs_as_plain_python(foreign: Path) -> None:
     """Every type but Real is set, passed on and recorded as what it is."""
     fmus = {"g": {**GAIN, "parameters": {"label": "größe ", "times": 3, "inverted": True}}, "h": GAIN}
     along = wires("g.said -> h.word", "g.counted -> h.count", "g.marked -> h.mark")
-    given = {"word": "µ", "count": 7, "mark": False}
-    stimuli = [{"to": f"g.{name}", "constant": value} for name, value in given.items()]
+    texts = {"word": "µ", "count": 7, "mark": False}
+    stimuli = [{"to": f"g.{name}", "constant": value} for name, value in texts.items()]
     table = run(foreign, fmus, connections=along, stimuli=stimuli).table
     assert table["h.said"].to_list() == ["nonegröße µ"] * 11
     assert table["h.counted"].to_list() == [21] * 11
@@ -347,7 +349,7 @@ def plain_loop(folder: Path, opened: Callable[..., Any]) -> list[list[float]]:
         slaves["TurntableMotion"].setReal(refs("TurntableMotion", names("command", 2)), current)
 
     def watched() -> list[float]:
-        return [v for name, found in WATCHED.items() for v in slaves[name].getReal(refs(name, found))]
+        return [v for name, simulation in WATCHED.items() for v in slaves[name].getReal(refs(name, simulation))]
 
     for name, slave in slaves.items():
         slave.enterInitializationMode()
@@ -391,8 +393,8 @@ def test_the_orchestrator_gives_the_numbers_of_a_plain_loop(fmu_folder: Path, sl
     )
     table = simulate(scenario).table
     suffixes = {"TurntableMotion": "_rad", "AccelerometerBlock": "_mps2", "AttitudeComputer": ""}
-    columns = [f"{fmu}.{v}{suffixes[fmu]}" for fmu, found in WATCHED.items() for v in found]
+    columns = [f"{fmu}.{v}{suffixes[fmu]}" for fmu, simulation in WATCHED.items() for v in simulation]
     expected = np.array(plain_loop(fmu_folder, slaves))
-    found = table.select(columns).to_numpy()
+    simulation = table.select(columns).to_numpy()
     assert np.ptp(expected, axis=0).min() > 1e-3
-    assert (found == expected).all()
+    assert (simulation == expected).all()

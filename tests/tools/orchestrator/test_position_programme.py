@@ -60,9 +60,9 @@ def by_component(rows: list[tuple[float, float, float]], step: float, start: flo
 def test_the_table_moves_as_under_the_stimulus(step, start):
     rows = [(20.0, 25.0, 1.0), (20.0, 145.0, 0.37), (-80.0, 145.0, 0.5), (-80.0, 145.0, 0.01)]
     expected = by_stimulus(rows, step, start)
-    found = by_component(rows, step, start, len(expected) - 1)
+    simulation = by_component(rows, step, start, len(expected) - 1)
     assert len(np.unique(expected[:, 1])) > 20
-    assert np.array_equal(found, expected)
+    assert np.array_equal(simulation, expected)
 
 
 angles = st.floats(-400.0, 400.0)

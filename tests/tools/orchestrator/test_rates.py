@@ -20,8 +20,8 @@ T = BASE * np.arange(33)
 HELD = SLOW * np.floor(T / SLOW)
 
 
-def slow(fmu: dict, step: float = SLOW, **more: object) -> dict:
-    return {**fmu, "step_s": step, **more}
+def slow(fmu: dict, step: float = SLOW, **options: object) -> dict:
+    return {**fmu, "step_s": step, **options}
 
 
 def between(way: str | None, *ends: str) -> list[dict]:
@@ -29,10 +29,10 @@ def between(way: str | None, *ends: str) -> list[dict]:
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize("here", [True, False])
-def test_a_fast_one_hears_a_slow_one_held_or_interpolated(foreign: Path, compiled: bool, here: bool) -> None:
+@pytest.mark.parametrize("options", [True, False])
+def test_a_fast_one_hears_a_slow_one_held_or_interpolated(foreign: Path, compiled: bool, options: bool) -> None:
     fmus = {"fast": GAIN, "slow": slow(CLOCK)}
-    setting = {**SECONDS, "in_process": here}
+    setting = {**SECONDS, "in_process": options}
     for way, expected in (("hold", HELD), ("interpolate", T)):
         wired = between(way, "slow.ended -> fast.u[1]")
         table = run_of_guests(foreign, fmus, run=setting, connections=wired, compiled=compiled).table
@@ -84,7 +84,7 @@ def wave(step: float, seconds: float) -> pl.DataFrame:
 
 def integral(foreign: Path, way: str, stride: int, coupling: str | None) -> float:
     """Of t - sin t over two seconds, made by a slow one and summed by a fast one; against the same at one rate."""
-    base, found = 2.0**-8, []
+    base, sums = 2.0**-8, []
     setting = {"stop_s": 2.0, "step_s": base, "in_process": True, **({"coupling": coupling} if coupling else {})}
     for factor in (1, stride):
         rows = {"table": wave(factor * base, 2.0), "columns": {"source.u[1]": "u"}, "stamp": "end"}
@@ -92,8 +92,8 @@ def integral(foreign: Path, way: str, stride: int, coupling: str | None) -> floa
         wired = between(way, "source.y[1] -> sum.increment")
         record = {"columns": {"total": "sum.total"}}
         table = run_of_guests(foreign, fmus, run=setting, connections=wired, stimuli=[rows], record=record).table
-        found.append(base * table["total"][-1])
-    return abs(found[1] - found[0])
+        sums.append(base * table["total"][-1])
+    return abs(sums[1] - sums[0])
 
 
 @pytest.mark.parametrize("coupling", [None, "delayed"])
@@ -106,14 +106,14 @@ def test_the_order_in_the_slow_step_against_one_rate(foreign, way: str, order: f
 
 def servo(step: float, stride: int, way: str, **setting: object) -> np.ndarray:
     """Error of the attitude that a stabilised table leaves, after each half second; it turns with the short steps."""
-    data = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
-    data["run"] = {"stop_s": 5.0, "step_s": step, **setting}
+    settings = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
+    settings["run"] = {"stop_s": 5.0, "step_s": step, **setting}
     for name in ("computer", "controller"):
-        data["fmus"][name]["step_s"] = stride * step
-    data["fmus"]["computer"]["parameters"] = {"algorithm": 5, "sample_period": stride * step}
-    for wire, between in zip(data["connections"], ("sum", None, "hold", way), strict=True):
+        settings["fmus"][name]["step_s"] = stride * step
+    settings["fmus"]["computer"]["parameters"] = {"algorithm": 5, "sample_period": stride * step}
+    for wire, between in zip(settings["connections"], ("sum", None, "hold", way), strict=True):
         wire |= {} if between is None else {"between": between}
-    return simulate(Scenario.model_validate(data)).table["q3"].to_numpy()[:: round(0.5 / step)]
+    return simulate(Scenario.model_validate(settings)).table["q3"].to_numpy()[:: round(0.5 / step)]
 
 
 @pytest.mark.parametrize("way", ["hold", "interpolate"])
@@ -127,18 +127,20 @@ def test_a_cycle_of_two_rates_tends_to_what_it_is_at_one(way: str) -> None:
 
 def test_increments_of_a_fast_table_are_summed_for_a_slow_computer() -> None:
     """What its increments add up to is what it would have put out in long steps."""
-    found = []
+    simulation = []
     for step in (0.1, 0.005):
-        data = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
-        data["run"] = {"stop_s": 5.0, "step_s": step}
-        del data["fmus"]["controller"]
-        data["fmus"]["computer"] |= {"step_s": 0.1, "parameters": {"algorithm": 5, "sample_period": 0.1}}
-        data["connections"] = [{**data["connections"][0], "between": "sum"}]
-        data["stimuli"] = [{"to": "table.command", "constant": [1.0, -0.5]}]
-        data["record"] = {"columns": {f"q{i}": f"computer.attitude[{i}]" for i in range(1, 5)}}
-        found.append(simulate(Scenario.model_validate(data)).table.drop("time_s").to_numpy()[:: round(0.1 / step)])
-    assert np.abs(found[0][-1, 1:]).max() > 0.1
-    np.testing.assert_allclose(found[1], found[0], atol=1e-13)
+        settings = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
+        settings["run"] = {"stop_s": 5.0, "step_s": step}
+        del settings["fmus"]["controller"]
+        settings["fmus"]["computer"] |= {"step_s": 0.1, "parameters": {"algorithm": 5, "sample_period": 0.1}}
+        settings["connections"] = [{**settings["connections"][0], "between": "sum"}]
+        settings["stimuli"] = [{"to": "table.command", "constant": [1.0, -0.5]}]
+        settings["record"] = {"columns": {f"q{i}": f"computer.attitude[{i}]" for i in range(1, 5)}}
+        simulation.append(
+            simulate(Scenario.model_validate(settings)).table.drop("time_s").to_numpy()[:: round(0.1 / step)]
+        )
+    assert np.abs(simulation[0][-1, 1:]).max() > 0.1
+    np.testing.assert_allclose(simulation[1], simulation[0], atol=1e-13)
 
 
 def test_rows_and_programmes_are_laid_on_the_steps_of_whom_they_drive(foreign: Path) -> None:
@@ -147,8 +149,8 @@ def test_rows_and_programmes_are_laid_on_the_steps_of_whom_they_drive(foreign: P
     rows = {"table": {"time_s": times, "u_rad": 0.01 * times}, "columns": {"adder.increment": "u_rad"}, "stamp": "end"}
     table = run_of_guests(foreign, {"adder": slow({"fmu": "Adder.fmu"})}, run=SECONDS, stimuli=[rows]).table
     assert table["adder.total"][::4].to_list() == pytest.approx([0.0, *np.cumsum(0.01 * times)], rel=1e-15)
-    said = refusal(foreign, {"adder": {"fmu": "Adder.fmu"}}, run=SECONDS, stimuli=[rows])
-    assert "an increment would be applied again" in said
+    message = refusal(foreign, {"adder": {"fmu": "Adder.fmu"}}, run=SECONDS, stimuli=[rows])
+    assert "an increment would be applied again" in message
     begins = {"table": {"time_s": [0.0, 0.6, 1.0], "u": [1.0, 2.0, 3.0]}, "columns": {"gain.u[1]": "u"}}
     table = run_of_guests(foreign, {"gain": slow(GAIN)}, run={**SECONDS, "stop_s": 2.0}, stimuli=[begins]).table
     assert table["gain.y[1]"].to_list() == [1.0] * 12 + [3.0] * 5
@@ -158,43 +160,43 @@ def test_what_cannot_be_is_refused_in_one_line(foreign: Path) -> None:
     pair, end = {"fast": GAIN, "slow": slow(CLOCK)}, "slow.ended -> fast.u[1]"
     ends = "'slow.ended' -> 'fast.u[1]'"
 
-    def says(fmus: dict, connections: list[dict], **more: object) -> str:
-        return refusal(foreign, fmus, connections=connections, run={**SECONDS, **more})
+    def says(fmus: dict, connections: list[dict], **options: object) -> str:
+        return refusal(foreign, fmus, connections=connections, run={**SECONDS, **options})
 
     either = f'{ends}: \'slow\' steps less often; say between = "hold" or "interpolate"'
     assert says(pair, wires(end)) == says(pair, between("sum", end)) == either
     back = {"fast": CLOCK, "slow": slow(GAIN)}
-    said = says(back, between("interpolate", "fast.ended -> slow.u[1]"))
-    assert said.endswith('\'slow\' steps less often; say between = "hold" or "sum"')
-    said = says(pair, between("interpolate", "slow.count -> fast.count"))
-    assert said.endswith('between = "interpolate" is for numbers of kind Real, not Integer')
+    message = says(back, between("interpolate", "fast.ended -> slow.u[1]"))
+    assert message.endswith('\'slow\' steps less often; say between = "hold" or "sum"')
+    message = says(pair, between("interpolate", "slow.count -> fast.count"))
+    assert message.endswith('between = "interpolate" is for numbers of kind Real, not Integer')
     odd = {"fast": slow(GAIN, 2 * BASE), "slow": slow(CLOCK, 3 * BASE)}
-    said = says(odd, between("hold", end), stop_s=24 * BASE)
-    assert said == f"{ends}: the longer of their steps must be a whole multiple of the shorter"
+    message = says(odd, between("hold", end), stop_s=24 * BASE)
+    assert message == f"{ends}: the longer of their steps must be a whole multiple of the shorter"
     for step in (0.3, 0.1, 1e300):
-        said = says({"slow": slow(CLOCK, step)}, [])
-        assert said == f"fmus.slow.step_s = {step} is no whole multiple of run.step_s = 0.125"
-    said = says({"slow": slow(CLOCK, 3 * BASE)}, [])
-    assert said == "fmus.slow.step_s = 0.375 does not divide the run of 4 s"
+        message = says({"slow": slow(CLOCK, step)}, [])
+        assert message == f"fmus.slow.step_s = {step} is no whole multiple of run.step_s = 0.125"
+    message = says({"slow": slow(CLOCK, 3 * BASE)}, [])
+    assert message == "fmus.slow.step_s = 0.375 does not divide the run of 4 s"
     cycle = {"fast": GAIN, "slow": slow(GAIN)}
     around = between("hold", "fast.y[1] -> slow.u[1]", "slow.y[1] -> fast.u[1]")
     assert "is iterated, so its FMUs step together" in says(cycle, around, coupling="iterate")
     three = {"fast": CLOCK, "slow": slow(ACCUMULATOR), "reader": GAIN}
-    both = between("sum", "fast.step -> slow.increment") + between("interpolate", "slow.total -> reader.u[1]")
-    assert "outputs of 'slow' are interpolated, so it steps before there is a sum" in says(three, both)
-    said = says({"fast": GAIN, "slow": slow(GAIN)}, between("interpolate", "slow.y[1] -> fast.u[1]"))
-    assert said.startswith("'slow' is interpolated and has a String 'said'")
+    members = between("sum", "fast.step -> slow.increment") + between("interpolate", "slow.total -> reader.u[1]")
+    assert "outputs of 'slow' are interpolated, so it steps before there is a sum" in says(three, members)
+    message = says({"fast": GAIN, "slow": slow(GAIN)}, between("interpolate", "slow.y[1] -> fast.u[1]"))
+    assert message.startswith("'slow' is interpolated and has a String 'said'")
 
 
 def test_a_slow_one_that_fails_or_ends_the_run_is_named_at_its_own_time(foreign: Path) -> None:
     for ahead in (False, True):
         fmus = {"reader": GAIN, "bad": slow(FAILING, parameters={"way": 1, "after": 1.0})}
         wired = between("interpolate" if ahead else "hold", "bad.y -> reader.u[1]")
-        said = refusal(foreign, fmus, run=SECONDS, connections=wired)
-        assert "FMU 'bad' (Failing.fmu): fmi2DoStep at 1 s ended with" in said
+        message = refusal(foreign, fmus, run=SECONDS, connections=wired)
+        assert "FMU 'bad' (Failing.fmu): fmi2DoStep at 1 s ended with" in message
         fmus["bad"]["parameters"]["way"] = 3
-        said = refusal(foreign, fmus, run=SECONDS, connections=wired)
-        assert said == "FMU 'bad' (Failing.fmu): y is nan at 1.5 s"
+        message = refusal(foreign, fmus, run=SECONDS, connections=wired)
+        assert message == "FMU 'bad' (Failing.fmu): y is nan at 1.5 s"
 
 
 @pytest.mark.acceptance
@@ -204,14 +206,14 @@ def test_one_that_can_interpolate_is_told_the_derivative(foreign: Path, tmp_path
     compile_foreign("linear", tmp_path, inside, 'CoSimulation canInterpolateInputs="true"')
     shutil.copy(foreign / "Clock.fmu", tmp_path)
     columns = {"columns": {"x": "it.x"}}
-    for compiled, here, step in product((True, False), (True, False), (BASE, SLOW)):
-        fmus, setting = {"it": {"fmu": "Linear.fmu"}, "clock": slow(CLOCK, step)}, {**SECONDS, "in_process": here}
+    for compiled, options, step in product((True, False), (True, False), (BASE, SLOW)):
+        fmus, setting = {"it": {"fmu": "Linear.fmu"}, "clock": slow(CLOCK, step)}, {**SECONDS, "in_process": options}
         for way, coupling, expected in (
             ("interpolate", None, 0.5 * T**2),
             ("interpolate", "delayed", 0.5 * np.maximum(T - BASE, 0.0) ** 2),
             ("hold", None, BASE * np.cumsum(T if step == BASE else HELD)),
         ):
-            given = {"connections": between(way, "clock.ended -> it.u"), "record": columns}
+            arguments = {"connections": between(way, "clock.ended -> it.u"), "record": columns}
             setting["coupling"] = coupling
-            table = run_of_guests(tmp_path, fmus, run=setting, compiled=compiled, **given).table
+            table = run_of_guests(tmp_path, fmus, run=setting, compiled=compiled, **arguments).table
             np.testing.assert_allclose(table["x"], expected, rtol=1e-14)

@@ -46,45 +46,47 @@ def published(name: str) -> pl.DataFrame:
 
 def largest_difference(table: pl.DataFrame, expected: pl.DataFrame, fmu: str) -> float:
     """Over all columns that both have, numbers, texts and truth values; rows must agree in number and time."""
-    found = 0.0
+    differences = 0.0
     np.testing.assert_allclose(table["time_s"], expected["time"], rtol=0.0, atol=1e-14)
     assert table.height == expected.height
     compared = 0
     for column in expected.columns:
         ours = f"{fmu}.{column}"
         several = [c for c in table.columns if c.startswith(f"{ours}[")]
-        named = [c for c in table.columns if c == ours or c.startswith(f"{ours}_m")]
+        instance = [c for c in table.columns if c == ours or c.startswith(f"{ours}_m")]
         if several:
             rows = np.array([[float(x) for x in text.split()] for text in expected[column]])
-            found = max(found, float(np.abs(table.select(several).to_numpy() - rows).max()))
-        elif named and expected.schema[column].is_numeric():
-            found = max(found, float(np.abs(table[named[0]].to_numpy() - expected[column].to_numpy()).max()))
-        elif named:
-            assert table[named[0]].to_list() == expected[column].to_list()
-        compared += bool(several or named)
+            differences = max(differences, float(np.abs(table.select(several).to_numpy() - rows).max()))
+        elif instance and expected.schema[column].is_numeric():
+            differences = max(
+                differences, float(np.abs(table[instance[0]].to_numpy() - expected[column].to_numpy()).max())
+            )
+        elif instance:
+            assert table[instance[0]].to_list() == expected[column].to_list()
+        compared += bool(several or instance)
     assert compared >= 1
-    return found
+    return differences
 
 
 @pytest.mark.parametrize("name", WITH_RESULTS)
 def test_alone_by_its_default_experiment(name: str, tmp_path: Path) -> None:
-    done = library.simulate(HERE / f"{name}.fmu", step=UNSTATED_STEPS.get(name), out=tmp_path)
-    difference = largest_difference(done.table, published(name), name.partition("/")[2])
+    simulation = library.simulate(HERE / f"{name}.fmu", step=UNSTATED_STEPS.get(name), out=tmp_path)
+    difference = largest_difference(simulation.table, published(name), name.partition("/")[2])
     print(f"{name}: largest difference {difference:.3g}")
     assert difference == 0.0
-    assert [path.name for path in done.files] == ["run.csv", "run.json"]
-    assert ("ended the run at 9 s" in done.ended) == name.endswith("Stair")
+    assert [path.name for path in simulation.files] == ["run.csv", "run.json"]
+    assert ("ended the run at 9 s" in simulation.ended) == name.endswith("Stair")
 
 
 def test_together_each_in_its_process_or_all_in_ours() -> None:
     fmus = {key: {"fmu": f"{name}.fmu"} for key, name in COUPLED.items()}
-    for here in (False, True):
-        found = run_of_guests(HERE, fmus, run={"stop_s": 3.0, "step_s": 0.01, "in_process": here})
+    for together in (False, True):
+        simulation = run_of_guests(HERE, fmus, run={"stop_s": 3.0, "step_s": 0.01, "in_process": together})
         for key, name in COUPLED.items():
             expected = published(name)[:301]
             for column in expected.columns[1:]:
-                ours = next(c for c in found.table.columns if c.startswith(f"{key}.{column}"))
-                assert np.array_equal(found.table[ours].to_numpy(), expected[column].to_numpy()), (name, column)
+                ours = next(c for c in simulation.table.columns if c.startswith(f"{key}.{column}"))
+                assert np.array_equal(simulation.table[ours].to_numpy(), expected[column].to_numpy()), (name, column)
 
 
 @pytest.mark.parametrize("in_process", [True, False])
@@ -92,10 +94,10 @@ def test_all_in_one_scenario_each_with_its_own_step(in_process: bool) -> None:
     """To when Stair asks for the end; what each has done until then it has done alone."""
     names = {name.replace("/", "_"): name for name in WITH_RESULTS}
     fmus = {key: {"fmu": f"{name}.fmu", "step_s": STEPS[name.partition("/")[2]]} for key, name in names.items()}
-    done = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01, "in_process": in_process})
-    assert "ended the run at 9 s" in done.ended
+    simulation = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01, "in_process": in_process})
+    assert "ended the run at 9 s" in simulation.ended
     for key, name in names.items():
-        rows = done.table[:: round(STEPS[name.partition("/")[2]] / 0.01)]
+        rows = simulation.table[:: round(STEPS[name.partition("/")[2]] / 0.01)]
         expected = published(name)
         height = min(rows.height, expected.height)
         difference = largest_difference(rows[:height], expected[:height], key)
@@ -107,14 +109,14 @@ def test_in_event_mode_they_are_the_same() -> None:
     """They return before the end of a step, their events are handled, and the step is made to its end."""
     names = ("BouncingBall", "Feedthrough", "Stair")
     fmus = {n: {"fmu": f"fmi3/{n}.fmu", "step_s": STEPS[n], "event_mode": True} for n in names}
-    done = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01})
-    assert "'Stair' (fmi3/Stair.fmu) ended the run at 9 s (fmi3DoStep asked for it)" in done.ended
+    simulation = run_of_guests(HERE, fmus, run={"stop_s": 10.0, "step_s": 0.01})
+    assert "'Stair' (fmi3/Stair.fmu) ended the run at 9 s (fmi3DoStep asked for it)" in simulation.ended
     for name in names:
-        rows, expected = done.table[:: round(STEPS[name] / 0.01)], published(f"fmi3/{name}")
+        rows, expected = simulation.table[:: round(STEPS[name] / 0.01)], published(f"fmi3/{name}")
         height = min(rows.height, expected.height)
         assert largest_difference(rows[:height], expected[:height], name) == 0.0
-    said = refusal(HERE, {"x": {"fmu": "fmi3/VanDerPol.fmu", "event_mode": True}})
-    assert said.startswith("fmus.x.event_mode: fmi3/VanDerPol.fmu does not say hasEventMode")
+    message = refusal(HERE, {"x": {"fmu": "fmi3/VanDerPol.fmu", "event_mode": True}})
+    assert message.startswith("fmus.x.event_mode: fmi3/VanDerPol.fmu does not say hasEventMode")
 
 
 def test_model_exchange_by_a_solver(tmp_path: Path) -> None:
@@ -129,9 +131,9 @@ def test_model_exchange_by_a_solver(tmp_path: Path) -> None:
     fmus = {f"{name}{fmi}": {"fmu": f"{name}{fmi}.fmu", "tolerance": 1e-8} for name in models for fmi in (2, 3)}
     for key, fmu in fmus.items():
         rewritten(HERE / f"fmi{key[-1]}" / f"{key[:-1]}.fmu", tmp_path / fmu["fmu"], exchange_only)
-    done = run_of_guests(tmp_path, fmus, run={"stop_s": 10.0, "step_s": 0.1})
-    assert "ended the run at 9 s" in done.ended
-    table, times = done.table, done.table["time_s"].to_numpy()
+    simulation = run_of_guests(tmp_path, fmus, run={"stop_s": 10.0, "step_s": 0.1})
+    assert "ended the run at 9 s" in simulation.ended
+    table, times = simulation.table, simulation.table["time_s"].to_numpy()
     assert times[-1] == pytest.approx(9.0)
 
     def field(_: float, x: np.ndarray) -> list[float]:
@@ -190,8 +192,8 @@ def test_binaries_go_in_along_and_out(in_process: bool) -> None:
         columns = {"columns": {"x": "b.Float64_continuous_output"}}
         assert set(run_of_guests(HERE, fmus, connections=connections, run=setting, record=columns).table["x"]) == {2.5}
     fmus["a"]["parameters"]["Binary_input"] = "0x1"
-    said = refusal(HERE, fmus, run=setting)
-    assert said == "fmus.a.parameters: Binary_input = '0x1' must be hexadecimal digits, two for each byte"
+    message = refusal(HERE, fmus, run=setting)
+    assert message == "fmus.a.parameters: Binary_input = '0x1' must be hexadecimal digits, two for each byte"
 
 
 @pytest.fixture(scope="module")
@@ -242,18 +244,18 @@ def test_structural_parameters_say_how_long_arrays_are(state_space: Path) -> Non
         for _ in range(inside):
             x = x + (a @ x + b * 3.0) / inside
         expected.append(float(c @ x))
-    for here in (False, True):
+    for together in (False, True):
         space = {"s": {"fmu": "StateSpace.fmu", "parameters": parameters}}
-        table = run_of_guests(state_space, space, run={**setting, "in_process": here}).table
+        table = run_of_guests(state_space, space, run={**setting, "in_process": together}).table
         assert table.columns == ["time_s", "s.y[1]"]
         assert table["s.y[1]"].to_list() == pytest.approx(expected, rel=1e-14)
-    said = refusal(state_space, {"s": {"fmu": "StateSpace.fmu", "parameters": {"n": 9}}}, run=setting)
-    assert "Variable n must not be greater than 5. [setting n = 9]" in said
+    message = refusal(state_space, {"s": {"fmu": "StateSpace.fmu", "parameters": {"n": 9}}}, run=setting)
+    assert "Variable n must not be greater than 5. [setting n = 9]" in message
 
 
 def test_what_cannot_be_run_is_refused_for_the_right_reason() -> None:
-    said = refusal(HERE, {"x": {"fmu": "fmi3/Clocks.fmu"}})
-    assert said == "fmi3/Clocks.fmu: is for scheduled execution only; export it for co-simulation"
+    message = refusal(HERE, {"x": {"fmu": "fmi3/Clocks.fmu"}})
+    assert message == "fmi3/Clocks.fmu: is for scheduled execution only; export it for co-simulation"
 
 
 def test_roberts_reaction_keeps_its_mass() -> None:

@@ -43,11 +43,11 @@ def test_time_is_counted_and_not_accumulated(foreign: Path) -> None:
 @pytest.mark.parametrize("order", [("clock", "sum"), ("sum", "clock")])
 def test_an_output_reaches_its_consumer_in_the_same_step(foreign: Path, order: tuple[str, str]) -> None:
     fmus = {name: {"clock": CLOCK, "sum": ACCUMULATOR}[name] for name in order}
-    found = run(foreign, fmus, connections=wires("clock.ended -> sum.increment"))
-    ended = found.table["clock.ended"].to_numpy()
+    simulation = run(foreign, fmus, connections=wires("clock.ended -> sum.increment"))
+    ended = simulation.table["clock.ended"].to_numpy()
     # What the clock says after step k is in the sum after step k: nothing is a step late.
-    assert found.table["sum.total"].to_list() == list(np.cumsum(ended))
-    assert found.provenance["order"] == ["clock", "sum"]
+    assert simulation.table["sum.total"].to_list() == list(np.cumsum(ended))
+    assert simulation.provenance["order"] == ["clock", "sum"]
 
 
 def test_initial_outputs_are_passed_on_in_initialisation_and_before_the_first_step(foreign: Path) -> None:
@@ -85,9 +85,9 @@ def test_a_script_of_the_same_name_is_never_mistaken_for_another(
 
 
 def test_only_every_nth_step_is_recorded(foreign: Path) -> None:
-    whole = run(foreign, {"clock": CLOCK}).table
+    complete = run(foreign, {"clock": CLOCK}).table
     thinned = run(foreign, {"clock": CLOCK}, record={"every": 3}).table
-    assert thinned.equals(whole.gather_every(3))
+    assert thinned.equals(complete.gather_every(3))
 
 
 def test_columns_are_converted_to_the_unit_in_their_name(foreign: Path, tmp_path: Path) -> None:
@@ -134,20 +134,20 @@ def test_the_same_scenario_gives_the_same_bytes(foreign: Path, tmp_path: Path, f
     (foreign / "u.csv").write_text("time_s,u\n0,1\n1,2\n", encoding="utf-8")
     runs = [simulate(read_scenario(path), tmp_path / name) for name in ("a", "b")]
     assert [p.name for p in runs[0].files] == [f"run.{form}", "run.json"]
-    for one, other in zip(runs[0].files, runs[1].files, strict=True):
-        assert one.read_bytes() == other.read_bytes()
-    read = pl.read_csv(runs[0].files[0]) if form == "csv" else pl.read_parquet(runs[0].files[0])
-    assert read["gain.y[1]"].to_list() == runs[0].table["gain.y[1]"].to_list()
-    said = json.loads(runs[0].files[1].read_text(encoding="utf-8"))
-    assert said["schema"] == "trihedron.run/1"
-    assert (said["steps"], said["final_time_s"]) == (200, 2.0)
-    assert said["scenario"]["run"] == {"start_s": 0.0, "stop_s": 2.0, "step_s": 0.01}
-    assert said["scenario"]["record"] == {"every": 1, "format": form}
-    assert said["scenario"]["stimuli"] == [{"csv": "u.csv", "stamp": "start", "columns": {"gain.u[2]": "u"}}]
+    for first, second in zip(runs[0].files, runs[1].files, strict=True):
+        assert first.read_bytes() == second.read_bytes()
+    rows = pl.read_csv(runs[0].files[0]) if form == "csv" else pl.read_parquet(runs[0].files[0])
+    assert rows["gain.y[1]"].to_list() == runs[0].table["gain.y[1]"].to_list()
+    provenance = json.loads(runs[0].files[1].read_text(encoding="utf-8"))
+    assert provenance["schema"] == "trihedron.run/1"
+    assert (provenance["steps"], provenance["final_time_s"]) == (200, 2.0)
+    assert provenance["scenario"]["run"] == {"start_s": 0.0, "stop_s": 2.0, "step_s": 0.01}
+    assert provenance["scenario"]["record"] == {"every": 1, "format": form}
+    assert provenance["scenario"]["stimuli"] == [{"csv": "u.csv", "stamp": "start", "columns": {"gain.u[2]": "u"}}]
     digest = hashlib.sha256((foreign / "Gain.fmu").read_bytes()).hexdigest()
-    assert said["fmus"]["gain"] == {"source": "Gain.fmu", "model": "Gain", "sha256": digest}
-    assert said["files"] == {"u.csv": hashlib.sha256((foreign / "u.csv").read_bytes()).hexdigest()}
-    assert set(said["versions"]) == {"trihedron", "fmpy", "pythonfmu", "polars", "python"}
+    assert provenance["fmus"]["gain"] == {"source": "Gain.fmu", "model": "Gain", "sha256": digest}
+    assert provenance["files"] == {"u.csv": hashlib.sha256((foreign / "u.csv").read_bytes()).hexdigest()}
+    assert set(provenance["versions"]) == {"trihedron", "fmpy", "pythonfmu", "polars", "python"}
     assert str(foreign) not in runs[0].files[1].read_text(encoding="utf-8")
     assert {p.name for p in tmp_path.iterdir()} == {"a", "b"}
 
@@ -167,10 +167,10 @@ def test_the_same_scenario_gives_the_same_bytes(foreign: Path, tmp_path: Path, f
 )
 def test_an_fmu_that_fails(foreign: Path, way: str, says: str) -> None:
     parameters = {"way": WAYS[way], "after": 0.25}
-    said = refusal(foreign, {"clock": CLOCK, "pump": {**FAILING, "parameters": parameters}})
-    assert said.startswith("FMU 'pump' (Failing.fmu): ")
+    message = refusal(foreign, {"clock": CLOCK, "pump": {**FAILING, "parameters": parameters}})
+    assert message.startswith("FMU 'pump' (Failing.fmu): ")
     pattern = says if ".*" in says else re.escape(says)
-    assert re.search(pattern, said), said
+    assert re.search(pattern, message), message
 
 
 @pytest.mark.parametrize(
@@ -205,29 +205,29 @@ def table_run(form: str) -> Scenario:
 
 @pytest.mark.parametrize("form", ["parquet", "csv"])
 def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = simulate(table_run(form), tmp_path / "whole")
+    complete = simulate(table_run(form), tmp_path / "whole")
     monkeypatch.setattr("trihedron.tools.orchestrator.run.WHOLE_BYTES", 0)
     contents = []
     for size in (200_000, 37_777):
         monkeypatch.setattr(recorded, "BLOCK_BYTES", size)
         parts = simulate(table_run(form), tmp_path / "parts")
         assert parts.held is None
-        assert parts.columns == whole.columns
-        assert parts.height == whole.height == 6001
-        assert parts.table.equals(whole.table) if form == "parquet" else parts.table.shape == whole.table.shape
+        assert parts.columns == complete.columns
+        assert parts.height == complete.height == 6001
+        assert parts.table.equals(complete.table) if form == "parquet" else parts.table.shape == complete.table.shape
         assert {p.name for p in (tmp_path / "parts").iterdir()} == {f"run.{form}", "run.json"}
         contents.append([p.read_bytes() for p in parts.files])
     assert contents[0] == contents[1]
-    assert contents[0][1] == whole.files[1].read_bytes()
+    assert contents[0][1] == complete.files[1].read_bytes()
     if form == "csv":
-        assert contents[0][0] == whole.files[0].read_bytes()
+        assert contents[0][0] == complete.files[0].read_bytes()
 
 
 def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = simulate(table_run("parquet"), tmp_path / "whole")
+    complete = simulate(table_run("parquet"), tmp_path / "whole")
     monkeypatch.setattr(recorded, "BLOCK_BYTES", 100_000)
     parts = simulate(table_run("parquet"), tmp_path / "parts")
-    assert parts.files[0].read_bytes() == whole.files[0].read_bytes()
+    assert parts.files[0].read_bytes() == complete.files[0].read_bytes()
 
 
 @pytest.mark.parametrize("block", [80, 1 << 20])
@@ -243,15 +243,15 @@ def test_a_run_that_fails_late_keeps_its_rows(
             (out / "run.csv").write_text("of another run")
         with pytest.raises(InputError) as refused:
             simulate(failing, out)
-        failure, _, kept = str(refused.value).partition("; ")
+        failure, _, place = str(refused.value).partition("; ")
         assert failure == "FMU 'f' (Failing.fmu): y is nan at 5.1 s"
-        assert kept == f"{out / 'run.parquet'} has the run up to 5 s"
+        assert place == f"{out / 'run.parquet'} has the run up to 5 s"
         assert sorted(p.name for p in out.iterdir()) == ["run.json", "run.parquet"]
         table = pl.read_parquet(out / "run.parquet")
         # Until it fails it puts out 0, then the time at which a step begins.
         assert table["time_s"].to_list() == pytest.approx([0.1 * k for k in range(51)])
-        said = json.loads((out / "run.json").read_text())
-        assert (said["complete"], said["steps"], said["failure"]) == (False, 50, failure)
+        provenance = json.loads((out / "run.json").read_text())
+        assert (provenance["complete"], provenance["steps"], provenance["failure"]) == (False, 50, failure)
 
 
 KILLED = """
@@ -278,19 +278,19 @@ def test_what_was_recorded_survives(way: str, tmp_path: Path) -> None:
         assert time.monotonic() - waited < 300.0
         time.sleep(0.01)
     process.send_signal(getattr(signal, way))
-    said = process.communicate()[1].decode()
+    message = process.communicate()[1].decode()
     assert process.returncode != 0
     if way == "SIGKILL":
         folder = out / INCOMPLETE
         table = pl.read_parquet(folder / "*.parquet")
         assert list(out.iterdir()) == [folder]
     else:
-        assert "has the run up to" in said
+        assert "has the run up to" in message
         folder = out
         table = pl.read_parquet(out / "run.parquet")
         assert sorted(p.name for p in out.iterdir()) == ["run.json", "run.parquet"]
-    kept = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    assert kept["complete"] is False
+    provenance = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    assert provenance["complete"] is False
     assert table.height > 4000
     assert (table["time_s"].to_numpy() == 0.01 * np.arange(table.height)).all()
     reference = simulate(table_run("parquet")).table
@@ -328,11 +328,11 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
     assert not any((tmp_path / "temporary").iterdir())
     # What there is so far is whole, and says that it is not all.
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["run.csv", "run.json"]
-    said = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
-    assert said["complete"] is False
-    assert 6 <= said["steps"] < 10
-    found = pl.read_csv(tmp_path / "out" / "run.csv")
-    assert found["time_s"].to_list() == [0.1 * k for k in range(said["steps"] + 1)]
+    provenance = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
+    assert provenance["complete"] is False
+    assert 6 <= provenance["steps"] < 10
+    rows = pl.read_csv(tmp_path / "out" / "run.csv")
+    assert rows["time_s"].to_list() == [0.1 * k for k in range(provenance["steps"] + 1)]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
@@ -362,12 +362,12 @@ def test_the_second_ctrl_c_acts_at_once():
 
 
 def test_a_hosts_own_handler_stays_in_force():
-    heard = []
-    before = signal.signal(signal.SIGINT, lambda *_: heard.append("host"))
+    signals = []
+    before = signal.signal(signal.SIGINT, lambda *_: signals.append("host"))
     try:
         with loops.held_interrupt() as pressed:
             os.kill(os.getpid(), signal.SIGINT)
-        assert heard == ["host"]
+        assert signals == ["host"]
         assert not pressed()
     finally:
         signal.signal(signal.SIGINT, before)

@@ -72,9 +72,9 @@ def test_a_scenario_is_read_as_it_is_written(tmp_path: Path) -> None:
 def test_a_scenario_as_run_can_be_read_again(tmp_path: Path) -> None:
     """What run.json keeps of a scenario is a scenario, with its defaults filled in."""
     first = read_scenario(written(tmp_path, GOOD.replace('stamp = "end"\n', "")))
-    kept = first.as_written()
-    assert kept["stimuli"][1]["stamp"] == "start"
-    again = Scenario.model_validate({**kept, "base_folder": tmp_path, "source": first.source})
+    described = first.as_written()
+    assert described["stimuli"][1]["stamp"] == "start"
+    again = Scenario.model_validate({**described, "base_folder": tmp_path, "source": first.source})
     assert again == first
 
 
@@ -138,30 +138,30 @@ def test_what_is_no_text_file_is_refused(tmp_path: Path) -> None:
 
 @given(st.data())
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_no_file_gives_anything_but_a_scenario_or_one_line(tmp_path: Path, data: st.DataObject) -> None:
+def test_no_file_gives_anything_but_a_scenario_or_one_line(tmp_path: Path, draws: st.DataObject) -> None:
     content = bytearray(GOOD.encode())
-    for _ in range(data.draw(st.integers(1, 6))):
-        at = data.draw(st.integers(0, len(content) - 1))
-        content[at : at + data.draw(st.integers(0, 12))] = data.draw(st.binary(max_size=6))
+    for _ in range(draws.draw(st.integers(1, 6))):
+        at = draws.draw(st.integers(0, len(content) - 1))
+        content[at : at + draws.draw(st.integers(0, 12))] = draws.draw(st.binary(max_size=6))
     path = tmp_path / "s.toml"
     path.write_bytes(bytes(content))
-    said = ""
+    message = ""
     try:
         assert isinstance(read_scenario(path), Scenario)
     except InputError as error:
-        said = str(error)
-    assert "\n" not in said
+        message = str(error)
+    assert "\n" not in message
 
 
 def test_a_table_in_memory_stands_for_a_file_and_is_known_by_the_hash_of_its_text() -> None:
     base = {"run": {"step_s": 1e-3, "stop_s": 1.0}, "fmus": {"t": {"component": "TurntableMotion"}}}
     rows = {"alpha_deg": [0, 45.0], "beta_deg": [90.0, 0]}
-    made = Scenario.model_validate({**base, "stimuli": [{"to": "t.command", "table": rows, "dwell_s": 5.0}]})
-    assert made.stimuli[0].kind == "programme"
-    kept = made.as_written()["stimuli"][0]["table"]
-    assert (kept["columns"], kept["rows"]) == (["alpha_deg", "beta_deg"], 2)
+    built = Scenario.model_validate({**base, "stimuli": [{"to": "t.command", "table": rows, "dwell_s": 5.0}]})
+    assert built.stimuli[0].kind == "programme"
+    described = built.as_written()["stimuli"][0]["table"]
+    assert (described["columns"], described["rows"]) == (["alpha_deg", "beta_deg"], 2)
     rates = np.random.default_rng(0).normal(size=120_001)
     long = pl.DataFrame({"time_s": np.arange(120_001) * 1e-3, "rate_radps": rates})
     stimulus = {"table": long, "columns": {"t.command[1]": "rate_radps"}}
-    kept = Scenario.model_validate({**base, "stimuli": [stimulus]}).as_written()["stimuli"][0]["table"]
-    assert kept["sha256_of_csv"] == hashlib.sha256(long.write_csv().encode()).hexdigest()
+    described = Scenario.model_validate({**base, "stimuli": [stimulus]}).as_written()["stimuli"][0]["table"]
+    assert described["sha256_of_csv"] == hashlib.sha256(long.write_csv().encode()).hexdigest()

@@ -33,8 +33,8 @@ def test_static_calibration_gives_its_reference_results(static_run):
     result = calibrate(record, noise_bound=1e-5)
     reference = REFERENCE["static-calibration"]
     assert len(record.position) == reference["positions"]
-    shown = record.specific_force[[0, 11, 23]].ravel().tolist()
-    assert shown == pytest.approx(reference["readings_mps2"], abs=ROUNDING)
+    outputs = record.specific_force[[0, 11, 23]].ravel().tolist()
+    assert outputs == pytest.approx(reference["readings_mps2"], abs=ROUNDING)
     assert result.radius == pytest.approx(reference["radius"], abs=1e-6)
     for estimate, expected in zip(result.parameters, reference["parameters"], strict=True):
         assert estimate.symbol == expected["symbol"]
@@ -106,8 +106,8 @@ def test_the_hour_of_the_whole_imu_gives_its_reference_results(tmp_path):
     reference = REFERENCE["imu-calibration"]
     assert run.table.height == reference["rows"]
     for row, expected in zip(reference["at"], reference["readings"], strict=True):
-        shown = [run.table[name][row] for name in reference["columns"]]
-        assert shown == pytest.approx(expected, abs=ROUNDING)
+        outputs = [run.table[name][row] for name in reference["columns"]]
+        assert outputs == pytest.approx(expected, abs=ROUNDING)
     bench = Bench(math.degrees(0.973), math.degrees(0.35), encoder_bound=2.424e-6)
     result = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
     assert result.gyros is not None

@@ -38,8 +38,8 @@ def test_a_driven_plant_with_events_of_state_and_of_time(plants: Path) -> None:
     fmus = {"gain": {**GAIN, "parameters": {"gain": 1.0}}, "plant": PLANT, "sum": ACCUMULATOR}
     rows = {"table": {"time_s": [0.0, 1.0], "u": [1.0, 0.0]}, "columns": {"gain.u[1]": "u"}}
     wired = wires("gain.y[1] -> plant.u", "plant.x -> sum.increment")
-    for here in (False, True):
-        setting = {"stop_s": 2.0, "step_s": 0.1, "in_process": here}
+    for folder in (False, True):
+        setting = {"stop_s": 2.0, "step_s": 0.1, "in_process": folder}
         table = run_of_guests(plants, fmus, run=setting, connections=wired, stimuli=[rows]).table
         times = table["time_s"].to_numpy()
         top = 1.0 - math.exp(-1.0)
@@ -70,13 +70,13 @@ def test_the_tolerance_decides_the_error(plants: Path) -> None:
     ],
 )
 def test_its_failures_are_named(plants: Path, way: int, says: str) -> None:
-    said = refusal(plants, {"plant": {**PLANT, "parameters": {"way": way, "u": 1.0}}, "clock": CLOCK})
-    assert re.search(says, said), said
+    message = refusal(plants, {"plant": {**PLANT, "parameters": {"way": way, "u": 1.0}}, "clock": CLOCK})
+    assert re.search(says, message), message
 
 
 def test_what_does_not_go_with_it_is_refused(plants: Path) -> None:
-    said = refusal(plants, {"clock": {**CLOCK, "tolerance": 1e-3}})
-    assert said == "fmus.clock.tolerance: is for FMUs of model exchange; Clock.fmu makes its steps itself"
+    message = refusal(plants, {"clock": {**CLOCK, "tolerance": 1e-3}})
+    assert message == "fmus.clock.tolerance: is for FMUs of model exchange; Clock.fmu makes its steps itself"
     fmus, around = {"plant": PLANT, "gain": GAIN}, wires("plant.x -> gain.u[1]", "gain.y[1] -> plant.u")
-    said = refusal(plants, fmus, connections=around, run={"stop_s": 1.0, "step_s": 0.1, "coupling": "iterate"})
-    assert "'plant' (Exchanged.fmu) cannot get and set its state" in said
+    message = refusal(plants, fmus, connections=around, run={"stop_s": 1.0, "step_s": 0.1, "coupling": "iterate"})
+    assert "'plant' (Exchanged.fmu) cannot get and set its state" in message

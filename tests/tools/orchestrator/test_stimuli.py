@@ -28,8 +28,8 @@ def rows(text: str, folder: Path) -> str:
 def test_a_row_holds_from_its_time_on(foreign: Path) -> None:
     csv = rows("# made by hand\ntime_s,u,v\n-1,7,1\n0.2,8,1\n\n0.5,9,2\n5,10,2\n", foreign)
     stimulus = {"csv": csv, "columns": {"g.u[2]": "u", "g.count": "v"}}
-    other = {"table": {"time_s": [0.0, 0.7], "u": [1.0, 2.0]}, "columns": {"g.u[1]": "u"}}
-    table = run(foreign, GAINS, [stimulus, other]).table
+    later = {"table": {"time_s": [0.0, 0.7], "u": [1.0, 2.0]}, "columns": {"g.u[1]": "u"}}
+    table = run(foreign, GAINS, [stimulus, later]).table
     assert table["g.y[1]"].to_list() == [1.0] * 8 + [2.0] * 3
     # The output at t_k still shows the input that held over the step before.
     assert table["g.y[2]"].to_list() == [7.0] * 3 + [8.0] * 3 + [9.0] * 5
@@ -60,8 +60,8 @@ def test_digits_that_a_file_leaves_off_do_not_shift_a_row(foreign: Path) -> None
 def test_a_column_is_converted_to_the_unit_of_its_variable(foreign: Path) -> None:
     table = {"time_s": [0.0], "d_deg": [90.0]}
     stimulus = {"table": table, "columns": {"s.increment": "d_deg"}}
-    found = run(foreign, ADDER, [stimulus]).table["s.total"]
-    assert found[1] == pytest.approx(math.pi / 2, rel=1e-15)
+    simulation = run(foreign, ADDER, [stimulus]).table["s.total"]
+    assert simulation[1] == pytest.approx(math.pi / 2, rel=1e-15)
 
 
 REFUSED = [
@@ -87,11 +87,11 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("text", "more", "says"), REFUSED)
-def test_rows_that_cannot_drive_an_input(foreign: Path, text: str, more: dict, says: str) -> None:
+@pytest.mark.parametrize(("text", "options", "says"), REFUSED)
+def test_rows_that_cannot_drive_an_input(foreign: Path, text: str, options: dict, says: str) -> None:
     csv = rows(text, foreign)
     with pytest.raises(InputError, match=says) as refused:
-        run(foreign, GAINS, [{"csv": csv, "columns": {"g.u[1]": "u"}, **more}])
+        run(foreign, GAINS, [{"csv": csv, "columns": {"g.u[1]": "u"}, **options}])
     assert str(refused.value).startswith("stimuli[1]: ")
 
 
@@ -135,7 +135,7 @@ def test_a_programme_gives_each_position_its_move_and_its_dwell(foreign: Path) -
     rate, acceleration, dwell, step = [0.5, 0.3], [0.2, 0.4], 4.0, 0.05
     parameters = {"max_rate": rate, "max_acceleration": acceleration, "initial_angle": [0.1, -0.2]}
     fmus = {"table": {"component": "TurntableMotion", "parameters": parameters}}
-    found = run(foreign, fmus, [{"to": "table.command", "table": POSITIONS, "dwell_s": dwell}], stop=None, step=step)
+    commands = run(foreign, fmus, [{"to": "table.command", "table": POSITIONS, "dwell_s": dwell}], stop=None, step=step)
     before, tick, ends = [0.1, -0.2], 0, []
     for target in zip(*POSITIONS.values(), strict=True):
         moves = []
@@ -146,13 +146,13 @@ def test_a_programme_gives_each_position_its_move_and_its_dwell(foreign: Path) -
         tick += math.ceil((max(moves) + dwell) / step - 1e-9)
         ends.append(tick)
         before = [math.radians(angle) for angle in target]
-    assert found.provenance["steps"] == ends[-1]
-    alpha = found.table["table.angle[1]_rad"].to_numpy()
-    beta = found.table["table.angle[2]_rad"].to_numpy()
+    assert commands.provenance["steps"] == ends[-1]
+    alpha = commands.table["table.angle[1]_rad"].to_numpy()
+    beta = commands.table["table.angle[2]_rad"].to_numpy()
     for row, end in enumerate(ends):
-        held = slice(end - round(dwell / step) + 1, end + 1)
-        assert set(np.degrees(alpha[held]).round(12)) == {POSITIONS["alpha_deg"][row]}
-        assert set(np.degrees(beta[held]).round(12)) == {POSITIONS["beta_deg"][row]}
+        constant = slice(end - round(dwell / step) + 1, end + 1)
+        assert set(np.degrees(alpha[constant]).round(12)) == {POSITIONS["alpha_deg"][row]}
+        assert set(np.degrees(beta[constant]).round(12)) == {POSITIONS["beta_deg"][row]}
         if row in (0, 2):
             # The next move begins with the next step.
             assert alpha[end + 1] != alpha[end]
@@ -161,20 +161,20 @@ def test_a_programme_gives_each_position_its_move_and_its_dwell(foreign: Path) -
 def test_each_row_may_have_its_own_dwell(foreign: Path) -> None:
     dwell = [1.0, 2.0, 30.0, 4.0]
     base = run(foreign, TABLE, [{"to": "table.command", "table": POSITIONS, "dwell_s": 1.0}], stop=None)
-    own = run(foreign, TABLE, [{"to": "table.command", "table": {**POSITIONS, "dwell_s": dwell}}], stop=None)
-    assert own.provenance["steps"] - base.provenance["steps"] == round((sum(dwell) - 4.0) / 0.1)
+    dwells = run(foreign, TABLE, [{"to": "table.command", "table": {**POSITIONS, "dwell_s": dwell}}], stop=None)
+    assert dwells.provenance["steps"] - base.provenance["steps"] == round((sum(dwell) - 4.0) / 0.1)
 
 
 def test_a_programme_from_a_file_is_that_from_memory(foreign: Path) -> None:
     pl.DataFrame(POSITIONS).write_csv(foreign / "positions.csv")
-    one = run(foreign, TABLE, [{"to": "table.command", "programme": "positions.csv", "dwell_s": 3.0}], stop=None)
-    other = run(foreign, TABLE, [{"to": "table.command", "table": POSITIONS, "dwell_s": 3.0}], stop=None)
-    assert one.table.equals(other.table)
-    assert list(one.provenance["files"]) == ["positions.csv"]
+    from_file = run(foreign, TABLE, [{"to": "table.command", "programme": "positions.csv", "dwell_s": 3.0}], stop=None)
+    from_memory = run(foreign, TABLE, [{"to": "table.command", "table": POSITIONS, "dwell_s": 3.0}], stop=None)
+    assert from_file.table.equals(from_memory.table)
+    assert list(from_file.provenance["files"]) == ["positions.csv"]
 
 
 @pytest.mark.parametrize(
-    ("table", "more", "says"),
+    ("table", "options", "says"),
     [
         (POSITIONS, {}, "has no column dwell_s, so the stimulus must give dwell_s"),
         ({"alpha_deg": [1.0]}, {"dwell_s": 1.0}, "column 'beta_deg' is missing"),
@@ -184,9 +184,9 @@ def test_a_programme_from_a_file_is_that_from_memory(foreign: Path) -> None:
         ({"alpha_deg": [5.0, 5.0], "beta_deg": [5.0, 5.0]}, {"dwell_s": 1e-12}, "of a step; take a shorter step_s"),
     ],
 )
-def test_a_wrong_programme(foreign: Path, table: dict, more: dict, says: str) -> None:
+def test_a_wrong_programme(foreign: Path, table: dict, options: dict, says: str) -> None:
     with pytest.raises(InputError) as refused:
-        run(foreign, TABLE, [{"to": "table.command", "table": table, **more}], stop=None)
+        run(foreign, TABLE, [{"to": "table.command", "table": table, **options}], stop=None)
     assert says in str(refused.value)
 
 
@@ -204,9 +204,9 @@ def test_a_wrong_programme(foreign: Path, table: dict, more: dict, says: str) ->
     ],
 )
 def test_steps_that_cannot_be_counted(foreign: Path, run_: dict, says: str) -> None:
-    said = refusal(foreign, GAINS, run=run_)
-    assert said.startswith("run.st")
-    assert says in said
+    message = refusal(foreign, GAINS, run=run_)
+    assert message.startswith("run.st")
+    assert says in message
 
 
 def test_an_effect_reaches_the_fmu(tmp_path: Path) -> None:
@@ -236,7 +236,7 @@ def of_accelerometer_1(effect: str, **values: object) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("block", "input_", "told"),
+    ("block", "input_", "feeding"),
     [
         (of_accelerometer_1("lever-arm", r_1=0.05, r_2=0.0, r_3=0.0), "rate", " (from a table: its block_rate)"),
         (of_accelerometer_1("accelerometer-lag", time=1e-3), "rate", " (from a table: its block_rate)"),
@@ -245,11 +245,11 @@ def of_accelerometer_1(effect: str, **values: object) -> dict:
     ],
     ids=lambda value: value["effects"][0]["effect"] if isinstance(value, dict) else "",
 )
-def test_an_effect_of_which_nothing_feeds_the_input_is_refused(tmp_path: Path, block, input_, told) -> None:
+def test_an_effect_of_which_nothing_feeds_the_input_is_refused(tmp_path: Path, block, input_, feeding) -> None:
     """It would do nothing, without a word."""
     fmus = {"table": SKEWED, "block": block}
-    said = refusal(tmp_path, fmus, connections=wires("table.specific_force -> block.specific_force"))
-    assert f"'block.{input_}', and nothing feeds it; connect it{told}, " in said
+    message = refusal(tmp_path, fmus, connections=wires("table.specific_force -> block.specific_force"))
+    assert f"'block.{input_}', and nothing feeds it; connect it{feeding}, " in message
 
 
 def test_a_size_effect_acts_while_the_table_turns(tmp_path: Path) -> None:

@@ -35,17 +35,17 @@ EARTH_RATE = 7.292115e-5
     ],
 )
 def test_a_wrong_connection(foreign: Path, connection: str, says: str) -> None:
-    said = refusal(foreign, PAIR, connections=wires(connection))
-    assert said.startswith("connections[1]: ")
-    assert says in said
+    message = refusal(foreign, PAIR, connections=wires(connection))
+    assert message.startswith("connections[1]: ")
+    assert says in message
 
 
 def test_an_input_has_one_source(foreign: Path) -> None:
-    both = wires("clock.ended -> gain.u[1]", "clock.began -> gain.u[1]")
-    said = refusal(foreign, PAIR, connections=both)
-    assert said == "'gain.u[1]' has two sources, 'clock.ended' and 'clock.began'; one is possible"
-    said = refusal(foreign, PAIR, connections=both[:1], stimuli=[{"to": "gain.u", "constant": [1.0, 2.0]}])
-    assert said == "'gain.u[1]' has two sources, 'clock.ended' and stimuli[1]; one is possible"
+    pair = wires("clock.ended -> gain.u[1]", "clock.began -> gain.u[1]")
+    message = refusal(foreign, PAIR, connections=pair)
+    assert message == "'gain.u[1]' has two sources, 'clock.ended' and 'clock.began'; one is possible"
+    message = refusal(foreign, PAIR, connections=pair[:1], stimuli=[{"to": "gain.u", "constant": [1.0, 2.0]}])
+    assert message == "'gain.u[1]' has two sources, 'clock.ended' and stimuli[1]; one is possible"
 
 
 def passed_on(folder: Path, tmp_path: Path, units: tuple[str, str], definitions: str = "", compiled: bool = True):
@@ -78,8 +78,8 @@ def passed_on(folder: Path, tmp_path: Path, units: tuple[str, str], definitions:
     ],
 )
 def test_units_of_one_dimension_are_converted(foreign, tmp_path, output, input_, factor, compiled) -> None:
-    found = passed_on(foreign, tmp_path, (output, input_), compiled=compiled)
-    assert found[1:] == pytest.approx([factor * 0.25 * k for k in range(1, 5)], rel=1e-15)
+    passed = passed_on(foreign, tmp_path, (output, input_), compiled=compiled)
+    assert passed[1:] == pytest.approx([factor * 0.25 * k for k in range(1, 5)], rel=1e-15)
 
 
 @pytest.mark.parametrize(("output", "input_"), [("rad", "1"), ("rad", "m/s2"), ("s", "furlong"), ("deg", "deg/s")])
@@ -114,11 +114,11 @@ def order_of(names: list[str], edges: list[tuple[int, int]]) -> list[str]:
 
 
 @given(st.integers(1, 7), st.data())
-def test_fmus_step_after_those_that_feed_them_and_else_as_in_the_file(count: int, data: st.DataObject) -> None:
+def test_fmus_step_after_those_that_feed_them_and_else_as_in_the_file(count: int, draws: st.DataObject) -> None:
     names = [f"f{i}" for i in range(count)]
-    rank = data.draw(st.permutations(range(count)))
+    rank = draws.draw(st.permutations(range(count)))
     pairs = [(a, b) for a in range(count) for b in range(count) if rank[a] < rank[b]]
-    edges = data.draw(st.lists(st.sampled_from(pairs), max_size=10)) if pairs else []
+    edges = draws.draw(st.lists(st.sampled_from(pairs), max_size=10)) if pairs else []
     order = order_of(names, edges)
     assert sorted(order) == names
     place = {name: i for i, name in enumerate(order)}
@@ -136,18 +136,18 @@ def test_a_cycle_is_named_whole(members: list[int]) -> None:
     around = list(pairwise([*members, members[0]]))
     with pytest.raises(InputError, match='coupling = "jacobi", "iterate" or "delayed"') as refused:
         order_of([f"f{i}" for i in range(6)], around)
-    said = str(refused.value).split(": ")[1].split(";")[0].split(" -> ")
-    assert said[0] == said[-1] == f"f{min(members)}"
-    assert set(pairwise(said)) == {(f"f{a}", f"f{b}") for a, b in around}
+    named_cycle = str(refused.value).split(": ")[1].split(";")[0].split(" -> ")
+    assert named_cycle[0] == named_cycle[-1] == f"f{min(members)}"
+    assert set(pairwise(named_cycle)) == {(f"f{a}", f"f{b}") for a, b in around}
 
 
 def servo(steps: int = 100, gain: float = 2.0, compiled: bool = True, **settings: object) -> np.ndarray:
     """Error of the attitude about the inner axis [rad] after each step, with the one-sample algorithm."""
-    data = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
-    data["run"] = {"stop_s": 0.1 * steps, "step_s": 0.1, **settings}
-    data["fmus"]["computer"]["parameters"]["algorithm"] = 5
-    data["fmus"]["controller"]["parameters"]["gain"] = gain
-    return 2.0 * simulate(Scenario.model_validate(data), compiled=compiled).table["q3"].to_numpy()
+    document = read_scenario(SCENARIOS / "table-stabilised.toml").as_written()
+    document["run"] = {"stop_s": 0.1 * steps, "step_s": 0.1, **settings}
+    document["fmus"]["computer"]["parameters"]["algorithm"] = 5
+    document["fmus"]["controller"]["parameters"]["gain"] = gain
+    return 2.0 * simulate(Scenario.model_validate(document), compiled=compiled).table["q3"].to_numpy()
 
 
 def drift() -> float:
@@ -163,9 +163,9 @@ def test_an_iterated_loop_is_the_implicit_solution(compiled: bool) -> None:
     for _ in range(100):
         error = (error + drift()) / (1.0 + share)
         expected.append(error)
-    found = servo(coupling="iterate", compiled=compiled)
-    np.testing.assert_allclose(found, expected, rtol=2e-4, atol=1e-11)
-    assert found[-1] == pytest.approx(drift() / share, rel=1e-3)
+    errors = servo(coupling="iterate", compiled=compiled)
+    np.testing.assert_allclose(errors, expected, rtol=2e-4, atol=1e-11)
+    assert errors[-1] == pytest.approx(drift() / share, rel=1e-3)
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -177,8 +177,8 @@ def test_a_loop_taken_a_step_late_is_a_delayed_recursion(compiled: bool) -> None
         expected.append(expected[-1] + motion[k])
         commands.append(commands[-1] - share * expected[k])
         motion.append(drift() + commands[k] - commands[k - 1])
-    found = servo(coupling="jacobi", compiled=compiled)
-    np.testing.assert_allclose(found, expected[: len(found)], rtol=2e-3, atol=1e-11)
+    errors = servo(coupling="jacobi", compiled=compiled)
+    np.testing.assert_allclose(errors, expected[: len(errors)], rtol=2e-3, atol=1e-11)
 
 
 def test_iteration_holds_where_delay_swings_up() -> None:
@@ -210,10 +210,10 @@ def test_what_feeds_a_cycle_and_what_a_cycle_feeds_are_not_delayed(foreign: Path
             "one.y[1] -> sum.increment",
         ),
     }
-    found = run(foreign, fmus, **sections)
-    assert found.provenance["order"] == ["clock", "one", "other", "sum"]
-    ended = found.table["clock.ended"].to_numpy()
-    np.testing.assert_allclose(found.table["sum.total"].to_numpy(), np.cumsum(0.5 * ended), rtol=1e-14)
+    simulation = run(foreign, fmus, **sections)
+    assert simulation.provenance["order"] == ["clock", "one", "other", "sum"]
+    ended = simulation.table["clock.ended"].to_numpy()
+    np.testing.assert_allclose(simulation.table["sum.total"].to_numpy(), np.cumsum(0.5 * ended), rtol=1e-14)
     # Without a state that can be set back nothing can be iterated.
     sections["run"]["coupling"] = "iterate"
     assert "'one' (Gain.fmu) cannot get and set its state" in refusal(foreign, fmus, **sections)

@@ -10,8 +10,7 @@ import fmpy
 import pytest
 
 import trihedron as th
-from archive_mutations import OF_ANY, Members, Mutation, countless, packed
-from content_mutations import OF_FMUS, OF_SSPS
+from archive_mutations import OF_ANY, OF_FMUS, OF_SSPS, Members, Mutation, countless, packed
 from foreign_fmus import build_foreign
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator.scenario import Scenario
@@ -32,14 +31,14 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> Bases:
     """The members of a good .fmu and of a good .ssp of two, the platform's binaries only."""
     folder = tmp_path_factory.mktemp("good")
     for script in ("foreign_gain", "foreign_clock"):
-        whole = build_foreign(script, folder)
-        with zipfile.ZipFile(whole) as archive:
-            kept = {
+        archive_bytes = build_foreign(script, folder)
+        with zipfile.ZipFile(archive_bytes) as archive:
+            members = {
                 name: archive.read(name)
                 for name in archive.namelist()
                 if not name.startswith("binaries/") or f"/{fmpy.platform}/" in name
             }
-        whole.write_bytes(packed(kept))
+        archive_bytes.write_bytes(packed(members))
     scenario = Scenario.model_validate(
         {
             "run": {"step_s": 0.1, "stop_s": 1.0},
@@ -52,11 +51,11 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> Bases:
             "base_folder": folder,
         }
     )
-    found: Bases = {}
+    archives: Bases = {}
     for kind, path in (("fmu", folder / "Gain.fmu"), ("ssp", export_ssp(scenario, folder / "good.ssp"))):
         with zipfile.ZipFile(path) as archive:
-            found[kind] = {name: archive.read(name) for name in archive.namelist()}
-    return found
+            archives[kind] = {name: archive.read(name) for name in archive.namelist()}
+    return archives
 
 
 @pytest.fixture
@@ -80,11 +79,11 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, b
         with pytest.raises(InputError) as error:
             th.simulate(start, out=work / "out")
         assert everything(tmp_path) == before
-        said = str(error.value)
-        assert "\n" not in said
-        assert len(said) < 1000
-        assert archive.name in said
-        return said
+        message = str(error.value)
+        assert "\n" not in message
+        assert len(message) < 1000
+        assert archive.name in message
+        return message
 
     return run
 
@@ -121,13 +120,13 @@ def test_countless_members_are_refused(bases, refused, kind):
 
 @pytest.mark.acceptance
 def test_five_hundred_mutations_are_refused(bases, refused):
-    said, ran = set(), []
+    message, ran = set(), []
     for seed in range(MANY):
         kind, mutation = KINDS[seed % len(KINDS)]
         try:
-            said.add(refused(kind, mutation(bases[kind], DESCRIPTIONS[kind], random.Random(1000 + seed))))
+            message.add(refused(kind, mutation(bases[kind], DESCRIPTIONS[kind], random.Random(1000 + seed))))
         except pytest.fail.Exception:
             ran.append((kind, mutation.__name__, 1000 + seed))
     assert not ran, ran
     assert escaped() == []
-    print(f"{MANY} mutated archives refused, {len(said)} different lines")
+    print(f"{MANY} mutated archives refused, {len(message)} different lines")

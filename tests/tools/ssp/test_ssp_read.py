@@ -35,13 +35,13 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def imported(path: Path) -> tuple[Scenario, tuple[str, ...]]:
-    with scenario_of_ssp(path) as found:
-        return found
+    with scenario_of_ssp(path) as scenario_read:
+        return scenario_read
 
 
 def run(path: Path) -> dict[str, list]:
-    with scenario_of_ssp(path) as found:
-        return simulate(found[0]).table.to_dict(as_series=False)
+    with scenario_of_ssp(path) as simulation:
+        return simulate(simulation[0]).table.to_dict(as_series=False)
 
 
 def refusal(path: Path) -> str:
@@ -53,7 +53,7 @@ def refusal(path: Path) -> str:
 
 def test_connections_experiment_and_step(tmp_path, fmus):
     """A connection may be written from either end; the experiment says when, the annotation how long a step is."""
-    whole = system(
+    system_text = system(
         "root",
         component("clock", "Clock", ended="output"),
         component("gain", "Gain", inline("gain|Real|3"), u_1="input", y_1="output"),
@@ -61,10 +61,10 @@ def test_connections_experiment_and_step(tmp_path, fmus):
         wires=wire("clock.ended", "gain.u[1]") + wire("sum.increment", "gain.y[1]"),
         more=STEP,
     )
-    found = run(packed(tmp_path, fmus, whole, "Clock", "Gain", "Accumulator"))
-    assert found["time_s"] == [2.0, 2.5, 3.0, 3.5, 4.0]
-    assert found["gain.y[1]"][1:] == [7.5, 9.0, 10.5, 12.0]
-    assert found["sum.total"][-1] == 39.0
+    simulation = run(packed(tmp_path, fmus, system_text, "Clock", "Gain", "Accumulator"))
+    assert simulation["time_s"] == [2.0, 2.5, 3.0, 3.5, 4.0]
+    assert simulation["gain.y[1]"][1:] == [7.5, 9.0, 10.5, 12.0]
+    assert simulation["sum.total"][-1] == 39.0
 
 
 def test_bindings_of_outer_systems_and_later_ones_win(tmp_path, fmus):
@@ -75,8 +75,8 @@ def test_bindings_of_outer_systems_and_later_ones_win(tmp_path, fmus):
         bound=(inline("a.gain|Real|2", "b.gain|Real|2"),),
     )
     outer = inline("inner.a.gain|Real|3") + inline("a.gain|Real|4", attributes='prefix="inner."')
-    whole = system("root", inner, bound=(outer, inline("inner.c.gain|Real|9")), more=STEP)
-    scenario, ignored = imported(packed(tmp_path, fmus, whole, "Gain"))
+    system_text = system("root", inner, bound=(outer, inline("inner.c.gain|Real|9")), more=STEP)
+    scenario, ignored = imported(packed(tmp_path, fmus, system_text, "Gain"))
     assert scenario.fmus["inner_a"].parameters == {"gain": 4.0, "times": 5}
     assert scenario.fmus["inner_b"].parameters == {"gain": 2.0, "label": "of b", "inverted": True}
     assert ignored == ("inner.c.gain",)
@@ -91,7 +91,7 @@ def test_connectors_of_nested_systems_pass_values_and_parameters_on(tmp_path, fm
         product="output",
         factor="parameter",
     )
-    whole = system(
+    system_text = system(
         "root",
         component("clock", "Clock", ended="output"),
         inner,
@@ -100,8 +100,8 @@ def test_connectors_of_nested_systems_pass_values_and_parameters_on(tmp_path, fm
         bound=(inline("inner.factor|Real|10"),),
         more=STEP,
     )
-    found = run(packed(tmp_path, fmus, whole, "Clock", "Gain", "Accumulator"))
-    assert found["sum.total"][-1] == 10.0 * (2.5 + 3.0 + 3.5 + 4.0)
+    simulation = run(packed(tmp_path, fmus, system_text, "Clock", "Gain", "Accumulator"))
+    assert simulation["sum.total"][-1] == 10.0 * (2.5 + 3.0 + 3.5 + 4.0)
 
 
 def test_units_names_and_transformations(tmp_path, fmus):
@@ -127,10 +127,12 @@ def test_units_names_and_transformations(tmp_path, fmus):
         "</ssd:ParameterBinding>"
     )
     computer = inline("algorithm|Enumeration|mean-rate", "renormalise|Boolean|0")
-    whole = system(
+    system_text = system(
         "root", component("table", "TurntableMotion", binding), component("computer", "AttitudeComputer", computer)
     )
-    path = packed(tmp_path, fmus, whole, "TurntableMotion", "AttitudeComputer", bench_ssv=written, bench_ssm=mapping)
+    path = packed(
+        tmp_path, fmus, system_text, "TurntableMotion", "AttitudeComputer", bench_ssv=written, bench_ssm=mapping
+    )
     scenario, ignored = imported(path)
     table = scenario.fmus["table"].parameters
     assert table.pop("temperature") == pytest.approx(26.85, abs=1e-12)
@@ -160,12 +162,12 @@ def test_units_names_and_transformations(tmp_path, fmus):
     ],
 )
 def test_a_value_that_a_parameter_does_not_take(tmp_path, fmus, parameter, says):
-    whole = system("root", component("gain", "Gain", inline(parameter)), more=STEP)
-    assert says in refusal(packed(tmp_path, fmus, whole, "Gain"))
+    system_text = system("root", component("gain", "Gain", inline(parameter)), more=STEP)
+    assert says in refusal(packed(tmp_path, fmus, system_text, "Gain"))
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("written", "says"),
     [
         ("kappa|Real|1|K", "is in K, but kappa is in rad"),
         ("kappa|Real|1|furlong", "is in furlong, but kappa is in rad"),
@@ -173,11 +175,11 @@ def test_a_value_that_a_parameter_does_not_take(tmp_path, fmus, parameter, says)
         ("kappa|Real|1e-3|x", "the exponent of rad is 0.5, not a whole number"),
     ],
 )
-def test_a_value_in_another_unit_or_outside_its_limits(tmp_path, fmus, given, says):
-    broken = '<ssc:Unit name="x"><ssc:BaseUnit rad="0.5"/></ssc:Unit>' if given.endswith("x") else ""
+def test_a_value_in_another_unit_or_outside_its_limits(tmp_path, fmus, written, says):
+    broken = '<ssc:Unit name="x"><ssc:BaseUnit rad="0.5"/></ssc:Unit>' if written.endswith("x") else ""
     units = f'<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>{broken}'
-    whole = system("root", component("table", "TurntableMotion", inline(given, units=units)), more=STEP)
-    assert says in refusal(packed(tmp_path, fmus, whole, "TurntableMotion"))
+    system_text = system("root", component("table", "TurntableMotion", inline(written, units=units)), more=STEP)
+    assert says in refusal(packed(tmp_path, fmus, system_text, "TurntableMotion"))
 
 
 GAIN = component("gain", "Gain", u_1="input", y_1="output")
@@ -191,7 +193,7 @@ def alone(model: str = "Gain", *bound: str, attributes: str = "") -> str:
 
 
 @pytest.mark.parametrize(
-    ("whole", "says"),
+    ("system_text", "says"),
     [
         (system("root", GAIN, OTHER, wires=wire("gain.y[1]", "other.u[1]", SCALED)), "LinearTransformation"),
         (system("root", GAIN, wires=wire("gain.y[1]", "none.u[1]")), "an element 'none' that is not there"),
@@ -209,20 +211,20 @@ def alone(model: str = "Gain", *bound: str, attributes: str = "") -> str:
         (alone("Gain", "<ssd:ParameterBinding/>"), "neither a source nor values"),
     ],
 )
-def test_what_is_not_supported_or_wrong_is_named(tmp_path, fmus, whole, says):
-    said = refusal(packed(tmp_path, fmus, whole, "Gain"))
-    assert says in said
-    assert said.startswith(str(tmp_path / "made.ssp"))
+def test_what_is_not_supported_or_wrong_is_named(tmp_path, fmus, system_text, says):
+    message = refusal(packed(tmp_path, fmus, system_text, "Gain"))
+    assert says in message
+    assert message.startswith(str(tmp_path / "made.ssp"))
 
 
 def test_an_experiment_that_says_no_end_or_none_that_can_be_counted(tmp_path, fmus):
-    whole = system("root", GAIN, more=STEP)
+    system_text = system("root", GAIN, more=STEP)
     for tail, says in (("", "no stopTime"), ('stopTime="soon"', "'soon', not a finite number")):
         experiment = f"<ssd:DefaultExperiment {tail}/>" if tail else ""
-        assert says in refusal(packed(tmp_path, fmus, whole, "Gain", tail=experiment))
+        assert says in refusal(packed(tmp_path, fmus, system_text, "Gain", tail=experiment))
     ages = '<ssd:DefaultExperiment startTime="-1e308" stopTime="1e308"/>'
     with pytest.raises(InputError, match="makes inf steps; at most"):
-        run(packed(tmp_path, fmus, whole, "Gain", tail=ages))
+        run(packed(tmp_path, fmus, system_text, "Gain", tail=ages))
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="skipped: no named pipes")
@@ -231,9 +233,9 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
         os.mkfifo(tmp_path / name)
     assert "is not a regular file" in refusal(tmp_path / "made.ssp")
     fmus = {"a": {"fmu": "made.fmu"}}
-    data = {"run": {"step_s": 0.1, "stop_s": 1.0}, "fmus": fmus, "base_folder": tmp_path}
+    settings = {"run": {"step_s": 0.1, "stop_s": 1.0}, "fmus": fmus, "base_folder": tmp_path}
     with pytest.raises(InputError, match="is not a regular file"):
-        simulate(Scenario.model_validate(data))
+        simulate(Scenario.model_validate(settings))
 
 
 def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch):

@@ -31,7 +31,7 @@ EIGHTH = 0.125
 def bench(folder: Path = Path(), **sections) -> Scenario:
     """A table from rest at (0, 0), a block and a computer; all that FMPy's master needs to give the same numbers."""
     rows = {"alpha_deg": [0.0, 30.0, -45.0], "beta_deg": [0.0, 120.0, 120.0]}
-    data = {
+    settings = {
         "title": "Bench for other tools",
         "run": {"step_s": EIGHTH},
         "fmus": {
@@ -61,7 +61,7 @@ def bench(folder: Path = Path(), **sections) -> Scenario:
         "base_folder": folder,
         **sections,
     }
-    return Scenario.model_validate(data)
+    return Scenario.model_validate(settings)
 
 
 ROWS = [
@@ -85,19 +85,19 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def all_parameters(path: Path) -> ParameterSet:
     """The parameters of all FMUs under the names that they have in the system, as FMPy wants to be given them."""
-    whole = ParameterSet()
-    whole.parameters = []
+    system_text = ParameterSet()
+    system_text.parameters = []
     for component in find_components(read_ssd(str(path)).system):
         for binding in component.parameterBindings:
             for parameter in read_ssv(str(path), binding.source).parameters:
                 parameter.name = f"{component.name}.{parameter.name}"
-                whole.parameters.append(parameter)
-    return whole
+                system_text.parameters.append(parameter)
+    return system_text
 
 
 def test_fmpy_reads_it_by_the_schemas(exported):
-    read = read_ssd(str(exported))
-    assert [c.name for c in find_components(read.system)] == ["programme", "table", "block", "computer"]
+    description = read_ssd(str(exported))
+    assert [c.name for c in find_components(description.system)] == ["programme", "table", "block", "computer"]
     values = {p.name: (p.type, p.value, p.unit) for p in all_parameters(exported).parameters}
     assert values["table.kappa"] == ("Real", "0.001", "rad")
     assert values["table.temperature"] == ("Real", "25.0", "degC")
@@ -144,8 +144,8 @@ def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(expo
     )
     with scenario_of_ssp(exported) as (again, ignored):
         assert ignored == ()
-        found = simulate(again).table
-    assert found.select(expected.columns).equals(expected)
+        simulation = simulate(again).table
+    assert simulation.select(expected.columns).equals(expected)
 
 
 @pytest.mark.parametrize("stimuli", ["a programme", "rows"])
@@ -156,17 +156,17 @@ def test_fmpy_gives_the_numbers_of_a_run_that_is_delayed(stimuli, tmp_path):
     with scenario_of_ssp(path, coupling="delayed") as (again, _):
         expected = simulate(again).table
     steps = expected.height - 1
-    found = simulate_ssp(str(path), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=all_parameters(path))
+    rows = simulate_ssp(str(path), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=all_parameters(path))
     assert len(np.unique(expected["table.angle_reading[1]_rad"])) > 10
     compared = 0
-    for name in found.dtype.names or ():
+    for name in rows.dtype.names or ():
         columns = [c for c in expected.columns if c == name or c.startswith(f"{name}_")]
         if columns and name.partition(".")[0] in ("table", "block", "computer"):
             # Row k of FMPy's is after k + 1 steps; in its first one all inputs are 0, and an increment of velocity is
             # the mean of the readings at both ends of a step.
             first = 2 if name.startswith("block.increment_reading") else 1
-            there, here = found[name][first:], expected[columns[0]][first + 1 :]
-            np.testing.assert_allclose(there, here, rtol=0, atol=1e-15, err_msg=name)
+            theirs, ours = rows[name][first:], expected[columns[0]][first + 1 :]
+            np.testing.assert_allclose(theirs, ours, rtol=0, atol=1e-15, err_msg=name)
             compared += 1
     assert compared > 20
 
@@ -186,8 +186,8 @@ def test_timed_rows_go_out_as_components_that_give_the_same_run(tmp_path):
     expected = simulate(scenario).table
     with scenario_of_ssp(path) as (again, ignored):
         assert ignored == ()
-        found = simulate(again).table
-    assert found.select(expected.columns).equals(expected)
+        simulation = simulate(again).table
+    assert simulation.select(expected.columns).equals(expected)
     assert len(expected["block.reading[1]_mps2"].unique()) > 10
 
 
@@ -258,8 +258,8 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
 
 
 @pytest.mark.acceptance
-@pytest.mark.parametrize("more", [{}, {"stimuli": ROWS, "run": {"stop_s": 8.0, "step_s": EIGHTH}}])
-def test_different_steps_go_out_and_come_back(tmp_path, more):
+@pytest.mark.parametrize("options", [{}, {"stimuli": ROWS, "run": {"stop_s": 8.0, "step_s": EIGHTH}}])
+def test_different_steps_go_out_and_come_back(tmp_path, options):
     """A slow table, by a programme or by rows, with its computer beside a fast block."""
     written = bench().as_written()
     fmus, connections = written["fmus"], written["connections"]
@@ -267,10 +267,10 @@ def test_different_steps_go_out_and_come_back(tmp_path, more):
         fmus[name]["step_s"] = 4 * EIGHTH
     for connection, way in zip(connections, ("interpolate", "hold", None), strict=True):
         connection["between"] = way
-    if more:
+    if options:
         # The rows say how long a rest has lasted.
         connections = [connection for connection in connections if connection["to"] != "block.dwell"]
-    scenario = bench(**more, fmus=fmus, connections=connections)
+    scenario = bench(**options, fmus=fmus, connections=connections)
     expected = simulate(scenario).table
     with scenario_of_ssp(export_ssp(scenario, tmp_path / "rates.ssp", flavour="python")) as (again, _):
         assert simulate(again).table.select(expected.columns).equals(expected)
