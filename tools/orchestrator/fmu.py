@@ -2,28 +2,25 @@
 
 import ctypes
 import math
-import os
+import struct
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, MutableSequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, NoReturn
-from weakref import WeakValueDictionary
 
 import fmpy
 import numpy as np
-from fmpy import fmi2, fmi3
-from fmpy.fmi1 import FMICallException
 
 from ..errors import InputError
 from ..locks import PREFIX
 from .archive import UnpackedFmu
-from .guest import NO_INSTANCE, Guest
-from .interface import Interface, Value, Variable, block_of, bytes_at, in_memory
+from .guest import NO_INSTANCE, Guest, settings_of
+from .guest_process import DISCARD, WARNING, Host
+from .interface import Interface, Value, Variable, block_of, bytes_at
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-WARNING, DISCARD, FATAL = 1, 2, 4
+FATAL = 4
 
 
 def forget_script(fmu: UnpackedFmu) -> None:
@@ -39,25 +36,6 @@ def forget_script(fmu: UnpackedFmu) -> None:
             loaded = sys.modules.get(script.stem)
             if loaded is not None and PREFIX in str(getattr(loaded, "__file__", "")):
                 del sys.modules[script.stem]
-
-
-def _listen(environment: int | None, status: int, text: bytes | None, name: bytes | None = None) -> None:
-    """Give a message to the instance that it comes from: by its environment, else by its name, else to all."""
-    message = " ".join((text or b"").decode("utf-8", "replace").split())
-    slave, called = LISTENING.get(environment or 0), (name or b"").decode("utf-8", "replace")
-    if slave is not None:
-        slave.hear(status, message)
-        return
-    listeners = list(LISTENING.values())
-    for instance in [listener for listener in listeners if listener.name == called] or listeners:
-        instance.hear(status, message)
-
-
-LISTENING: "WeakValueDictionary[int, Slave]" = WeakValueDictionary()
-# One logger for all instances, never freed: FMPy's proxy knows only the logger that it was given last.
-_LOGGER_2 = fmi2.fmi2CallbackLoggerTYPE(lambda at, name, status, _, text: _listen(at, status, text, name))
-_LOGGER_3 = fmi3.fmi3LogMessageCallback(lambda at, status, _, text: _listen(at, status, text))
-_NO_UPDATE = fmi3.fmi3IntermediateUpdateCallback()
 
 
 _BINARY = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_size_t] * 5)
@@ -85,72 +63,24 @@ def _binary(function: Any, *, setting: bool) -> Callable[..., int]:
     return called
 
 
-class Library:
-    """The library of an FMU of FMI 2.0 in this process, with one instance."""
+class Library(Host):
+    """The library of an FMU in this process, with one instance."""
 
     lost = blamed = ""
     raised: BaseException | None = None
 
-    def __init__(self, slave: "Slave", fmu: UnpackedFmu) -> None:
-        LISTENING[id(slave)] = slave
+    def __init__(self, fmu: UnpackedFmu, name: str, log: MutableSequence[tuple[int, str]]) -> None:
+        super().__init__(log)
         self._binaries: dict[str, Any] = {}
         forget_script(fmu)
-        folder = Path.cwd()
-        try:
-            kind: Any = fmi3.FMU3Slave if fmu.version == 3 else fmi2.FMU2Slave
-            self._fmu: Any = kind(
-                instanceName=slave.name,
-                guid=fmu.token,
-                modelIdentifier=fmu.library.stem,
-                unzipDirectory=str(fmu.folder),
-                libraryPath=str(fmu.library),
-            )
-        finally:
-            os.chdir(folder)
-        try:
-            (self._make_3 if fmu.version == 3 else self._make_2)(slave, fmu)
-        except Exception as error:
+        _, self.component = self.load(settings_of(fmu, name))
+        if not self.component:
             self._unload()
-            raise RuntimeError(NO_INSTANCE) from error
-        self.component: int = self._fmu.component
-
-    def _make_2(self, slave: "Slave", fmu: UnpackedFmu) -> None:
-        callbacks = self._callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = _LOGGER_2
-        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-        callbacks.componentEnvironment = id(slave)
-        # FMPy's proxy expands printf patterns. PythonFMU hands over finished text in which "%s" may stand (of an
-        # exception, say): expanding it would read memory that is nobody's.
-        if fmu.python_module is None:
-            with suppress(ImportError, OSError, AttributeError):
-                from fmpy.logging import addLoggerProxy
-
-                addLoggerProxy(ctypes.byref(callbacks))
-        self._fmu.instantiate(callbacks=callbacks, loggingOn=True)
-
-    def _make_3(self, slave: "Slave", fmu: UnpackedFmu) -> None:
-        resources = fmu.folder / "resources"
-        where = f"{resources}/".encode() if resources.is_dir() else None
-        visible, logging, events, early = False, True, False, False
-        self._fmu.component = self._fmu.fmi3InstantiateCoSimulation(
-            slave.name.encode(), fmu.token.encode(), where, visible, logging, events, early,
-            (fmi3.fmi3ValueReference * 0)(), 0, id(slave), _LOGGER_3, _NO_UPDATE,
-        )  # fmt: skip
-        if not self._fmu.component:
-            raise RuntimeError
-
-    def call(self, name: str, *arguments: Any) -> int:
-        """Call an FMI function by name with the instance; its status."""
-        try:
-            getattr(self._fmu, name)(self.component, *arguments)
-        except FMICallException as error:
-            return error.status
-        return 0
+            raise RuntimeError(NO_INSTANCE)
 
     def address(self, name: str) -> int:
         """Where a C function of the library is, or one of ours that calls it; an AttributeError where there is none."""
-        function = self._fmu.dll[name]
+        function = self.library[name]
         if name.endswith("Binary"):
             function = self._binaries[name] = _BINARY(_binary(function, setting="Set" in name))
         place = ctypes.cast(function, ctypes.c_void_p).value
@@ -159,9 +89,9 @@ class Library:
 
     def free(self, name: str) -> int:
         """Free the instance and unload the library."""
-        getattr(self._fmu, name)(self.component)
+        status, _ = self.call(name)
         self._unload()
-        return 0
+        return status
 
     def close(self) -> None:
         """Leave an instance that allows no further call as it is."""
@@ -173,8 +103,8 @@ class Library:
         C++ is not really unloaded before.
         """
         with suppress(AttributeError):
-            self._fmu.dll["finalizePythonInterpreter"]()
-        self._fmu.freeLibrary()
+            self.library["finalizePythonInterpreter"]()
+        fmpy.freeLibrary(self.library._handle)
 
 
 class Slave:
@@ -192,8 +122,11 @@ class Slave:
         self._log: deque[tuple[int, str]] = deque(maxlen=64)
         self._dead = self._freed = False
         try:
-            self._host: Library | Guest = Guest(fmu, name, self.hear) if fmu.guest else Library(self, fmu)
-        except Exception as error:  # FMPy raises plain Exception, AttributeError or OSError here
+            if fmu.guest:
+                self._host: Library | Guest = Guest(fmu, name, self.hear)
+            else:
+                self._host = Library(fmu, name, self._log)
+        except (OSError, AttributeError, RuntimeError) as error:
             reason = " ".join(str(error).split())
             if reason == NO_INSTANCE:
                 raise InputError(f"{self}: {self.prefix}Instantiate failed{self._said()}") from error
@@ -237,7 +170,10 @@ class Slave:
 
     def call(self, name: str, *arguments: Any, time: float | None = None) -> None:
         """Call an FMI function by name with this instance; a status above Warning is an InputError."""
-        status = self._host.call(name, *arguments)
+        try:
+            status, _ = self._host.call(name, arguments)
+        except AttributeError as error:
+            raise InputError(f"{self}: its library has no function {name}") from error
         if status > WARNING:
             self.fail(name, status, time)
 
@@ -259,17 +195,19 @@ class Slave:
 
     def _set(self, variable: Variable, values: list[Any], setting: str) -> None:
         """Set a variable, or an array of FMI 3.0."""
-        name, reference = self.accessor("Set", variable.access), ctypes.c_uint(variable.reference)
-        sizes = () if self.prefix == "fmi2" else (len(values),)
-        # Its prototype is FMPy's, which knows no memory of numpy.
-        words = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, *[ctypes.c_size_t] * len(sizes))
-        function = ctypes.CFUNCTYPE(ctypes.c_int, *words)(self.address(name))
-        if variable.value_type.by_address:
-            values = [in_memory(variable.kind, str(value)) for value in values]
-            memory = np.array([ctypes.addressof(text) for text in values], dtype=np.uint64)
+        name = self.accessor("Set", variable.access)
+        self.address(name)
+        arguments: list[Any] = [variable.reference.to_bytes(4, sys.byteorder), 1]
+        if variable.kind == "String":
+            arguments.append([str(value).encode() for value in values])
+        elif variable.kind == "Binary":
+            blocks = [bytes.fromhex(str(value)) for value in values]
+            arguments += [np.array(list(map(len, blocks)), dtype=np.uint64).tobytes(), blocks]
         else:
-            memory = np.array(values, dtype=variable.value_type.dtype)
-        status = function(self.component, ctypes.addressof(reference), 1, memory.ctypes.data, *sizes)
+            arguments.append(np.array(values, dtype=variable.value_type.dtype).tobytes())
+        if self.prefix == "fmi3":
+            arguments.append(len(values))
+        status, _ = self._host.call(name, arguments)
         if status > WARNING:
             try:
                 self.fail(name, status, None)
@@ -287,18 +225,18 @@ class Slave:
         None where it has not come any further than where the step begins: it fails then, whatever it asks for, as
         PythonFMU's does when a script's step fails.
         """
-        answers: list[Any] = []
-        for name, kind, value in (("Boolean", 3, ctypes.c_int(0)), ("Real", 2, ctypes.c_double(math.nan))):
+        answers: list[bytes] = []
+        for name, kind, size in (("Boolean", 3, 4), ("Real", 2, 8)):
+            function = f"fmi2Get{name}Status"
             try:
-                place = self._host.address(f"fmi2Get{name}Status")
+                self._host.address(function)
             except AttributeError:
                 return None
-            function = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p)(place)
-            status = function(self.component, kind, ctypes.addressof(value))
+            status, contents = self._host.call(function, (kind, (bytes(size),)))
             if status > WARNING:
                 return None
-            answers.append(value.value)
-        asks, reached = answers
+            answers += contents
+        asks, (reached,) = any(answers[0]), struct.unpack("d", answers[1])
         if asks and reached > begin:
             return reached
         return None
@@ -306,8 +244,7 @@ class Slave:
     def free_state_at(self, place: int) -> None:
         """Free a state that stands at an address."""
         if not self._freed and not self._dead:
-            free = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(self.address(self.free_state))
-            free(self.component, place)
+            self._host.call(self.free_state, [(ctypes.string_at(place, 8),)])
 
     def close(self, finished: float | None = None) -> None:
         """Terminate (after a run that came to its end, at that time), free, unload; may be called twice."""

@@ -69,7 +69,7 @@ class Guest:
         if self._limit is not None:
             threading.Thread(target=self._watch, args=(self._limit,), daemon=True).start()
         try:
-            _, instance = self._ask("load", self._settings(fmu, name))
+            _, instance = self._ask("load", settings_of(fmu, name, str(self._folder / "progress")))
             if not instance:
                 raise RuntimeError(NO_INSTANCE)
         except LostError as error:
@@ -98,24 +98,6 @@ class Guest:
         self._to, self._from = self._process.stdin, self._process.stdout
         self._reader = threading.Thread(target=self._drain, daemon=True)
         self._reader.start()
-
-    def _settings(self, fmu: UnpackedFmu, name: str) -> dict[str, Any]:
-        """What the process needs to make the instance."""
-        resources = fmu.folder / "resources"
-        if fmu.version == 2:
-            location = resources.as_uri()
-        else:
-            location = f"{resources}/" if resources.is_dir() else ""
-        return {
-            "library": str(fmu.library),
-            "version": fmu.version,
-            "name": name,
-            "token": fmu.token,
-            "resources": location,
-            "logger": "" if fmu.python_module else _logger(),
-            "progress": str(self._folder / "progress"),
-            "handled": fmu.handled,
-        }
 
     def _drain(self) -> None:
         """Take what the FMU prints, and keep the end of it."""
@@ -205,14 +187,14 @@ class Guest:
         else:
             self.lost = f"ended its process (exit status {code})"
 
-    def call(self, name: str, *arguments: Any) -> int:
-        """Call a function of plain arguments; its status."""
+    def call(self, name: str, arguments: Sequence[Any] = ()) -> tuple[int, Any]:
+        """Call a function; its status, and what it wrote (see `guest_process`)."""
         try:
-            status, _ = self._ask("call", name, arguments)
+            answer = self._ask("call", name, tuple(arguments))
         except LostError:
-            return FAILED
+            return FAILED, ()
         self._stepping = self._stepping or name.endswith("ExitInitializationMode")
-        return status
+        return answer
 
     def address(self, name: str) -> int:
         """Where a function of ours is that calls a C function over there; an AttributeError where there is none."""
@@ -345,7 +327,7 @@ class Guest:
 
     def free(self, name: str) -> int:
         """Free the instance and end the process; the status of the call."""
-        status = self.call(name)
+        status, _ = self.call(name)
         self.close()
         return status
 
@@ -366,6 +348,24 @@ class Guest:
             self._process.stderr.close()
         self._progress.close()
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def settings_of(fmu: UnpackedFmu, name: str, progress: str = "") -> dict[str, Any]:
+    """What a `Host` needs to make an instance of an FMU."""
+    resources = fmu.folder / "resources"
+    location = resources.as_uri()
+    if fmu.version == 3:
+        location = f"{resources}/" if resources.is_dir() else ""
+    return {
+        "library": str(fmu.library),
+        "version": fmu.version,
+        "name": name,
+        "token": fmu.token,
+        "resources": location,
+        "logger": "" if fmu.python_module else _logger(),
+        "progress": progress,
+        "handled": fmu.handled,
+    }
 
 
 def _is_step(operation: Sequence[Any]) -> bool:

@@ -1,8 +1,8 @@
-"""The process of a guest: it has one FMU of somebody else and calls its functions as the orchestrator asks.
+"""A host of FMUs: it calls their functions as the orchestrator asks, in its process or in one of its own.
 
-It runs as a file and imports only Python's own modules, so it starts quickly. A request is a list of operations; its
-reply has the status and the values of each operation until one failed, and what the FMU logged. Messages are Python
-values in marshal's form, with their length before them.
+As the process of a guest it runs as a file and imports only Python's own modules, so it starts quickly. A request is a
+list of operations; its reply has the status and the values of each operation until one failed, and what the FMU logged.
+Messages are Python values in marshal's form, with their length before them.
 
 | operation | values |
 |---|---|
@@ -26,10 +26,13 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
+Log = MutableSequence[tuple[int, str]]
+"""Statuses and messages."""
 HEAD = struct.Struct("<Q")
 """Length of a message."""
 OK, WARNING, DISCARD, ERROR = range(4)
@@ -81,7 +84,7 @@ class Events:
 
     mode = "EnterStepMode"
 
-    def __init__(self, version: int, call: Callable[..., int], log: list[tuple[int, str]]) -> None:
+    def __init__(self, version: int, call: Callable[..., int], log: Log) -> None:
         self.version, self.plain_call, self._log = version, call, log
         self.next_event = math.inf
         self.ended: float | None = None
@@ -92,7 +95,7 @@ class Events:
         logged = len(self._log)
         status = self.plain_call(f"fmi{self.version}{name}", *arguments)
         if status > WARNING:
-            words = [text for _, text in self._log[logged:] if text]
+            words = [text for _, text in list(self._log)[logged:] if text]
             reason = f": {words[-1]}" if words else ""
             raise FailedError(status, f"fmi{self.version}{name} ended with status {status}{reason}")
 
@@ -176,7 +179,12 @@ class Solver(Events):
     mode = "EnterContinuousTimeMode"
 
     def __init__(
-        self, version: int, call: Callable[..., int], log: list[tuple[int, str]], sizes: Sequence[int], tolerance: float
+        self,
+        version: int,
+        call: Callable[..., int],
+        log: Log,
+        sizes: Sequence[int],
+        tolerance: float,
     ) -> None:
         super().__init__(version, call, log)
         self._sizes, self._tolerance = sizes, tolerance
@@ -286,11 +294,28 @@ def cvode_class() -> type:
     return Cvode
 
 
-class Host:
-    """The FMU in this process, and the operations on it."""
+def _hear(environment: int | None, status: int, text: bytes | None, name: bytes | None = None) -> None:
+    """Give a message to the instance that it comes from: by its environment, else by its name, else to all."""
+    host = HOSTS.get(environment or 0)
+    hosts = list(HOSTS.values()) if host is None else [host]
+    for listener in [listener for listener in hosts if listener.name == name] or hosts:
+        listener.log.append((status, " ".join((text or b"").decode("utf-8", "replace").split())))
 
-    def __init__(self) -> None:
-        self.log: list[tuple[int, str]] = []
+
+HOSTS: "WeakValueDictionary[int, Host]" = WeakValueDictionary()
+# One logger for all instances, never freed: FMPy's proxy knows only the logger that it was given last.
+_LOGGER_2 = _LOG_2(lambda at, name, status, _, text: _hear(at, status, text, name))
+_LOGGER_3 = _LOG_3(lambda at, status, _, text: _hear(at, status, text))
+
+
+class Host:
+    """An FMU in this process, and the operations on it; `log` takes statuses and messages."""
+
+    name = b""
+
+    def __init__(self, log: Log) -> None:
+        self.log = log
+        HOSTS[id(self)] = self
         self.follows: list[tuple[str, Sequence[Any]]] = []
         self.progress: Any = bytearray(1)
         """Which operation of a request is being made."""
@@ -301,15 +326,12 @@ class Host:
         self._alive: list[Any] = []
         """What the library has the addresses of."""
 
-    def _note(self, status: int, text: bytes | None) -> None:
-        self.log.append((status, " ".join((text or b"").decode("utf-8", "replace").split())))
-
     def load(self, settings: Mapping[str, Any]) -> tuple[int, int]:
         """Load the library and make the instance.
 
         `settings` has the library's file, version (of FMI), name, token, resources, logger (FMPy's library, or ""),
-        progress (a file), and `handled`: None where an FMU handles its events itself; of model exchange the numbers
-        of states and event indicators, and a tolerance; else empty.
+        progress (a file, or ""), and `handled`: None where an FMU handles its events itself; of model exchange the
+        numbers of states and event indicators, and a tolerance; else empty.
         """
         version, handled = settings["version"], settings["handled"]
         if handled:
@@ -317,32 +339,32 @@ class Host:
             self._events = Solver(version, self._plain_call, self.log, sizes, tolerance)
         elif handled is not None:
             self._events = Events(version, self._plain_call, self.log)
-        with Path(settings["progress"]).open("r+b") as file:
-            self.progress = mmap.mmap(file.fileno(), 1)
+        if settings["progress"]:
+            with Path(settings["progress"]).open("r+b") as file:
+                self.progress = mmap.mmap(file.fileno(), 1)
         library, folder = settings["library"], Path.cwd()
         # Libraries that lie beside it are found there.
         os.chdir(Path(library).parent)
         try:
-            self._library = ctypes.CDLL(library)
+            self.library = ctypes.CDLL(library)
         finally:
             os.chdir(folder)
-        name, token = settings["name"].encode(), settings["token"].encode()
+        self.name, token = settings["name"].encode(), settings["token"].encode()
         resources = settings["resources"].encode() or None
         if version == 2:
             callbacks = ctypes.byref(self._callbacks(settings["logger"]))
             make = self._function("fmi2Instantiate")
-            arguments = (name, 0 if handled else 1, token, resources, callbacks, 0, 1)
+            arguments = (self.name, 0 if handled else 1, token, resources, callbacks, 0, 1)
         else:
-            log = _LOG_3(lambda _, status, __, text: self._note(status, text))
-            self._alive.append(log)
-            arguments = (name, token, resources, _BOOLEAN(False), _BOOLEAN(True))
+            environment = ctypes.c_void_p(id(self))
+            arguments = (self.name, token, resources, _BOOLEAN(False), _BOOLEAN(True))
             if handled:
                 make = self._function("fmi3InstantiateModelExchange")
-                arguments += (None, log)
+                arguments += (environment, _LOGGER_3)
             else:
                 make = self._function("fmi3InstantiateCoSimulation")
                 events = _BOOLEAN(handled is not None)
-                arguments += (events, events, None, ctypes.c_size_t(0), None, log, None)
+                arguments += (events, events, None, ctypes.c_size_t(0), environment, _LOGGER_3, None)
         make.restype = ctypes.c_void_p
         self._instance = ctypes.c_void_p(make(*arguments))
         return OK, self._instance.value or 0
@@ -350,10 +372,9 @@ class Host:
     def _callbacks(self, logger: str) -> _Callbacks:
         """What an FMU of FMI 2.0 is given: memory, and a logger that writes out what printf would."""
         memory = ctypes.CDLL("msvcrt" if os.name == "nt" else None)
-        log = _LOG_2(lambda _, __, status, ___, text: self._note(status, text))
         pointers = [ctypes.cast(function, ctypes.c_void_p).value for function in (memory.calloc, memory.free)]
-        callbacks = _Callbacks(log, *pointers, None, None)
-        self._alive += [memory, log, callbacks]
+        callbacks = _Callbacks(_LOGGER_2, *pointers, None, id(self))
+        self._alive += [memory, callbacks]
         if logger:
             proxy = ctypes.CDLL(logger).addLoggerProxy
             proxy.argtypes, proxy.restype = [ctypes.c_void_p], None
@@ -362,7 +383,7 @@ class Host:
 
     def _function(self, name: str) -> Any:
         if name not in self._functions:
-            self._functions[name] = self._library[name]
+            self._functions[name] = self.library[name]
         return self._functions[name]
 
     def _plain_call(self, name: str, *arguments: Any) -> int:
@@ -372,9 +393,9 @@ class Host:
     def has(self, name: str) -> tuple[int, bool]:
         """Whether the library has a function, or something here stands in for it."""
         stands_in = self._events is not None and name.endswith(("DoStep", "Status"))
-        return OK, stands_in or hasattr(self._library, name)
+        return OK, stands_in or hasattr(self.library, name)
 
-    def call(self, name: str, arguments: Sequence[Any]) -> tuple[int, list[Any]]:
+    def call(self, name: str, arguments: Sequence[Any] = ()) -> tuple[int, list[Any]]:
         """Call a function."""
         if self._events is not None and name.endswith(("DoStep", "Status")):
             return self._events.answer(name, arguments)
@@ -457,15 +478,16 @@ def _end_with(parent: int) -> None:
 
 def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush: Callable[[], object]) -> None:
     """Answer requests until there are none any more."""
-    host = Host()
+    log: list[tuple[int, str]] = []
+    host = Host(log)
     while head := read(HEAD.size):
         answers, failure = [], ""
         try:
             answers = host.answer(marshal.loads(read(*HEAD.unpack(head))))
         except (OSError, AttributeError, ImportError) as error:
             failure = " ".join(str(error).split()) or type(error).__name__
-        reply = marshal.dumps((answers, host.log, failure))
-        host.log.clear()
+        reply = marshal.dumps((answers, log, failure))
+        log.clear()
         write(HEAD.pack(len(reply)) + reply)
         flush()
 

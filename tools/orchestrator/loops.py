@@ -22,7 +22,8 @@ import numpy as np
 from ...models.table_commands import TICK_TOLERANCE
 from ..errors import InputError
 from . import operations as op
-from .fmu import DISCARD, Slave, Slave3
+from .fmu import Slave, Slave3
+from .guest_process import DISCARD
 from .load import Loaded
 from .operations import compiled_march, plain_march
 from .program import Ports, Program, order_of, step_program
