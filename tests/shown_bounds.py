@@ -134,6 +134,7 @@ def rows_of_page(page: str) -> list[dict[str, str]]:
     return tables.rows
 
 
+NAMED = ("explained", "ambiguous")
 _RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
@@ -149,7 +150,7 @@ def read_off(cell: str) -> float | None:
 def wrong_on_page(page: str, told: Mapping[str, Any]) -> list[str]:
     """Ends of intervals that a page of a diagnosis shows inside those of its JSON, estimates that it shows outside."""
     rows = [row for row in rows_of_page(page) if {"low", "high"} <= set(row)]
-    sets = [told["causes"], *(told.get("alternatives") or [])]
+    sets = [one["causes"] for one in told["explanations"] if told["verdict"] in NAMED and not one.get("extension")]
     sizes = iter([p for causes in sets for cause in causes for p in cause["parameters"]])
     targets = {entry["symbol"]: entry for entry in told.get("targets") or []}
     wrong = []

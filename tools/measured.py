@@ -264,7 +264,7 @@ def bench_at(
 
 
 def apply(
-    found: "str | Path | calibrations.Calibration | diagnosis.Diagnosed",
+    found: "str | Path | calibrations.Calibration | diagnosis.Diagnosis",
     record: "records.Source",
     *,
     noise_bound: float = 0.0,
@@ -277,7 +277,7 @@ def apply(
 
     Parameters
     ----------
-    found : path, Calibration, Diagnosis or Several
+    found : path, Calibration or Diagnosis
         The result of `trihedron calibrate --json` or `trihedron diagnose --json`, of one record or of several. By a
         calibration of several a record among them has its own biases, another one those of the last; of a diagnosis of
         several another record has what is the instrument's.
@@ -294,7 +294,7 @@ def apply(
     result = found
     if isinstance(found, str | Path):
         result = diagnosis.read_diagnosis(Path(found)) or found
-    if not isinstance(result, diagnosis.Diagnosed):
+    if not isinstance(result, diagnosis.Diagnosis):
         applied = calibrations.apply_calibration(result, record, noise_bound=noise_bound, channels=channels)
         warnings = checks.channels_warning(applied.record, applied.correction.mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *warnings]})

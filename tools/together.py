@@ -79,7 +79,7 @@ def diagnose_together(
     shared: Shared = (),
     own: Own = (),
     progress: Progress = False,
-) -> "diagnosis.Several":
+) -> "diagnosis.Diagnosis":
     """Say what several records of one instrument have in common, and what is of one run alone.
 
     Each is diagnosed by itself; then all together, with one value for each parameter of the instrument; then the

@@ -67,7 +67,7 @@ def judged(fresh: Fresh, seed: int) -> Said:
     result = diagnose(record, **options)
     seconds = time.process_time() - began
     told = result.to_json()
-    sets = [told["causes"], *(told.get("alternatives") or [])]
+    sets = [one["causes"] for one in told["explanations"] if result.best and not one.get("extension")]
     found = Said(fresh, seed, told["verdict"], "", seconds, len(record))
     right = [any((c["effect"], c["where"]) in fresh.hidden for c in causes) for causes in sets if causes]
     if told["verdict"] == "explained":
@@ -81,10 +81,12 @@ def judged(fresh: Fresh, seed: int) -> Said:
         if may_be_zero(cause["parameters"]):
             found.zero.append(title)
         found.outside += [f"{title} {name}" for name in outside(cause["parameters"])]
-    found.outside += outside(told["baseline"].get("parameters") or [])
+    found.outside += outside(result.stated.to_json()["parameters"])
     targets = [{**entry, "name": entry["symbol"], "estimate": entry["after"]} for entry in told.get("targets") or []]
     found.outside += outside(targets)
-    found.rounded += rounded_inwards(str(result), [p for cause in told["causes"] for p in cause["parameters"]])
+    found.rounded += rounded_inwards(
+        str(result), [p for cause in told["causes"] or next(iter(sets), []) for p in cause["parameters"]]
+    )
     if seed % PAGES == 0:
         page = page_of(result, record)
         assert page is not None

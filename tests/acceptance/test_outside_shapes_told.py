@@ -87,7 +87,8 @@ class Said:
     @property
     def held_out(self) -> float | None:
         """Root mean square error of what was left out, with the extension [σ]."""
-        gain = (self.told.get("extension") or {}).get("gain") or self.told.get("gain") or {}
+        extensions = [one["extension"] for one in self.told["explanations"] if one.get("extension")]
+        gain = next(iter(extensions), {}).get("gain") or self.told.get("gain") or {}
         after = gain.get("held_out_rms_after")
         return None if after is None else after / SIGMA
 

@@ -77,7 +77,7 @@ def test_a_diagnosis_names_the_same(name, case):
     assert other.get("level") == first.get("level")
     assert other.get("proven") == first.get("proven") or name == "positions permuted"
     assert causes(other) == causes(first)
-    assert other["baseline"]["radius"] == pytest.approx(first["baseline"]["radius"], rel=1e-5)
+    assert other["calibration"]["radius"] == pytest.approx(first["calibration"]["radius"], rel=1e-5)
 
 
 @pytest.mark.parametrize("effect", ["quadratic", "none"])
@@ -102,13 +102,13 @@ def test_a_diagnosis_of_csv_and_of_parquet_names_the_same(case, tmp_path):
         other = measured.diagnose(tmp_path / f"r.{form}", noise_bound=SIGMA).to_json()
         assert other["verdict"] == first["verdict"]
         assert causes(other) == causes(first)
-        assert other["baseline"]["radius"] == pytest.approx(first["baseline"]["radius"], rel=1e-3)
+        assert other["calibration"]["radius"] == pytest.approx(first["calibration"]["radius"], rel=1e-3)
 
 
 def test_a_part_of_a_record_contradicts_no_more_than_the_whole(case):
     _, table, first = case
     part = stated(table.head(30))
-    assert part["baseline"]["radius"] <= first["baseline"]["radius"] * (1.0 + 1e-9)
+    assert part["calibration"]["radius"] <= first["calibration"]["radius"] * (1.0 + 1e-9)
 
 
 SEVERAL = [(EffectPlace("quadratic", "accelerometer-2"), (4e-4,))]
@@ -117,7 +117,7 @@ SEVERAL = [(EffectPlace("quadratic", "accelerometer-2"), (4e-4,))]
 def together(tables: Sequence[Any], **options: Any) -> dict:
     """What several records say together: verdict, causes with whose they are, what is the instrument's, radius."""
     found = th.diagnose_together(*tables, noise_bound=SIGMA, **options)
-    named = sorted((cause.title, cause.of) for cause in found.causes)
+    named = sorted((cause.title, cause.is_of_instrument) for cause in found.causes)
     return {"verdict": found.verdict, "causes": named, "instrument": found.instrument, "radius": found.radius}
 
 
@@ -193,7 +193,7 @@ def test_a_diagnosis_of_a_run_and_of_its_file_is_one(tmp_path):
     direct, read = (measured.diagnose(one, noise_bound=SIGMA).to_json() for one in (run.positions, file))
     assert direct["verdict"] == read["verdict"] == "consistent"
     assert causes(direct) == causes(read) == []
-    assert direct["baseline"]["radius"] == pytest.approx(read["baseline"]["radius"], rel=1e-3)
+    assert direct["calibration"]["radius"] == pytest.approx(read["calibration"]["radius"], rel=1e-3)
     other = hidden(tmp_path, "none")
     assert_together(together([run.positions, other]), together([file, other]))
 

@@ -14,7 +14,7 @@ from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis.several import JointCause
+from trihedron.tools.diagnosis.cause import Cause
 from trihedron.tools.errors import InputError
 from trihedron.tools.instrument import (
     Trend,
@@ -118,11 +118,9 @@ def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_
         write_record(record, path)
         path.write_text(f"# date: {date}\n{path.read_text('utf-8')}", "utf-8")
     found = th.diagnose_together(*files, noise_bound=SIGMA)
-    changed = JointCause(
-        title="X4 differs in 1", of="run", record="1", effect=None, parameter="X4", equivalents=(), parameters=()
-    )
+    changed = Cause(effect="parameter", where="X4", record="1", equivalents=(), parameters=())
     own = {one.name: [(r.low, r.high) for r in one.records] for one in found.repeatability}
-    together = {p.name: (p.low, p.high) for p in found.parameters}
+    together = {p.symbol: (p.low, p.high) for p in found.stated.parameters}
     nothing = (None, None)
     in_both = (changed, changed.model_copy(update={"record": "0"}))
     of_none = changed.model_copy(update={"record": "of another folder"})

@@ -30,9 +30,8 @@ from ..calibration.correction import correction_of
 from ..calibration.model import Positions, checked_mounting, parametrise
 from ..campaign.file import SCHEMA as CAMPAIGN
 from ..campaign.file import Campaign
-from ..diagnosis import Diagnosis, Several
-from ..diagnosis.result import DIAGNOSIS, FIRST_DIAGNOSIS
-from ..diagnosis.several import SEVERAL
+from ..diagnosis import Diagnosis
+from ..diagnosis.result import DIAGNOSES, in_present_schema
 from ..errors import InputError, nearest
 from ..evidence.carried_checks import downward_warning, wrong_channels
 from ..instrument import INSTRUMENT, Entry
@@ -58,17 +57,14 @@ from .scenario import check_scenario
 
 SCHEMAS = {
     **dict.fromkeys(CALIBRATIONS, "calibration"),
-    DIAGNOSIS: "diagnosis",
-    FIRST_DIAGNOSIS: "diagnosis",
+    **dict.fromkeys(DIAGNOSES, "diagnosis"),
     "trihedron.plan/1": "plan",
     "trihedron.imu-plan/1": "plan for the whole IMU",
-    SEVERAL: "diagnosis of several records",
     INSTRUMENT: "entry of an instrument's folder",
 }
 MODELS = {
     "calibration": Calibration,
     "diagnosis": Diagnosis,
-    SCHEMAS[SEVERAL]: Several,
     SCHEMAS[INSTRUMENT]: Entry,
     SCHEMAS["trihedron.imu-plan/1"]: ImuPlan,
 }
@@ -284,6 +280,9 @@ def _check_json(findings: Findings, text: str) -> None:
     former: dict[Location, Location] = {}
     if schema in (SECOND_SCHEMA, FIRST_SCHEMA):
         former = {present: place for place, present in RENAMED.items()}
+    if kind == "diagnosis":
+        content = in_present_schema(content)
+        text = json.dumps(content)
     try:
         model.model_validate_json(text, strict=True)
     except ValidationError as error:
@@ -300,8 +299,24 @@ def _check_json(findings: Findings, text: str) -> None:
     if kind == "calibration" and not findings.problems:
         content = calibration_of(content)
         _check_calibration(content, findings)
-    if not findings.problems:
+    if kind == "diagnosis" and not findings.problems:
+        _summarise_diagnosis(Diagnosis.model_validate_json(text), findings)
+    elif not findings.problems:
         findings.summary = (_summary_of(kind, content),)
+
+
+def _summarise_diagnosis(diagnosis: Diagnosis, findings: Findings) -> None:
+    """Note the verdict, and the effects that are named, or first of those that remain."""
+    records = ""
+    if diagnosis.records:
+        findings.kind, records = "diagnosis of several records", f"{len(diagnosis.records)} records, "
+    summary = f"{records}{diagnosis.verdict}"
+    named = diagnosis.verdict in ("explained", "ambiguous") and diagnosis.explanations
+    if named and diagnosis.records:
+        summary += f": {'; '.join(cause.place.title for cause in diagnosis.explanations[0].causes)}"
+    elif named:
+        summary += f": {', '.join(f'{cause.effect} {cause.where}' for cause in diagnosis.explanations[0].causes)}"
+    findings.summary = (summary,)
 
 
 def _refused(constant: str) -> float:
@@ -341,14 +356,8 @@ def _summary_of(kind: str, content: Mapping[str, Any]) -> str:
     if kind == "calibration":
         positions, sigma = content.get("positions", 0), upwards(content["sigma"]["value"], 3)
         return f"{content['verdict']}, {positions} positions, σ = {sigma} g"
-    if kind == "diagnosis":
-        causes = ", ".join(f"{cause['effect']} {cause['where']}" for cause in content["causes"])
-        return f"{content['verdict']}{f': {causes}' if causes else ''}"
     if kind == SCHEMAS[INSTRUMENT]:
         return f"{content['date']}: {content['kind']}, {content['verdict']}"
-    if kind == SCHEMAS[SEVERAL]:
-        causes = "; ".join(cause["title"] for cause in content["causes"])
-        return f"{len(content['records'])} records, {content['verdict']}{f': {causes}' if causes else ''}"
     if "pool" in content:
         rests, ratio = len(content["programme"]), upwards(content["worst_ratio"], 4)
         return f"{rests} rests in {digits(content['minutes'])} minutes, worst ratio {ratio} ({content['worst']})"

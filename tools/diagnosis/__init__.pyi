@@ -8,8 +8,6 @@ from .kinds import evidence_of as evidence_of
 from .kinds import evidence_options as evidence_options
 from .procedure import diagnose as diagnose
 from .result import Diagnosis as Diagnosis
-from .several import Diagnosed as Diagnosed
-from .several import Several as Several
 from .several import diagnosed_together as diagnosed_together
 from .several import labels_of as labels_of
 from .several import members_of as members_of

@@ -15,8 +15,7 @@ from ..records import PositionRecord, StrapdownRecord
 from ..result import Result, Told, object_of, result_of
 from .cause import Cause, Finding, Number
 from .helps import figures_of
-from .result import Diagnosis
-from .several import DIAGNOSES, Diagnosed
+from .result import DIAGNOSES, Diagnosis, in_present_schema
 
 How: TypeAlias = Literal["corrected", "simulated", "left"]
 
@@ -54,7 +53,7 @@ class Applied(Told):
     record: Any = Field(default=None, exclude=True)
 
 
-def read_diagnosis(path: Path) -> Diagnosed | None:
+def read_diagnosis(path: Path) -> Diagnosis | None:
     """The diagnosis that a file holds, of one record or several; None where it is something else.
 
     An InputError where it is not as its schema says.
@@ -64,7 +63,7 @@ def read_diagnosis(path: Path) -> Diagnosed | None:
         content = object_of(content_bytes, str(path))
     except InputError:
         return None
-    return result_of(content, DIAGNOSES, str(path))
+    return result_of(in_present_schema(content), DIAGNOSES, str(path))
 
 
 def coefficients_of(cause: Cause) -> NDArray[np.float64]:
@@ -79,7 +78,7 @@ def coefficients_of(cause: Cause) -> NDArray[np.float64]:
     return np.array(coefficients)
 
 
-def applied_to(diagnosis: Diagnosed, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
+def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
     """What a diagnosis names, applied to another record, whose evidence is given.
 
     Of several records what is the instrument's, and what is the record's own where it is one of them. An InputError for
@@ -87,10 +86,7 @@ def applied_to(diagnosis: Diagnosed, record: PositionRecord | StrapdownRecord, e
     """
     if diagnosis.verdict != "explained":
         raise InputError(f"the diagnosis is {diagnosis.verdict}: it names nothing that could be applied")
-    if isinstance(diagnosis, Diagnosis):
-        causes = diagnosis.causes
-    else:
-        causes = diagnosis.causes_in(record.sha256)
+    causes = diagnosis.causes_in(record.sha256)
     if not causes:
         raise InputError("the diagnosis names nothing that is the instrument's: what is a run's is of no other record")
     if missing := evidence.missing():

@@ -13,6 +13,7 @@ from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import Interval
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit, contains
+from ..evidence.of_record import differs, in_record, record_of
 from ..result import Result, Told, finite_or_none
 from ..rounding import Stated
 
@@ -22,7 +23,10 @@ NO_SIZES = ("phase", "start", "time_constant")
 
 
 class NamedEffect(Told):
-    """An effect at its place."""
+    """An effect at its place; of several records `record` is the one in which alone it acts.
+
+    The effect "parameter" is a shared parameter, `where`, that has another value in a record.
+    """
 
     effect: str
     where: str
@@ -30,13 +34,17 @@ class NamedEffect(Told):
     accelerometer: int | None = None
     axes: tuple[int, ...] | None = None
     law: str | None = None
+    record: str | None = None
 
     @staticmethod
     def keys(place: EffectPlace) -> dict[str, Any]:
         """The effect at a place as the contract writes it."""
-        if place.effect != "outlier":
-            return place.entry
-        return {"effect": place.effect, "where": place.where, "accelerometer": place.axes[0]}
+        keys = dict(place.entry)
+        if place.effect == "outlier":
+            keys = {"effect": place.effect, "where": place.where, "accelerometer": place.axes[0]}
+        if (record := record_of(place)) is not None:
+            keys["record"] = record
+        return keys
 
     @staticmethod
     def of(place: EffectPlace) -> "NamedEffect":
@@ -49,7 +57,20 @@ class NamedEffect(Told):
         axes = self.axes or ()
         if self.accelerometer is not None:
             axes = (self.accelerometer,)
-        return EffectPlace(self.effect, self.where, self.order, axes, self.law or "")
+        place = EffectPlace(self.effect, self.where, self.order, axes, self.law or "")
+        if self.record is None:
+            return place
+        return differs(self.where, self.record) if self.effect == "parameter" else in_record(place, self.record)
+
+    @property
+    def title(self) -> str:
+        """The effect in words."""
+        return self.place.title
+
+    @property
+    def is_of_instrument(self) -> bool:
+        """Whether the effect acts in every record; else in one alone: it is the run's."""
+        return self.record is None
 
 
 class SizedParameter(Result):
@@ -85,8 +106,6 @@ class Cause(NamedEffect):
 
     equivalents: tuple[NamedEffect, ...]
     parameters: tuple[SizedParameter, ...]
-    among_records: tuple[Any, ...] = Field(default=(), exclude=True)
-    """Of several records the place, and those of the equivalents, where one of them is in one record alone."""
 
     @staticmethod
     def found(
@@ -99,23 +118,13 @@ class Cause(NamedEffect):
         parameters = []
         for parameter, value, possible in zip(place.definition.parameters, values, ends, strict=True):
             parameters.append(SizedParameter.of(parameter.name, parameter.unit, value, possible))
-        every = (place, *equivalents)
-        return Cause(
-            **NamedEffect.keys(place),
-            equivalents=tuple(NamedEffect.of(other) for other in equivalents),
-            parameters=tuple(parameters),
-            among_records=() if all(type(other) is EffectPlace for other in every) else every,
-        )
-
-    @property
-    def place(self) -> EffectPlace:
-        """The effect and its place."""
-        return self.among_records[0] if self.among_records else super().place
+        same = tuple(NamedEffect.of(other) for other in equivalents)
+        return Cause(**NamedEffect.keys(place), equivalents=same, parameters=tuple(parameters))
 
     @property
     def alike(self) -> tuple[EffectPlace, ...]:
         """What no measurement of this kind could tell from it."""
-        return self.among_records[1:] or tuple(other.place for other in self.equivalents)
+        return tuple(other.place for other in self.equivalents)
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..evidence.evidence import Evidence, largest_size, rms_size
 from ..evidence.fit import ARCMIN, Fit, blocks_of, contains
-from ..result import Result
 from ..rounding import digits
-from .cause import NamedEffect, Number
-from .result import Diagnosis, Length, OrderedEffect, OrderOfEffects
+from .cause import NamedEffect
+from .result import CrossGain, Diagnosis, Helps, Length, OrderedEffect, OrderOfEffects, WithFound
 from .search import search
 
 MOST_STEPS, MOST_TRIED = 4, 12
@@ -171,39 +170,6 @@ def _needs(length: Length, place: EffectPlace) -> bool:
 
 
 # In other records
-
-
-class WithFound(Result):
-    """Errors with what was found in one record."""
-
-    found_in: str
-    rms: Number
-    max: Number
-
-
-class CrossGain(Result):
-    """Errors of one record, simulated by FMUs: `rms` and `max` without effects, and with what was found in each record.
-
-    `over` says of what the errors are; `unit` is "arcmin" or "g". What is a record's own, its biases, is fitted to it.
-    """
-
-    record: str
-    over: str
-    unit: str
-    rms: Number
-    max: Number
-    applied: tuple[WithFound, ...]
-
-
-class Helps(Result):
-    """An effect that was found in a record: other records on which it helps, alone or with the others found there.
-
-    On none: it is the run's.
-    """
-
-    found_in: str
-    effect: str
-    on: tuple[str, ...]
 
 
 def found_in(diagnosis: Diagnosis) -> Sizes:

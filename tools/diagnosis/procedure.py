@@ -30,10 +30,10 @@ from .hypothesis import (
     same_in_catalogue,
 )
 from .kinds import evidence_of, evidence_with_formulas, kind_of
-from .result import Diagnosis
+from .result import Diagnosis, Explanation
 from .rivals import Listed, Unlisted
 from .search import MOST_WORK, Found, equivalence_groups, search, single_radii
-from .witness import Witness, by_need, judgement_of, objections_of
+from .witness import Judgement, Witness, by_need, judgement_of, objections_of
 
 
 def diagnose(
@@ -268,28 +268,54 @@ class Procedure:
             caution += beyond.caution if beyond.bands else ()
         return caution
 
+    # Bound what is possible
+
+    @cached_property
+    def nominal(self) -> Fit | None:
+        """The model without effects, centred, where it stands; else None."""
+        if self.missing or self.evidence.falsified:
+            return None
+        return centred(self.evidence, self.evidence.baseline)
+
+    def _explanations(self, sets: Sequence[Finding], functions: Mapping[str, Any]) -> tuple[Explanation, ...]:
+        """What the record stands with: sets of the catalogue, then functions that are in none and as simple."""
+        explanations = []
+        for finding in sets:
+            explanations.append(Explanation.of(finding, self.evidence.calibration_of(finding.fit)))
+        if "extension" in functions:
+            explanations.append(Explanation.of_extension(functions["extension"]))
+        return tuple(explanations)
+
     # The results
 
     def _of_model_that_stands(self) -> Diagnosis:
         """Consistent, unless the record is too short, or readings show an effect by themselves."""
-        evidence = self.evidence
+        evidence, fit = self.evidence, self.nominal
+        assert fit is not None
         excluded = excluded_sizes(evidence, evidence.baseline)
-        fit = centred(evidence, evidence.baseline)
-        model = evidence.of_model(fit, excluded)
+        calibration = evidence.calibration_of(fit)
+        model = evidence.of_model(fit, calibration, excluded)
         if self._read_off:
-            return self._unexplained(self._read_off, baseline=model["baseline"])
-        if "missing" in model:
-            return self._result("insufficient", model, excluded=excluded)
-        if evidence.read_off:
+            return self._unexplained(self._read_off, calibration=calibration)
+        verdict = "insufficient" if "missing" in model else "consistent"
+        if evidence.read_off and verdict == "consistent":
             finding = Finding(causes_of(evidence, fit), fit)
-            return self._result("explained", model, best=finding, findings=[finding], excluded=excluded)
-        return self._result("consistent", model, excluded=excluded)
+            explanations = (Explanation.of(finding, calibration),)
+            return self._result(
+                "explained",
+                model,
+                calibration=calibration,
+                explanations=explanations,
+                findings=[finding],
+                excluded=excluded,
+            )
+        return self._result(verdict, model, calibration=calibration, excluded=excluded)
 
     def _without_a_set(self) -> Diagnosis:
         """Unexplained: nothing of the catalogue mends the model."""
         helpful, said = what_helps(self.evidence, self.lengths.get("lengths", ()))
         gain = self.evidence.gain(self.evidence.refit(helpful)) if self.rerun and helpful else None
-        return self._unexplained((*self.objections, *said), functions=self.functions, gain=gain)
+        return self._unexplained((*self.objections, *said), self.functions, gain=gain)
 
     def _of_sets(self) -> Diagnosis:
         """What follows from the sets of effects with which the record stands."""
@@ -304,9 +330,8 @@ class Procedure:
         best, judgement = findings[0], judgement_of(self.evidence, findings[0].fit)
         if candidates.are_several or not self.found.complete:
             return self._ambiguous(
+                findings,
                 [finding.fit for finding in findings],
-                best=best,
-                findings=findings,
                 judgement=judgement,
                 alternatives=tuple(finding.causes for finding in findings[1:]),
                 complete=self.found.complete,
@@ -323,18 +348,20 @@ class Procedure:
         if objections := (*objections_of(judgement), *at_one_length):
             return self._not_named(objections, findings=[best], judgement=judgement)
         if unlisted.rivals:
-            fits = [best.fit, *unlisted.fits(self.evidence)]
-            return self._ambiguous(fits, best=best, findings=[best], judgement=judgement)
+            return self._ambiguous([best], [best.fit, *unlisted.fits(self.evidence)], judgement=judgement)
         return self._explained(best, judgement)
 
-    def _explained(self, best: Finding, judgement: Any) -> Diagnosis:
+    def _explained(self, best: Finding, judgement: Judgement) -> Diagnosis:
         """One set of effects explains the record, and no other does."""
         excluded = excluded_sizes(self.evidence, best.fit)
+        explanations = self._explanations([best], self.functions)
+        calibration = explanations[0].calibration
+        assert calibration is not None
         return self._result(
             "explained",
-            self.evidence.of_model(best.fit, excluded),
-            best=best,
+            self.evidence.of_model(best.fit, calibration, excluded),
             functions=self.functions,
+            explanations=explanations,
             caution=self.caution,
             level=self._level(best),
             findings=[best],
@@ -358,54 +385,76 @@ class Procedure:
             return None
         return "quantity" if other_laws else "law"
 
-    def _ambiguous(self, fits: Sequence[Fit], **keys: Any) -> Diagnosis:
-        """Several models remain: what would separate them."""
+    def _ambiguous(self, findings: Sequence[Finding], fits: Sequence[Fit], **keys: Any) -> Diagnosis:
+        """Several models, of these fits, remain: what would separate them."""
         functions = dict(self.functions)
         if "beyond" in functions and "extension" not in functions:
             extension = functions["beyond"].extension(self.rerun)
             functions |= {} if extension is None else {"extension": extension}
-        return self._result("ambiguous", self.evidence.probe(fits), functions=functions, caution=self.caution, **keys)
+        rivals = tuple(Explanation.of_function(rival) for rival in self.unlisted.rivals)
+        return self._result(
+            "ambiguous",
+            self.evidence.probe(fits),
+            functions=functions,
+            explanations=(*self._explanations(findings, functions), *rivals),
+            caution=self.caution,
+            findings=findings,
+            **keys,
+        )
 
     def _not_named(self, objections: Sequence[str], **keys: Any) -> Diagnosis:
         """Unexplained, though sets of effects stand: something speaks against each of them."""
         extended = self._functions_beside((), extend=True)
         caution = extended.get("caution", self.caution)
-        return self._unexplained(objections, functions={**self.functions, **extended}, caution=caution, **keys)
+        return self._unexplained(objections, {**self.functions, **extended}, caution=caution, **keys)
 
-    def _unexplained(self, objections: Sequence[str], **keys: Any) -> Diagnosis:
+    def _unexplained(
+        self, objections: Sequence[str], functions: Mapping[str, Any] | None = None, **keys: Any
+    ) -> Diagnosis:
         proven = self.proven if self.evidence.falsified else None
         if proven is not None:
             keys["level"] = "quantity" if proven.quantity else "place"
             keys["depends_on"] = (proven.on, *proven.same) if proven.quantity else proven.not_excluded
         structure = residual_structure(self.evidence.channels())
-        return self._result("unexplained", {}, not_named=tuple(objections), residual_structure=structure, **keys)
+        return self._result(
+            "unexplained",
+            {},
+            functions=functions or {},
+            explanations=self._explanations((), functions or {}),
+            not_named=tuple(objections),
+            residual_structure=structure,
+            **keys,
+        )
 
     def _result(
         self,
         verdict: str,
         more: Mapping[str, Any],
         *,
-        best: Finding | None = None,
         functions: Mapping[str, Any] | None = None,
+        explanations: Sequence[Explanation] = (),
         **keys: Any,
     ) -> Diagnosis:
         """The result: what is known of every record, `more` keys of its evidence, and those `keys` that hold something.
 
-        `best` is what is named, `functions` the keys of functions of one quantity.
+        `functions` are keys of functions of one quantity.
         """
-        content: dict[str, Any] = {"evidence": self.evidence, "causes": (), "extended": None, "gain": None}
+        content: dict[str, Any] = {"evidence": self.evidence, "explanations": explanations, "causes": (), "gain": None}
         content |= self.head
         if not self.missing:
             content |= {**self.lengths, **self._power}
             if self.evidence.falsified:
                 content |= self._of_misfit
         content |= functions or {}
+        content.pop("extension", None)
         content |= more
         for key, value in keys.items():
             if value not in (None, ()):
                 content[key] = value
-        if best is not None:
-            content |= {"causes": best.causes, "extended": {"radius": best.fit.radius}}
+        if verdict == "explained":
+            content["causes"] = explanations[0].causes
+        if "calibration" not in content:
+            content["calibration"] = self.evidence.calibration_of()
         content["warnings"] = (*self.head.get("warnings", ()), *more.get("warnings", ()))
         return Diagnosis.model_validate({**content, "verdict": verdict})
 

@@ -1,53 +1,99 @@
-"""The result of a diagnosis, whatever the record: what is published, and what the program keeps beside it."""
+"""The result of a diagnosis, whatever the kind and number of records: what is published, and what is kept beside it."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NotRequired
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
-from ..calibrated import OpenTarget, Reading
+from ..calibrated import Calibration, OpenTarget
 from ..evidence.fit import Gain
 from ..result import Result, Told
 from .band import BandOfFunctions
 from .beyond import BeyondCatalogue, StatedLaw
-from .cause import Cause, NamedEffect, Number
+from .cause import Cause, Finding, NamedEffect, Number
 from .dependence import Proven, Suffices
+from .former import DIAGNOSIS, FORMER, of_former_schemas
 from .hypothesis import Hypothesis
+from .rivals import Standing, complexity_of
 from .witness import EffectWitness, Witness
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-DIAGNOSIS, FIRST_DIAGNOSIS = "trihedron.diagnosis/2", "trihedron.diagnosis/1"
+Open = Literal["yes", "no", "open"]
+KindOfExplanation = Literal["sigma", "rows", "stretch", "break", "effect", "formula", "function"]
+OF_EFFECTS: dict[str, KindOfExplanation] = {"outlier": "rows", "formula": "formula", "lookup": "function"}
+"""Kinds of explanations that are of such effects alone."""
 
 
-class BaselineParameter(Result):
-    """A parameter of the baseline with its estimate and what the record leaves possible of it.
+class Explanation(Told):
+    """A model with which the record stands, or with which all records of an instrument stand together.
 
-    `low` and `high` are None where the record falsifies the baseline, or does not bound the parameter.
+    Attributes
+    ----------
+    kind : str
+        "effect", one or several of the catalogue; "rows", readings that are off; "formula"; "function" of a quantity
+    numbers : int
+        parameters that it adds to the model, and one for each number that is searched for
+    where : tuple of str
+        places at which it acts
+    causes : tuple of Cause
+        its effects; none of a function of which no table was fitted
+    radius : float or None
+        the largest error over its bound; None where the records were not fitted with it together
+    sentence : str
+    calibration : Calibration or None
+        of the model so extended, where it was fitted
+    extension : BeyondCatalogue or None
+        of a formula or a table that is in no catalogue: its knots, and what it predicts of what was left out
     """
 
-    name: str
-    unit: str
-    estimate: Number
-    low: Number | None
-    high: Number | None
+    kind: KindOfExplanation
+    numbers: int
+    where: tuple[str, ...]
+    causes: tuple[Cause, ...]
+    radius: Number | None
+    sentence: str
+    calibration: Calibration | None = None
+    extension: BeyondCatalogue | None = None
 
+    @staticmethod
+    def of(finding: Finding, calibration: Calibration | None = None) -> "Explanation":
+        """A set of effects with which the model stands."""
+        return Explanation.of_causes(finding.causes, radius=finding.fit.radius, calibration=calibration)
 
-class Baseline(Told):
-    """The simulation without effects: least largest error over its bound, and what proves it false."""
+    @staticmethod
+    def of_causes(causes: tuple[Cause, ...], radius: float | None = None, **keys: Any) -> "Explanation":
+        """The same by its causes."""
+        effects = {cause.effect for cause in causes}
+        return Explanation(
+            kind=OF_EFFECTS.get(effects.pop(), "effect") if len(effects) == 1 else "effect",
+            numbers=complexity_of([cause.place for cause in causes]),
+            where=tuple(dict.fromkeys(cause.where for cause in causes)),
+            causes=causes,
+            radius=radius,
+            sentence="; ".join(cause.sentence for cause in causes),
+            **keys,
+        )
 
-    radius: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
-    falsified: bool | None
-    witness: tuple[Reading, ...] | None = None
-    parameters: tuple[BaselineParameter, ...] | None = None
+    @staticmethod
+    def of_extension(extension: BeyondCatalogue) -> "Explanation":
+        """A formula or a table that is in no catalogue."""
+        return Explanation.of_causes(extension.causes, radius=extension.radius, calibration=None, extension=extension)
 
-
-class Extended(Result):
-    """The simulation with the effects that are named, or with the best set that remains."""
-
-    radius: Number
+    @staticmethod
+    def of_function(standing: Standing) -> "Explanation":
+        """A function of one quantity that does as well."""
+        return Explanation(
+            kind="function",
+            numbers=standing.complexity,
+            where=(standing.pair.where,),
+            causes=(),
+            radius=standing.radius,
+            sentence=standing.pair.in_words,
+        )
 
 
 class NextPosition(TypedDict):
@@ -159,21 +205,91 @@ class Length(Result):
     order_as_measured: OrderOfEffects | None
 
 
-def _current(schema: Any) -> Any:
-    """What a file of schema trihedron.diagnosis/1 says is read as the second: of levels it is silent."""
-    return DIAGNOSIS if schema == FIRST_DIAGNOSIS else schema
+class InOneRecord(Result):
+    """What one record leaves possible of a parameter; None where it does not bound it, or no model stands."""
+
+    record: str
+    estimate: Number | None
+    low: Number | None
+    high: Number | None
+
+
+class Repeated(Result):
+    """A parameter, of the instrument or of an effect, from record to record, each by itself.
+
+    Between two of the records it changes by `at_least` surely; over those with which a model stands by `at_most`, None
+    where one leaves it open.
+    """
+
+    name: str
+    unit: str
+    of: Literal["instrument", "run"]
+    records: tuple[InOneRecord, ...]
+    at_least: Number
+    at_most: Number | None
+
+
+class WithFound(Result):
+    """Errors with what was found in one record."""
+
+    found_in: str
+    rms: Number
+    max: Number
+
+
+class CrossGain(Result):
+    """Errors of one record, simulated by FMUs: `rms` and `max` without effects, and with what was found in each record.
+
+    `over` says of what the errors are; `unit` is "arcmin" or "g". What is a record's own, its biases, is fitted to it.
+    """
+
+    record: str
+    over: str
+    unit: str
+    rms: Number
+    max: Number
+    applied: tuple[WithFound, ...]
+
+
+class Helps(Result):
+    """An effect that was found in a record: other records on which it helps, alone or with the others found there.
+
+    On none: it is the run's.
+    """
+
+    found_in: str
+    effect: str
+    on: tuple[str, ...]
+
+
+class OneRecord(Result):
+    """One of several records by itself: its label, its file's SHA-256, its diagnosis.
+
+    `left_out`: why it is not judged with the others.
+    """
+
+    record: str
+    sha256: str
+    left_out: str | None
+    diagnosis: "Diagnosis"
 
 
 class Diagnosis(Told):
-    """What a record says of the simulation.
+    """What one record, or several of an instrument, say of the simulation.
 
-    A position record gives readings in g, and keys from the calibration of the bench; a strapdown record errors of the
-    attitude in arcminutes, and keys of the lengths over which it was carried.
+    A position record gives readings in g, a strapdown record errors of the attitude in arcminutes, and keys of the
+    lengths over which it was carried. Several records have keys of their own, from `records` on.
 
     Attributes
     ----------
     verdict : str
         "consistent", "explained", "ambiguous", "unexplained" or "insufficient"
+    calibration : Calibration
+        of the model without effects
+    explanations : tuple of Explanation
+        with which the record stands, the best set of the catalogue first: what is named, or what remains
+    causes, alternatives : tuple of Cause, tuple of such
+        those of the first explanation where it is named; else none; sets that remain beside the first explanation
     level : str or None
         how far the record carries the verdict: "law", "quantity" or "place"
     proven : Proven or None
@@ -192,10 +308,6 @@ class Diagnosis(Told):
         where each of three gyros has a function of its own: the band of each, beside those of the others
     laws : tuple of StatedLaw
         laws that stand there: those of the catalogue, then short formulas, of the least size of which one stands
-    extension : BeyondCatalogue or None
-        a formula or a table that extends the model though it stands in no catalogue
-    causes, alternatives : tuple of Cause, tuple of such
-        what is named, or the best of several sets, and the other sets that remain
     complete : bool
         whether these are all sets of that size that explain the record; false where the search was cut off
     cut_off_at : int
@@ -212,30 +324,41 @@ class Diagnosis(Told):
         what was left out says against the first of several sets
     hypotheses : tuple of Hypothesis
         formulas that were asked about, in that order
+    records : tuple of OneRecord
+        of several records each by itself
+    shared, own : tuple of str
+        parameters with one value for all records, and those of each record
+    instrument : str or None
+        whether every smallest set holds something that acts in all records alike: "yes", "no", or "open"
+    runs : dict
+        of each record whether every set holds something of that record alone
+    repeatability : tuple of Repeated
+    cross_gain : tuple of CrossGain
+        errors of each record without effects, and with what was found in each
+    helps : tuple of Helps
+        of each effect that was found, on which other records it helps
     evidence : Evidence
-        of the record
+        of the record, or of all that are judged together
     findings : tuple of Finding
-        the set that was named, or the sets that remain, the best first, with their models
+        sets of the catalogue that were named, or that remain, the best first, with their models
     unshown : tuple of Finding
         where nothing is named: sets with which the record stands, though each size of some effect in them may be zero
     tried : tuple of (str, float)
         single effects and the radius that each leaves, the least first
     """
 
-    schema_: Annotated[Literal["trihedron.diagnosis/2"], BeforeValidator(_current)] = Field(
-        default=DIAGNOSIS, alias="schema"
-    )
+    schema_: Literal["trihedron.diagnosis/3"] = Field(default=DIAGNOSIS, alias="schema")
     verdict: Literal["consistent", "explained", "ambiguous", "unexplained", "insufficient"]
-    noise_bound: Number | None = None
-    noise_bound_basis: str | None = None
+    calibration: Calibration
+    explanations: tuple[Explanation, ...] = ()
+    causes: tuple[Cause, ...]
+    alternatives: tuple[tuple[Cause, ...], ...] | None = None
     unit: Literal["arcmin"] | None = None
     record: RecordUsed | None = None
     reference: Literal["gravity", "true attitude"] | None = None
     noise_bound_arcmin: Number | None = None
-    noise_bound_from: str | None = None
     reference_bound_arcmin: Number | None = None
     baseline_model: str
-    baseline: Baseline
     level: Literal["law", "quantity", "place"] | None = None
     proven: Proven | None = None
     depends_on: tuple[str, ...] | None = None
@@ -245,15 +368,11 @@ class Diagnosis(Told):
     band: BandOfFunctions | None = None
     bands: tuple[BandOfFunctions, ...] | None = None
     laws: tuple[StatedLaw, ...] | None = None
-    extension: BeyondCatalogue | None = None
-    causes: tuple[Cause, ...]
-    extended: Extended | None = None
     gain: Gain | None = None
     lengths: tuple[Length, ...] | None = None
     order_stable: bool | None = None
     bias_at_rest: BiasAtRest | None = None
     next_positions: tuple[NextPosition, ...] | None = None
-    alternatives: tuple[tuple[Cause, ...], ...] | None = None
     complete: bool | None = None
     cut_off_at: int | None = None
     next: tuple[str, ...] | None = None
@@ -270,6 +389,15 @@ class Diagnosis(Told):
     residual_structure: tuple[Dependence, ...] | None = None
     missing: tuple[OpenTarget | str, ...] | None = None
     hypotheses: tuple[Hypothesis, ...] | None = None
+    records: tuple[OneRecord, ...] | None = None
+    shared: tuple[str, ...] | None = None
+    own: tuple[str, ...] | None = None
+    instrument: Open | None = None
+    runs: Mapping[str, Open] | None = None
+    repeatability: tuple[Repeated, ...] | None = None
+    cross_gain: tuple[CrossGain, ...] | None = None
+    helps: tuple[Helps, ...] | None = None
+    not_searched: tuple[str, ...] | None = None
     warnings: tuple[str, ...] = ()
 
     evidence: Any = Field(default=None, exclude=True)
@@ -282,10 +410,48 @@ class Diagnosis(Told):
 
     @model_validator(mode="after")
     def _agree(self) -> "Diagnosis":
-        named = self.verdict in ("explained", "ambiguous")
-        if named != bool(self.causes):
-            raise ValueError(f"verdict {self.verdict} {'needs' if named else 'goes without'} causes")
+        if (self.verdict == "explained") != bool(self.causes):
+            needs = "needs" if self.verdict == "explained" else "goes without"
+            raise ValueError(f"verdict {self.verdict} {needs} causes")
         return self
+
+    @property
+    def extension(self) -> BeyondCatalogue | None:
+        """A formula or a table that extends the model though it is in no catalogue."""
+        return next((one.extension for one in self.explanations if one.extension is not None), None)
+
+    @property
+    def radius(self) -> float | None:
+        """Least largest error over its bound that the model without effects leaves."""
+        return self.calibration.radius
+
+    @property
+    def noise_bound(self) -> float | None:
+        """σ as a fraction of g, of several records that of the first which has one; None of records of no table."""
+        if not self.records:
+            return self.calibration.sigma.value
+        bounds = (one.diagnosis.noise_bound for one in self.records)
+        return next((bound for bound in bounds if bound is not None), None)
+
+    @property
+    def best(self) -> Explanation | None:
+        """What is named, or the first of what remains."""
+        named = self.verdict in ("explained", "ambiguous") and self.explanations
+        return self.explanations[0] if named else None
+
+    @property
+    def sets(self) -> tuple[tuple[Cause, ...], ...]:
+        """The effects that are named, or the sets of the catalogue that remain, the best first."""
+        if self.best is None:
+            return ()
+        return tuple(one.causes for one in self.explanations if one.causes and one.extension is None)
+
+    @property
+    def stated(self) -> Calibration:
+        """The calibration beside the effects that are named; without effects where none are."""
+        if self.verdict == "explained" and self.explanations and self.explanations[0].calibration is not None:
+            return self.explanations[0].calibration
+        return self.calibration
 
     @property
     def witness(self) -> Witness | None:
@@ -295,24 +461,73 @@ class Diagnosis(Told):
     @property
     def equal_sets(self) -> tuple[tuple[EffectPlace, ...], ...]:
         """`equivalent_sets` as places."""
-        return tuple(tuple(named.place for named in places) for places in self.equivalent_sets or ())
+        return _places_of(self.equivalent_sets)
 
     @property
     def containing_sets(self) -> tuple[tuple[EffectPlace, ...], ...]:
         """`containing` as places."""
-        return tuple(tuple(named.place for named in places) for places in self.containing or ())
+        return _places_of(self.containing)
+
+    @property
+    def judged(self) -> tuple[str, ...]:
+        """Labels of the records that are judged together."""
+        return tuple(one.record for one in self.records or () if one.left_out is None)
+
+    def causes_in(self, sha256: str) -> tuple[Cause, ...]:
+        """The effects that act in a record, by its SHA-256: the instrument's, and its own if it is one of several."""
+        own = {one.record for one in self.records or () if one.sha256 and one.sha256 == sha256}
+        acting = []
+        for cause in self.causes:
+            if cause.effect != "parameter" and (cause.is_of_instrument or cause.record in own):
+                acting.append(cause.model_copy(update={"record": None}))
+        return tuple(acting)
 
     def to_polars(self) -> "DataFrame":
         """A row for each parameter of each cause; `set` counts the sets of effects that remain, the best first."""
         import polars as pl
 
-        sets = (self.causes, *(self.alternatives or ())) if self.causes else ()
-        rows = [
-            {"set": number, "effect": cause.place.title, **parameter.to_json()}
-            for number, causes in enumerate(sets, start=1)
-            for cause in causes
-            for parameter in cause.parameters
-        ]
+        rows = []
+        for number, causes in enumerate(self.sets, start=1):
+            for cause in causes:
+                for parameter in cause.parameters:
+                    rows.append({"set": number, "effect": cause.place.title, **parameter.to_json()})
         numbers = dict.fromkeys(("estimate", "low", "high"), pl.Float64)
         schema = {"set": pl.Int64, "effect": pl.String, "name": pl.String, "unit": pl.String, **numbers}
         return pl.DataFrame(rows, schema=schema)
+
+
+DIAGNOSES: Mapping[str, type[Diagnosis]] = dict.fromkeys((DIAGNOSIS, *FORMER), Diagnosis)
+"""Schemas of diagnoses, of one record and of several."""
+
+
+def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The object of a diagnosis of a former schema as it is written now; any other object as it is."""
+    if content.get("schema") not in FORMER:
+        return dict(content)
+    present = of_former_schemas(content)
+    sets, extension = present.pop("sets", ()), present.pop("extension", None)
+    try:
+        explanations = []
+        for causes, radius, calibration in sets:
+            named = tuple(Cause.model_validate(cause) for cause in causes)
+            stated = None if calibration is None else Calibration.model_validate(calibration)
+            explanations.append(Explanation.of_causes(named, radius, calibration=stated))
+        if extension is not None:
+            explanations.append(Explanation.of_extension(BeyondCatalogue.model_validate(extension)))
+    except (ValidationError, TypeError, ValueError, KeyError):
+        # Something is wrong with the causes: their own fields say what.
+        return {**present, "causes": content.get("causes"), "explanations": []}
+    records = []
+    for record in present.get("records", ()):
+        nested = record.get("diagnosis") if isinstance(record, Mapping) else None
+        records.append({**record, "diagnosis": in_present_schema(nested)} if isinstance(nested, Mapping) else record)
+    if records:
+        present["records"] = records
+    return {**present, "explanations": [one.to_json() for one in explanations]}
+
+
+def _places_of(sets: tuple[tuple[NamedEffect, ...], ...] | None) -> tuple[tuple[EffectPlace, ...], ...]:
+    places = []
+    for named in sets or ():
+        places.append(tuple(effect.place for effect in named))
+    return tuple(places)

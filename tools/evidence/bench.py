@@ -25,7 +25,6 @@ from ..calibration.calibration import (
 from ..calibration.model import Linearisation, least_singular
 from ..calibration.targets import NAMES
 from ..records import BenchRecord, PositionRecord
-from ..result import finite_or_none
 from ..rounding import exactly
 from .bench_left_out import FOLDS, Linear, trials
 from .bench_model import (
@@ -56,7 +55,7 @@ from .bench_search import (
 )
 from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
-from .evidence import Evidence, Trial
+from .evidence import Evidence, Trial, parameters_with
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
@@ -353,16 +352,17 @@ class Bench(Evidence):
         return [one.entry for one in powers(self.rows, self.here.parametrisation, self.nominal, room)]
 
     def head(self) -> Mapping[str, Any]:
-        """The noise bound, the baseline and what falsifies it."""
+        """The model without effects."""
         nominal = self.calibration
-        return {
-            "noise_bound": nominal.noise_bound,
-            "noise_bound_basis": nominal.sigma.basis,
-            "baseline_model": nominal.baseline,
-            "baseline": {"radius": nominal.radius, "falsified": self.falsified, "witness": tuple(nominal.witness)},
-            "next_positions": (),
-            "warnings": nominal.warnings,
-        }
+        return {"baseline_model": nominal.baseline, "next_positions": (), "warnings": nominal.warnings}
+
+    def calibration_of(self, fit: Fit | None = None) -> Calibration:
+        """The nominal calibration; beside effects its parameters with what the readings leave possible."""
+        if fit is None or not fit.places:
+            return self.calibration
+        parameters = parameters_with(self.names, fit.estimate[: len(self.names)], fit.ends(self.room(fit)))
+        extended = {"verdict": "consistent", "radius": fit.radius, "parameters": parameters, "witness": []}
+        return extended_calibration(self.calibration, extended)
 
     def missing(self) -> Mapping[str, Any]:
         """Targets that stay open and positions that mend it; no more readings than parameters prove nothing."""
@@ -374,26 +374,26 @@ class Bench(Evidence):
             "next_positions": nominal.next_positions or tuple(repeats(self.here)),
         }
 
-    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """What an extension does to the calibration's targets, and a mounting that would tell more of its causes."""
         if not fit.places:
             return {}
-        pairs = ((place, other) for place in fit.places for other in self.classes.equivalents(place))
-        p = self.here.parametrisation
-        found = (second_mounting(p, [a], [b], (a.title, b.title)) for a, b in pairs)
-        mounting = next((said for said in found if said is not None), None)
-        return self._targets(fit) | ({} if mounting is None else {"second_mounting": mounting})
+        keys = self.targets_of(calibration)
+        for place in fit.places:
+            for other in self.classes.equivalents(place):
+                titles = (place.title, other.title)
+                mounting = second_mounting(self.here.parametrisation, [place], [other], titles)
+                if mounting is not None:
+                    return {**keys, "second_mounting": mounting}
+        return keys
 
-    def _targets(self, fit: Fit) -> dict[str, Any]:
+    def targets_of(self, calibration: Calibration) -> dict[str, Any]:
         """What an extension does to the calibration's targets."""
         nominal = self.calibration.linearised
-        ends = fit.ends(self.room(fit), count=len(nominal.symbols))
-        known = zip(nominal.symbols, nominal.point, fit.estimate, ends, strict=False)
-        targets = [
-            {"symbol": symbol, "before": float(before), "after": float(after)}
-            | dict(zip(("low", "high"), map(finite_or_none, ends), strict=True))
-            for symbol, before, after, ends in known
-        ]
+        targets = []
+        for symbol, before, after in zip(nominal.symbols, nominal.point, calibration.parameters, strict=False):
+            ends = {"low": after.low, "high": after.high}
+            targets.append({"symbol": symbol, "before": float(before), "after": after.estimate, **ends})
         return {"targets": targets}
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
@@ -436,6 +436,15 @@ class Bench(Evidence):
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Positions left out in turn, and blocks in time, with the whole set, then without each of several effects."""
         return trials(Linear(self.nominal, self.residual, self.bound), fit, self.named, self.numbers)
+
+
+def extended_calibration(nominal: Calibration, keys: Mapping[str, Any]) -> Calibration:
+    """A calibration with other parameters; what rests on those of the nominal model is left out."""
+    gone = ("gyros", "reading_errors", "open", "next_positions", "stands_with_sigma", "no_estimate", "warnings")
+    kept = {name: getattr(nominal, name) for name in type(nominal).model_fields if name not in gone}
+    for name in ("linearised", "feasible", "made_of", "schema_"):
+        kept.pop(name)
+    return Calibration(**{**kept, "estimator": "analytic centre", **keys})
 
 
 GYROS_LEFT_OUT = (

@@ -19,6 +19,7 @@ from ...models.bench_turns import BIAS, MATRIX
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
+from ..calibrated import Calibration
 from ..calibration.calibration import Asked
 from ..calibration.gyros import Bench as Place
 from ..calibration.gyros import fit_whole, gyro_names, with_gyros
@@ -380,9 +381,9 @@ class BenchInMotion(Bench, TurnsInTime):
         each = alone(slice(rows)), alone(slice(rows, None))
         return TurnErrors(first, last, turns.moments[:, 2:4], before, after, each)
 
-    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """What an extension does to the targets, and why no sizes of others are excluded beside it."""
-        targets = self._targets(fit) if fit.places else {}
+        targets = self.targets_of(calibration) if fit.places else {}
         return targets | ({"warnings": (NOT_EXCLUDED,)} if fades(fit) else {})
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...fmus.parameters import Parameters, elements_of
 from ...models.effects import CATALOGUE, EffectPlace
 from ..bounded.programmes import Growth, chebyshev_radius
+from ..calibrated import UNITS, Calibration, Parameter, Sigma
 from ..locks import own_folder
 from ..motion.carry import GyroModel, carried_attitude, carried_scenario, compensated_increments, reads
 from ..motion.increments import starting_attitude
@@ -22,10 +23,9 @@ from ..motion.norm import LARGEST, NAMES
 from ..orchestrator.load import usual_flavour
 from ..orchestrator.scenario import FmuSetting, RecordSetting, Scenario
 from ..records.columns import FORCE, INCREMENT, QUATERNION
-from ..result import finite_or_none
 from ..rounding import digits, downwards, exactly, residual, upwards
 from .carried_run import BIAS, LONG, CarriedRun
-from .evidence import Evidence, ReadOff, Trial, rms_size
+from .evidence import Evidence, ReadOff, Trial, parameters_with, rms_size
 from .extension import Extension, Sized, Start, takes
 from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of
 from .power import powers_of_record
@@ -192,7 +192,6 @@ class Carried(CarriedRun):
             **super().head(),
             "warnings": (*self.warnings, *jumping),
             "noise_bound_arcmin": self.stated_bound,
-            "noise_bound_from": self.bounds_from,
             "cannot_be_seen": [place.entry for place in self.not_seen],
             **bias,
             **stated,
@@ -213,12 +212,10 @@ class Carried(CarriedRun):
         return float(np.median(self.parts[self.quoted].bound)) / ARCMIN
 
     def of_misfit(self) -> Mapping[str, Any]:
-        """The baseline with its estimates, and what the mean at rest would do, were it left in."""
-        told: dict[str, Any] = {"baseline": self._baseline(self.baseline, bounded=False)}
-        if (measured := self.as_measured()) is not None:
-            left_in = rms_size(measured.parts[self.quoted].error) / ARCMIN
-            told["bias_at_rest"] = self._bias_at_rest(left_in)
-        return told
+        """What the mean at rest would do, were it left in."""
+        if (measured := self.as_measured()) is None:
+            return {}
+        return {"bias_at_rest": self._bias_at_rest(rms_size(measured.parts[self.quoted].error) / ARCMIN)}
 
     def as_measured(self) -> Evidence | None:
         """The evidence with the mean at rest left in; None where none is taken out."""
@@ -227,34 +224,38 @@ class Carried(CarriedRun):
         own = self.numbers_of([BIAS])
         return self.with_errors([part.error + part.columns[..., own] @ self.bias_at_rest for part in self.parts])
 
-    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-        """The baseline's parameters and their ends; what the record leaves open; what a wrong clock would do."""
-        baseline = self._baseline(fit, bounded=True)
-        told: dict[str, Any] = {"baseline": baseline}
-        missing = () if fit.places else self._left_open(baseline["parameters"], excluded)
-        return told | ({"missing": missing} if missing else {}) | {"warnings": self._clock_doubt(fit)}
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+        """What the record leaves open; what a wrong clock would do."""
+        keys: dict[str, Any] = {"warnings": self._clock_doubt(fit)}
+        if not fit.places and (missing := self._left_open(calibration.parameters, excluded)):
+            keys["missing"] = missing
+        return keys
 
-    def _baseline(self, fit: Fit, *, bounded: bool) -> dict[str, Any]:
-        """The model's parameters by least squares beside a fit's effects, and what the record leaves possible."""
-        ends = fit.ends(0.0, self.most_rows) if bounded else np.tile([-np.inf, np.inf], (len(self.names), 1))
-        values = np.clip(fit.estimate[: len(self.names)], *ends.T)
-        parameters = [
-            {"name": name, "unit": unit, "estimate": float(value)}
-            | dict(zip(("low", "high"), map(finite_or_none, pair), strict=True))
-            for (name, unit), value, pair in zip(self.names, values, ends, strict=True)
-        ]
-        radius = max([self.baseline.radius, *(effect.radius for effect in self.read_off)])
-        return {"radius": radius, "falsified": self.falsified or radius > self.limit, "parameters": parameters}
+    def calibration_of(self, fit: Fit | None = None) -> Calibration:
+        """The block's parameters by least squares beside a fit's effects, and what the record leaves possible."""
+        stands = fit is not None
+        fit = fit or self.baseline
+        ends = fit.ends(0.0, self.most_rows) if stands else np.tile([-np.inf, np.inf], (len(self.names), 1))
+        radius = max([fit.radius, *(effect.radius for effect in self.read_off)])
+        if stands and fit.places:
+            radius = fit.radius
+        falsified = not fit.places and (self.falsified or radius > self.limit)
+        return Calibration(
+            verdict="falsified" if falsified else "consistent",
+            sigma=Sigma.of(None, self.bounds_from),
+            radius=radius,
+            estimator="analytic centre" if stands else "least squares",
+            parameters=parameters_with(self.names, fit.estimate[: len(self.names)], ends, inside=True),
+            units={"radius": "1", "parameters": UNITS["parameters"]},
+        )
 
-    def _left_open(
-        self, parameters: Sequence[Mapping[str, Any]], excluded: Sequence[Mapping[str, Any]]
-    ) -> tuple[str, ...]:
+    def _left_open(self, parameters: Sequence[Parameter], excluded: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
         """What the record leaves open of the gyros, and what would tell it."""
-        wide = [
-            p["name"]
-            for p in parameters
-            if p["low"] is None or p["high"] is None or (p["unit"] == "1" and p["high"] - p["low"] > 2.0 * LARGEST)
-        ]
+        wide = []
+        for parameter in parameters:
+            low, high = parameter.low, parameter.high
+            if low is None or high is None or (parameter.unit == "1" and high - low > 2.0 * LARGEST):
+                wide.append(parameter.symbol)
         if wide:
             return (
                 f"not determined: {', '.join(wide)}; turn the block about each of its axes, there and back, and let it "

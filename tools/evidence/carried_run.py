@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..bounded.sets import Work
+from ..calibrated import Calibration
 from ..motion.carry import GyroModel, Motion
 from ..motion.inspect import Inspection
 from ..motion.norm import inputs_of
 from .dependences import GyroPairs, pairs_of_accelerometers
-from .evidence import Evidence, rows_over
+from .evidence import Evidence, rows_over, undetermined
 from .fit import Fit, coefficient_count
 from .observation import Group, Observation
 from .onsets import Onsets
@@ -47,6 +48,10 @@ class CarriedRecord(Evidence):
         """What to add where nothing can be run."""
         return {"missing": self.lacks} if self.lacks else {}
 
+    def calibration_of(self, fit: Fit | None = None) -> Calibration:
+        """Nothing is known of a record of which nothing can be run."""
+        return undetermined("")
+
     def head(self) -> Mapping[str, Any]:
         """The record and what it is held against."""
         record = self.found.record
@@ -55,9 +60,7 @@ class CarriedRecord(Evidence):
             "record": {"rows": len(record), "sha256": record.sha256},
             "reference": "true attitude" if has_truth(self.found) else "gravity",
             "noise_bound_arcmin": None,
-            "noise_bound_from": "",
             "baseline_model": self.block,
-            "baseline": {"radius": None, "falsified": None, "parameters": ()},
             "lengths": (),
             "order_stable": None,
             "warnings": self.warnings,

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, column_space, spaces_beyond
 from ..bounded.sets import Problem, Work, sets_of_size
+from ..calibrated import Calibration, Parameter, Sigma
+from ..calibration.targets import NAMES
+from ..result import finite_or_none
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of, coefficient_limits, estimated, least_radius
 from .pairs import Pair
@@ -408,8 +411,18 @@ class Evidence:
         """Keys of the result for a record that falsifies the baseline."""
         return {}
 
-    def of_model(self, fit: Fit, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-        """Keys of the result for a model that stands; `missing` where it is too little to falsify anything."""
+    def calibration_of(self, fit: Fit | None = None) -> Calibration:
+        """What the record says of the model's parameters: beside the effects of a fit that stands, or without effects.
+
+        Without a fit nothing is bounded that a falsified model cannot bound.
+        """
+        raise NotImplementedError
+
+    def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+        """Keys of the result for a model that stands; `missing` where it is too little to falsify anything.
+
+        `calibration` is that beside the effects of the fit, `excluded` are sizes of others that are excluded.
+        """
         return {}
 
     ranks_each: ClassVar[bool] = True
@@ -478,6 +491,42 @@ class Evidence:
         for out, gram, product in zip(outs, grams.sum(axis=0) - grams, products.sum(axis=0) - products, strict=True):
             left[out] = self.residual[out] - matrix[out] @ np.linalg.lstsq(gram, product, rcond=RANK)[0]
         return left
+
+
+def parameters_with(
+    names: Iterable[tuple[str, str]], values: NDArray, ends: NDArray, *, inside: bool = False
+) -> list[Parameter]:
+    """Parameters by name and unit with values (P,) and ends (P, 2), infinite where nothing bounds them.
+
+    `inside`: a value that is beyond an end is taken to it.
+    """
+    parameters = []
+    for (name, unit), value, (low, high) in zip(names, values, ends, strict=True):
+        bounded = bool(np.isfinite(low) and np.isfinite(high))
+        parameters.append(
+            Parameter(
+                symbol=name,
+                name=words_of(name),
+                unit=unit,
+                determined=bounded,
+                estimate=float(np.clip(value, low, high) if inside else value),
+                low=finite_or_none(low),
+                high=finite_or_none(high),
+            )
+        )
+    return parameters
+
+
+def undetermined(basis: str) -> Calibration:
+    """The calibration that says nothing, and why."""
+    sigma = Sigma.model_validate({"value": None, "kind": "unknown", "from": basis})
+    return Calibration(verdict="insufficient", sigma=sigma, radius=None, estimator=None, parameters=[])
+
+
+def words_of(name: str) -> str:
+    """A parameter in words, where it has such."""
+    target, at, mounting = name.partition("@")
+    return NAMES[target][0] + at + mounting if target in NAMES else name
 
 
 def rms_size(error: NDArray) -> float:

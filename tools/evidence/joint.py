@@ -17,15 +17,17 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
+from ..calibrated import Calibration, OfRecord, Parameter, Provenance, Sigma
 from ..motion.norm import LARGEST
 from .bench_left_out import trials_of_each
 from .bench_model import LARGEST_OF_BENCH, relinearised, with_possible_sizes
-from .evidence import Evidence, Trial
+from .evidence import Evidence, Trial, parameters_with, words_of
 from .fit import Fit, blocks_of, estimated
-from .of_record import Differs, InRecord, in_record, is_of_instrument, plain, width_of
+from .of_record import Differs, InRecord, differs, in_record, is_of_instrument, plain, width_of
 
 OPEN = 0.01
 """An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
+OF_EACH = Sigma.model_validate({"value": None, "kind": "unknown", "from": "each record has its own"})
 LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
 """What the linear model of a search may be wrong by, in bounds: at least, and at most."""
 LEAST_PART = 1e-3
@@ -124,7 +126,7 @@ class Joint(Evidence):
         alone = [in_record(p, label) for label, own in zip(self.labels, self.searched, strict=True) for p in own]
         units = dict(self.names)
         apart = [
-            Differs("parameter", name, record=label, unit=units[name])
+            differs(name, label, units[name])
             for name in self.shared
             for label, member in zip(self.labels, self.members, strict=True)
             if name in dict(member.names)
@@ -343,8 +345,34 @@ class Joint(Evidence):
 
     def head(self) -> Mapping[str, Any]:
         """The model whose shared parameters have one value."""
-        baseline = {"radius": self.baseline_radius, "falsified": self.falsified}
-        return {"baseline_model": "shared parameters", "baseline": baseline}
+        return {"baseline_model": "shared parameters"}
+
+    def calibration_of(self, fit: Fit | None = None) -> Calibration:
+        """What the records say together: of the parameters that they share, and of each record's own."""
+        parameters: dict[str, list[Parameter]] = {label: [] for label in ("", *self.labels)}
+        if fit is not None:
+            ends = fit.ends(self.room(fit), self.most_rows)
+            for parameter in parameters_with(self.names, fit.estimate[: len(self.names)], ends):
+                symbol, _, label = parameter.symbol.partition(" in ")
+                parameters[label].append(parameter.model_copy(update={"symbol": symbol, "name": words_of(symbol)}))
+        of_record = {}
+        for label, member in zip(self.labels, self.members, strict=True):
+            own = member.calibration_of()
+            of_record[label] = OfRecord(
+                sigma=own.sigma,
+                mountings=own.mountings,
+                parameters=parameters[label],
+                provenance=Provenance(record=label),
+            )
+        falsified = self.falsified and not (fit is not None and fit.places)
+        return Calibration(
+            verdict="falsified" if falsified else "consistent",
+            sigma=OF_EACH,
+            radius=self.baseline_radius if fit is None else fit.radius,
+            estimator=None if fit is None else "analytic centre",
+            parameters=parameters[""],
+            of_record=of_record,
+        )
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Nothing: what each record excludes its own diagnosis says."""

@@ -1,7 +1,7 @@
 """Effects and parameters of one record among several of an instrument, and a record about what mends it by itself."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
 import numpy as np
@@ -50,7 +50,7 @@ class InRecord(EffectPlace):
 class Differs(InRecord):
     """A shared parameter, `where`, that has a value of its own in one record."""
 
-    unit: str = ""
+    unit: str = field(default="", compare=False)
 
     @property
     def definition(self) -> Effect:
@@ -63,6 +63,16 @@ class Differs(InRecord):
     def title(self) -> str:
         """In words."""
         return f"{self.where} differs in {self.record}"
+
+
+def differs(name: str, record: str, unit: str = "") -> Differs:
+    """A shared parameter, by its name, that has a value of its own in a record."""
+    return Differs("parameter", name, record=record, unit=unit)
+
+
+def record_of(place: EffectPlace) -> str | None:
+    """The one record in which an effect acts; None where it may act in all."""
+    return place.record if isinstance(place, InRecord) else None
 
 
 def plain(place: EffectPlace) -> EffectPlace:

@@ -10,18 +10,17 @@ from pydantic import Field
 
 from ...fmus.parameters import CALIBRATIONS
 from ..calibrated import Calibration
-from ..calibration.targets import NAMES
 from ..diagnosis.cause import Number, SizedParameter
-from ..diagnosis.repeated import Repeated, repeated_of
-from ..diagnosis.result import Diagnosis
-from ..diagnosis.several import DIAGNOSES, Diagnosed, Several
+from ..diagnosis.result import DIAGNOSES, Diagnosis, Repeated, in_present_schema
+from ..diagnosis.several import repeated_of
 from ..errors import InputError
+from ..evidence.of_record import plain
 from ..files import LARGEST_RESULT, bytes_of, write_text
 from ..records import read_record
 from ..result import Result, Told, object_of, result_of
 
 INSTRUMENT = "trihedron.instrument/1"
-Held = Calibration | Diagnosed
+Held = Calibration | Diagnosis
 KINDS: Mapping[str, type[Held]] = {**dict.fromkeys(CALIBRATIONS, Calibration), **DIAGNOSES}
 """Schemas of results that a folder holds."""
 SAID = {
@@ -126,10 +125,10 @@ def add_to_instrument(
         if label and measured:
             dates.append(OnDate(record=label, date=_minute(measured, "--record")))
     kind: Literal["calibration", "diagnosis"] = "calibration"
-    if isinstance(parsed, Diagnosed):
-        kind = "diagnosis"
     if isinstance(parsed, Diagnosis):
-        content = parsed.to_json()
+        kind = "diagnosis"
+        if not parsed.records:
+            content = parsed.to_json()
     entry = Entry(
         kind=kind,
         date=_minute(facts["date"], "--date"),
@@ -262,7 +261,7 @@ def first_falsified(intervals: Mapping[str, tuple[float, float]]) -> tuple[str |
 
 def digests_of(result: Held) -> dict[str, str]:
     """SHA-256 of each record of a result by its label, in their order; empty where it is not known."""
-    if isinstance(result, Several):
+    if isinstance(result, Diagnosis) and result.records:
         return {alone.record: alone.sha256 for alone in result.records}
     if isinstance(result, Calibration) and result.of_record:
         return {label: record.provenance.sha256 for label, record in result.of_record.items()}
@@ -279,36 +278,30 @@ def parameters_of(result: Held) -> Iterator[tuple[str, str, str, Any]]:
     """
     if result.verdict not in ("consistent", "explained"):
         return
-    if isinstance(result, Several):
-        yield from _of_several(result)
-    elif isinstance(result, Calibration):
+    if isinstance(result, Calibration):
         last = next(reversed(result.of_record), "")
         yield from ((last, p.symbol, p.unit, p) for p in result.targets)
         for label, record in result.of_record.items():
             yield from ((label, p.symbol, p.unit, p) for p in record.parameters)
     else:
-        for t in result.targets or ():
-            unit = NAMES.get(t["symbol"].partition("@")[0], ("", "1"))[1]
-            parameter = SizedParameter(name=t["symbol"], unit=unit, estimate=t["after"], low=t["low"], high=t["high"])
-            yield "", parameter.name, unit, parameter
-        yield from (("", p.name, p.unit, p) for p in result.baseline.parameters or ())
-        for cause in result.causes:
-            yield from (("", f"{cause.place.title}: {p.name}", p.unit, p) for p in cause.parameters)
+        yield from _of_diagnosis(result)
 
 
-def _of_several(result: Several) -> Iterator[tuple[str, str, str, Any]]:
+def _of_diagnosis(result: Diagnosis) -> Iterator[tuple[str, str, str, Any]]:
     """Of records that were judged together: of a shared parameter that differs in one, that tells it by itself."""
-    apart = {(cause.record, cause.parameter) for cause in result.causes}
-    for p in result.parameters:
-        shared_by = [label for label in result.judged if (label, p.name) not in apart]
-        yield (shared_by or [""])[-1], p.name, p.unit, p
-    effects = [(cause, cause.effect.place.title) for cause in result.causes if cause.effect is not None]
-    for cause, title in effects:
-        yield from ((cause.record or result.judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
-    for parameter in result.repeatability:
+    judged = result.judged or ("",)
+    apart = {(cause.record, cause.where) for cause in result.causes if cause.effect == "parameter"}
+    for p in result.stated.parameters:
+        shared_by = [label for label in judged if (label, p.symbol) not in apart]
+        yield (shared_by or [""])[-1], p.symbol, p.unit, p
+    for cause in result.causes:
+        if cause.effect != "parameter":
+            title = plain(cause.place).title
+            yield from ((cause.record or judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
+    for parameter in result.repeatability or ():
         for alone in parameter.records:
             of_record = parameter.of == "run" or (alone.record, parameter.name) in apart
-            if of_record and alone.record in result.judged:
+            if of_record and alone.record in judged:
                 yield alone.record, parameter.name, parameter.unit, alone
 
 
@@ -363,7 +356,7 @@ def _degrees(text: str | None) -> float | None:
 
 def _held(content: Mapping[str, Any], where: str) -> Held:
     """The result of which this is the object; an InputError, which begins with `where`, for any other."""
-    result = result_of(content, KINDS, where)
+    result = result_of(in_present_schema(content), KINDS, where)
     if result is None:
         raise InputError(f"{where}: schema {content.get('schema')!r}: a calibration or a diagnosis is needed")
     return result

@@ -182,7 +182,7 @@ def bound_text(result: Diagnosis) -> str:
     needed = upwards(result.noise_bound_needed, 3)
     if result.unit is None:
         return f"without any effect the model would stand with a noise bound of {needed} g"
-    times = residual(result.baseline.radius)
+    times = residual(result.radius)
     return f"without any effect the model would stand with bounds {times} times as large, of {needed} {result.unit}"
 
 

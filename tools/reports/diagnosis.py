@@ -99,8 +99,9 @@ def sections_of(result: Diagnosis) -> list[Section]:
 
 def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     """The cause that was named, or the candidates that remain."""
-    if not result.causes:
+    if not sets_of(result):
         return None
+    causes = sets_of(result)[0].causes
     named = result.verdict == "explained"
     rows: list[list[Cell]] = []
     for number, finding in enumerate(sets_of(result), start=1):
@@ -114,7 +115,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     said = [sentence(text if named else f"set {number}: {text}") for number, text in enumerate(told, start=1)]
     if len(sets_of(result)) > len(shown):
         said.append(f"The table has {len(sets_of(result)) - len(shown)} more; the first leave least.")
-    same = [place.title for cause in result.causes for place in cause.alike]
+    same = [place.title for cause in causes for place in cause.alike]
     same += [" with ".join(place.title for place in places) for places in result.equal_sets]
     if same and named:
         said.append(f"By {result.evidence.told_by} it cannot be told from: {', '.join(same)}.")

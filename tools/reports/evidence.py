@@ -38,7 +38,7 @@ def first_words(result: Diagnosis) -> str:
         return "the set that is not named"
     if result.verdict != "explained":
         return "the first of the sets that remain"
-    return "the effect" if len(result.causes) == 1 else "the effects"
+    return "the effect" if result.best is not None and len(result.best.causes) == 1 else "the effects"
 
 
 def residual_sections(result: Diagnosis) -> list[Section]:
@@ -77,7 +77,7 @@ def as_stated(result: Diagnosis) -> str:
     """On whose word a verdict rests that what is stated of the true attitude decides; empty where it rests on none."""
     if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
         return ""
-    places = result.findings[0].fit.places if result.causes else ()
+    places = result.findings[0].fit.places if result.best is not None else ()
     return (
         f"this holds if the true attitude errs by {exactly(result.reference_bound_arcmin)} arcmin at most at any row, "
         f"as stated, which no record tells; less than {upwards(result.evidence.needed(places), 3)} would not do, and "
@@ -96,7 +96,7 @@ def error_pictures(result: Diagnosis) -> dict[str, Picture]:
     evidence = result.evidence
     part, time = evidence.parts[evidence.quoted], evidence.found.record.time_s
     middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
-    after = evidence.split(result.findings[0].fit.left)[evidence.quoted] if result.causes else None
+    after = evidence.split(result.findings[0].fit.left)[evidence.quoted] if result.best is not None else None
     return {
         "time": pictures.errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
         "quantities": pictures.errors_over_quantities(evidence.quantities(), part.error, after),
@@ -111,21 +111,21 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
         if result.reference == "gravity"
         else "The simulation carries the attitude over windows, and the true attitude says how far it is wrong"
     )
-    radius = result.baseline.radius or 0.0
+    radius = result.radius or 0.0
     least = f"With the best parameters of the block the largest error is {residual(radius)} of its bound"
     if result.bias_at_rest is not None:
         least = f"The largest error of the block as delivered is {residual(radius)} of its bound"
-    if result.causes and result.extended is not None:
-        least += f"; with {result.findings[0].title} it is {residual(result.extended.radius)} of it"
+    if result.best is not None:
+        least += f"; with {result.findings[0].title} it is {residual(result.best.radius)} of it"
     two = result.evidence.parts[result.evidence.quoted].error.shape[1] == 2
     about, size = ("two axes across it", "√2") if two else ("three axes", "√3")
     return [
         Section(
-            "Errors before and after" if result.causes else "Errors",
+            "Errors before and after" if result.best is not None else "Errors",
             [
                 f"{carried}: gyro compensation and attitude computer, two FMUs that the orchestrator feeds with the "
                 f"record's increments. {least}.",
-                f"The bounds come from {result.noise_bound_from}.",
+                f"The bounds come from {result.calibration.sigma.basis}.",
                 *bias,
             ],
             errors["time"],
@@ -170,7 +170,7 @@ def target_section(result: Diagnosis) -> Section | None:
 
 def parameter_section(result: Diagnosis) -> Section | None:
     """The own parameters of a block that is carried, each with its interval drawn: one scale for all of one unit."""
-    parameters = result.baseline.parameters or ()
+    parameters = result.stated.parameters
     if not parameters:
         return None
     halves = [half_width(p.low, p.high) for p in parameters]
@@ -188,7 +188,9 @@ def parameter_section(result: Diagnosis) -> Section | None:
     rows: list[list[Cell]] = []
     for p, bar in zip(parameters, drawn, strict=True):
         value, *ends = interval(p.estimate, p.low, p.high)
-        rows.append([own_words(p.name), value, bar, *(ends if None not in halves else (None, None)), unit_text(p.unit)])
+        rows.append(
+            [own_words(p.symbol), value, bar, *(ends if None not in halves else (None, None)), unit_text(p.unit)]
+        )
     said = "They belong to any block of this kind and are no effects."
     caption = "What the record leaves possible, drawn about the estimate: one scale for all of one unit."
     if None in halves:

@@ -352,7 +352,7 @@ def own_words(name: str) -> str:
 def carried_section(result: Diagnosis) -> Section:
     """The model of a block that is carried: block, attitude and effects, where the result names them."""
     values: dict[str, Value] = {
-        p.name: (p.estimate, half_width(p.low, p.high)) for p in result.baseline.parameters or ()
+        p.symbol: (p.estimate, half_width(p.low, p.high)) for p in result.stated.parameters if p.estimate is not None
     }
     gravity = result.reference == "gravity"
     free = "biases, scale factors and misalignments" if result.baseline_model == "calibrated" else "biases"

@@ -106,11 +106,11 @@ AT_TABLE = Kind(
 def _about_carried(result: Diagnosis) -> About:
     record = result.evidence.found.record
     key: dict[str, object] = {"rows": len(record), "reference": result.reference}
-    if result.baseline.radius is not None and result.noise_bound_arcmin is not None:
+    if result.radius is not None and result.noise_bound_arcmin is not None:
         key[f"bound, {evidence.quoted_words(result)}"] = f"{upwards(result.noise_bound_arcmin, 3)} arcmin"
-        key["largest error"] = f"{residual(result.baseline.radius)} of its bound"
-        if result.extended is not None:
-            key[f"with {evidence.first_words(result)}"] = residual(result.extended.radius)
+        key["largest error"] = f"{residual(result.radius)} of its bound"
+        if result.best is not None:
+            key[f"with {evidence.first_words(result)}"] = residual(result.best.radius)
     provenance: dict[str, object] = {
         "record": record.path.name,
         "record, SHA-256": record.sha256,
@@ -120,8 +120,8 @@ def _about_carried(result: Diagnosis) -> About:
     }
     if record.rate is not None:
         provenance["a rate in the record is"] = result.evidence.rates
-    if result.noise_bound_from:
-        provenance["bounds from"] = result.noise_bound_from
+    if result.calibration.sigma.basis:
+        provenance["bounds from"] = result.calibration.sigma.basis
     if witnesses.witnesses_of(result):
         provenance["seed of the shuffles"] = sum(part.error.size for part in result.evidence.parts)
     return About(record.path.name, key, provenance | versions())
@@ -130,7 +130,7 @@ def _about_carried(result: Diagnosis) -> About:
 def _carried_sections(result: Diagnosis, _: PositionRecord | None) -> list[Section]:
     """Return the record as it was inspected, and what carries the attitude."""
     # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
-    names = [p.name for p in result.baseline.parameters or ()]
+    names = [p.symbol for p in result.stated.parameters]
     forces = not any(name.startswith("accelerometer") for name in names)
     sections = record_sections(result.evidence.found, result.warnings, forces=forces, gaps_named=bool(result.missing))
     if result.evidence.parts:

@@ -46,7 +46,6 @@ PAGES = {
     "PositionPlan": ("plan", "positions_page"),
     "PublishedCalibration": ("papers", "published_page"),
     "Reproduction": ("papers", "reproduction_page"),
-    "Several": ("several", "several_page"),
     "SettingCheck": ("plan", "setting_page"),
     "Simulation": ("pages", "simulation_page"),
     "Suite": ("campaign", "suite_page"),
@@ -72,8 +71,10 @@ def page_of(result: Result, record: Any = None) -> Page | None:
     module, maker = PAGES[kind]
     if kind == "Calibration":
         module, maker = _of_calibration(result)
+    if kind == "Diagnosis" and getattr(result, "records", None):
+        module, maker = "several", "several_page"
     make: Callable[..., Page] = getattr(import_module(f"{__package__}.{module}"), maker)
-    if kind in OF_RECORDS:
+    if kind in OF_RECORDS and maker != "several_page":
         return make(result, getattr(result, "made_of", None) if record is None else record)
     return make(result)
 

@@ -6,8 +6,7 @@ from ..calibrated import Calibration, Parameter
 from ..calibration.targets import NAMES
 from ..diagnosis.applied import Applied
 from ..diagnosis.cause import Cause, SizedParameter
-from ..diagnosis.repeated import InOneRecord, Repeated
-from ..diagnosis.several import JointCause, Several
+from ..diagnosis.result import Diagnosis, Explanation, InOneRecord, Repeated
 from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, minus, sentence, unit_text
 from ..instrument import Entries, Entry, Trend
@@ -45,12 +44,12 @@ def applied_page(result: Applied) -> Page:
     return Page("Effects applied to a record", verdict, [Section("Effects", further)], warnings=result.warnings)
 
 
-def helps_lines(result: Several) -> list[str]:
+def helps_lines(result: Diagnosis) -> list[str]:
     """Where each effect that was found helps; one that helps nowhere else is the run's."""
     return [
         f"{one.effect}, found in {one.found_in}: "
         + (f"helps on {', '.join(one.on)}" if one.on else "helps on no other record: it is the run's")
-        for one in result.helps
+        for one in result.helps or ()
     ]
 
 
@@ -60,7 +59,7 @@ def words(name: str) -> str:
     return name if known is None else f"{name}, {known[0]}"
 
 
-def verdict_line(result: Several) -> str:
+def verdict_line(result: Diagnosis) -> str:
     """The first line: the verdict; where records that say too little alone say enough together, that they do."""
     said = VERDICTS[result.verdict]
     if result.radius is None:
@@ -68,32 +67,33 @@ def verdict_line(result: Several) -> str:
     if result.verdict == "ambiguous" and not result.alternatives:
         also = "as the cautions say" if result.caution else "that were not tried"
         said = f"ambiguous: one set makes all records consistent together, and others may {also}"
-    alone = [one.diagnosis.verdict for one in result.records if one.left_out is None]
+    alone = [one.diagnosis.verdict for one in result.records or () if one.left_out is None]
     if alone and set(alone) == {"insufficient"} and result.verdict != "insufficient":
         said += "; each by itself is insufficient, together they are not"
-    if result.radius is not None and (left := [one.record for one in result.records if one.left_out is not None]):
+    if result.radius is not None and (left := [one.record for one in result.records or () if one.left_out is not None]):
         said += f"; not judged with the others: {', '.join(left)}"
     return said
 
 
-def sentences(result: Several) -> list[str]:
+def sentences(result: Diagnosis) -> list[str]:
     """What is found, whose it is, with its sizes."""
-    sets = (result.causes, *result.alternatives)[:MOST_SETS]
+    sets = result.sets[:MOST_SETS]
     said = [f"{'or: ' if number else ''}{cause_text(cause)}" for number, causes in enumerate(sets) for cause in causes]
-    if len(result.alternatives) >= MOST_SETS:
-        said.append(f"... and {len(result.alternatives) - MOST_SETS + 1} sets more")
+    if len(result.sets) > MOST_SETS:
+        said.append(f"... and {len(result.sets) - MOST_SETS} sets more")
     if result.verdict == "ambiguous":
-        of_run = [label for label, told in result.runs.items() if told == "yes"]
+        of_run = [label for label, told in (result.runs or {}).items() if told == "yes"]
         said += ["in every one of these sets something is the instrument's"] if result.instrument == "yes" else []
         said += [f"in every one of these sets something is of the run {label} alone" for label in of_run]
     return said
 
 
-def cause_text(cause: JointCause) -> str:
+def cause_text(cause: Cause) -> str:
     """A cause with its owner and its sizes."""
-    owner = "the instrument's" if cause.of == "instrument" else f"the run's, {cause.record} alone"
+    owner = "the instrument's" if cause.is_of_instrument else f"the run's, {cause.record} alone"
     sizes = [f"{p.name} {_possible(p, p.unit)}" for p in cause.parameters]
-    same = f"; these records cannot tell it from {', '.join(cause.equivalents)}" if cause.equivalents else ""
+    alike = [place.title for place in cause.alike]
+    same = f"; these records cannot tell it from {', '.join(alike)}" if alike else ""
     return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
 
 
@@ -107,18 +107,18 @@ def _in_unit(number: str, unit: str) -> str:
     return f"{number} {unit_text(unit)}".rstrip()
 
 
-def several_page(result: Several) -> Page:
+def several_page(result: Diagnosis) -> Page:
     """Return what the records say together, each by itself, repeatability, and what was shared."""
-    together = [sentence(text) for text in (*sentences(result), *result.not_named, *result.caution)]
+    together = [sentence(text) for text in (*sentences(result), *(result.not_named or ()), *result.caution)]
     if result.missing:
-        together.append(f"Still open: {', '.join(result.missing)}.")
+        together.append(f"Still open: {', '.join(map(str, result.missing))}.")
     rows: list[list[Cell]] = []
     provenance = versions()
-    for one in result.records:
-        rows.append([one.record, one.diagnosis.verdict, _titles(one.diagnosis.causes), one.left_out or None])
+    for one in result.records or ():
+        rows.append([one.record, one.diagnosis.verdict, _titles(one.diagnosis.best), one.left_out or None])
         provenance[one.record] = one.sha256
     alone = Table(["record", "verdict", "causes", "not judged with the others"], rows).without_empty_columns()
-    shared = [f"One value for all: {', '.join(result.shared) or 'no parameter'}."]
+    shared = [f"One value for all: {', '.join(result.shared or ()) or 'no parameter'}."]
     if result.own:
         shared.append(f"Each record's own: {', '.join(result.own)}.")
     if result.radius is not None and result.not_searched:
@@ -126,19 +126,19 @@ def several_page(result: Several) -> Page:
     key = {}
     if result.radius is not None:
         key["radius with shared parameters"] = residual(result.radius)
-        if result.radius_with_causes is not None:
-            key["with the causes"] = residual(result.radius_with_causes)
+        if result.best is not None:
+            key["with the causes"] = residual(result.best.radius)
     return Page(
         "Several records of one instrument",
         sentence(verdict_line(result)),
         [
             Section("Together", together or ["Nothing must differ."]),
             Section("Each by itself", table=alone),
-            *_changes(result.repeatability),
+            *_changes(result.repeatability or ()),
             *_gains(result),
             Section("What is shared", shared),
         ],
-        lambda: _repeatability(result.repeatability),
+        lambda: _repeatability(result.repeatability or ()),
         TONES.get(result.verdict, "attention"),
         key,
         provenance,
@@ -158,17 +158,17 @@ def _changes(parameters: Sequence[Repeated]) -> list[Section]:
     return [Section("What is no constant", changes)] if changes else []
 
 
-def _titles(causes: Sequence[Cause]) -> str | None:
-    return ", ".join([cause.place.title for cause in causes]) or None
+def _titles(explanation: Explanation | None) -> str | None:
+    return None if explanation is None else ", ".join([cause.title for cause in explanation.causes])
 
 
-def _gains(result: Several) -> list[Section]:
-    if not result.gains:
+def _gains(result: Diagnosis) -> list[Section]:
+    if not result.cross_gain:
         return []
-    sources = [one.found_in for one in result.gains[0].applied]
+    sources = [one.found_in for one in result.cross_gain[0].applied]
     rows: list[list[Cell]] = [
         [f"{gain.record}, {gain.over}", digits(gain.rms), *(digits(one.rms) for one in gain.applied), gain.unit]
-        for gain in result.gains
+        for gain in result.cross_gain
     ]
     said = (
         "What was found in one record, applied to each by the extended FMUs: errors, root mean square. Sizes are those "

@@ -28,7 +28,7 @@ def _verdict(result: Diagnosis) -> str:
         if only_unlisted(result):
             against += f" {sentence(result.caution[0])}"
         return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
-    least = f"with the best parameters its largest error is {residual(result.baseline.radius or 0.0)} times its bound"
+    least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
     if result.verdict == "unexplained" and result.not_named:
         return f"{lacks}: {least}, and {result.not_named[0]}."
     if result.verdict == "unexplained" and result.cut_off_at is not None:
@@ -42,7 +42,7 @@ def _verdict(result: Diagnosis) -> str:
         return f"Too little was measured to judge the simulation: {missing_words(result)}."
     return (
         "Consistent: the simulation explains the record within its noise; no error is more than "
-        f"{residual(result.baseline.radius or 0.0)} of its bound, and no effect is named."
+        f"{residual(result.radius or 0.0)} of its bound, and no effect is named."
     )
 
 
@@ -76,7 +76,7 @@ def rivals(result: Diagnosis) -> str:
 
 def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
     """The sets that remain, the best first; one where a cause is named."""
-    return result.findings if result.causes else ()
+    return result.findings if result.verdict in ("explained", "ambiguous") else ()
 
 
 def sentence_of(cause: Cause, result: Diagnosis) -> str:

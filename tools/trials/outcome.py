@@ -7,7 +7,7 @@ from typing import Any
 from ...models.effects import EffectPlace
 from ..diagnosis import Cause, Diagnosis, diagnose
 from ..diagnosis.cause import NamedEffect
-from ..diagnosis.several import Several, diagnosed_together
+from ..diagnosis.several import diagnosed_together
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
@@ -127,7 +127,7 @@ def _names(effects: Iterable[EffectPlace | NamedInRecord]) -> str:
     return " + ".join(sorted(effect.effect for effect in effects))
 
 
-def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis | Several:
+def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis:
     """The diagnosis of a case's record, or records; of a bench σ, the mountings and the kind of block are known."""
     if case.days:
         alone = {label: diagnose(one, rerun=rerun, noise_bound=NOISE_BOUND) for label, one in record.items()}
@@ -135,19 +135,19 @@ def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis | Se
     return diagnose(record, rerun=rerun, **case.instrument.asked)
 
 
-def judged(case: Case, result: Any) -> Outcome:
+def judged(case: Case, result: Diagnosis) -> Outcome:
     """Hold a diagnosis against the secret of its case."""
     instrument, secrets = case.instrument, case.hidden
     sets = [finding.causes for finding in result.findings]
     if case.days:
-        kind, radius = kind_of(case.places, result.verdict, sets), result.radius
+        kind = kind_of(case.places, result.verdict, sets)
     else:
         kind = kind_of(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
-        secrets, radius = instrument.as_recorded(case.hidden, result.evidence), result.baseline.radius
+        secrets = instrument.as_recorded(case.hidden, result.evidence)
     inside, errors = _held_against(secrets, kind, sets, instrument.table)
     told = instrument.told(case.seed, case.index or 0, secrets)
     if case.days:
-        told["records"] = len(result.records)
+        told["records"] = len(result.records or ())
     if instrument.reference is None:
         told["errors"] = errors
     else:
@@ -156,7 +156,7 @@ def judged(case: Case, result: Any) -> Outcome:
     return Outcome(
         **told,
         redrawn=case.redrawn,
-        radius=radius,
+        radius=result.radius,
         verdict=result.verdict,
         outcome=kind,
         named=tuple(NamedInRecord.of(cause.place) for cause in sets[0]) if sets else (),

@@ -196,7 +196,7 @@ def test_hidden_effect_cases_are_those_of_the_suite():
         assert result.scalars["named"] == result.scalars["hidden"] == "quadratic"
         told = json.loads(result.diagnosis or "")
         assert {key: told[key] for key in outcome.to_json()} == json.loads(json.dumps(outcome.to_json()))
-        assert told["diagnosis"]["schema"] == "trihedron.diagnosis/2"
+        assert told["diagnosis"]["schema"] == "trihedron.diagnosis/3"
 
 
 @pytest.mark.acceptance

@@ -13,9 +13,10 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Applied, Diagnosis, applied_to, diagnose, evidence_of
-from trihedron.tools.diagnosis.cause import Cause, NamedEffect
-from trihedron.tools.diagnosis.several import JointCause, OneRecord, Several
+from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.diagnosis.result import Explanation, OneRecord
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.evidence import undetermined
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.trials.draw import draw_clean_block
 from trihedron.tools.trials.sizes import Hidden
@@ -76,28 +77,29 @@ def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(fold
 def test_of_several_records_another_one_has_what_is_the_instruments_and_one_of_them_its_own_too(folder):
     alone = Diagnosis.model_validate_json((folder / "block.json").read_text(encoding="utf-8"))
     (cause,) = alone.causes
-    ends = {"equivalents": (), "parameter": None, "parameters": cause.parameters}
-    shared = JointCause(title="", of="instrument", record=None, effect=NamedEffect.of(cause.place), **ends)
-    cubic = NamedEffect(effect="cubic", where="accelerometer-1")
-    own = JointCause(title="", of="run", record="monday", effect=cubic, **ends)
+    own = Cause(effect="cubic", where="accelerometer-1", record="monday", equivalents=(), parameters=cause.parameters)
     used = read_record(folder / "block-monday.csv").sha256
     records = (OneRecord(record="monday", sha256=used, left_out=None, diagnosis=alone),)
     file, monday, tuesday = folder / "several.json", folder / "block-monday.csv", folder / "block-tuesday.csv"
-    file.write_text(Several(verdict="explained", records=records, causes=(shared, own)).json_text(), encoding="utf-8")
+
+    def together(*causes: Cause) -> Diagnosis:
+        return alone.model_copy(update={"records": records, "causes": causes})
+
+    file.write_text(together(cause, own).json_text(), encoding="utf-8")
     of_one, of_all = th.apply(folder / "block.json", tuesday), th.apply(file, tuesday)
     assert of_all == of_one
     of_its_own = th.apply(file, monday)
     assert isinstance(of_its_own, Applied)
     assert [one.effect for one in of_its_own.effects] == [QUADRATIC.title, "cubic accelerometer-1"]
     with pytest.raises(InputError, match="names nothing that is the instrument's"):
-        th.apply(Several(verdict="explained", records=records, causes=(own,)), tuesday)
+        th.apply(together(own), tuesday)
 
 
 def test_what_names_nothing_or_is_not_as_its_schema_says_is_refused(folder, capsys):
     good = json.loads((folder / "block.json").read_text(encoding="utf-8"))
     for name, change, why in (
         ("unnamed", {"verdict": "unexplained", "causes": []}, "the diagnosis is unexplained: it names nothing"),
-        ("broken", {"baseline": 3}, "baseline: "),
+        ("broken", {"calibration": 3}, "calibration: "),
     ):
         (folder / f"{name}.json").write_text(json.dumps(good | change), encoding="utf-8")
         assert main(["apply", str(folder / f"{name}.json"), str(folder / "block-tuesday.csv")]) == 2
@@ -111,8 +113,14 @@ def test_what_gyros_add_is_taken_out_of_the_increments_of_another_day():
     block = replace(draw_clean_block(77, 1, "truth").instrument, temperature=None)
     second, clean = (block.measured(7, 1, hidden) for hidden in ([Hidden(G_SENSITIVITY, TRUE_G)], []))
     cause = Cause.found(G_SENSITIVITY, (), TRUE_G, [(size - 1e-5, size + 1e-5) for size in TRUE_G])
-    baseline = {"radius": 2.0, "falsified": True}
-    found = Diagnosis(verdict="explained", baseline_model="nominal", baseline=baseline, causes=(cause,))  # type: ignore[arg-type]
+    explanations = (Explanation.of_causes((cause,)),)
+    found = Diagnosis(
+        verdict="explained",
+        baseline_model="nominal",
+        calibration=undetermined(""),
+        explanations=explanations,
+        causes=(cause,),
+    )
     applied = applied_to(found, second, evidence_of(second))
     assert [one.how for one in applied.effects] == ["corrected"]
     with pytest.raises(th.InputError, match="of a strapdown record noise_bound"):

@@ -226,7 +226,7 @@ def test_a_diagnosis_of_the_first_schema_is_still_read():
     text = json.dumps(first | {"baseline": {"radius": 0.9, "falsified": False, "witness": []}})
     assert (
         json.loads(Diagnosis.model_validate_json(text).model_dump_json(by_alias=True))["schema"]
-        == "trihedron.diagnosis/2"
+        == "trihedron.diagnosis/3"
     )
 
 

@@ -121,9 +121,9 @@ def test_the_loop_is_closed_for_each_effect(place, values, symmetric):
     assert gain["held_out_rms_after"] < NOISE_BOUND < gain["held_out_rms_before"]
     said = json.loads(result.json_text())
     assert set(said) >= CONTRACT_KEYS
-    assert said["schema"] == "trihedron.diagnosis/2"
-    assert said["baseline"]["falsified"] is True
-    assert len(said["baseline"]["witness"]) <= 19
+    assert said["schema"] == "trihedron.diagnosis/3"
+    assert said["calibration"]["verdict"] == "falsified"
+    assert len(said["calibration"]["witness"]) <= 19
     assert [p["name"] for p in said["causes"][0]["parameters"]] == [p.name for p in CATALOGUE[place.effect].parameters]
 
 

@@ -200,7 +200,7 @@ def test_a_strapdown_record_is_carried_again(tmp_path):
         error = evidence.reference.errors(number, turned(moves, attitude), up, up)
         assert np.abs(error / evidence.parts[evidence.scored[number]].bound).max() <= 1.0
     starts = starts_of(tmp_path / "native" / "GyroCompensation.fmu")
-    stated = {p["name"]: p["estimate"] for p in result.to_json()["baseline"]["parameters"]}
+    stated = {p["name"]: p["estimate"] for p in result.stated.to_json()["parameters"]}
     assert [starts[f"bias[{i}]"] for i in (1, 2, 3)] == [stated[f"gyro bias_{i}"] for i in (1, 2, 3)]
     ends = intervals_in(tmp_path / "native" / "GyroCompensation.ssv")
     for parameter in result.causes[0].parameters:

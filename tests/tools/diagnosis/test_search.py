@@ -111,8 +111,8 @@ def test_effects_are_named_together_though_every_error_is_at_its_bound(effects, 
     result: Any = diagnosed(case, case.measured())
     assert result.verdict == "explained"
     assert {cause.place for cause in result.causes} == set(effects)
-    assert result.extended is not None
-    assert result.extended.radius <= 1.0 + 1e-5
+    assert result.best is not None
+    assert result.best.radius <= 1.0 + 1e-5
     assert isinstance(result.judgement, Witness)
     assert result.judgement.folds is not None
 

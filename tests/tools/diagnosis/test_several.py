@@ -16,7 +16,8 @@ from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import evidence_options, procedure, several
 from trihedron.tools.diagnosis.cause import Finding
-from trihedron.tools.diagnosis.several import Several, labels_of
+from trihedron.tools.diagnosis.result import Diagnosis
+from trihedron.tools.diagnosis.several import labels_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
 from trihedron.tools.trials.draw import draw_clean_block
@@ -26,7 +27,7 @@ QUADRATIC, CUBIC = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("cub
 
 
 @pytest.fixture(scope="module")
-def found() -> Several:
+def found() -> Diagnosis:
     """Three records: a quadratic term in all, a cubic one in the second alone."""
     records = of_one_instrument(5, shared=[(QUADRATIC, (4e-4,))], own={1: [(CUBIC, (4e-4,))]})
     return th.diagnose_together(*records, noise_bound=SIGMA)
@@ -34,9 +35,9 @@ def found() -> Several:
 
 def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(found):
     assert found.verdict == "explained"
-    assert [(c.title, c.of, c.record) for c in found.causes] == [
-        ("quadratic accelerometer-2", "instrument", None),
-        ("cubic accelerometer-1 in record-2", "run", "record-2"),
+    assert [(c.title, c.is_of_instrument, c.record) for c in found.causes] == [
+        ("quadratic accelerometer-2", True, None),
+        ("cubic accelerometer-1 in record-2", False, "record-2"),
     ]
     assert found.instrument == "yes"
     assert found.runs == {"record-1": "no", "record-2": "yes", "record-3": "no"}
@@ -70,9 +71,9 @@ def test_repeatability_of_the_days_parameters_is_surely_a_change(found):
 
 def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs_own_does_not(found):
     """A record's errors with what was found in itself are noise; with what one of another day has, they are not."""
-    rms = {gain.record: {one.found_in: one.rms for one in gain.applied} for gain in found.gains}
-    assert {gain.unit for gain in found.gains} == {"g"}
-    for gain in found.gains:
+    rms = {gain.record: {one.found_in: one.rms for one in gain.applied} for gain in found.cross_gain}
+    assert {gain.unit for gain in found.cross_gain} == {"g"}
+    for gain in found.cross_gain:
         assert rms[gain.record][gain.record] < SIGMA < gain.rms
     # The second has a cubic term besides: of itself alone.
     assert rms["record-1"]["record-3"] < SIGMA < rms["record-1"]["record-2"]
@@ -83,7 +84,7 @@ def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs
     assert "cubic accelerometer-1, found in record-2: helps on no other record: it is the run's" in str(found)
 
 
-def judged(monkeypatch, records) -> Several:
+def judged(monkeypatch, records) -> Diagnosis:
     """Records judged together; nothing is simulated."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
     return several.diagnosed_together(
@@ -101,7 +102,7 @@ def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_a
     records = of_one_instrument(33, 2, positions=16, own={1: [(step, (3e-5, 0.009))]})
     result = judged(monkeypatch, records)
     assert "bias-step" in result.not_searched
-    sets = [[cause.title for cause in causes] for causes in (result.causes, *result.alternatives)]
+    sets = [[cause.title for cause in causes] for causes in result.sets]
     assert result.verdict == "ambiguous"
     assert ["bias-step accelerometer-2 in record-2"] in sets
     assert not any("thermal-lag" in title or "warm-up" in title for titles in sets for title in titles)
@@ -114,7 +115,7 @@ def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_
     step = EffectPlace("bias-step", "accelerometer-2")
     own = {1: [(step, (3e-5, 0.009))]}
     result = judged(monkeypatch, of_one_instrument(33, positions=16, shared=[(QUADRATIC, (4e-4,))], own=own))
-    sets = [{cause.title for cause in causes} for causes in (result.causes, *result.alternatives)]
+    sets = [{cause.title for cause in causes} for causes in result.sets]
     assert {len(titles) for titles in sets} == {2}
     assert {"bias-step accelerometer-2 in record-2", QUADRATIC.title} in sets
     assert result.runs["record-2"] == "open"
@@ -149,7 +150,7 @@ def test_records_without_a_secret_need_nothing():
     assert clean.radius is not None
     assert clean.radius < 1.0
     assert len(clean.parameters) == 9
-    assert clean.gains == ()
+    assert clean.cross_gain == ()
 
 
 def test_three_that_are_each_insufficient_end_together_in_a_verdict():
@@ -215,8 +216,8 @@ def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypa
     """Its signature is constant: where it belongs only other accelerometers can say."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
     result = th.diagnose_together(*of_one_instrument(21, 2, positions=20), noise_bound=SIGMA, shared=["bias-1"])
-    sets = (result.causes, *result.alternatives)
-    assert [[(cause.parameter, cause.of) for cause in causes] for causes in sets] == [[("X16", "run")]]
+    sets = result.sets
+    assert [[(cause.where, cause.is_of_instrument) for cause in causes] for causes in sets] == [[("X16", False)]]
 
 
 @pytest.mark.acceptance
@@ -258,14 +259,13 @@ def test_a_record_that_shows_no_size_of_what_would_mend_it_is_judged_with_the_ot
     second = procedure.diagnose(records[1], noise_bound=SIGMA, rerun=False)
     result = several.diagnosed_together({"a": first, "b": second})
     assert result.judged == ("a", "b")
-    assert [(cause.title, cause.of) for cause in result.causes] == [(QUADRATIC.title, "instrument")]
+    assert [(cause.title, cause.is_of_instrument) for cause in result.causes] == [(QUADRATIC.title, True)]
 
 
 def test_where_fewer_than_two_can_be_judged_the_first_line_says_that_and_not_that_nothing_is_wrong():
     """Each may well falsify the simulation by itself."""
-    said = str(
-        Several(verdict="insufficient", records=(), not_named=("fewer than two records can be judged together",))
-    )
+    alone = procedure.diagnose(of_one_instrument(21, 1, positions=(20, 20))[0], noise_bound=SIGMA, rerun=False)
+    said = str(several.diagnosed_together({"a": alone}, rerun=False)).splitlines()[0]
     assert said == "insufficient: nothing is said of all together, as fewer than two records can be judged so"
 
 
@@ -284,7 +284,7 @@ def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsy
     said = capsys.readouterr().out
     assert said.startswith("consistent: one value for each parameter of the instrument does for all")
     assert "monday by itself: consistent" in said
-    again = Several.model_validate_json(out.read_text(encoding="utf-8"))
+    again = Diagnosis.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
     assert check(out).summary == ("2 records, consistent",)
     shown = page.read_text(encoding="utf-8")
@@ -328,8 +328,8 @@ def test_records_of_a_table_and_by_hand_are_judged_together():
     )
     assert [one.diagnosis.verdict for one in result.records] == ["explained", "ambiguous"]
     assert result.verdict == "explained"
-    assert [(cause.title, cause.of) for cause in result.causes] == [(QUADRATIC.title, "instrument")]
-    assert {gain.unit for gain in result.gains} == {"g", "arcmin"}
+    assert [(cause.title, cause.is_of_instrument) for cause in result.causes] == [(QUADRATIC.title, True)]
+    assert {gain.unit for gain in result.cross_gain} == {"g", "arcmin"}
 
 
 def test_options_of_one_kind_are_for_records_of_that_kind_and_refused_where_there_are_none():

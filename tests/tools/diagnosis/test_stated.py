@@ -73,6 +73,6 @@ def test_a_strapdown_baseline_is_possible_as_it_is_stated():
     result: Any = diagnose(strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3])))
     assert result.verdict == "consistent"
     evidence = result.evidence
-    step = np.array([p.estimate for p in result.baseline.parameters]) - evidence.point
+    step = np.array([p.estimate for p in result.stated.parameters]) - evidence.point
     assert np.abs(evidence.residual - evidence.nominal @ step).max() <= 1.0 + 1e-6
-    assert all(p.low <= p.estimate <= p.high for p in result.baseline.parameters if p.low is not None)
+    assert all(p.low <= p.estimate <= p.high for p in result.stated.parameters if p.low is not None)

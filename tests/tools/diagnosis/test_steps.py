@@ -36,7 +36,7 @@ def time_of(row: int) -> float:
 def candidates(reading: np.ndarray, alpha: np.ndarray, beta: np.ndarray) -> tuple[str, list[tuple[Cause, ...]]]:
     """The verdict on readings, and the sets of causes that it names or leaves."""
     result = diagnose(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND, rerun=False)
-    return result.verdict, [result.causes, *(result.alternatives or ())]
+    return result.verdict, list(result.sets)
 
 
 @pytest.mark.parametrize("seed", some(0, 1, of=range(8)))

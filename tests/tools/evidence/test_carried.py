@@ -53,9 +53,9 @@ def test_a_clean_block_is_consistent_and_its_parameters_are_within_their_interva
     gamma = np.array([[0.004, 0.0, 0.0], [0.002, -0.003, 0.0], [0.001, 0.005, 0.002]])
     found = diagnose(strapdown_record(gamma=gamma, bias_g=np.array([0.01, -0.02, 0.03])), rerun=False)
     assert (found.verdict, found.causes) == ("consistent", ())
-    assert found.baseline.radius is not None
-    assert found.baseline.radius < 1.0
-    ends = {p.name: (p.low, p.high) for p in found.baseline.parameters or ()}
+    assert found.radius is not None
+    assert found.radius < 1.0
+    ends = {p.symbol: (p.low, p.high) for p in found.stated.parameters}
     for name, truth in {"gamma_11": 0.004, "gamma_32": 0.005, "bias_3": 0.03}.items():
         low, high = ends[f"accelerometer {name}"]
         assert low is not None
@@ -83,9 +83,9 @@ def test_sensitivity_to_gravity_is_named_with_its_size_and_gains_on_moves_that_w
 
 def test_the_object_is_that_of_the_contract(sensitive):
     content = sensitive[1].to_json()
-    assert (content["schema"], content["unit"]) == ("trihedron.diagnosis/2", "arcmin")
-    assert content["baseline"]["falsified"] is True
-    assert content["extended"]["radius"] <= 1.0 < content["baseline"]["radius"]
+    assert (content["schema"], content["unit"]) == ("trihedron.diagnosis/3", "arcmin")
+    assert content["calibration"]["verdict"] == "falsified"
+    assert content["explanations"][0]["radius"] <= 1.0 < content["calibration"]["radius"]
     assert content["noise_bound_arcmin"] > 0.0
     assert set(content["gain"]) >= {f"held_out_{kind}_{at}" for kind in ("rms", "max") for at in ("before", "after")}
     assert [length["over"] for length in content["lengths"]] == ["1 move", "2 moves", "3 moves"]

@@ -42,8 +42,8 @@ def test_an_accelerometer_that_saturates_in_rests_is_named_with_its_level(axis, 
     (parameter,) = result.causes[0].parameters
     assert parameter.low <= level <= parameter.high
     assert parameter.high - parameter.low < 1e-7
-    assert result.baseline.falsified
-    assert result.baseline.radius > 1.0 > result.extended.radius
+    assert result.calibration.verdict == "falsified"
+    assert result.radius > 1.0 > result.best.radius
     assert f"accelerometer {axis + 1} saturates at" in str(result)
     assert "rests with an accelerometer at its limit: 2, left out" in result.warnings
     assert EffectPlace("saturation", f"accelerometer-{axis + 1}") not in [e.place for e in result.cannot_be_seen]
@@ -63,7 +63,7 @@ def test_a_limit_on_one_side_of_two_is_not_named_and_said():
     result: Any = diagnose(clipped(drawn(6), 1, -0.8, 9.0), rerun=False)
     assert result.verdict == "unexplained"
     assert result.causes == ()
-    assert result.baseline.falsified
+    assert result.calibration.verdict == "falsified"
     assert any("a limit of 0.8 g on one side alone" in text for text in result.not_named)
 
 

@@ -102,7 +102,7 @@ def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_s
     clean = carried_evidence(drawn_record(seed, unchanged, filmed=True)[0]).head()["noise_bound_arcmin"]
     found: Any = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
     assert (found.verdict, found.causes) == ("unexplained", ())
-    assert found.baseline.radius > 2.0
+    assert found.radius > 2.0
     # The bound is that of the instruments: what is hidden is not in it.
     assert found.noise_bound_arcmin == pytest.approx(clean, rel=0.5)
     (objection,) = [text for text in found.not_named or () if "all effects of the catalogue together" in text]

@@ -88,7 +88,7 @@ def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(recor
     assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-scale-misalignment"])
     for (low, high), true in zip(found.causes[0].intervals, GAMMA.ravel(), strict=True):
         assert low <= true <= high
-    assert found.noise_bound_from == (
+    assert found.calibration.sigma.basis == (
         "the noise of the gyros at rest, Earth's rate, and the true attitude's error at a row, as stated: 8.5 arcmin"
     )
     assert found.to_json()["reference_bound_arcmin"] == pytest.approx(8.5)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...diagnosis.repeated import Repeated
+from ...diagnosis.result import Repeated
 from . import ALERT, FIRST, MUTED, Drawn, drawn, legend, named_rows, sheet
 
 MOST_ROWS = 30

@@ -1,0 +1,138 @@
+"""Diagnoses of the schemas before, as they are written now.
+
+Fields that are missing or wrong stay so: who validates the object says what is wrong with them.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..calibration.targets import NAMES
+
+FIRST, SECOND, SEVERAL = "trihedron.diagnosis/1", "trihedron.diagnosis/2", "trihedron.several/1"
+FORMER = (FIRST, SECOND, SEVERAL)
+DIAGNOSIS = "trihedron.diagnosis/3"
+OF_BASELINE = ("noise_bound", "noise_bound_basis", "noise_bound_from", "baseline")
+OF_SETS = ("extended", "extension", "alternatives")
+OF_SEVERAL = {"gains": "cross_gain", "witnesses": "judgement"}
+"""Keys of several records that have another name now."""
+EACH_ITS_OWN = "each record has its own"
+
+
+def of_former_schemas(content: Mapping[str, Any]) -> dict[str, Any]:
+    """A diagnosis of one record, or of several, in the present schema; any other object as it is.
+
+    `sets` are the causes of the sets that it names, or that remain, each with a radius and a calibration, `extension`
+    what extends the model: of these explanations are made.
+    """
+    schema = content.get("schema")
+    if schema in (FIRST, SECOND):
+        return _of_one(content)
+    return _of_several(content) if schema == SEVERAL else dict(content)
+
+
+def _of_one(content: Mapping[str, Any]) -> dict[str, Any]:
+    baseline = content.get("baseline")
+    if not isinstance(baseline, Mapping):
+        raise ValueError("baseline: is missing")
+    present = {key: value for key, value in content.items() if key not in (*OF_BASELINE, *OF_SETS)}
+    present["schema"] = DIAGNOSIS
+    basis = content.get("noise_bound_basis", content.get("noise_bound_from", ""))
+    kind = {"given": "bound", "": "unknown"}.get(str(basis), "estimated")
+    sigma = {"value": content.get("noise_bound"), "kind": kind, "from": basis}
+    parameters = _parameters(baseline.get("parameters"))
+    explained = content.get("verdict") == "explained"
+    present["calibration"] = _calibration(content, baseline.get("radius"), sigma, [] if explained else parameters)
+    present["calibration"]["witness"] = baseline.get("witness") or []
+    extended = content.get("extended")
+    radius = extended.get("radius") if isinstance(extended, Mapping) else None
+    calibration = {**_calibration({}, radius, sigma, _targets(content.get("targets")) + parameters)}
+    _add_sets(present, content, radius, calibration if explained else None)
+    if content.get("extension") is not None:
+        present["extension"] = content["extension"]
+    return present
+
+
+def _of_several(content: Mapping[str, Any]) -> dict[str, Any]:
+    gone = ("radius", "radius_with_causes", "parameters", "alternatives", *OF_SEVERAL)
+    present = {key: value for key, value in content.items() if key not in gone}
+    for former, name in OF_SEVERAL.items():
+        present[name] = content.get(former, [])
+    sigma = {"value": None, "kind": "unknown", "from": EACH_ITS_OWN}
+    parameters = _parameters(content.get("parameters"))
+    has_causes = bool(content.get("causes"))
+    present |= {"schema": DIAGNOSIS, "baseline_model": "shared parameters"}
+    present["calibration"] = _calibration(content, content.get("radius"), sigma, [] if has_causes else parameters)
+    radius = content.get("radius_with_causes")
+    sets = {"verdict": content.get("verdict"), "causes": _causes(content.get("causes"))}
+    sets["alternatives"] = [_causes(causes) for causes in content.get("alternatives") or ()]
+    _add_sets(present, sets, radius, _calibration({}, radius, sigma, parameters))
+    return present
+
+
+def _add_sets(
+    present: dict[str, Any], content: Mapping[str, Any], radius: Any, calibration: Mapping[str, Any] | None
+) -> None:
+    """Sort the causes: what is named, what remains."""
+    causes, alternatives = content.get("causes") or [], content.get("alternatives") or []
+    present["causes"] = causes if content.get("verdict") == "explained" else []
+    present["sets"] = [(causes, radius, calibration)] if causes else []
+    if isinstance(alternatives, list) and alternatives:
+        present["alternatives"] = alternatives
+        present["sets"] += [(others, None, None) for others in alternatives]
+
+
+def _calibration(content: Mapping[str, Any], radius: Any, sigma: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
+    """The calibration of a diagnosis with this verdict; of a model that stands without one."""
+    verdict = {"insufficient": "insufficient", "consistent": "consistent"}.get(str(content.get("verdict")), "falsified")
+    return {
+        "schema": "trihedron.calibration/3",
+        "verdict": verdict if content else "consistent",
+        "sigma": sigma,
+        "radius": radius,
+        "estimator": None,
+        "parameters": parameters,
+    }
+
+
+def _parameters(former: Any) -> list[Any]:
+    """Parameters with name, unit, estimate and ends, as a calibration has them."""
+    parameters = []
+    for entry in former if isinstance(former, list) else ():
+        if not isinstance(entry, Mapping):
+            parameters.append(entry)
+            continue
+        bounded = entry.get("low") is not None and entry.get("high") is not None
+        parameters.append({"symbol": entry.get("name"), "determined": bounded, **entry})
+    return parameters
+
+
+def _targets(former: Any) -> list[Any]:
+    """Targets beside the effects, as a calibration has them."""
+    parameters = []
+    for entry in former if isinstance(former, list) else ():
+        if isinstance(entry, Mapping):
+            values = {"estimate": entry.get("after"), "low": entry.get("low"), "high": entry.get("high")}
+            symbol = str(entry.get("symbol"))
+            named = {"name": symbol, "unit": NAMES.get(symbol.partition("@")[0], ("", "1"))[1]}
+            parameters += _parameters([{**named, **values}])
+    return parameters
+
+
+def _causes(former: Any) -> list[Any]:
+    """Causes of several records: an effect, or a shared parameter that differs, and the one record in which it acts.
+
+    What they could not be told from was written by its title alone, and is left out.
+    """
+    causes = []
+    for entry in former if isinstance(former, list) else ():
+        if not isinstance(entry, Mapping):
+            causes.append(entry)
+            continue
+        named = entry.get("effect")
+        if not isinstance(named, Mapping):
+            named = {"effect": "parameter", "where": entry.get("parameter")}
+        cause = {**named, "equivalents": [], "parameters": entry.get("parameters")}
+        if entry.get("record") is not None:
+            cause["record"] = entry["record"]
+        causes.append(cause)
+    return causes
