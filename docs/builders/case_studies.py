@@ -125,7 +125,7 @@ def stated_bounds(result: Diagnosis) -> list[float]:
 
 def sets_of(result: Diagnosis) -> list[Sequence[Cause]]:
     """The sets that remain, the best first."""
-    return [result.causes, *(result.alternatives or ())] if result.causes else []
+    return list(result.sets)
 
 
 def stated_text(stated: Sequence[Diagnosis]) -> str:
@@ -228,8 +228,8 @@ less they tell effects apart.
 
 Gyro compensation and attitude computer, two FMUs, carry the attitude through the record, fed by the orchestrator with
 its increments. Over windows of several lengths the turn is compared with the true one. The nominal block, its mean at
-rest taken out, leaves a largest error of at least {residual(result.baseline.radius)} bounds. The bounds:
-{result.noise_bound_from}.
+rest taken out, leaves a largest error of at least {residual(result.radius)} bounds. The bounds:
+{result.calibration.sigma.basis}.
 
 Each length by itself, within these bounds:
 
@@ -269,14 +269,14 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
             length.pieces,
             digits(length.rms_arcmin),
             upwards(r.noise_bound_arcmin, 3),
-            residual(r.baseline.radius),
+            residual(r.radius),
         ]
         for name, r in zip(names, results, strict=True)
         for length in (r.lengths or ())[:1]
     ]
     block = []
-    for number, parameter in enumerate(results[0].baseline.parameters or ()):
-        values = [(r.baseline.parameters or ())[number] for r in results]
+    for number, parameter in enumerate(results[0].stated.parameters):
+        values = [r.stated.parameters[number] for r in results]
         cells = [
             "{} ({} to {})".format(*interval(p.estimate, p.low, p.high))
             if p.low is not None and p.high is not None
@@ -288,7 +288,7 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
         [
             name,
             n.verdict,
-            residual(n.baseline.radius),
+            residual(n.radius),
             " + ".join(c.place.effect for c in n.causes)
             + (f" and {len(n.alternatives)} other sets" if n.alternatives else ""),
             f"{digits(n.lengths[0].order.held_out_rms_arcmin)} → "
@@ -315,7 +315,7 @@ Made by `make case-studies`; no number on this page is typed.
 Gravity is the reference. At every rest the accelerometers show its direction and size and the gyros must not turn;
 over every move the simulation (gyro compensation and attitude computer, FMUs fed by the orchestrator) carries the
 direction to the next rest. The accelerometers' nine parameters, the gyros' bias and their nine scale factors and
-misalignments belong to the block and are free. The bounds come from {results[0].noise_bound_from}.
+misalignments belong to the block and are free. The bounds come from {results[0].calibration.sigma.basis}.
 
 {table(["log", "verdict", "rests", "moves", "rms error of a move [arcmin]", "bound [arcmin]", "radius"], rows)}
 
@@ -406,8 +406,8 @@ from {before} to {after} arcmin rms.**
 
 Gravity is the reference: compensation and attitude computer, FMUs fed by the orchestrator, carry its direction from
 rest to rest. The accelerometers' nine parameters, the gyros' bias and their nine scale factors and misalignments are
-free. The bounds come from {result.noise_bound_from}.
-The best that any such block can do leaves an error of {residual(result.baseline.radius)} bounds, so the model without
+free. The bounds come from {result.calibration.sigma.basis}.
+The best that any such block can do leaves an error of {residual(result.radius)} bounds, so the model without
 the effect is falsified. Over one, two and three moves together:
 
 {table(header, rows)}
@@ -439,7 +439,7 @@ The FMUs extended by the effect were exported and run again with parameters from
 
 With scale factors and misalignments of the gyros held at zero (`--baseline nominal`): {nominal.verdict} by
 {others}, the radius without
-{residual(nominal.baseline.radius)}: a calibration beside the effect.
+{residual(nominal.radius)}: a calibration beside the effect.
 
 ## What was not supported, and why
 

@@ -32,10 +32,10 @@ def of_former_schemas(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def _of_one(content: Mapping[str, Any]) -> dict[str, Any]:
     baseline = content.get("baseline")
-    if not isinstance(baseline, Mapping):
-        raise ValueError("baseline: is missing")
     present = {key: value for key, value in content.items() if key not in (*OF_BASELINE, *OF_SETS)}
     present["schema"] = DIAGNOSIS
+    if not isinstance(baseline, Mapping):
+        return {**present, "calibration": baseline}
     basis = content.get("noise_bound_basis", content.get("noise_bound_from", ""))
     kind = {"given": "bound", "": "unknown"}.get(str(basis), "estimated")
     sigma = {"value": content.get("noise_bound"), "kind": kind, "from": basis}

@@ -516,7 +516,12 @@ def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
             explanations.append(Explanation.of_extension(BeyondCatalogue.model_validate(extension)))
     except (ValidationError, TypeError, ValueError, KeyError):
         # Something is wrong with the causes: their own fields say what.
-        return {**present, "causes": content.get("causes"), "explanations": []}
+        raw = []
+        for causes, radius, _ in sets:
+            raw.append(
+                {"kind": "effect", "numbers": 0, "where": [], "causes": causes, "radius": radius, "sentence": ""}
+            )
+        return {**present, "causes": content.get("causes"), "explanations": raw}
     records = []
     for record in present.get("records", ()):
         nested = record.get("diagnosis") if isinstance(record, Mapping) else None

@@ -201,7 +201,7 @@ class Bench(Evidence):
     @property
     def baseline_radius(self) -> float:
         """Radius of the nominal model."""
-        return self.calibration.radius
+        return self.calibration.radius or 0.0
 
     @property
     def length(self) -> float:

@@ -180,7 +180,10 @@ def parameter_section(result: Diagnosis) -> Section | None:
         widest = max(halves[k] or 0.0 for k in at)
         if 0.0 < widest < np.inf:
             pairs = [
-                [((end or 0.0) - parameters[k].estimate) / widest for end in (parameters[k].low, parameters[k].high)]
+                [
+                    ((end or 0.0) - (parameters[k].estimate or 0.0)) / widest
+                    for end in (parameters[k].low, parameters[k].high)
+                ]
                 for k in at
             ]
             for k, bar in zip(at, bars([Bar(None, *pair) for pair in pairs])[0], strict=True):

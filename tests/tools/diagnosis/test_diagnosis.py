@@ -22,11 +22,10 @@ from trihedron.tools.trials.draw import draw_alone
 CONTRACT_KEYS = {
     "schema",
     "verdict",
-    "noise_bound",
+    "calibration",
     "baseline_model",
-    "baseline",
+    "explanations",
     "causes",
-    "extended",
     "gain",
     "next_positions",
 }
