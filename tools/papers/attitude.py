@@ -50,8 +50,8 @@ SLOW_AMPLITUDES_DEG = {
 SLOW_FREQUENCIES = (1.0, 0.5, 1.0)
 """[Hz]"""
 
-FAST_FREQUENCIES = ((380.0, 400.0, 420.0), (60.0, 80.0, 100.0))
-"""First and second harmonics of the compositions [Hz]."""
+FAST_FREQUENCIES = ((380.0, 60.0), (400.0, 80.0), (420.0, 100.0))
+"""First and second harmonics of the compositions in each angle [Hz]."""
 
 THIRD_FREQUENCIES = {"first": (1.0, 1.0, 1.0), "second": (1.0, 2.0, 3.0)}
 """Third harmonics of the compositions [Hz]."""
@@ -118,11 +118,11 @@ def table_rows(paper: str) -> Iterator[dict[str, str]]:
 
 def published_rows() -> tuple[PublishedRow, ...]:
     """All published rows, in the order of the paper."""
-    angles = ("psi_deg", "theta_deg", "gamma_deg")
-    return tuple(
-        PublishedRow.model_validate({"row": k, "published_deg": [row[name] for name in angles], **row})
-        for k, row in enumerate(table_rows("attitude"), start=1)
-    )
+    rows = []
+    for number, row in enumerate(table_rows("attitude"), start=1):
+        published = row["psi_deg"], row["theta_deg"], row["gamma_deg"]
+        rows.append(PublishedRow.model_validate({"row": number, "published_deg": published, **row}))
+    return tuple(rows)
 
 
 @dataclass(frozen=True)
@@ -217,15 +217,15 @@ def paper_motion(name: str, conditions: Conditions) -> np.ndarray:
         raise InputError(f"motion {name}: is not known; {nearest(name, MOTIONS)}")
     harmonics = [0.0] * (9 * HARMONICS)
     for axis in range(3):
+        amplitudes_deg, frequencies, phases = np.zeros((3, HARMONICS))
         if name in THIRD_FREQUENCIES:
-            frequencies = (*(harmonic[axis] for harmonic in FAST_FREQUENCIES), THIRD_FREQUENCIES[name][axis])
-            amplitudes_deg = _composition_amplitudes_deg(name, axis, conditions)
+            (frequencies[0], frequencies[1]), frequencies[2] = FAST_FREQUENCIES[axis], THIRD_FREQUENCIES[name][axis]
+            amplitudes_deg[:3] = _composition_amplitudes_deg(name, axis, conditions)
         else:
-            frequencies = (_slow_frequency(name, axis, conditions),)
-            amplitudes_deg = (SLOW_AMPLITUDES_DEG[name][axis],)
-        rest = [0.0] * (HARMONICS - len(frequencies))
-        amplitudes, phases = [*np.radians(amplitudes_deg).tolist(), *rest], [0.0] * HARMONICS
-        store_harmonics(axis, conditions.pi, amplitudes, [*frequencies, *rest], phases, harmonics)
+            frequencies[0] = _slow_frequency(name, axis, conditions)
+            amplitudes_deg[0] = SLOW_AMPLITUDES_DEG[name][axis]
+        amplitudes = np.radians(amplitudes_deg).tolist()
+        store_harmonics(axis, conditions.pi, amplitudes, frequencies.tolist(), phases.tolist(), harmonics)
     return np.array(harmonics)
 
 
@@ -251,7 +251,7 @@ def _as_typed(amplitude_deg: float) -> float:
     return next((typed for full, typed in TYPED_DEG.items() if abs(amplitude_deg - full) < 1e-9), amplitude_deg)
 
 
-TRIED = "tried without success: exact π, other T, errors taken at every n-th step only, words of 36 to 42 bits"
+ATTEMPTS = "tried without success: exact π, other T, errors taken at every n-th step only, words of 36 to 42 bits"
 
 
 UNEXPLAINED: tuple[tuple[tuple[int, ...], str], ...] = (
@@ -264,19 +264,19 @@ UNEXPLAINED: tuple[tuple[tuple[int, ...], str], ...] = (
     (
         (43, 45),
         "not possible as the largest errors of one run: an error of ϑ that is drift about the third axis is seen in γ "
-        f"with sin 15° of its size, which is more than the γ in print; {TRIED}",
+        f"with sin 15° of its size, which is more than the γ in print; {ATTEMPTS}",
     ),
     (
         (46,),
         "ϑ fits normalised quaternions, γ fits quaternions that are not, ψ lies halfway between: (7.20) itself is "
         "reconstructed, the book was not at hand",
     ),
-    ((38, 74, 75, 80), f"drift in ψ or γ comes out larger than in print; {TRIED}"),
-    ((62, 69), f"ψ comes out 14 % larger than in print from the first second on; {TRIED}"),
+    ((38, 74, 75, 80), f"drift in ψ or γ comes out larger than in print; {ATTEMPTS}"),
+    ((62, 69), f"ψ comes out 14 % larger than in print from the first second on; {ATTEMPTS}"),
     (
         (78, 83),
         "(7.20) and (19) carry the same three numbers in print: one row is a copy, and neither fits it in all angles",
     ),
-    ((79, 84), f"ϑ comes out 6 % larger and 8 % smaller than in print, while ψ agrees; {TRIED}"),
+    ((79, 84), f"ϑ comes out 6 % larger and 8 % smaller than in print, while ψ agrees; {ATTEMPTS}"),
 )
 """Rows that do not come out, and what is known of them."""

@@ -19,7 +19,8 @@ from ..calibration.model import parametrise
 from ..calibration.targets import expression_weights
 from ..motion.attitude import algorithm_named, angle_between
 from ..motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_algorithm, run_single, sample_motion
-from ..planning.forms import clearance, sheets, value
+from ..planning.certificate import Optimum
+from ..planning.forms import Sheet, clearance, sheets, value
 from ..planning.targets import optimal_plans
 from ..progress import progress_bar
 from ..result import Result
@@ -57,6 +58,13 @@ Stream: TypeAlias = tuple[bytes, float, int]
 DOUBLE = "double"
 """64-bit arithmetic on the same rounded increments: what is left is the increments' own error."""
 REPEATING, INCOMMENSURATE = "repeating", "incommensurate"
+FIGURES = {
+    "published_{}_deg": "published_deg",
+    "reproduced_{}_deg": "reproduced_deg",
+    "method_{}_deg": "method_error_deg",
+    "ratio_{}": "ratio",
+}
+"""Columns of the table of rows, and the fields of three angles that they show."""
 FREQUENCY_FACTORS = (1.01234567, 1.02430827, 1.02718280)
 """Make the frequencies of ψ, ϑ, γ incommensurate with each other and with the samples."""
 
@@ -142,67 +150,68 @@ class Reproduction(Result):
 
     def to_polars(self) -> pl.DataFrame:
         """One row for each published row; angles in degrees."""
-        names = ("row", "table", "algorithm", "h_s", "M", "motion")
-        columns = {name: [row.to_json()[name] for row in self.rows] for name in names}
-        values = {
-            "published_{}_deg": [row.published_deg for row in self.rows],
-            "reproduced_{}_deg": [_six_digits(row.reproduced_deg) for row in self.rows],
-            "method_{}_deg": [_six_digits(row.method_error_deg) for row in self.rows],
-            "ratio_{}": [_six_digits(row.ratio) for row in self.rows],
-        }
-        for name, found in values.items():
-            for k, letter in enumerate(("psi", "theta", "gamma")):
-                columns[name.format(letter)] = [angles[k] for angles in found]
-        return pl.DataFrame(columns)
+        table = []
+        for row in self.rows:
+            content = row.to_json()
+            line = {name: content[name] for name in ("row", "table", "algorithm", "h_s", "M", "motion")}
+            for name, key in FIGURES.items():
+                for letter, figure in zip(("psi", "theta", "gamma"), content[key], strict=True):
+                    line[name.format(letter)] = figure
+            table.append(line)
+        return pl.DataFrame(table)
 
 
 def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool = False) -> Reproduction:
     """Run published rows, all or by number: under the paper's conditions, exact ones, and without each cause shown."""
-    chosen = set(numbers) if numbers is not None else None
-    rows = [row for row in published_rows() if chosen is None or row.row in chosen]
-    left_out = [(cause, row) for row in rows for cause in CAUSES if row.row in cause.shown_on]
-    tasks = [(row, conditions) for row in rows for conditions in (PAPER, EXACT)]
-    tasks += [(row, PAPER.without(cause.switch)) for cause, row in left_out]
+    rows = {row.row: row for row in published_rows()}
+    chosen = sorted(rows if numbers is None else rows.keys() & set(numbers))
+    tasks = []
+    for number in chosen:
+        tasks += [(rows[number], PAPER), (rows[number], EXACT)]
+    left_out = []
+    for cause in CAUSES:
+        for number in sorted(set(cause.shown_on).intersection(chosen)):
+            left_out.append((cause, rows[number]))
+            tasks.append((rows[number], PAPER.without(cause.switch)))
     errors = run_tasks(tasks, progress=progress)
-    order = {cause.switch: k for k, cause in enumerate(CAUSES)}
-    left_out.sort(key=lambda pair: (order[pair[0].switch], pair[1].row))
-    found = tuple(_reproduced(row, errors[row, PAPER], errors[row, EXACT]) for row in rows)
-    return Reproduction(
-        rows=found,
-        causes=tuple(
+    reproduced = tuple(_reproduced(rows[k], errors[rows[k], PAPER], errors[rows[k], EXACT]) for k in chosen)
+    effects = []
+    for cause, row in left_out:
+        published = np.radians(row.published_deg)
+        effects.append(
             Effect(
                 cause=cause.switch,
                 sentence=cause.sentence,
                 row=row.row,
-                ratio=errors[row, PAPER] / np.radians(row.published_deg),
-                ratio_without=errors[row, PAPER.without(cause.switch)] / np.radians(row.published_deg),
+                ratio=errors[row, PAPER] / published,
+                ratio_without=errors[row, PAPER.without(cause.switch)] / published,
                 title=row.title,
             )
-            for cause, row in left_out
-        ),
-        scores=tuple(_score(found, tables, within) for tables, within in SCORED),
-    )
+        )
+    scores = tuple(_score(reproduced, tables, within) for tables, within in SCORED)
+    return Reproduction(rows=reproduced, causes=tuple(effects), scores=scores)
 
 
 def _reproduced(row: PublishedRow, reproduced: NDArray, method: NDArray) -> ReproducedRow:
     """A row with the largest errors (3,) under the paper's conditions and under exact ones [rad]."""
     ratio = reproduced / np.radians(row.published_deg)
     off = tuple(name for name, r in zip(ANGLES, ratio, strict=True) if not abs(r - 1.0) <= TOLERANCE)
-    known = [sentence for numbers, sentence in UNEXPLAINED if row.row in numbers]
+    remark = ""
+    if off:
+        remark = next((sentence for numbers, sentence in UNEXPLAINED if row.row in numbers), "unknown")
     return ReproducedRow(
         **row.model_dump(),
         reproduced_deg=np.degrees(reproduced),
         ratio=ratio,
         method_error_deg=np.degrees(method),
         not_reproduced=off,
-        remark=(known[0] if known else "unknown") if off else "",
+        remark=remark,
     )
 
 
 def _score(rows: Sequence[ReproducedRow], tables: tuple[str, ...], within: float) -> Score:
-    ratios = [row.ratio for row in rows if row.table in tables]
-    hit = int((np.abs(np.array(ratios).reshape(-1, 3) - 1.0) <= within).sum())
-    return Score(tables=tables, within=within, numbers=hit, of=3 * len(ratios))
+    ratios = np.array([row.ratio for row in rows if row.table in tables])
+    return Score(tables=tables, within=within, numbers=int((np.abs(ratios - 1.0) <= within).sum()), of=int(ratios.size))
 
 
 def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task, np.ndarray]:
@@ -216,28 +225,29 @@ def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task,
         stream = (paper_motion(row.motion, conditions).tobytes(), period, conditions.intervals(row))
         groups.setdefault(stream, []).append((row, conditions))
     # The longest first, so that no core waits long at the end.
-    ordered = sorted(groups, key=lambda stream: -_cost(stream))
-    found: dict[Task, np.ndarray] = {}
+    streams = sorted(groups, key=_cost, reverse=True)
+    errors: dict[Task, np.ndarray] = {}
     with (
-        progress_bar("running the published rows", sum(map(_cost, ordered)), show=progress) as advance,
+        progress_bar("running the published rows", sum(map(_cost, streams)), show=progress) as advance,
         ThreadPoolExecutor(max_workers=os.cpu_count()) as pool,
     ):
-        for stream, errors in zip(ordered, pool.map(lambda key: _run_group(key, groups[key]), ordered), strict=True):
-            found.update(errors)
+        runs = {stream: pool.submit(_run_group, stream, groups[stream]) for stream in streams}
+        for stream, run in runs.items():
+            errors.update(run.result())
             advance(_cost(stream))
-    return found
+    return errors
 
 
 def _run_group(stream: Stream, tasks: Sequence[Task]) -> dict[Task, np.ndarray]:
     harmonics, period, intervals = stream
     samples = sample_motion(np.frombuffer(harmonics), period, round(DURATION / period), intervals)
-    found: dict[Task, np.ndarray] = {}
+    errors: dict[Task, np.ndarray] = {}
     for row, conditions in tasks:
         algorithm = conditions.algorithm(row)
         attitudes = run_algorithm(algorithm, samples.increments)
         true = samples.angles_at_steps(algorithm)
-        found[row, conditions] = angle_errors(attitudes, true, not conditions.not_normalised)
-    return found
+        errors[row, conditions] = angle_errors(attitudes, true, not conditions.not_normalised)
+    return errors
 
 
 def angle_errors(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) -> np.ndarray:
@@ -246,11 +256,13 @@ def angle_errors(attitudes: np.ndarray, angles: np.ndarray, normalised: bool) ->
     The quaternions may be brought to the unit sphere first: the formulas are those of the paper, C11 = 2(λ0² + λ1²) - 1
     and so on, which hold on it.
     """
-    l0, l1, l2, l3 = attitudes.T / np.linalg.norm(attitudes, axis=1) if normalised else attitudes.T
+    if normalised:
+        attitudes = attitudes / np.linalg.norm(attitudes, axis=1)[:, None]
+    l0, l1, l2, l3 = attitudes.T
     c11, c22 = 2.0 * (l0 * l0 + l1 * l1) - 1.0, 2.0 * (l0 * l0 + l2 * l2) - 1.0
     c31, c23, c21 = 2.0 * (l1 * l3 - l0 * l2), 2.0 * (l2 * l3 - l0 * l1), 2.0 * (l1 * l2 + l0 * l3)
-    found = np.column_stack((np.arctan2(-c31, c11), np.arctan2(c21, np.hypot(c11, c31)), np.arctan2(-c23, c22)))
-    apart = np.abs(found - angles)
+    computed = np.column_stack((np.arctan2(-c31, c11), np.arctan2(c21, np.hypot(c11, c31)), np.arctan2(-c23, c22)))
+    apart = np.abs(computed - angles)
     return np.minimum(apart, np.abs(apart - 2.0 * math.pi)).max(axis=0)
 
 
@@ -319,59 +331,65 @@ def published_calibration() -> dict[str, list[dict[str, float]]]:
 
 def check_published_calibration() -> PublishedCalibration:
     """Every row of the tables: unbiased, admissible, optimal?"""
-    p = parametrise({"identity": np.eye(3)})
     tables = published_calibration()
-    rules = ("tables", "paper")
-    best = {rule: optimal_plans(tuple(tables), admissible=rule) for rule in rules}
-    sheets_by = {rule: sheets(p, rule=rule) for rule in rules}
-    checked = []
-    for k, (target, rows) in enumerate(tables.items()):
-        weights = np.array([row["weight"] for row in rows])
-        a = expression_weights(target, p)
-        regressors = []
-        margins: dict[str, list[float]] = {rule: [] for rule in rules}
-        for row in rows:
-            alpha, beta = np.radians(row["alpha_deg"]), np.radians(row["beta_deg"])
-            for rule in rules:
-                own = [s for s in sheets_by[rule] if s.accelerometer == int(row["accelerometer"]) - 1]
-                clear = [float(clearance(s, alpha, beta)) for s in own]
-                margins[rule].append(max(clear))
-                if rule == "paper":
-                    # F (18,) of the reading, in the targets' order
-                    regressors.append(value(own[int(np.argmax(clear))].regressor, alpha, beta))
-        sums = weights @ np.array(regressors)
-        printed, total = rows[0]["cost_printed"], float(np.abs(weights).sum())
-        defect, negated = float(np.abs(sums - a).max()), float(np.abs(sums + a).max())
-        remarks = []
-        if abs(printed - total) > PRINTED_ROUNDING:
-            remarks.append(
-                f"the accuracy is printed as {to_bound(printed, 0.1)}; its own weights give {digits(total, 5)}"
-            )
-        if defect > UNBIASED:
-            remarks.append(
-                f"the weights estimate -{target}, as the paper's list of targets says, not {target}"
-                if negated <= UNBIASED
-                else f"the weights are biased by {upwards(defect)}"
-            )
-        if min(margins["tables"]) < 0.0:
-            remarks.append("a position is not admissible")
-        checked.append(
-            PublishedEstimator(
-                target=target,
-                readings=len(rows),
-                printed=printed,
-                total=total,
-                defect=defect,
-                defect_negated=negated,
-                clearance=min(margins["tables"]),
-                clearance_paper=min(margins["paper"]),
-                best_tables=best["tables"][k].optimum.cost,
-                best_paper=best["paper"][k].optimum.cost,
-                gap=best["tables"][k].optimum.gap,
-                remarks=tuple(remarks),
-            )
-        )
-    return PublishedCalibration(rows=tuple(checked))
+    with_bias = optimal_plans(tuple(tables), admissible="tables")
+    as_printed = optimal_plans(tuple(tables), admissible="paper")
+    rows = []
+    for k, (target, readings) in enumerate(tables.items()):
+        rows.append(_checked(target, readings, with_bias[k].optimum, as_printed[k].optimum))
+    return PublishedCalibration(rows=tuple(rows))
+
+
+def _checked(
+    target: str, readings: Sequence[Mapping[str, float]], with_bias: Optimum, as_printed: Optimum
+) -> PublishedEstimator:
+    """A published estimator beside the optima with the bias rows and by (1.7) as printed."""
+    p = parametrise({"identity": np.eye(3)})
+    a = expression_weights(target, p)
+    weights = np.array([reading["weight"] for reading in readings])
+    margin, _ = _margin_and_regressors(sheets(p, rule="tables"), readings)
+    margin_paper, regressors = _margin_and_regressors(sheets(p, rule="paper"), readings)
+    sums = weights @ regressors
+    printed, total = readings[0]["cost_printed"], float(np.abs(weights).sum())
+    defect, negated = float(np.abs(sums - a).max()), float(np.abs(sums + a).max())
+    remarks = []
+    if abs(printed - total) > PRINTED_ROUNDING:
+        remarks.append(f"the accuracy is printed as {to_bound(printed, 0.1)}; its own weights give {digits(total, 5)}")
+    if defect > UNBIASED:
+        remark = f"the weights are biased by {upwards(defect)}"
+        if negated <= UNBIASED:
+            remark = f"the weights estimate -{target}, as the paper's list of targets says, not {target}"
+        remarks.append(remark)
+    if margin < 0.0:
+        remarks.append("a position is not admissible")
+    return PublishedEstimator(
+        target=target,
+        readings=len(readings),
+        printed=printed,
+        total=total,
+        defect=defect,
+        defect_negated=negated,
+        clearance=margin,
+        clearance_paper=margin_paper,
+        best_tables=with_bias.cost,
+        best_paper=as_printed.cost,
+        gap=with_bias.gap,
+        remarks=tuple(remarks),
+    )
+
+
+def _margin_and_regressors(
+    block: Sequence[Sheet], readings: Sequence[Mapping[str, float]]
+) -> tuple[float, NDArray[np.float64]]:
+    """The least clearance [g] of readings, each on its accelerometer's better sheet, and their F (N, 18)."""
+    margin, regressors = math.inf, []
+    for reading in readings:
+        at = np.radians(reading["alpha_deg"]), np.radians(reading["beta_deg"])
+        signs = [sheet for sheet in block if sheet.accelerometer == int(reading["accelerometer"]) - 1]
+        best = max(signs, key=lambda sheet, at=at: float(clearance(sheet, *at)))
+        margin = min(margin, float(clearance(best, *at)))
+        regressors.append(value(best.regressor, *at))
+    return margin, np.array(regressors)
 
 
 class WordLengthError(Result):
@@ -421,7 +439,7 @@ def word_length_errors(
     progress : bool
         show a bar where standard error is a terminal
     """
-    found = []
+    errors = []
     algorithm = algorithm_named("two-sample-rodrigues")
     steps = len(motions) * len(ROUNDINGS) * len(arithmetics)
     with progress_bar("running in short words", steps, show=progress) as advance:
@@ -436,9 +454,9 @@ def word_length_errors(
                     else:
                         attitudes = run_single(high, low, arithmetic)
                     error = float(angle_between(attitudes, reference).max())
-                    found.append(WordLengthError(motion=motion, arithmetic=arithmetic, rounding=rounding, error=error))
+                    errors.append(WordLengthError(motion=motion, arithmetic=arithmetic, rounding=rounding, error=error))
                     advance(1)
-    return WordLength(errors_rad=tuple(found))
+    return WordLength(errors_rad=tuple(errors))
 
 
 def _increments(motion: str, duration: float, period: float) -> np.ndarray:
