@@ -11,21 +11,21 @@ from trihedron.tools.motion.compare import ARITHMETICS, ROUNDINGS, rounded_incre
 from trihedron.tools.papers.reproduction import DOUBLE, INCOMMENSURATE, REPEATING, word_length_errors
 
 
-def degrees(found):
-    return {(e.motion, e.rounding, e.arithmetic): float(np.degrees(e.error)) for e in found.errors}
+def degrees(errors):
+    return {(e.motion, e.rounding, e.arithmetic): float(np.degrees(e.error)) for e in errors.errors}
 
 
 @pytest.mark.acceptance
 def test_thirty_seconds():
-    found = degrees(word_length_errors(30.0, motions=(REPEATING,)))
+    errors = degrees(word_length_errors(30.0, motions=(REPEATING,)))
     for rounding in ROUNDINGS:
-        assert found[REPEATING, rounding, "single"] > 1e-4
-        assert found[REPEATING, rounding, "compensated"] < 1e-5
-    floor = found[REPEATING, "independently", DOUBLE]
-    assert found[REPEATING, "independently", "pairs"] == pytest.approx(floor, rel=0.05)
-    assert found[REPEATING, "feedback", "pairs"] < 1e-8 < 100 * found[REPEATING, "feedback", "pairs"] < floor
-    assert found[REPEATING, "pairs", "pairs"] < 2e-9
-    assert found[REPEATING, "pairs", DOUBLE] < 1e-12
+        assert errors[REPEATING, rounding, "single"] > 1e-4
+        assert errors[REPEATING, rounding, "compensated"] < 1e-5
+    floor = errors[REPEATING, "independently", DOUBLE]
+    assert errors[REPEATING, "independently", "pairs"] == pytest.approx(floor, rel=0.05)
+    assert errors[REPEATING, "feedback", "pairs"] < 1e-8 < 100 * errors[REPEATING, "feedback", "pairs"] < floor
+    assert errors[REPEATING, "pairs", "pairs"] < 2e-9
+    assert errors[REPEATING, "pairs", DOUBLE] < 1e-12
 
 
 @given(st.lists(st.floats(-0.01, 0.01), min_size=3, max_size=60))
@@ -61,14 +61,14 @@ def test_ten_minutes():
     """600 s, variant 1, 1 kHz: below 1e-6 degrees with feedback or pairs; the floor of independent rounding."""
     errors = word_length_errors()
     print(errors)
-    found = degrees(errors)
+    errors = degrees(errors)
     for rounding in ROUNDINGS:
-        assert 1e-3 < found[REPEATING, rounding, "single"] < 2e-2
-        assert 2.0 < found[REPEATING, rounding, "single"] / found[REPEATING, rounding, "carried"] < 7.0
-        assert found[REPEATING, rounding, "compensated"] < 1.5e-4
-    assert found[REPEATING, "independently", DOUBLE] == pytest.approx(4.7e-5, rel=0.02)
-    assert found[REPEATING, "independently", "pairs"] == pytest.approx(4.7e-5, rel=0.02)
-    assert found[REPEATING, "feedback", "pairs"] < 1e-7
-    assert found[REPEATING, "pairs", "pairs"] < 5e-8
+        assert 1e-3 < errors[REPEATING, rounding, "single"] < 2e-2
+        assert 2.0 < errors[REPEATING, rounding, "single"] / errors[REPEATING, rounding, "carried"] < 7.0
+        assert errors[REPEATING, rounding, "compensated"] < 1.5e-4
+    assert errors[REPEATING, "independently", DOUBLE] == pytest.approx(4.7e-5, rel=0.02)
+    assert errors[REPEATING, "independently", "pairs"] == pytest.approx(4.7e-5, rel=0.02)
+    assert errors[REPEATING, "feedback", "pairs"] < 1e-7
+    assert errors[REPEATING, "pairs", "pairs"] < 5e-8
     # Where rounding errors do not repeat with the motion they do not add up.
-    assert found[INCOMMENSURATE, "independently", DOUBLE] < 3e-6
+    assert errors[INCOMMENSURATE, "independently", DOUBLE] < 3e-6

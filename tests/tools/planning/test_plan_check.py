@@ -27,10 +27,10 @@ def test_setting_errors_known_from_the_encoders(error: float) -> None:
     assert (again.ratio / nominal.ratio).max() <= {1.0: 1.0834, 0.5: 1.0368}.get(error, SETTING[error])
     check = check_settings(task, planned, actual, 1e-5)
     assert check.largest_error_deg <= error * (1 + 1e-9)
-    for k, one in enumerate(check.targets):
-        assert one.solved == pytest.approx(float(again.ratio[k] * OPTIMA[k]), rel=1e-8)
-        assert one.solved is not None
-        assert one.compensated is None or one.solved <= one.compensated * (1 + 1e-9)
+    for k, target in enumerate(check.targets):
+        assert target.solved == pytest.approx(float(again.ratio[k] * OPTIMA[k]), rel=1e-8)
+        assert target.solved is not None
+        assert target.compensated is None or target.solved <= target.compensated * (1 + 1e-9)
 
 
 def test_advice_before_measuring() -> None:
@@ -56,36 +56,36 @@ def test_the_bias_of_the_plan_at_other_angles() -> None:
     largest = np.where(np.arange(18) < 3, 3e-3, 1e-2)
     to_x = np.linalg.inv(x_from_targets())
     rng = np.random.default_rng(0)
-    for k, one in enumerate(check.targets):
+    for k, target in enumerate(check.targets):
         b = plan.weights[k] @ f - to_x[k]
         x = largest * np.sign(b)
-        assert (plan.weights[k] @ (f @ x) - to_x[k] @ x) / 1e-5 == pytest.approx(one.bias, rel=1e-6)
+        assert (plan.weights[k] @ (f @ x) - to_x[k] @ x) / 1e-5 == pytest.approx(target.bias, rel=1e-6)
         inside = largest * rng.uniform(-1, 1, 18)
-        assert abs(plan.weights[k] @ (f @ inside) - to_x[k] @ inside) / 1e-5 <= one.bias * (1 + 1e-9)
+        assert abs(plan.weights[k] @ (f @ inside) - to_x[k] @ inside) / 1e-5 <= target.bias * (1 + 1e-9)
 
 
 def test_extra_positions_show_what_the_plan_hides() -> None:
     """Near the optimal positions the quadratic term is nearly a scale asymmetry; 0.119 is the most that is possible."""
     task, effects = tables_task(extra=3), named_effects(["quadratic accelerometer-3"])
-    more, (found,) = detecting(task, stored(12), effects)
-    assert len(more) == 15
-    assert found.distance_before < 0.05
-    assert found.distance_after > 0.1
-    assert found.distance_after == pytest.approx(distance(task, effects[0], more))
-    assert found.distance_at_most == pytest.approx(0.119, abs=1e-3)
+    extended, (effect,) = detecting(task, stored(12), effects)
+    assert len(extended) == 15
+    assert effect.distance_before < 0.05
+    assert effect.distance_after > 0.1
+    assert effect.distance_after == pytest.approx(distance(task, effects[0], extended))
+    assert effect.distance_at_most == pytest.approx(0.119, abs=1e-3)
     assert len(named_effects(["quadratic"])) == 3
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "message"),
     [
         ("bias-drift accelerometer-1", "shows in time"),
         ("dead-zone accelerometer-1", "not linear"),
         ("axis-wobble outer-axis order 1", "imitated by the parameters"),
     ],
 )
-def test_effects_that_positions_cannot_show(name: str, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_effects_that_positions_cannot_show(name: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         detecting(tables_task(extra=1), stored(12), named_effects([name]))
 
 

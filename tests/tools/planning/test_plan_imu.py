@@ -54,10 +54,10 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
     some = [Visit(*place, 5.0, 100.0) for place in places]
     errors = planned.errors(planned.linearised(some))
     assert np.isfinite(errors).all()
-    more = planned.errors(planned.linearised([*some, Visit(90.0, 90.0, 5.0, 100.0), Visit(90.0, 810.0, 5.0, 100.0)]))
-    assert (more <= errors * (1.0 + 1e-3)).all()
+    better = planned.errors(planned.linearised([*some, Visit(90.0, 90.0, 5.0, 100.0), Visit(90.0, 810.0, 5.0, 100.0)]))
+    assert (better <= errors * (1.0 + 1e-3)).all()
     symbols = [target.symbol for target in planned.targets]
-    longer = planned.errors(planned.linearised([one._replace(dwell_s=20.0) for one in some]))
+    longer = planned.errors(planned.linearised([visit._replace(dwell_s=20.0) for visit in some]))
     # Noise over a rest four times as long is half; the encoders' part falls faster.
     assert longer[symbols.index("B1")] < 0.6 * errors[symbols.index("B1")]
     # Eight positions at one inner angle: nothing turns about the inner axis.
@@ -66,7 +66,7 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--minutes", "1"], "--minutes 1: must be from 5 to 240"),
         (["--rate-dps", "0"], "--rate-dps 0: must be from 1 to 360"),
@@ -76,9 +76,9 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
         (["--convention", "A2"], "Unknown option: --convention"),
     ],
 )
-def test_what_cannot_be_planned_is_refused(options, said, capsys):
+def test_what_cannot_be_planned_is_refused(options, message, capsys):
     assert main(["plan", "imu", *options]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_plan_is_drawn_on_its_page_and_checked(tmp_path, capsys):
@@ -125,10 +125,10 @@ def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(
     assert main(["plan", "imu", "--minutes", "30", *options, "--out", str(tmp_path / "imu")]) == 0
     plan = ImuPlan.model_validate_json((tmp_path / "imu" / "imu-plan.json").read_text(encoding="utf-8"))
     assert plan.minutes <= 30.0
-    usual = [one.worst_ratio for one in plan.practices if one.worst_ratio is not None]
+    usual = [practice.worst_ratio for practice in plan.practices if practice.worst_ratio is not None]
     assert usual
     assert plan.worst_ratio - 1.0 <= 0.5 * (min(usual) - 1.0)
-    assert all(one.promised >= one.bound * (1.0 - 1e-6) for one in plan.targets)
+    assert all(target.promised >= target.bound * (1.0 - 1e-6) for target in plan.targets)
     text = (SCENARIOS / "imu-calibration.toml").read_text(encoding="utf-8")
     first, rate = (
         np.radians([plan.programme[0].alpha_deg, plan.programme[0].beta_deg]).tolist(),
@@ -145,12 +145,12 @@ def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(
     (tmp_path / "planned.toml").write_text(text, encoding="utf-8")
     run = th.simulate(tmp_path / "planned.toml", out=tmp_path / "run")
     bench = Bench(place["latitude_deg"], float(np.degrees(0.35)), gyro_noise=1e-5, encoder_bound=2.424e-6)
-    found = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
-    assert found.verdict == "consistent"
-    assert found.gyros is not None
-    assert inside_intervals(found, true_targets(read_scenario(tmp_path / "planned.toml"))) == 42
+    calibration = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
+    assert calibration.verdict == "consistent"
+    assert calibration.gyros is not None
+    assert inside_intervals(calibration, true_targets(read_scenario(tmp_path / "planned.toml"))) == 42
     # Latencies of accelerometers are not planned for: what is read in motion tells them beside.
-    planned = [one for one in found.parameters if one.symbol not in LATENCIES]
-    for one, promised in zip(planned, plan.targets, strict=True):
-        assert one.symbol == promised.symbol
-        assert one.guaranteed_error == pytest.approx(promised.promised, rel=plan.held_to), one.symbol
+    planned = [parameter for parameter in calibration.parameters if parameter.symbol not in LATENCIES]
+    for parameter, promised in zip(planned, plan.targets, strict=True):
+        assert parameter.symbol == promised.symbol
+        assert parameter.guaranteed_error == pytest.approx(promised.promised, rel=plan.held_to), parameter.symbol
