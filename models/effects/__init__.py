@@ -81,12 +81,12 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
     name = rest.pop("effect", None)
     effect = CATALOGUE.get(name) if isinstance(name, str) else None
     if effect is None or not (effect.kernel is not None or effect.of_law):
-        known = ", ".join(entry.name for entry in CATALOGUE.values() if entry.kernel is not None or entry.of_law)
-        raise ValueError(f"effect {name!r} is not one that extends a component; these do: {known}")
+        names = ", ".join(entry.name for entry in CATALOGUE.values() if entry.kernel is not None or entry.of_law)
+        raise ValueError(f"effect {name!r} is not one that extends a component; these do: {names}")
     where, order, axes = rest.pop("where", None), rest.pop("order", None), rest.pop("axes", [])
     # Products do not depend on the order of their factors.
-    whole = isinstance(axes, list | tuple) and all(type(axis) is int for axis in axes)
-    factors = tuple(sorted(axes)) if whole else None  # type: ignore[arg-type]
+    whole_axes = isinstance(axes, list | tuple) and all(type(axis) is int for axis in axes)
+    factors = tuple(sorted(axes)) if whole_axes else None  # type: ignore[arg-type]
     place = next((p for p in effect.places if (p.where, p.order, p.axes) == (where, order, factors)), None)
     if effect.of_law:
         law = rest.pop("law", None)
@@ -94,9 +94,9 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
             raise ValueError(f"effect {name!r} needs 'where' and 'law', both text, and no order")
         place = EffectPlace(effect.name, where, None, factors, law)
     elif place is None:
-        known = "; ".join(p.title.removeprefix(effect.name).strip() for p in effect.places)
+        names = "; ".join(p.title.removeprefix(effect.name).strip() for p in effect.places)
         with_axes = f" and axes {axes!r}" if axes else ""
-        raise ValueError(f"effect {name!r} has no place {where!r} with order {order!r}{with_axes}; it has: {known}")
+        raise ValueError(f"effect {name!r} has no place {where!r} with order {order!r}{with_axes}; it has: {names}")
     effect = effect.at(place)
     values: dict[str, float] = {}
     for parameter in effect.parameters:
@@ -105,6 +105,6 @@ def place_from_mapping(mapping: Mapping[str, object]) -> tuple[EffectPlace, dict
             raise ValueError(f"effect {name!r}: parameter {parameter.name!r} needs a finite number [{parameter.unit}]")
         values[parameter.name] = float(value)
     if rest:
-        known = ", ".join(parameter.name for parameter in effect.parameters)
-        raise ValueError(f"effect {name!r} has no parameter {min(rest)!r}; it has: {known}")
+        names = ", ".join(parameter.name for parameter in effect.parameters)
+        raise ValueError(f"effect {name!r} has no parameter {min(rest)!r}; it has: {names}")
     return place, values

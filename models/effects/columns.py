@@ -276,7 +276,7 @@ class MotionRows:
 
 def _columns(values: NDArray[np.float64]) -> list[Column]:
     """The columns of values (N, k)."""
-    return [column(own, len(values)) for own in values.T]
+    return [column(axis, len(values)) for axis in values.T]
 
 
 ARRAY_MATH = SimpleNamespace(

@@ -245,8 +245,8 @@ class Effect:
     @property
     def needs(self) -> tuple[str, ...]:
         """Attributes of the rows without which the effect cannot be tried: ("temperature",) or none."""
-        read = constants_of(self.kernel) | constants_of(self.memory)
-        return ("temperature",) if "TEMPERATURE" in read else ()
+        constants = constants_of(self.kernel) | constants_of(self.memory)
+        return ("temperature",) if "TEMPERATURE" in constants else ()
 
     @property
     def turns_table(self) -> bool:
@@ -292,8 +292,8 @@ class Effect:
         order count from 0.
         """
         axes = iter(place.axes)
-        known = {"p": lambda: place.index, "axis": lambda: place.index, "order": lambda: place.order or 1}
-        return tuple(known.get(name, lambda: next(axes) - 1)() for name in whole_numbers(self.kernel))
+        numbers = {"p": lambda: place.index, "axis": lambda: place.index, "order": lambda: place.order or 1}
+        return tuple(numbers.get(name, lambda: next(axes) - 1)() for name in whole_numbers(self.kernel))
 
 
 CATALOGUE: dict[str, Effect] = {}
@@ -324,12 +324,12 @@ def said(template: str) -> Sentence:
     """
 
     def say(place: EffectPlace, values: Mapping[str, float]) -> str:
-        known: dict[str, object] = dict(zip("ij", place.axes, strict=False))
-        known |= {"axis": place.where.replace("-", " "), "times": f"{place.order} time{'s' * (place.order != 1)}"}
-        known |= {f"{name}_arcsec": value * ARCSECONDS for name, value in values.items()}
+        words: dict[str, object] = dict(zip("ij", place.axes, strict=False))
+        words |= {"axis": place.where.replace("-", " "), "times": f"{place.order} time{'s' * (place.order != 1)}"}
+        words |= {f"{name}_arcsec": value * ARCSECONDS for name, value in values.items()}
         if place.where in ACCELEROMETERS:
-            known["p"] = place.index + 1
-        return template.format_map({**known, **values})
+            words["p"] = place.index + 1
+        return template.format_map({**words, **values})
 
     return say
 
@@ -387,10 +387,10 @@ def _effect(
 ) -> Effect:
     """Return an effect that has its kernel's name, by default at each of some homes."""
     name = kernel.__name__.replace("_", "-")
-    known = {"name": name, "places": tuple(EffectPlace(name, where) for where in homes)} | fields
+    home = {"name": name, "places": tuple(EffectPlace(name, where) for where in homes)} | fields
     listed = (parameters,) if isinstance(parameters, EffectParameter) else parameters
     in_words = said(sentence) if isinstance(sentence, str) else sentence
-    return Effect(parameters=listed, kernel=kernel, sentence=in_words, **known)
+    return Effect(parameters=listed, kernel=kernel, sentence=in_words, **home)
 
 
 def matrix_formula(name: str, columns: Sequence[str]) -> str:

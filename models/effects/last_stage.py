@@ -45,27 +45,27 @@ def dead_zone_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float
     p = place.index
     size = np.abs(rows.n[:, p])
     order = np.argsort(size, kind="stable")
-    found = []
+    ways = []
     for count in range(1, int((size < LARGEST_WIDTH).sum()) + 1):
         chosen = np.sort(order[:count])
         below = float(size[order[count - 1]])
         above = min(LARGEST_WIDTH, float(size[order[count]])) if count < len(size) else LARGEST_WIDTH
         if above > below:
-            found.append(_dead_zone_variant(p, rows, chosen, (below, above)))
-    return found
+            ways.append(_dead_zone_variant(p, rows, chosen, (below, above)))
+    return ways
 
 
 def _dead_zone_variant(p: int, rows: Rows, chosen: NDArray[np.int_], limits: tuple[float, float]) -> Variant:
     lost = at_readings(rows.n.shape, chosen, p)
 
-    def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
-        size = np.abs(there.n[:, p])
+    def stands(rows_at_fit: Rows, coefficients: NDArray[np.float64]) -> bool:
+        size = np.abs(rows_at_fit.n[:, p])
         inside = bool(size[chosen].max() < LARGEST_WIDTH)
         return inside and bool(size[chosen].max() < np.delete(size, chosen).min(initial=np.inf))
 
-    def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
-        size = np.abs(others.n[:, p])
-        return at_readings(others.n.shape, np.flatnonzero((size > limits[0] - sigma) & (size < limits[1] + sigma)), p)
+    def undecided(further: Rows, sigma: float) -> NDArray[np.bool_]:
+        size = np.abs(further.n[:, p])
+        return at_readings(further.n.shape, np.flatnonzero((size > limits[0] - sigma) & (size < limits[1] + sigma)), p)
 
     offset = np.where(lost, -rows.own, 0.0)
     return variant(rows.n.shape, (limits,), offset=offset, lost=lost, stands=stands, undecided=undecided)
@@ -107,10 +107,10 @@ def saturation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.floa
         return []
     band = np.flatnonzero(size >= largest - 2.0 * room)
     order = band[np.argsort(-np.abs(rows.prediction[band, p]), kind="stable")]
-    return [
-        _saturation_variant(p, rows, np.sort(order[:count]), reading, (low, high), sigma)
-        for count in range(1, len(band) + 1)
-    ]
+    ways = []
+    for count in range(1, len(band) + 1):
+        ways.append(_saturation_variant(p, rows, np.sort(order[:count]), reading, (low, high), sigma))
+    return ways
 
 
 def _saturation_variant(
@@ -123,10 +123,10 @@ def _saturation_variant(
 ) -> Variant:
     fixed = at_readings(rows.n.shape, chosen, p)
 
-    def stands(there: Rows, coefficients: NDArray[np.float64]) -> bool:
-        size = np.abs(there.prediction[:, p])
-        others = np.delete(size, chosen).max(initial=0.0)
-        return bool(size[chosen].min() >= coefficients[0] - sigma and others <= coefficients[0] + sigma)
+    def stands(rows_at_fit: Rows, coefficients: NDArray[np.float64]) -> bool:
+        size = np.abs(rows_at_fit.prediction[:, p])
+        largest_other = np.delete(size, chosen).max(initial=0.0)
+        return bool(size[chosen].min() >= coefficients[0] - sigma and largest_other <= coefficients[0] + sigma)
 
     return variant(
         rows.n.shape,
@@ -181,28 +181,30 @@ def quantisation_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.fl
     chance, and a mean over a rest may lie in the middle of two: where all are multiples of half or a third of it, that
     is tried, too.
     """
-    p, found = place.index, []
+    p, limits_of_ways = place.index, []
     tolerance = max(FINEST, rows.resolution)
     step = common_step(reading[:, p], tolerance, max(LEAST_STEP, LEAST_PART * sigma, COARSE * tolerance))
     if step is not None:
-        fine = (step / k for k in (2, 3) if share(reading[:, p], step, tolerance) < 1.0)
-        likely = (step, *(one for one in fine if share(reading[:, p], one, tolerance) == 1.0))
-        found += [(one - tolerance, one + tolerance) for one in likely]
+        limits_of_ways.append((step - tolerance, step + tolerance))
+        if share(reading[:, p], step, tolerance) < 1.0:
+            for fine in (step / 2, step / 3):
+                if share(reading[:, p], fine, tolerance) == 1.0:
+                    limits_of_ways.append((fine - tolerance, fine + tolerance))
     noisy = noisy_step(reading[:, p], sigma + tolerance)
     if noisy is not None and (step is None or noisy[0] > 1.5 * step):
-        found.append(noisy)
-    return [_quantisation_variant(p, rows, limits) for limits in found]
+        limits_of_ways.append(noisy)
+    return [_quantisation_variant(p, rows, limits) for limits in limits_of_ways]
 
 
 def _quantisation_variant(p: int, rows: Rows, limits: tuple[float, float]) -> Variant:
     step = 0.5 * (limits[0] + limits[1])
     rounded = at_readings(rows.n.shape, np.arange(len(rows.n)), p)
 
-    def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
-        steps = others.prediction[:, p] / step
+    def undecided(further: Rows, sigma: float) -> NDArray[np.bool_]:
+        steps = further.prediction[:, p] / step
         from_edge = step * np.abs(steps - np.floor(steps) - 0.5)
         # The bench was fitted to readings that rounding had moved, by some part of a step.
-        return at_readings(others.n.shape, np.flatnonzero(from_edge < 2.0 * sigma + 0.25 * step), p)
+        return at_readings(further.n.shape, np.flatnonzero(from_edge < 2.0 * sigma + 0.25 * step), p)
 
     return variant(rows.n.shape, (limits,), widening=np.where(rounded, 0.5 * step, 0.0), undecided=undecided)
 
@@ -243,18 +245,21 @@ def common_step(values: NDArray[np.float64], tolerance: float, least: float) -> 
     if best is None:
         return None
     # Of few multiples of a step most may be even by chance.
-    finer = [best / k for k in (2, 3) if share(values, best / k, tolerance) >= share(values, best, tolerance) + 0.15]
-    return finer[0] if finer else best
+    usual = share(values, best, tolerance)
+    for finer in (best / 2, best / 3):
+        if share(values, finer, tolerance) >= usual + 0.15:
+            return finer
+    return best
 
 
-def likely_steps(base: float, others: NDArray[np.float64], tolerance: float, least: float) -> Iterator[float]:
+def likely_steps(base: float, probes: NDArray[np.float64], tolerance: float, least: float) -> Iterator[float]:
     """Steps, the largest first, of which a value is a whole multiple and most of some others (K,) are too."""
     last = math.floor(base / least)
     for first in range(math.ceil(base / LARGEST_STEP), last + 1, AT_ONCE):
         steps = base / np.arange(first, min(first + AT_ONCE, last + 1))
-        for tried in (others[:4], others):
-            hits = sum((misses(other, steps) <= 2.0 * tolerance) * 1.0 for other in tried)
-            steps = steps[hits >= SHARE * len(tried) - 1.0]
+        for some in (probes[:4], probes):
+            hits = sum((misses(probe, steps) <= 2.0 * tolerance) * 1.0 for probe in some)
+            steps = steps[hits >= SHARE * len(some) - 1.0]
         yield from steps.tolist()
 
 
@@ -287,11 +292,11 @@ def refine(values: NDArray[np.float64], step: float) -> float:
     """The step that fits the multiples best, in the least-squares sense, where most values are multiples."""
     for _ in range(3):
         counts = np.round(values / step)
-        left = np.abs(values - counts * step)
-        kept = left <= 3.0 * np.median(left)
-        if (counts[kept] ** 2).sum() == 0.0:
+        remainder = np.abs(values - counts * step)
+        fitting = remainder <= 3.0 * np.median(remainder)
+        if (counts[fitting] ** 2).sum() == 0.0:
             return step
-        step = float((values[kept] * counts[kept]).sum() / (counts[kept] ** 2).sum())
+        step = float((values[fitting] * counts[fitting]).sum() / (counts[fitting] ** 2).sum())
     return step
 
 
@@ -330,13 +335,13 @@ def gyro_quantisation_variants(
 
     `sigma` [rad/s] is the noise of a reading; a step far below it widens no bound that matters.
     """
-    every = reading[:: max(1, len(reading) // MOST_RATES)]
-    steps = [common_step(every[:, p], FINEST_RATE, max(LEAST_STEP, 0.2 * sigma, 20.0 * FINEST_RATE)) for p in range(3)]
-    found = [step for step in steps if step is not None]
-    if not found:
+    some = reading[:: max(1, len(reading) // MOST_RATES)]
+    least = max(LEAST_STEP, 0.2 * sigma, 20.0 * FINEST_RATE)
+    steps = np.array([common_step(some[:, p], FINEST_RATE, least) or 0.0 for p in range(3)])
+    step = float(steps.max())
+    if step == 0.0:
         return []
-    step = max(found)
-    widening = np.tile([0.0 if own is None else 0.5 * own for own in steps], (len(reading), 1))
+    widening = np.tile(0.5 * steps, (len(reading), 1))
     limits = ((step - FINEST_RATE, step + FINEST_RATE),)
     return [variant(reading.shape, limits, widening=widening, values=lambda coefficients: (step,))]
 
@@ -377,27 +382,29 @@ def exchanged_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float
     """
     matrix = _exchange(place)
     straight = np.abs(reading - rows.n).max(axis=1)
-    other = np.abs(reading - rows.n @ matrix.T).max(axis=1)
-    after = np.flatnonzero((other < SURELY) & (straight > 2.0 * SURELY))
-    before = np.flatnonzero((straight < SURELY) & (other > 2.0 * SURELY))
+    exchanged = np.abs(reading - rows.n @ matrix.T).max(axis=1)
+    after = np.flatnonzero((exchanged < SURELY) & (straight > 2.0 * SURELY))
+    before = np.flatnonzero((straight < SURELY) & (exchanged > 2.0 * SURELY))
     if not len(before) or not len(after) or before[-1] > after[0]:
         return []
-    found = []
+    ways = []
     first, last = max(before[-1] + 1, FEWEST_EXCHANGED), min(after[0], len(reading) - FEWEST_EXCHANGED)
     for row in range(first, last + 1):
         mixed = np.where((np.arange(len(reading)) >= row)[:, None, None], matrix, np.eye(3))
         limits = ((float(rows.hours[row - 1]), float(rows.hours[row])),)
-        found.append(variant(rows.n.shape, limits, mixed=mixed))
-    return found
+        ways.append(variant(rows.n.shape, limits, mixed=mixed))
+    return ways
 
 
 def _exchange(place: EffectPlace) -> NDArray[np.float64]:
     """What becomes of the three readings (3, 3) when channels are exchanged."""
     p, i = place.index, place.axes[0] - 1
+    matrix = np.eye(3)
     if p == i:
-        return np.diag([-1.0 if k == p else 1.0 for k in range(3)])
-    order = [i if k == p else p if k == i else k for k in range(3)]
-    return np.eye(3)[order]
+        matrix[p, p] = -1.0
+    else:
+        matrix[[p, i]] = matrix[[i, p]]
+    return matrix
 
 
 def exchanged_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:

@@ -52,15 +52,15 @@ AT_REST = {
 
 def _in_motion() -> dict[str, tuple[str, str]]:
     """Return the same of a record in motion."""
-    known = {f"w{k + 1}": (f"rate[{k}]", "rad/s") for k in range(3)}
+    texts = {f"w{k + 1}": (f"rate[{k}]", "rad/s") for k in range(3)}
     for k in range(3):
-        known[f"dw{k + 1}"] = f"((rate[{k}] - context[PREVIOUS_RATE + {k}]) / context[STEP_LENGTH])", "rad/s2"
+        texts[f"dw{k + 1}"] = f"((rate[{k}] - context[PREVIOUS_RATE + {k}]) / context[STEP_LENGTH])", "rad/s2"
     for i, j in ((0, 1), (0, 2), (1, 2)):
-        known[f"w{i + 1}*w{j + 1}"] = f"rate[{i}] * rate[{j}]", "rad2/s2"
+        texts[f"w{i + 1}*w{j + 1}"] = f"rate[{i}] * rate[{j}]", "rad2/s2"
     for name, reading in AT_REST.items():
         if name not in ANGLES:
-            known[name] = reading
-    return known
+            texts[name] = reading
+    return texts
 
 
 IN_MOTION = _in_motion()
@@ -171,7 +171,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Home:
-    """Where a table joins the components: the stage, the port to which it adds, and what a kernel knows there.
+    """Where a table joins the components: the stage, the port to which it adds, how a kernel reads quantities there.
 
     `values` is the name of the values that a kernel of the stage takes, `added` that of what it adds to.
     """
@@ -181,24 +181,24 @@ class Home:
     port: int
     values: str
     added: str
-    known: dict[str, tuple[str, str]]
+    texts: dict[str, tuple[str, str]]
 
     @staticmethod
     def of(place: EffectPlace, table: Table) -> "Home":
         """Return the home of a table at its place; a ValueError says what would be right."""
-        _, known = PLACES[place.where]
+        _, texts = PLACES[place.where]
         for name in (table.quantity, table.factor):
-            if name and name not in TILTS and not text_of(name, known):
-                raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(known)}")
-        if known is OF_TABLE:
+            if name and name not in TILTS and not text_of(name, texts):
+                raise ValueError(f"law {place.law!r}: {place.where} has no {name}; it has: {', '.join(texts)}")
+        if texts is OF_TABLE:
             return Home._of_turn(place, table)
         if table.factor in TILTS:
             raise ValueError(f"law {place.law!r}: only an axis has a {table.factor}")
         if place.where != GYRO_BLOCK:
-            return Home("AccelerometerBlock", "reading_effects", place.index, "n", "added", known)
+            return Home("AccelerometerBlock", "reading_effects", place.index, "n", "added", texts)
         if len(place.axes) != 1:
             raise ValueError(f"law {place.law!r}: needs the gyro as its one axis")
-        return Home("GyroBlock", "reading_effects", place.axes[0] - 1, "rate", "added", known)
+        return Home("GyroBlock", "reading_effects", place.axes[0] - 1, "rate", "added", texts)
 
     @staticmethod
     def _of_turn(place: EffectPlace, table: Table) -> "Home":
@@ -217,13 +217,13 @@ class Home:
         """Return a quantity or a factor (N,) of rows; a ValueError where they have none."""
         if name == "temperature" and rows.temperature is None:
             raise ValueError("a function of the temperature needs the temperature of the rows")
-        return values_read(text_of(name, self.known), self.values, self.component, rows)
+        return values_read(text_of(name, self.texts), self.values, self.component, rows)
 
 
-def text_of(name: str, known: dict[str, tuple[str, str]]) -> str:
+def text_of(name: str, texts: dict[str, tuple[str, str]]) -> str:
     """Return how a kernel reads a quantity, or a wave of an angle; empty where it is none that is known."""
     wave, quantity = OF_ANGLES.get(name, ("", name))
-    text, _ = known.get(quantity, ("", ""))
+    text, _ = texts.get(quantity, ("", ""))
     return f"math.{wave}({text})" if wave and text else text
 
 
@@ -259,11 +259,11 @@ def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]
         arguments.append(f"value_{k + 1}: float")
     name = f"lookup_{name_of_law(f'{place.where} {place.axes} {place.law}')}"
     lines = [f"def {name}({', '.join(arguments)}, {home.added}: Vector) -> None:", f'    """{place.law}"""']
-    text, _ = home.known[table.quantity]
+    text, _ = home.texts[table.quantity]
     lines += [f"    {line}" for line in table.source(text)]
     target = f"{home.added}[{home.port}]"
     addition = f"    {target} = {target} + f"
-    if factor := text_of(table.factor, home.known):
+    if factor := text_of(table.factor, home.texts):
         # A quantity counts as it is, a factor from where it does nothing.
         zero = FROM.get(table.factor)
         addition += f" * {factor}" if zero is None else f" * ({factor} - {zero!r})"
@@ -272,10 +272,10 @@ def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]
 
 def _unit(place: EffectPlace, table: Table) -> str:
     """Return the unit of the values of a table."""
-    unit, known = PLACES[place.where]
-    if table.factor not in known:
+    unit, texts = PLACES[place.where]
+    if table.factor not in texts:
         return unit
-    _, of_factor = known[table.factor]
+    _, of_factor = texts[table.factor]
     if of_factor == "rad/s2":
         return "s"
     return "1" if of_factor == unit else f"{unit}/{of_factor}".replace("degC", "K")

@@ -123,10 +123,10 @@ def lagged(
     values, by_log = np.zeros((2, len(hours), len(ends)))
     for k, end in enumerate(ends):
         x = ages / end
-        left = np.exp(-x)
+        faded = np.exp(-x)
         # Of a slope that began so long ago: how far the lag is behind, and its second derivative by log τ.
-        behind = end * (1.0 - left)
-        bent = end * (1.0 - left * (1.0 + x + x * x))
+        behind = end * (1.0 - faded)
+        bent = end * (1.0 - faded * (1.0 + x + x * x))
         values[:, k] = temperature - (behind[:, :-1] - behind[:, 1:]) @ slopes
         by_log[:, k] = np.abs((bent[:, :-1] - bent[:, 1:]) @ slopes)
     travelled = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(temperature)))))
@@ -161,12 +161,12 @@ def _cells_of(place: EffectPlace, hours: bytes, temperature: bytes, resolution: 
 
     def later(rows: Rows, two: NDArray[np.float64]) -> NDArray[np.float64]:
         """Each row as if it were the next after the record."""
-        found, seen = np.zeros((len(rows.hours), 2, len(ahead))), above_nominal(rows)
-        for time, kelvin in np.unique(np.stack((rows.hours, seen), axis=1), axis=0).tolist():
-            now, times = (rows.hours == time) & (seen == kelvin), np.append(when, time)
+        responses, kelvins = np.zeros((len(rows.hours), 2, len(ahead))), above_nominal(rows)
+        for time, kelvin in np.unique(np.stack((rows.hours, kelvins), axis=1), axis=0).tolist():
+            now, times = (rows.hours == time) & (kelvins == kelvin), np.append(when, time)
             lag = lagged(times, np.append(warmth, kelvin), two)
-            found[now] = begun(lag, settled(times, two), ahead)[0][-1]
-        return found.reshape(len(found), -1)
+            responses[now] = begun(lag, settled(times, two), ahead)[0][-1]
+        return responses.reshape(len(responses), -1)
 
     return _cells(place, ends, (values, error + resolution), later, ahead)
 
@@ -199,7 +199,7 @@ def begun(
 def _cells(
     place: EffectPlace,
     ends: NDArray[np.float64],
-    known: tuple[NDArray[np.float64], NDArray[np.float64]],
+    responses: tuple[NDArray[np.float64], NDArray[np.float64]],
     later: Callable[[Rows, NDArray[np.float64]], NDArray[np.float64]],
     ahead: NDArray[np.float64] | None = None,
 ) -> Sequence[Variant]:
@@ -210,7 +210,7 @@ def _cells(
     first temperature: what settles is a parameter then.
     """
     largest = place.definition.parameters[0].largest
-    values, error = known
+    values, error = responses
     count = 2 * values.shape[2]
     # Sums of coefficients, which are in the order of the ends, and of the beginnings at each.
     second = np.repeat([0.0, 1.0], count // 2)
@@ -218,16 +218,16 @@ def _cells(
     free = [(-p.largest, p.largest) for p in place.definition.parameters[:-1]]
     # What the record shows at an end of all that is sought it does not tell from what is beyond.
     limits = np.append(0.0, np.append(ends[1:-1], LAST_HOUR)).tolist()
-    found = []
+    cells = []
     for k in range(len(ends) - 1):
 
         def parameters(coefficients: NDArray[np.float64], k: int = k) -> tuple[float, ...]:
-            size, *others = (sizes @ coefficients).tolist()
+            size, *rest = (sizes @ coefficients).tolist()
             share = float(second @ coefficients) / size if size != 0.0 else 0.5
-            return size, *others, float(ends[k] * (ends[k + 1] / ends[k]) ** share)
+            return size, *rest, float(ends[k] * (ends[k + 1] / ends[k]) ** share)
 
         paid = np.tile(error[:, k], 2)
-        found.append(
+        cells.append(
             variant(
                 (len(values), 3),
                 (*free, (limits[k], limits[k + 1])),
@@ -240,7 +240,7 @@ def _cells(
                 elsewhere=lambda rows, two=ends[k : k + 2]: accelerometer_column(place, later(rows, two)),
             )
         )
-    return found
+    return cells
 
 
 WARM_UP = last_stage_effect(

@@ -56,30 +56,30 @@ def mounting_slip(
 
 def bias_step_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
     """Each time between two rows with enough rows before it and after it."""
-    return _steps(rows, lambda seen: accelerometer_column(place, np.ones(len(seen.hours))), LARGEST_OF_BIAS)
+    return _steps(rows, lambda at_rows: accelerometer_column(place, np.ones(len(at_rows.hours))), LARGEST_OF_BIAS)
 
 
 def scale_step_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
     """As of a step of the bias."""
-    return _steps(rows, lambda seen: accelerometer_column(place, seen.n[:, place.index]), LARGEST_OF_SCALE)
+    return _steps(rows, lambda at_rows: accelerometer_column(place, at_rows.n[:, place.index]), LARGEST_OF_SCALE)
 
 
 def mounting_slip_variants(place: EffectPlace, rows: Rows, reading: NDArray[np.float64], sigma: float) -> list[Variant]:
     """As of a step of the bias."""
-    found = _steps(rows, lambda seen: seen.by_slip, LARGEST_SLIP)
-    return [replace(way, slipped=rows.hours > way.limits[-1][0]) for way in found]
+    ways = _steps(rows, lambda at_rows: at_rows.by_slip, LARGEST_SLIP)
+    return [replace(way, slipped=rows.hours > way.limits[-1][0]) for way in ways]
 
 
 def _steps(rows: Rows, columns: Columns, largest: float) -> list[Variant]:
     """What adds columns (N, 3, K) after each time between two rows with enough rows before it and after it."""
-    found, every = [], columns(rows)
+    ways, every = [], columns(rows)
     times = np.unique(rows.hours)
     for before, after in pairwise(times):
         later = rows.hours > before
         if min(later.sum(), (~later).sum()) >= FEWEST_ROWS:
             way = _step(every * later[:, None, None], largest, (float(before), float(after)))
-            found.append(replace(way, elsewhere=columns))
-    return found
+            ways.append(replace(way, elsewhere=columns))
+    return ways
 
 
 def _step(columns: NDArray[np.float64], largest: float, gap: tuple[float, float]) -> Variant:
@@ -88,8 +88,8 @@ def _step(columns: NDArray[np.float64], largest: float, gap: tuple[float, float]
     def values(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
         return *(float(value) for value in coefficients), 0.5 * (gap[0] + gap[1])
 
-    def undecided(others: Rows, sigma: float) -> NDArray[np.bool_]:
-        within = (others.hours > gap[0]) & (others.hours < gap[1])
+    def undecided(further: Rows, sigma: float) -> NDArray[np.bool_]:
+        within = (further.hours > gap[0]) & (further.hours < gap[1])
         return within[:, None] & acted_on
 
     return variant(

@@ -90,7 +90,7 @@ class Variant:
         )
 
 
-def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **given: Any) -> Variant:
+def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **fields: Any) -> Variant:
     """A variant on readings (N, 3) that without more adds nothing, widens nothing and has no coefficients.
 
     The values of the parameters are the middles of their limits; `given` are the fields that differ.
@@ -107,7 +107,7 @@ def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **g
         "lost": none,
         "fixed": none,
     }
-    return Variant(limits=limits, **(usual | given))
+    return Variant(limits=limits, **(usual | fields))
 
 
 def at_readings(shape: tuple[int, ...], rows: NDArray[np.int_], accelerometer: int) -> NDArray[np.bool_]:

@@ -59,35 +59,35 @@ class OwnEffects:
     def effects(self) -> tuple[Effect, ...]:
         """The effects of the file, checked; an InputError says in one line which line or field is wrong, and why."""
         if self not in _LOADED:
-            given = self._given()
+            effects_given = self._given()
             # An effect is looked up by its name, in its check too.
-            with _known(given), warnings.catch_warnings():
+            with _known(effects_given), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                _LOADED[self] = tuple(check_effect(self.path, effect) for effect in given)
+                _LOADED[self] = tuple(check_effect(self.path, effect) for effect in effects_given)
         return _LOADED[self]
 
     def _given(self) -> list[Effect]:
         """What the file gives as EFFECT or EFFECTS."""
         module = self._run()
-        given, several = getattr(module, "EFFECT", None), getattr(module, "EFFECTS", None)
-        if given is None and several is None:
+        single, several = getattr(module, "EFFECT", None), getattr(module, "EFFECTS", None)
+        if single is None and several is None:
             raise InputError(
                 f"{self.path}: gives neither EFFECT nor EFFECTS; EFFECT = accelerometer_effect(...) is one"
             )
         if several is not None and not isinstance(several, list | tuple):
             raise InputError(f"{self.path}: EFFECTS is a {type(several).__name__}; it is a tuple of effects")
-        named = {"EFFECT": given} if given is not None else {}
-        named |= {f"EFFECTS[{k}]": effect for k, effect in enumerate(several or ())}
-        if not named:
+        fields = {"EFFECT": single} if single is not None else {}
+        fields |= {f"EFFECTS[{k}]": effect for k, effect in enumerate(several or ())}
+        if not fields:
             raise InputError(f"{self.path}: EFFECTS is empty; it is a tuple of effects")
-        found: list[Effect] = []
-        for field, effect in named.items():
+        effects: list[Effect] = []
+        for field, effect in fields.items():
             if not isinstance(effect, Effect):
                 what = f"a {type(effect).__name__}"
                 raise InputError(
                     f"{self.path}: {field} is {what}; accelerometer_effect, table_effect and so on give an Effect"
                 )
-            if any(effect is other for other in found):
+            if any(effect is known_effect for known_effect in effects):
                 continue
             if not isinstance(effect.name, str):
                 raise InputError(f"{self.path}: {field}: name is a {type(effect.name).__name__}; it is text")
@@ -95,10 +95,10 @@ class OwnEffects:
                 raise InputError(
                     f"{self.path}: {field}: {effect.name} is an effect of the catalogue; take another name"
                 )
-            if effect.name in [other.name for other in found]:
+            if effect.name in [known_effect.name for known_effect in effects]:
                 raise InputError(f"{self.path}: {field}: {effect.name} stands there twice; give each its own name")
-            found.append(effect)
-        return found
+            effects.append(effect)
+        return effects
 
     def _run(self) -> ModuleType:
         """The file's module, run from the text that was read."""
@@ -116,8 +116,8 @@ class OwnEffects:
                 code = compile(ast.parse(self.source, origin), origin, "exec")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
-            said = error.msg if isinstance(error, SyntaxError) else str(error)
-            raise InputError(f"{self.path}{line}: is not Python ({one_line(said)})") from error
+            message = error.msg if isinstance(error, SyntaxError) else str(error)
+            raise InputError(f"{self.path}{line}: is not Python ({one_line(message)})") from error
         try:
             exec(code, vars(module))
         except (Exception, SystemExit) as error:
@@ -156,8 +156,8 @@ def line_of(error: BaseException, origin: str) -> str:
 
 def message_of(error: BaseException) -> str:
     """An error of a file in one line."""
-    said = one_line(" ".join(str(error).split()))
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+    message = one_line(" ".join(str(error).split()))
+    return f"{type(error).__name__}: {message}" if message else type(error).__name__
 
 
 @contextmanager
@@ -182,22 +182,22 @@ def with_effects_of(file: "str | Path | OwnEffects | None") -> Iterator[OwnEffec
 
     An InputError where it cannot be used.
     """
-    own = OwnEffects.read(file)
-    if own is None:
+    file_read = OwnEffects.read(file)
+    if file_read is None:
         yield None
         return
-    effects = own.effects()
+    effects = file_read.effects()
     with _known(effects):
         pass
     lists: list[tuple[dict[str, Effect], Effect]] = [
         (STRAPDOWN_EFFECTS if effect.in_motion else POSITION_EFFECTS, effect) for effect in effects
     ]
     # Within another such block the same ones are there already.
-    added = [(known, effect) for known, effect in lists if known.get(effect.name) is not effect]
-    for known, effect in added:
-        known[effect.name] = effect
+    added = [(catalogue, effect) for catalogue, effect in lists if catalogue.get(effect.name) is not effect]
+    for catalogue, effect in added:
+        catalogue[effect.name] = effect
     try:
-        yield own
+        yield file_read
     finally:
-        for known, effect in added:
-            known.pop(effect.name, None)
+        for catalogue, effect in added:
+            catalogue.pop(effect.name, None)

@@ -57,8 +57,8 @@ def check_effect(path: str, effect: Effect) -> Effect:
         raise refuse("name", "is not in small letters and hyphens, as half-scale")
     stage = (str(effect.component), str(effect.stage))
     if stage not in STAGES:
-        known = "; ".join(f"{component} with {name}" for component, name in STAGES)
-        raise refuse("component and stage", f"are {effect.component} and {effect.stage}; there are {known}")
+        stages = "; ".join(f"{component} with {name}" for component, name in STAGES)
+        raise refuse("component and stage", f"are {effect.component} and {effect.stage}; there are {stages}")
     if not (isinstance(effect.places, tuple) and effect.places):
         raise refuse("places", "are not a tuple of at least one EffectPlace")
     for place in effect.places:
@@ -128,10 +128,10 @@ def _check_arguments(effect: Effect, refuse: Refusal) -> None:
         raise refuse("kernel", f"is {kernel!r}; it is a function in restricted Python, by which it is exported")
     with errors_of_field(refuse, "kernel"):
         count = len(inspect.signature(kernel).parameters)
-        whole = len(whole_numbers(kernel))
-    expected = 2 + whole + len(effect.parameters) + 1
+        integers = len(whole_numbers(kernel))
+    expected = 2 + integers + len(effect.parameters) + 1
     if count != expected:
-        numbers = f", {whole} whole number{'s' * (whole != 1)}" if whole else ""
+        numbers = f", {integers} whole number{'s' * (integers != 1)}" if integers else ""
         values = ", ".join(p.name for p in effect.parameters)
         raise refuse(
             "kernel",
@@ -245,10 +245,10 @@ def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     slopes = []
     for size in (part[0] * largest, part[1] * largest):
         for sign in signs:
-            each = [added(sign * size * unit) / (sign * size) for unit in np.eye(count)]
-            slopes.append(np.stack(each, axis=2))
+            single = [added(sign * size * unit) / (sign * size) for unit in np.eye(count)]
+            slopes.append(np.stack(single, axis=2))
     scale = max(1.0, float(np.abs(slopes[0]).max()))
-    if max(float(np.abs(slopes[0] - other).max()) for other in slopes[1:]) > agree * scale:
+    if max(float(np.abs(slopes[0] - further).max()) for further in slopes[1:]) > agree * scale:
         raise refuse("kernel", "is not linear in its parameters; an effect that is not has variants")
     size = part[0] * largest
     if np.abs(added(size * np.ones(count)) / size - slopes[0].sum(axis=2)).max() > agree * scale * count:
