@@ -37,9 +37,9 @@ class Linear:
     residual: NDArray[np.float64]
     bound: NDArray[np.float64]
 
-    def predicted(self, kept: NDArray, held: NDArray) -> Prediction | None:
-        """Readings that are held out, over those that are kept."""
-        return predicted_errors(self._unit, self._rank, self.residual, self.bound, kept, held)
+    def predicted(self, fitted: NDArray, left_out: NDArray) -> Prediction | None:
+        """Return readings that are left out, predicted over those that are fitted."""
+        return predicted_errors(self._unit, self._rank, self.residual, self.bound, fitted, left_out)
 
     @cached_property
     def _unit(self) -> NDArray[np.float64]:
@@ -53,13 +53,13 @@ class Linear:
         """The model with more columns (M, k)."""
         return Linear(np.hstack((self.jacobian, columns)), self.residual, self.bound)
 
-    def split(self, parts: Sequence[NDArray], used: NDArray) -> list[Split]:
+    def split(self, parts: Sequence[NDArray], usable: NDArray) -> list[Split]:
         """Readings of each part, of those that are used, predicted over the others."""
         split = []
         for out in parts:
-            held = np.intersect1d(out, used)
-            kept = np.setdiff1d(used, held)
-            split.append((held, kept, self.predicted(kept, held)))
+            left_out = np.intersect1d(out, usable)
+            fitted = np.setdiff1d(usable, left_out)
+            split.append((left_out, fitted, self.predicted(fitted, left_out)))
         return split
 
 
@@ -75,15 +75,15 @@ class LeftOut:
     @staticmethod
     def of(model: Linear, split: Sequence[Split]) -> "LeftOut | None":
         """Of each part in turn; None where the others would not do, or tell too few of them."""
-        found: list[tuple[NDArray, ...]] = []
-        for held, kept, without in split:
-            with_effects = model.predicted(kept, held) if without else None
+        scored: list[tuple[NDArray, ...]] = []
+        for left_out, fitted, without in split:
+            with_effects = model.predicted(fitted, left_out) if without else None
             if without is None or with_effects is None:
                 return None
-            wanted = (without[1] <= MAX_LEVERAGE) & (with_effects[1] <= MAX_LEVERAGE)
-            found.append(tuple(part[wanted] for part in (held, without[0], *with_effects)))
-        told = LeftOut(*(np.concatenate(part) for part in zip(*found, strict=True)))
-        return told if len(told.readings) >= FEWEST_SCORED else None
+            predictable = (without[1] <= MAX_LEVERAGE) & (with_effects[1] <= MAX_LEVERAGE)
+            scored.append(tuple(part[predictable] for part in (left_out, without[0], *with_effects)))
+        reading_errors = LeftOut(*(np.concatenate(part) for part in zip(*scored, strict=True)))
+        return reading_errors if len(reading_errors.readings) >= FEWEST_SCORED else None
 
     @property
     def errors(self) -> Errors:
@@ -92,8 +92,8 @@ class LeftOut:
 
     def over(self, bound: NDArray) -> "LeftOut":
         """The same over the readings' bounds (M,)."""
-        own = bound[self.readings]
-        return LeftOut(self.readings, self.without / own, self.with_effects / own, self.leverage)
+        bounds = bound[self.readings]
+        return LeftOut(self.readings, self.without / bounds, self.with_effects / bounds, self.leverage)
 
     def worst(self, fit: Fit, numbers: NDArray) -> Worst:
         """The error with the effects that is farthest beyond what noise within the bounds makes of it.
@@ -112,31 +112,31 @@ class LeftOut:
 
 
 def trials(
-    nominal: Linear, fit: Fit, named: Callable[[EffectPlace], EffectPlace], numbers: NDArray[np.int_]
+    nominal: Linear, fit: Fit, name_in_record: Callable[[EffectPlace], EffectPlace], numbers: NDArray[np.int_]
 ) -> Iterator[Trial]:
     """What was left out says of a set: positions in turn and blocks in time; then of each effect beside the others.
 
-    Every model is the one linearised at the fit to the whole record. `named` and `numbers` (N,) are effects and rows as
-    the record names them.
+    Every model is the one linearised at the fit to the whole record. `name_in_record` and `numbers` (N,) say how the
+    record names effects and rows.
     """
-    count, bench, places = len(numbers), len(fit.point), tuple(map(named, fit.places))
+    count, bench, places = len(numbers), len(fit.point), tuple(map(name_in_record, fit.places))
     turns = [readings_at(np.arange(first, count, FOLDS)) for first in range(FOLDS)]
     blocks = [readings_at(part) for part in np.array_split(np.arange(count), BLOCKS) if len(part)]
-    lasting, used = without_outliers(fit)
+    lasting, usable = without_outliers(fit)
     if lasting.sum() == bench:
         yield Trial(places, None, None, jointly=True)
         return
-    whole = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
-    turned = nominal.split(turns, used)
-    folds, parts = (LeftOut.of(whole, split) for split in (turned, nominal.split(blocks, used)))
-    own = lasting & (np.arange(len(fit.at)) >= bench)
-    shuffled = _shuffled(_without(fit, lasting, own), fit.jacobian[:, own], turned, by_position)
-    left = [part.worst(fit, numbers) for part in (folds, parts) if part is not None]
-    worst = max(left, key=lambda one: one.error / one.allowed, default=None)
+    with_all = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
+    turned = nominal.split(turns, usable)
+    folds, parts = (LeftOut.of(with_all, split) for split in (turned, nominal.split(blocks, usable)))
+    of_effects = lasting & (np.arange(len(fit.at)) >= bench)
+    shuffled = _shuffled(_without(fit, lasting, of_effects), fit.jacobian[:, of_effects], turned, by_position)
+    judged = [part.worst(fit, numbers) for part in (folds, parts) if part is not None]
+    worst = max(judged, key=lambda worst: worst.error / worst.allowed, default=None)
     # Shuffles cost most of all: they are made where they are asked for.
-    tried = (left.with_effects for left in shuffled) if folds and fit.linear else ()
-    rows = folds and folds.readings
-    yield Trial(places, folds and folds.errors, parts and parts.errors, tried, jointly=True, worst=worst, rows=rows)
+    errors_shuffled = (errors.with_effects for errors in shuffled) if folds and fit.linear else ()
+    in_turn, in_blocks = folds and folds.errors, parts and parts.errors
+    yield Trial(places, in_turn, in_blocks, errors_shuffled, jointly=True, worst=worst, rows=folds and folds.readings)
     if folds and fit.linear and sum(place.effect != "outlier" for place in fit.places) > 1:
         yield from trials_of_each(fit, turns, by_position)
 
@@ -146,17 +146,17 @@ def trials_of_each(fit: Fit, parts: Sequence[NDArray], moved: Moved) -> Iterator
 
     `moved` gives an effect's columns at places where they do not belong.
     """
-    lasting, used = without_outliers(fit)
-    whole = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
+    lasting, usable = without_outliers(fit)
+    with_all = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
     for place, block, _ in fit.ways:
-        own = np.zeros(len(fit.at), dtype=bool)
-        own[len(fit.point) :][block] = place.effect != "outlier"
-        others = _without(fit, lasting, own)
-        split = others.split(parts, used) if own.any() else []
-        if own.any() and (alone := LeftOut.of(whole, split)) is not None:
-            shuffled = _shuffled(others, fit.jacobian[:, own], split, moved)
-            tried = (left.over(fit.allowed).with_effects for left in shuffled)
-            yield Trial((place,), alone.over(fit.allowed).errors, None, tried)
+        of_effect = np.zeros(len(fit.at), dtype=bool)
+        of_effect[len(fit.point) :][block] = place.effect != "outlier"
+        without = _without(fit, lasting, of_effect)
+        split = without.split(parts, usable) if of_effect.any() else []
+        if of_effect.any() and (alone := LeftOut.of(with_all, split)) is not None:
+            shuffled = _shuffled(without, fit.jacobian[:, of_effect], split, moved)
+            errors_shuffled = (errors.over(fit.allowed).with_effects for errors in shuffled)
+            yield Trial((place,), alone.over(fit.allowed).errors, None, errors_shuffled)
 
 
 def without_outliers(fit: Fit) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
@@ -167,21 +167,23 @@ def without_outliers(fit: Fit) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
     return lasting, np.flatnonzero(~np.any(fit.jacobian[:, ~lasting] != 0.0, axis=1))
 
 
-def _without(fit: Fit, lasting: NDArray, own: NDArray) -> Linear:
+def _without(fit: Fit, lasting: NDArray, removed: NDArray) -> Linear:
     """The model without some columns (P + K,) of bool, which begins with these effects taken out at their sizes."""
-    return Linear(fit.jacobian[:, lasting & ~own], fit.residual + fit.jacobian[:, own] @ fit.at[own], fit.allowed)
+    return Linear(
+        fit.jacobian[:, lasting & ~removed], fit.residual + fit.jacobian[:, removed] @ fit.at[removed], fit.allowed
+    )
 
 
-def by_position(own: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
+def by_position(columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
     """Columns (3 N, k) moved to other positions."""
-    count = len(own) // 3
-    return own.reshape(count, 3, -1)[rng.permutation(count)].reshape(3 * count, -1)
+    count = len(columns) // 3
+    return columns.reshape(count, 3, -1)[rng.permutation(count)].reshape(3 * count, -1)
 
 
-def _shuffled(others: Linear, own: NDArray, split: Sequence[Split], moved: Moved) -> Iterator[LeftOut]:
+def _shuffled(model: Linear, columns: NDArray, split: Sequence[Split], moved: Moved) -> Iterator[LeftOut]:
     """Columns (M, k) of effects moved, beside a model without them."""
-    rng = np.random.default_rng(len(own) // 3)
+    rng = np.random.default_rng(len(columns) // 3)
     for _ in range(SHUFFLES):
-        left = LeftOut.of(others.beside(moved(own, rng)), split)
-        if left is not None:
-            yield left
+        reading_errors = LeftOut.of(model.beside(moved(columns, rng)), split)
+        if reading_errors is not None:
+            yield reading_errors

@@ -52,7 +52,7 @@ class SlipOnsets(Onsets):
     @staticmethod
     def of(raw: BenchRecord, both: WithTurns, moving: Moving, about: Fit | None) -> "SlipOnsets":
         """Linear at half the slip of a fit, and its parameters; by default at none, and the nominal model's."""
-        turns, own, count = both.turns, both.own, len(both.point)
+        turns, own_count, count = both.turns, both.own, len(both.point)
         point = np.append(both.point, 0.0) if about is None else about.point
         half = np.zeros(3) if about is None else 0.5 * about.coefficients[about.blocks[about.places.index(SLIP)]]
         turned = block_turns(raw, both, point[:count])
@@ -60,14 +60,14 @@ class SlipOnsets(Onsets):
         step /= float(both.bound[-3 * len(turns.first) :].min())
         finer = int(np.clip(np.ceil(step / FINEST), 1, MOST_FINER))
         time = np.interp(np.arange((len(turned) - 1) * finer + 1) / finer, np.arange(len(turned)), raw.time_s)
-        late = time - point[own + LAG]
+        late = time - point[own_count + LAG]
         fine = np.stack([np.interp(late, raw.time_s, turned[:, k]) for k in range(3)], axis=1)
         # Complex steps: derivatives of the frame by the slip.
         slopes = np.imag([small_turn(half + 1e-30j * axis) for axis in np.eye(3)]) / 1e-30
         readings = moving.lagging(float(point[-1]))[0]
         at = replace(readings.at, slips=np.tile(half, (len(readings), 1)))
-        seen = slip_jacobian(readings.parametrisation, point[:own], at, readings.sign)
-        gain = np.eye(3) + point[own:count][MATRIX].reshape(3, 3)
+        slopes_read = slip_jacobian(readings.parametrisation, point[:own_count], at, readings.sign)
+        gain = np.eye(3) + point[own_count:count][MATRIX].reshape(3, 3)
         pieces = (
             Pieces("rests", "readings", *(finer * moving.seen.span.T)),
             Pieces("turns", "turns", finer * turns.first, finer * turns.last),
@@ -78,23 +78,23 @@ class SlipOnsets(Onsets):
         grown = np.einsum("gi,kij,nj->ngk", gain, slopes, fine)
         return SlipOnsets(
             (time - moving.read.readings.circumstances.began) / 3600.0,
-            (Group(pieces[0], np.zeros_like(seen)), Group(pieces[1], turning)),
+            (Group(pieces[0], np.zeros_like(slopes_read)), Group(pieces[1], turning)),
             np.zeros(len(time), dtype=bool),
             # Gyros of a block that stands otherwise have turned more; no mean at rest is taken out.
             lambda place: (grown, np.zeros_like(grown)),
-            (seen, np.asarray(across)),
+            (slopes_read, np.asarray(across)),
             step / finer,
         )
 
     def columns(self, acting: Acting | Fading, row: float) -> tuple[Columns, NDArray[np.float64]]:
         """As of other effects, with the slip itself; NaN of readings that are of both sides of it."""
-        found, mean = super().columns(acting, row)
-        read, turned = (group.pieces for group in self.groups)
-        before, across = read.last <= row, (turned.first <= row) & (row < turned.last)
-        found[0] = self.whole[0] * ~before[:, None, None]
-        found[0][~before & (read.first <= row)] = np.nan
-        found[1][across] += self.whole[1][across]
-        return found, mean
+        columns, mean = super().columns(acting, row)
+        readings, turned = (group.pieces for group in self.groups)
+        before, across = readings.last <= row, (turned.first <= row) & (row < turned.last)
+        columns[0] = self.whole[0] * ~before[:, None, None]
+        columns[0][~before & (readings.first <= row)] = np.nan
+        columns[1][across] += self.whole[1][across]
+        return columns, mean
 
     def within(self, acting: Acting, begin: int, end: int) -> Columns:
         """As of other effects, where the slip is behind the moment `end` at the latest and a moment follows it."""
@@ -142,7 +142,7 @@ def onsets_of_turns(raw: BenchRecord, whole: WithTurns, travel: Travel) -> Onset
         """What an effect adds to the gyros' integrals up to each row (N, 3, K); no mean at rest is taken out."""
         sums = travel.gyros.sums(place.definition.signature(place, travel.motion))
         # Between the rows that are looked at the table turns by little: rates, and what a bias adds, are even.
-        flat = [np.interp(hours, travel.hours, own) for own in sums.reshape(len(sums), -1).T]
+        flat = [np.interp(hours, travel.hours, values) for values in sums.reshape(len(sums), -1).T]
         integral = np.stack(flat, axis=1).reshape(len(hours), *sums.shape[1:])
         return integral, np.zeros_like(integral)
 
@@ -208,9 +208,9 @@ class TurnsInTime(SettingIn):
 
     def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
         """Columns (S, 3, K) of the turns, or of readings and turns, as rows (M, K) over their bounds."""
-        own = np.vstack([part.reshape(-1, part.shape[2]) for part in columns])
-        above = np.zeros((len(self.whole.bound) - len(own), own.shape[1]))
-        return np.vstack([above, own]) / self.whole.bound[:, None]
+        stacked = np.vstack([part.reshape(-1, part.shape[2]) for part in columns])
+        above = np.zeros((len(self.whole.bound) - len(stacked), stacked.shape[1]))
+        return np.vstack([above, stacked]) / self.whole.bound[:, None]
 
     def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set with one effect that sets in; rows are linear about the best that the nominal point shows.
@@ -219,27 +219,27 @@ class TurnsInTime(SettingIn):
         """
         if self.around is None:
             (place,) = (place for place in places if place in self.starting)
-            others = [other for other in places if other != place]
+            rest = [other for other in places if other != place]
             bent = self.second_order_at(self.baseline_radius) if place == SLIP else 0.0
             rough = self._replaced_by(loose=SLACK + bent)
-            if not (left := list(rough.open_stretches(place, others, work))):
+            if not (stretches := list(rough.open_stretches(place, rest, work))):
                 return []
-            begin, end = min(left, key=lambda ends: self._left_by(place, others, 0.5 * (ends[0] + ends[1])))
-            made, row, narrowed = self, 0.5 * (begin + end), {place: left}
-            fit = made.with_onset(place, row).refit([*others, place])
+            begin, end = min(stretches, key=lambda ends: self._left_by(place, rest, 0.5 * (ends[0] + ends[1])))
+            evidence, row, narrowed = self, 0.5 * (begin + end), {place: stretches}
+            fit = evidence.with_onset(place, row).refit([*rest, place])
             if place == SLIP:
                 time, narrowed = self.slips.value(self.acting[place], row), {}
                 for _ in range(ROUNDS):
-                    made = made._replaced_by(slipping=fit)
-                    row = made.slips.number(made.acting[place], time)
-                    fit = made.with_onset(place, row).refit([*others, place])
-                made = made._replaced_by(loose=made.slips.missed)
+                    evidence = evidence._replaced_by(slipping=fit)
+                    row = evidence.slips.number(evidence.acting[place], time)
+                    fit = evidence.with_onset(place, row).refit([*rest, place])
+                evidence = evidence._replaced_by(loose=evidence.slips.missed)
             # Without what sets in: at another time other rows say something.
             coefficients, count = fit.coefficients[: fit.blocks[-1].start], len(fit.point)
-            rows = made.about(others, fit.point, coefficients)
+            rows = evidence.about(rest, fit.point, coefficients)
             residual = rows.residual + rows.jacobian[:, count:] @ coefficients
             around = replace(rows, residual=residual, jacobian=rows.jacobian[:, :count])
-            about = made._replaced_by(around=around, point=fit.point, narrowed=narrowed)
+            about = evidence._replaced_by(around=around, point=fit.point, narrowed=narrowed)
             return about.mended_in_time(places, work)
         return super().mended_in_time(places, work)
 
@@ -254,10 +254,10 @@ class TurnsInTime(SettingIn):
         return all(variant is None or place in self.starting for place, _, variant in fit.ways)
 
     def _replaced_by(self, **fields: Any) -> Self:
-        made = replace(self, **fields)
-        known = {name: self.__dict__[name] for name in ("onsets", "slips", "acting") if name in self.__dict__}
-        made.__dict__.update(known)
+        evidence = replace(self, **fields)
+        cached = {name: self.__dict__[name] for name in ("onsets", "slips", "acting") if name in self.__dict__}
+        evidence.__dict__.update(cached)
         if "slipping" in fields:
-            del made.__dict__["slips"]
-            made.__dict__["acting"] = {**self.acting, SLIP: made.slips.acting(SLIP)}
-        return made
+            del evidence.__dict__["slips"]
+            evidence.__dict__["acting"] = {**self.acting, SLIP: evidence.slips.acting(SLIP)}
+        return evidence

@@ -96,8 +96,8 @@ def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None
         settled = iteration == ROUNDS or np.abs(step).max(initial=0.0) < 0.1 * bound.min()
         if settled or not np.abs((x + step)[:count]).max() <= ASTRAY:
             radius = float(np.abs(residual / bound).max(initial=0.0))
-            own = (model.jacobian, radius, x, x[count:], model.variants)
-            return Fit(cast.places, blocks, x, 0.0 * x, residual, bound, *own)
+            fields = (model.jacobian, radius, x, x[count:], model.variants)
+            return Fit(cast.places, blocks, x, 0.0 * x, residual, bound, *fields)
         x = x + step
     raise AssertionError("the loop returns")
 
@@ -149,8 +149,9 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
     limited = within & (within.sum(axis=0) >= FEWEST_AT_LIMIT)
     if usual_misfit(centre) * float(readings.bound.min()) > GROSS and limited.any():
         other = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), Cast(()), aligned)
-        told = ~limited.ravel()
-        before, after = (np.quantile(np.abs(fit.residual / readings.bound)[told], USUAL) for fit in (centre, other))
+        told_rows = ~limited.ravel()
+        before = np.quantile(np.abs(centre.residual / readings.bound)[told_rows], USUAL)
+        after = np.quantile(np.abs(other.residual / readings.bound)[told_rows], USUAL)
         if after <= STANDS_OUT * before:
             return other
     return centre
@@ -202,13 +203,21 @@ class BenchSearch:
     def additive(self) -> dict[EffectPlace, Sequence[Variant]]:
         """Effects that only add columns, others in each of their ways: they are sought by these."""
         rows = self.readings.rows(self.centre.point)
-        found = {place: self.readings.variants(place, rows) for place in self.places if not is_linear(place)}
-        return {place: ways for place, ways in found.items() if ways and all(way.adds for way in ways)}
+        additive: dict[EffectPlace, Sequence[Variant]] = {}
+        for place in self.places:
+            ways = () if is_linear(place) else self.readings.variants(place, rows)
+            if ways and all(way.adds for way in ways):
+                additive[place] = ways
+        return additive
 
     @property
     def ways(self) -> list[Step]:
         """Each effect that only adds columns, in each of its ways."""
-        return [(place, way) for place, ways in self.additive.items() for way in range(len(ways))]
+        steps: list[Step] = []
+        for place, ways in self.additive.items():
+            for number in range(len(ways)):
+                steps.append((place, number))
+        return steps
 
     @cached_property
     def _open_ways(self) -> dict[frozenset[EffectPlace], list[int]]:
@@ -220,8 +229,8 @@ class BenchSearch:
         """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
         rows = self.readings.rows(self.centre.point)
         untold = [place for place in self.classes.places if untold_readings([place], rows).any()]
-        bent = [place for place in self.places if not is_linear(place) and place not in self.additive]
-        return {mine.place: mine for mine in self.readings.relaxations(rows, [*untold, *bent])}
+        not_linear = [place for place in self.places if not is_linear(place) and place not in self.additive]
+        return {relaxation.place: relaxation for relaxation in self.readings.relaxations(rows, [*untold, *not_linear])}
 
     @cached_property
     def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting], tuple[Step, ...]]]:
@@ -243,15 +252,15 @@ class BenchSearch:
         free = [place for place in self.classes.places if place not in self.relaxed]
         for count in range(min(size, len(self.relaxed)) + 1):
             for chosen in combinations(self.relaxed.values(), count):
-                beside = tuple(mine.place for mine in chosen)
-                seen: dict[tuple[EffectPlace, ...], set[int]] = {}
+                beside = tuple(effect.place for effect in chosen)
+                tried_sets: dict[tuple[EffectPlace, ...], set[int]] = {}
                 for linear, ways in self._linear_sets(self.centre, free, chosen, size - count, work):
                     places = (*sorted(linear, key=lambda place: place.title), *beside)
-                    if places not in seen and not ways:
+                    if places not in tried_sets and not ways:
                         yield places
-                    seen.setdefault(places, set()).update(ways)
+                    tried_sets.setdefault(places, set()).update(ways)
                 # An effect's other ways count for what is possible with it: it waits for all of them.
-                for places, ways in seen.items():
+                for places, ways in tried_sets.items():
                     if ways:
                         self._open_ways[frozenset(places)] = sorted(ways)
                         yield places
@@ -263,16 +272,19 @@ class BenchSearch:
         """
         ways, problem = self.ways, replace(self.problem(self.centre, [], self.ways), alike=0)
         events = [self.additive[place][way].paid is None for place, way in ways]
-        pairs = (pair.effects for pair in sets_of_size(problem, 2, self.slack(self.centre), 0, work))
-        return any(ways[one][0] != ways[other][0] or events[one] for one, other in pairs)
+        for pair in sets_of_size(problem, 2, self.slack(self.centre), 0, work):
+            first, second = pair.effects
+            if ways[first][0] != ways[second][0] or events[first]:
+                return True
+        return False
 
     def acting(self, places: Sequence[EffectPlace]) -> dict[EffectPlace, Sequence[int]]:
         """The ways in which effects of a set that are not linear can act, as far as no bound refuses them."""
-        known = frozenset(self.classes.whole_class(place)[0] for place in places)
+        classes = frozenset(self.classes.whole_class(place)[0] for place in places)
         bent: dict[EffectPlace, Sequence[int]] = {}
         for place in places:
             if place in self.additive:
-                bent[place] = self._open_ways.get(known, range(len(self.additive[place])))
+                bent[place] = self._open_ways.get(classes, range(len(self.additive[place])))
             elif place in self.relaxed and (count := self.relaxed[place].ways):
                 bent[place] = range(count)
         return bent
@@ -291,12 +303,13 @@ class BenchSearch:
                 work.add(2 * MOST_ANCHORS * ROUNDS * model_work(self.readings))
                 settings = self.settings(centre)
                 self._anchors[centre.places] = self.anchors(centre, free), settings, self.nearest(centre, settings)
-            more, settings, steps = self._anchors[centre.places]
-            for one in more:
-                yield from self._linear_sets(one, places, chosen, size - 1, work)
+            anchors, settings, steps = self._anchors[centre.places]
+            for anchor in anchors:
+                yield from self._linear_sets(anchor, places, chosen, size - 1, work)
             for setting in settings:
                 yield from self._sets_of(setting, free, chosen, size, work)
-            free = [place for place in free if place not in {one.places[-1] for one in more}]
+            anchored = {anchor.places[-1] for anchor in anchors}
+            free = [place for place in free if place not in anchored]
         yield from self._sets_of(Setting(centre, self.slack(centre), steps), free, chosen, size, work)
 
     def _sets_of(
@@ -308,39 +321,41 @@ class BenchSearch:
         if key not in self._problems:
             self._problems[key] = self.problem(setting.centre, free, steps)
         problem = self._problems[key]
-        part, kept = self._without(problem, chosen)
+        part, readings = self._without(problem, chosen)
         for candidate in sets_of_size(part, size, setting.slack, work=work):
-            outliers = [int(kept[row]) for row in candidate.outliers]
+            outliers = [int(readings[row]) for row in candidate.outliers]
             if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + setting.slack:
                 continue
-            own = [steps[i - len(free)] for i in candidate.effects if i >= len(free)]
-            found = (
-                *places,
-                *(free[i] for i in candidate.effects if i < len(free)),
-                *(place for place, _ in own),
-                *(place_of(row // 3 + 1, row % 3 + 1) for row in outliers),
-            )
-            yield frozenset(found), tuple(way for _, way in own)
+            effects, ways = set(places), []
+            for number in candidate.effects:
+                if number < len(free):
+                    effects.add(free[number])
+                else:
+                    place, way = steps[number - len(free)]
+                    effects.add(place)
+                    ways.append(way)
+            for row in outliers:
+                effects.add(place_of(row // 3 + 1, row % 3 + 1))
+            yield frozenset(effects), tuple(ways)
 
     def settings(self, centre: Fit) -> list[Setting]:
         """Where the bench is with each effect that only adds columns and stands out, beside those of a centre.
 
         With about its time told the bench is known, so that all of its ways can be judged there.
         """
-        found: dict[EffectPlace, Setting] = {}
+        settings: dict[EffectPlace, Setting] = {}
         for k in most_helpful(self.problem(centre, [], self.ways)):
             place, way = self.ways[k]
-            if place in found:
+            if place in settings:
                 continue
             cast = Cast((*centre.places, place), {place: way})
-            one = centre_of(self.readings, cast, self.start, centre)
-            steps = tuple(step for step in self.ways if step[0] == place)
-            found[place] = Setting(without_last(self.readings, one), self.slack(one), steps)
-            if usual_misfit(one) > STANDS_OUT * usual_misfit(centre):
-                found[place] = replace(found[place], steps=())
-            if len(found) == MOST_ANCHORS:
+            about = centre_of(self.readings, cast, self.start, centre)
+            stands_out = usual_misfit(about) <= STANDS_OUT * usual_misfit(centre)
+            steps = tuple(step for step in self.ways if step[0] == place) if stands_out else ()
+            settings[place] = Setting(without_last(self.readings, about), self.slack(about), steps)
+            if len(settings) == MOST_ANCHORS:
                 break
-        return [setting for setting in found.values() if setting.steps]
+        return [setting for setting in settings.values() if setting.steps]
 
     def nearest(self, centre: Fit, settings: Sequence[Setting]) -> tuple[Step, ...]:
         """Of effects with no setting few ways at a centre: their time is not told, but for what looks most like it."""
@@ -350,31 +365,39 @@ class BenchSearch:
 
     def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
         """Centres with one effect more that stands out, the most helpful first."""
-        helpful = [places[k] for k in most_helpful(self.problem(centre, places))]
-        more = [
-            centre_of(self.readings, Cast((*centre.places, place)), self.start, centre)
-            for place in helpful[:MOST_ANCHORS]
-        ]
-        return [one for one in more if usual_misfit(one) <= STANDS_OUT * usual_misfit(centre)]
+        anchors = []
+        for k in most_helpful(self.problem(centre, places))[:MOST_ANCHORS]:
+            about = centre_of(self.readings, Cast((*centre.places, places[k])), self.start, centre)
+            if usual_misfit(about) <= STANDS_OUT * usual_misfit(centre):
+                anchors.append(about)
+        return anchors
 
     def problem(self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[Step] = ()) -> Problem:
         """The search for effects beside those of a centre, and for others in some ways, in units of the bounds."""
         rows, bound = self.readings.rows_with(centre), self.readings.bound[:, None]
         blocks = [signature_columns([place], rows) / bound for place in places]
-        blocks += [self.additive[place][way].columns.reshape(len(bound), -1) / bound for place, way in ways]
+        for place, way in ways:
+            blocks.append(self.additive[place][way].columns.reshape(len(bound), -1) / bound)
         return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
 
     def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
         """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""
         if not chosen:
             return problem, np.arange(len(problem.residual))
-        nominal = np.hstack([problem.nominal, *(mine.columns / self.readings.bound[:, None] for mine in chosen)])
-        widened = self.readings.bound + sum(mine.widening for mine in chosen)
-        kept = np.flatnonzero(~np.any([mine.touched for mine in chosen], axis=0))
-        shrunk = (self.readings.bound / widened)[kept]
-        columns = problem.columns[kept] * shrunk[:, None]
-        nominal, residual = nominal[kept] * shrunk[:, None], problem.residual[kept] * shrunk
-        return replace(problem, residual=residual, nominal=nominal, columns=columns), kept
+        bound = self.readings.bound
+        nominal, widened, touched = [problem.nominal], bound, np.zeros(len(bound), dtype=bool)
+        for relaxation in chosen:
+            nominal.append(relaxation.columns / bound[:, None])
+            widened = widened + relaxation.widening
+            touched |= relaxation.touched
+        untouched = np.flatnonzero(~touched)
+        shrunk = (bound / widened)[untouched]
+        rows = {
+            "residual": problem.residual[untouched] * shrunk,
+            "nominal": np.hstack(nominal)[untouched] * shrunk[:, None],
+            "columns": problem.columns[untouched] * shrunk[:, None],
+        }
+        return replace(problem, **rows), untouched
 
     def _paid_radius(
         self,
@@ -389,22 +412,27 @@ class BenchSearch:
         The set has effects of the problem, outliers at some readings, and those that are `chosen`; 0 where each of
         these is told, or bounded as well by `_without`.
         """
-        untold = [mine for mine in chosen if not mine.ways]
+        untold = [relaxation for relaxation in chosen if not relaxation.ways]
         if not untold:
             return 0.0
-        bent = [mine for mine in chosen if mine.ways]
-        kept = ~np.any([np.zeros(len(self.readings.bound), dtype=bool), *(mine.touched for mine in bent)], axis=0)
-        kept[outliers] = False
-        own = [problem.columns[:, problem.blocks[effect]] for effect in effects]
-        jacobian = np.hstack([problem.nominal, *own, *(mine.columns / self.readings.bound[:, None] for mine in untold)])
-        columns = {mine.place: jacobian.shape[1] - len(untold) + k for k, mine in enumerate(untold)}
+        noise, counted = self.readings.bound, np.ones(len(self.readings.bound), dtype=bool)
+        counted[outliers] = False
+        widening = np.zeros(len(noise))
+        for relaxation in chosen:
+            if relaxation.ways:
+                counted &= ~relaxation.touched
+                widening = widening + relaxation.widening
+        blocks = [problem.nominal, *(problem.columns[:, problem.blocks[effect]] for effect in effects)]
+        blocks += [relaxation.columns / noise[:, None] for relaxation in untold]
+        jacobian, columns = np.hstack(blocks), {}
         rate = np.zeros(jacobian.shape)
-        for mine in untold:
-            rate[:, columns[mine.place]] = mine.rate / self.readings.bound
-        bound = 1.0 + sum(mine.widening for mine in bent) / self.readings.bound
-        growths = growths_of(Paid.of(columns, rate[kept]), rate[kept], np.zeros(jacobian.shape[1]))
+        for column, relaxation in enumerate(untold, start=jacobian.shape[1] - len(untold)):
+            columns[relaxation.place] = column
+            rate[:, column] = relaxation.rate / noise
+        bound = 1.0 + widening / noise
+        growths = growths_of(Paid.of(columns, rate[counted]), rate[counted], np.zeros(jacobian.shape[1]))
         work.programme(*jacobian.shape)
-        return least_radius(jacobian[kept], problem.residual[kept], bound[kept], growths)[0]
+        return least_radius(jacobian[counted], problem.residual[counted], bound[counted], growths)[0]
 
 
 def most_helpful(problem: Problem) -> list[int]:

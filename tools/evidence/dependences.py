@@ -46,7 +46,7 @@ def slow_quantities(hours: NDArray, temperature: NDArray | None) -> dict[str, ND
 def inputs_and_products(n: NDArray) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
     """Return three inputs (N,) by name, and their products."""
     inputs = {f"n{axis + 1}": values for axis, values in enumerate(n.T)}
-    products = {f"{one} {other}": inputs[one] * inputs[other] for one, other in combinations(inputs, 2)}
+    products = {f"{first} {second}": inputs[first] * inputs[second] for first, second in combinations(inputs, 2)}
     return inputs, products
 
 
@@ -262,14 +262,14 @@ class GyroPairs:
     def pairs(self) -> Iterator[Pair]:
         """Yield each gyro by itself, then all three, each with a function of its own."""
         alone = [self.of_gyro(p) for p in range(3)]
-        for own in alone:
-            yield from own.values()
+        for gyro in alone:
+            yield from gyro.values()
         for name, first in alone[0].items():
             if not name[0].isdigit():
-                members = tuple(own[name] for own in alone)
+                members = tuple(gyro[name] for gyro in alone)
                 quantity, factor = COMMON.get(first.quantity, first.quantity), COMMON.get(first.factor, first.factor)
-                own = replace(first, where=GYRO_BLOCK, freedom=GYRO_BLOCK, quantity=quantity, factor=factor)
-                yield replace(own, moves=(), missed=None, members=members)
+                gyro = replace(first, where=GYRO_BLOCK, freedom=GYRO_BLOCK, quantity=quantity, factor=factor)
+                yield replace(gyro, moves=(), missed=None, members=members)
 
     def of_gyro(self, p: int) -> dict[str, Pair]:
         """Return the pairs of one gyro; what is not the gyro's own has a number before its name."""

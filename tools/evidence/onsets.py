@@ -92,11 +92,11 @@ class Fading:
         return _up_to(self.turning * part, rows), np.einsum("nik,n->ik", self.resting, part[:, 0, 0])
 
 
-def _up_to(each: NDArray, rows: NDArray) -> NDArray[np.float64]:
+def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
     """The sums (R, 3, K) of what (N - 1, 3, K) comes before some rows (R,), in order."""
     starts = np.append(0, rows[:-1])
-    some, sums = rows > starts, np.zeros((len(rows), *each.shape[1:]))
-    sums[some] = np.add.reduceat(each[: rows[-1]], starts[some], axis=0)
+    some, sums = rows > starts, np.zeros((len(rows), *additions.shape[1:]))
+    sums[some] = np.add.reduceat(additions[: rows[-1]], starts[some], axis=0)
     return np.cumsum(sums, axis=0)
 
 
@@ -218,9 +218,9 @@ class Onsets:
 
         And by how much (S, d, K) they may miss a unit of it, where they count as in `swept_times`.
         """
-        every = [self._sample(acting, number) for number in self._nodes(begin, end)]
+        samples = [self._sample(acting, number) for number in self._nodes(begin, end)]
         missed = self._at_most(acting, np.full(len(acting.turning), MISSED))
-        return [np.concatenate(own, axis=2) for own in zip(*every, strict=True)], missed
+        return [np.concatenate(own, axis=2) for own in zip(*samples, strict=True)], missed
 
     def swept_times(self, acting: Fading, numbers: NDArray) -> tuple[Columns, NDArray[np.float64], Columns]:
         """What the effect does with time constants of some numbers (R,), evenly spaced.
@@ -230,20 +230,20 @@ class Onsets:
         between theirs.
         """
         nodes = self._nodes(numbers[0], numbers[-1])
-        every = [self._sample(acting, number) for number in nodes]
-        stacked = np.array([np.concatenate([c.reshape(-1, c.shape[2]) for c in one]) for one in every])
-        count, rows, own = stacked.shape
+        samples = [self._sample(acting, number) for number in nodes]
+        stacked = np.array([np.concatenate([c.reshape(-1, c.shape[2]) for c in sample]) for sample in samples])
+        count, rows, per_row = stacked.shape
         basis, sizes, parts = np.linalg.svd(stacked.transpose(1, 0, 2).reshape(rows, -1), full_matrices=False)
-        held, basis = sizes > HELD * sizes[0], basis * sizes
-        at = parts[held].reshape(-1, count, own).transpose(1, 0, 2)
+        retained, basis = sizes > HELD * sizes[0], basis * sizes
+        at = parts[retained].reshape(-1, count, per_row).transpose(1, 0, 2)
         places = (numbers - nodes[0]) / SPACING
         own_nodes = np.clip(places.astype(int) - AROUND, 0, count - DEGREE - 1)[:, None] + np.arange(DEGREE + 1)
         ways = np.einsum("rj,rjtk->rtk", lagrange(places, own_nodes), at[own_nodes])
-        ends = np.cumsum([c[..., 0].size for c in every[0]])[:-1]
-        moving = [
-            mine.reshape(*c.shape[:2], -1) for mine, c in zip(np.split(basis[:, held], ends), every[0], strict=True)
-        ]
-        left_away = np.split(WEIGHED * np.linalg.norm(basis[:, ~held], axis=1), ends)
+        ends = np.cumsum([c[..., 0].size for c in samples[0]])[:-1]
+        moving = []
+        for part_basis, columns in zip(np.split(basis[:, retained], ends), samples[0], strict=True):
+            moving.append(part_basis.reshape(*columns.shape[:2], -1))
+        left_away = np.split(WEIGHED * np.linalg.norm(basis[:, ~retained], axis=1), ends)
         width, slow = acting.step * (numbers[1] - numbers[0]), [[acting.time(n) for n in (numbers[0], numbers[-1])]]
         bent = most_bent(acting.hours[1:, None] / np.array(slow))[:, 0] * width**2 / 8.0
         straight = self._at_most(acting, bent + MISSED)
@@ -257,10 +257,10 @@ class Onsets:
 
     def _sample(self, acting: Fading, number: int) -> Columns:
         """Columns with a time constant, kept for the stretches that share it."""
-        known = acting.samples.get(number)
-        if known is None:
-            known = acting.samples[number] = self.columns(acting, number)[0]
-        return known
+        sample = acting.samples.get(number)
+        if sample is None:
+            sample = acting.samples[number] = self.columns(acting, number)[0]
+        return sample
 
     def _at_most(self, acting: Fading, part: NDArray) -> Columns:
         """What a part (N - 1,), of either sign, of what the effect does at each row does to the errors at most."""
@@ -272,12 +272,12 @@ class Onsets:
 
 def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
     """What the values at nodes (R, j) count in the polynomials through them at some numbers (R,)."""
-    found = np.ones(nodes.shape)
-    for one in range(nodes.shape[1]):
-        for other in range(nodes.shape[1]):
-            if other != one:
-                found[:, one] *= (at - nodes[:, other]) / (nodes[:, one] - nodes[:, other])
-    return found
+    weights = np.ones(nodes.shape)
+    for node in range(nodes.shape[1]):
+        for further in range(nodes.shape[1]):
+            if further != node:
+                weights[:, node] *= (at - nodes[:, further]) / (nodes[:, node] - nodes[:, further])
+    return weights
 
 
 def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
@@ -286,8 +286,8 @@ def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
     basis = basis * sizes
     left_away = np.sqrt(np.cumsum((basis**2)[:, ::-1], axis=1)).max(axis=0, initial=0.0)
     count = int(np.searchsorted(left_away, most))
-    kept = basis.shape[1] - count
-    return basis[:, :kept], float(left_away[count - 1]) if count else 0.0
+    count_held = basis.shape[1] - count
+    return basis[:, :count_held], float(left_away[count - 1]) if count else 0.0
 
 
 def refused(matrix: NDArray, residual: NDArray, limit: float, work: Work) -> bool:

@@ -73,16 +73,16 @@ class SettingIn(Evidence):
 
     def with_onsets(self, fit: Fit) -> Self:
         """The evidence with the effects of a fit that set in, at the times of the fit."""
-        made = self
+        evidence = self
         for place, values in zip(fit.places, fit.values(), strict=True):
             if place in self.starting:
-                made = made.with_onset(place, self.onsets_of(place).number(self.acting[place], values[-1]))
-        return made
+                evidence = evidence.with_onset(place, self.onsets_of(place).number(self.acting[place], values[-1]))
+        return evidence
 
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
         """Values of the parameters of some effects by a solution (P + k,); those that set in have their times."""
-        found = super().values_of(places, solution)
-        return {p: (*v, self.set_in[p]) if p in self.set_in else v for p, v in found.items()}
+        values = super().values_of(places, solution)
+        return {p: (*v, self.set_in[p]) if p in self.set_in else v for p, v in values.items()}
 
     most_with_onset: ClassVar[int] = 1
     """Sets of more effects have none that sets in: in a long record each such pair costs tens of programmes."""
@@ -105,22 +105,24 @@ class SettingIn(Evidence):
             return []
         columns, edges = [self.columns_of([other]) for other in every], self._edges_of(place)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
-        left, found = [(low, high, range(len(every))) for low, high in pairwise(starts.tolist())], set[int]()
-        while left:
-            low, high, among = left.pop()
-            among = [k for k in among if k not in found]
-            more, missed = self._of_stretch(place, int(edges[low]), int(edges[high]))
-            kept = np.isfinite(more).all(axis=1)
-            nominal = np.hstack([self.nominal, more])[kept]
-            problem = Problem.of(self.residual[kept], nominal, [columns[k][kept] for k in among])
-            open_sets = sets_of_size(problem, 1, self.limit - 1.0 + missed + slack, 0, work)
+        stretches, standing_places = [], set[int]()
+        for low, high in pairwise(starts.tolist()):
+            stretches.append((low, high, range(len(every))))
+        while stretches:
+            low, high, among = stretches.pop()
+            among = [k for k in among if k not in standing_places]
+            columns_held, missed_by = self._of_stretch(place, int(edges[low]), int(edges[high]))
+            finite = np.isfinite(columns_held).all(axis=1)
+            nominal = np.hstack([self.nominal, columns_held])[finite]
+            problem = Problem.of(self.residual[finite], nominal, [columns[k][finite] for k in among])
+            open_sets = sets_of_size(problem, 1, self.limit - 1.0 + missed_by + slack, 0, work)
             standing = [among[k] for one in open_sets for k in one.effects]
             if high - low == 1:
-                found.update(standing)
+                standing_places.update(standing)
             elif standing:
                 middle = (low + high) // 2
-                left += [(middle, high, standing), (low, middle, standing)]
-        return [every[k] for k in sorted(found)]
+                stretches += [(middle, high, standing), (low, middle, standing)]
+        return [every[k] for k in sorted(standing_places)]
 
     def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set of effects with possible sizes, at the times at which the one that sets in can do so.
@@ -128,29 +130,31 @@ class SettingIn(Evidence):
         These begin at zero where one that acts from the first row on would do as well.
         """
         (place,) = (place for place in places if place in self.starting)
-        others, acting = [p for p in places if p != place], self.acting[place]
-        ends, found, swept = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, others, work)
-        if not found:
+        beside_it, acting = [p for p in places if p != place], self.acting[place]
+        ends, fits, swept = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, beside_it, work)
+        if not fits:
             return []
         onsets = self.onsets_of(place)
         start, end = onsets.ends(acting, *ends)
-        best = sorted(found, key=lambda one: one[0].radius)
+        best = sorted(fits, key=lambda one: one[0].radius)
         first, *also = (setting_in_at(fit, place, onsets.value(acting, row), (start, end)) for fit, row in best)
         return [replace(first, also=tuple(also), swept=tuple(swept))]
 
     def _setting_in(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
         """Ends of the rows at which an effect beside others can set in, fits at some of them, and all of them."""
-        found, every, ends = [], [], []
+        best, swept_stretches, ends = [], [], []
         for begin, end in self.open_stretches(place, others, work):
             swept = self._swept(place, others, (begin, end))
             fits = self._searched(swept, [*others, place], np.arange(begin, end + 1), work)
             if fits:
-                found, every, ends = [*found, fits[0]], [*every, swept], [*ends, begin, end]
-        if not found:
+                best.append(fits[0])
+                swept_stretches.append(swept)
+                ends += [begin, end]
+        if not best:
             return (0, 0), [], []
         # One that acts from the first row on would do as well.
         always = self.with_onset(place, 0).refit([*others, place]).radius <= self.limit
-        return (0 if always else min(ends), max(ends)), found, every
+        return (0 if always else min(ends), max(ends)), best, swept_stretches
 
     def _fading(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
         """Numbers of time constants about all with which an effect beside others can fade, and fits, as above."""
@@ -158,7 +162,7 @@ class SettingIn(Evidence):
         if not stretches:
             return (0, 0), [], []
         begin, end = float(min(begin for begin, _ in stretches)), float(max(end for _, end in stretches))
-        parts, sizes, found = 1.0, None, []
+        parts, sizes, fits = 1.0, None, []
         while True:
             numbers = np.linspace(begin, end, max(2, round((end - begin) * parts)) + 1)
             rows, error = self._rows_of_times(place, others, numbers)
@@ -170,7 +174,7 @@ class SettingIn(Evidence):
             gap = numbers[1] - numbers[0]
             within = [(numbers >= low - gap) & (numbers <= high + gap) for low, high in stretches]
             swept.proven[~np.any(within, axis=0)] = np.inf
-            found = self._searched(swept, [*others, place], numbers, work) or found
+            fits = self._searched(swept, [*others, place], numbers, work) or fits
             # The first and the last that are not refused stand with the bounds as they have grown.
             for side in (0, -1):
                 while not swept.refused.all() and swept.tried(_standing(swept)[side]) > self.limit:
@@ -181,15 +185,15 @@ class SettingIn(Evidence):
             begin, end = float(numbers[max(0, first - 1)]), float(numbers[min(len(numbers) - 1, last + 1)])
             # Nearer to each other bounds grow by less.
             finer = min(parts * (more / FINE if more > FINE else FINER), MOST_TIMES / (end - begin))
-            if (found and more <= FINE) or more <= DECIDED or finer < LEAST_FINER * parts:
+            if (fits and more <= FINE) or more <= DECIDED or finer < LEAST_FINER * parts:
                 break
             parts = finer
-        if not found:
+        if not fits:
             return (0, 0), [], []
         every = swept
         swept = Swept(every.rows.chosen(slice(len(self.residual))), self.limit, every.origin, every.radii)
         swept.proven = every.proven
-        return (begin, end), found, [swept]
+        return (begin, end), fits, [swept]
 
     def _rows_of_times(
         self, place: EffectPlace, others: Sequence[EffectPlace], numbers: NDArray
@@ -201,15 +205,15 @@ class SettingIn(Evidence):
         acting = self.acting[place]
         assert isinstance(acting, Fading)
         moving, ways, error = self.onsets.swept_times(acting, numbers)
-        before, own = self.matrix(others), self.over_bounds(error)
+        before, errors_over = self.matrix(others), self.over_bounds(error)
         largest = np.abs(self.limits_of([place])).max(axis=0)
-        (count, known), none = before.shape, np.zeros((len(largest), len(largest)))
-        fixed = np.zeros((count + len(largest), known + len(largest)))
-        fixed[:count, :known], fixed[count:, known:] = before, np.eye(len(largest))
+        (count, columns_before), none = before.shape, np.zeros((len(largest), len(largest)))
+        fixed = np.zeros((count + len(largest), columns_before + len(largest)))
+        fixed[:count, :columns_before], fixed[count:, columns_before:] = before, np.eye(len(largest))
         columns = np.vstack([self.over_bounds(moving), np.zeros((len(largest), ways.shape[1]))])
         residual, bound = np.append(self.residual, none[0]), np.append(self.bound, largest)
-        rows = Rows(fixed, columns, ways, known + np.arange(len(largest)), residual, bound)
-        return rows, np.vstack([own, none])
+        rows = Rows(fixed, columns, ways, columns_before + np.arange(len(largest)), residual, bound)
+        return rows, np.vstack([errors_over, none])
 
     def _swept(self, place: EffectPlace, others: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
         """An effect beside others at every row between two."""
@@ -250,19 +254,19 @@ class SettingIn(Evidence):
             return
         edges, matrix = self._edges_of(place), self.matrix(others)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
-        left = list(pairwise(starts.tolist()))[::-1]
-        while left:
-            low, high = left.pop()
-            more, missed = self._of_stretch(place, int(edges[low]), int(edges[high]))
-            kept = np.isfinite(more).all(axis=1)
-            columns = np.hstack([matrix, more])[kept]
-            if refused(columns, self.residual[kept], self.limit + missed, work):
+        stretches = list(pairwise(starts.tolist()))[::-1]
+        while stretches:
+            low, high = stretches.pop()
+            columns_held, missed = self._of_stretch(place, int(edges[low]), int(edges[high]))
+            finite = np.isfinite(columns_held).all(axis=1)
+            columns = np.hstack([matrix, columns_held])[finite]
+            if refused(columns, self.residual[finite], self.limit + missed, work):
                 continue
             if high - low == 1:
                 yield int(edges[low]), int(edges[high]) - self.onsets_of(place).at_once
             else:
                 middle = (low + high) // 2
-                left += [(middle, high), (low, middle)]
+                stretches += [(middle, high), (low, middle)]
 
     def _edges_of(self, place: EffectPlace) -> NDArray[np.int_]:
         """Ends of the least stretches of an effect's times."""
@@ -273,25 +277,25 @@ class SettingIn(Evidence):
 
         And by how many bounds what it does may miss them, where its size is possible.
         """
-        known = self.stretches.get((place, begin, end))
-        if known is None:
+        stretch = self.stretches.get((place, begin, end))
+        if stretch is None:
             acting = self.acting[place]
             if isinstance(acting, Fading):
                 every, error = (self.over_bounds(columns) for columns in self.onsets.faded(acting, begin, end))
                 largest = np.abs(self.limits_of([place])).max(axis=0)
                 columns, left_away = held(every, LEFT_AWAY / (WEIGHED * float(np.linalg.norm(largest))))
-                known = columns, float((error @ largest + left_away * WEIGHED * np.linalg.norm(largest)).max())
+                stretch = columns, float((error @ largest + left_away * WEIGHED * np.linalg.norm(largest)).max())
             else:
                 onsets = self.onsets_of(place)
-                known = self.over_bounds(onsets.within(acting, begin, end - onsets.at_once)), 0.0
-            self.stretches[place, begin, end] = known
-        return known
+                stretch = self.over_bounds(onsets.within(acting, begin, end - onsets.at_once)), 0.0
+            self.stretches[place, begin, end] = stretch
+        return stretch
 
 
 def _standing(swept: Swept) -> tuple[int, int]:
     """The first and the last value that is not refused."""
-    left = np.flatnonzero(~swept.refused)
-    return int(left[0]), int(left[-1])
+    standing = np.flatnonzero(~swept.refused)
+    return int(standing[0]), int(standing[-1])
 
 
 def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float, float]) -> Fit:
