@@ -37,7 +37,7 @@ def effects_of_model(gyros: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
 
 def simulated_turns(
     raw: BenchRecord,
-    whole: WithTurns,
+    fitted: WithTurns,
     travel: Travel,
     point: NDArray,
     effects: Mapping[EffectPlace, NDArray],
@@ -47,13 +47,13 @@ def simulated_turns(
 
     `point` (P,) are parameters of bench, accelerometers and gyros; `set_in` times [h] of effects that have one.
     """
-    own, time = whole.own, raw.time_s
-    gyros, turned = point[own:], block_turns(raw, whole, point)
+    own, time = fitted.own, raw.time_s
+    gyros, turned = point[own:], block_turns(raw, fitted, point)
     alpha, beta = without_turns(raw.alpha), without_turns(raw.beta)
     on_gyros: list[tuple[EffectPlace, Sequence[float]]] = list(effects_of_model(gyros).items())
     for place, coefficients in effects.items():
         if place.definition.component == "GyroBlock":
-            since = [time for other, time in (set_in or {}).items() if other == place]
+            since = [time for place_set_in, time in (set_in or {}).items() if place_set_in == place]
             on_gyros.append((place, [*place.definition.from_coefficients(coefficients), *since]))
         elif place.definition.turns_table:
             added = (travel.table.sums(place.definition.turns(place, travel.rows)) @ coefficients) @ travel.to_block.T
@@ -69,7 +69,7 @@ def simulated_turns(
     even = time[0] + period * np.arange(len(rows))
     at = np.stack([np.interp(even, time, turned[:, k]) for k in range(3)], axis=1)
     angles = Positions(np.interp(even, time, alpha), np.interp(even, time, beta), np.zeros(len(rows), dtype=int))
-    force = STANDARD_GRAVITY * predicted_input(whole.parametrisation, point[:own], angles)
+    force = STANDARD_GRAVITY * predicted_input(fitted.parametrisation, point[:own], angles)
     columns = {"time_s": even[1:] - time[0]}
     columns |= {f"w{k + 1}_rad": np.diff(at[:, k]) for k in range(3)}
     columns |= {f"f{k + 1}_mps2": 0.5 * (force[1:, k] + force[:-1, k]) for k in range(3)}
@@ -88,13 +88,13 @@ def simulated_turns(
         run={"step_s": period, "stop_s": (len(rows) - 1) * period},
         stimuli=[{"table": pl.DataFrame(columns), "stamp": "end", "columns": driven}],
     )
-    read = np.cumsum(simulate(scenario).table.select([f"w{k}_rad" for k in (1, 2, 3)]).to_numpy(), axis=0)
-    sums = np.stack([np.interp(time, even, read[:, k]) for k in range(3)], axis=1)
-    found = sums[whole.turns.last] - sums[whole.turns.first]
+    sums_read = np.cumsum(simulate(scenario).table.select([f"w{k}_rad" for k in (1, 2, 3)]).to_numpy(), axis=0)
+    sums = np.stack([np.interp(time, even, sums_read[:, k]) for k in range(3)], axis=1)
+    integrals = sums[fitted.turns.last] - sums[fitted.turns.first]
     for place, coefficients in effects.items():
         if place.definition.component == "AttitudeComputer":
-            found = found + (travel.columns(place) @ coefficients).reshape(-1, 3)
-    return found
+            integrals = integrals + (travel.columns(place) @ coefficients).reshape(-1, 3)
+    return integrals
 
 
 def parameters_of(place: EffectPlace, values: Sequence[float]) -> dict[str, object]:

@@ -139,8 +139,8 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
             assert last.mixed is not None
             bound = np.where(first.touched.ravel(), LOOSE, bound)
             open_ = (first.touched & ~last.touched).ravel()
-            own = np.einsum("nij,nj->ni", last.mixed, back.reading)
-            back = replace(back, reading=own, bound=np.where(open_, LOOSE, back.bound))
+            readings_back = np.einsum("nij,nj->ni", last.mixed, back.reading)
+            back = replace(back, reading=readings_back, bound=np.where(open_, LOOSE, back.bound))
     centre = centre_of(readings, Cast(()), start)
     if bound is not readings.bound:
         centre = _linear_at(replace(readings, bound=bound), (), centre_of(back, Cast(()), aligned).at, len(start))
@@ -148,34 +148,34 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
     within = size > size.max(axis=0) - AT_LIMIT * readings.bound.reshape(-1, 3)
     limited = within & (within.sum(axis=0) >= FEWEST_AT_LIMIT)
     if usual_misfit(centre) * float(readings.bound.min()) > GROSS and limited.any():
-        other = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), Cast(()), aligned)
+        unlimited = centre_of(replace(readings, bound=np.where(limited.ravel(), LOOSE, bound)), Cast(()), aligned)
         told_rows = ~limited.ravel()
         before = np.quantile(np.abs(centre.residual / readings.bound)[told_rows], USUAL)
-        after = np.quantile(np.abs(other.residual / readings.bound)[told_rows], USUAL)
+        after = np.quantile(np.abs(unlimited.residual / readings.bound)[told_rows], USUAL)
         if after <= STANDS_OUT * before:
-            return other
+            return unlimited
     return centre
 
 
 def with_usual_signs(
-    here: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
+    linearised: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
 ) -> Linearisation:
     """The nominal model with the signs of the inputs at the centre, where gross readings drew the fit far from it.
 
     σ is a fraction of g, the bounds are u^max and v^0max of (1.7).
     """
-    p, at = here.parametrisation, here.positions
-    point = usual_centre(Readings.of(here, circumstances), here.point).point
+    p, at = linearised.parametrisation, linearised.positions
+    point = usual_centre(Readings.of(linearised, circumstances), linearised.point).point
     sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
-    if np.abs(point - here.point).max() <= bounds[1] or np.array_equal(sign, here.sign):
-        return here
-    there = linearise(p, at, here.reading, point, np.full_like(here.bound, noise_bound), sign)
+    if np.abs(point - linearised.point).max() <= bounds[1] or np.array_equal(sign, linearised.sign):
+        return linearised
+    relinearised = linearise(p, at, linearised.reading, point, np.full_like(linearised.bound, noise_bound), sign)
     if p.symmetric:
-        return there
+        return relinearised
     matrices = p.matrices[at.mounting]
     certain = admissible(at.alpha, at.beta, matrices, bounds=bounds)
     certain &= (nominal_input(at.alpha, at.beta, matrices) >= 0.0) == (sign > 0)
-    return replace(there, bound=noise_bound + widening(there, certain, noise_bound, bounds))
+    return replace(relinearised, bound=noise_bound + widening(relinearised, certain, noise_bound, bounds))
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,10 +252,10 @@ class BenchSearch:
         free = [place for place in self.classes.places if place not in self.relaxed]
         for count in range(min(size, len(self.relaxed)) + 1):
             for chosen in combinations(self.relaxed.values(), count):
-                beside = tuple(effect.place for effect in chosen)
+                relaxed_places = tuple(effect.place for effect in chosen)
                 tried_sets: dict[tuple[EffectPlace, ...], set[int]] = {}
                 for linear, ways in self._linear_sets(self.centre, free, chosen, size - count, work):
-                    places = (*sorted(linear, key=lambda place: place.title), *beside)
+                    places = (*sorted(linear, key=lambda place: place.title), *relaxed_places)
                     if places not in tried_sets and not ways:
                         yield places
                     tried_sets.setdefault(places, set()).update(ways)

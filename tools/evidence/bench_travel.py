@@ -58,10 +58,10 @@ def effects_of_gyros() -> tuple[EffectPlace, ...]:
 
 def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
     """A bench record's rests with the senses in which both axes came to them; its moves tell them."""
-    raw, used = record.raw, [rest for rest in record.rests if rest.refused is None]
-    if raw is None or record.approach_alpha is not None or len(used) != len(record):
+    raw, rests_used = record.raw, [rest for rest in record.rests if rest.refused is None]
+    if raw is None or record.approach_alpha is not None or len(rests_used) != len(record):
         return record
-    arrived = np.array([rest.kept_first for rest in used])
+    arrived = np.array([rest.kept_first for rest in rests_used])
     outer, inner = (senses_of_moves(moved[1:])[arrived] for moved in moves_of(raw, encoder_bound))
     return replace(record, approach_alpha=outer, approach_beta=inner)
 
@@ -101,34 +101,36 @@ class Travel:
     gravity: float
 
     @staticmethod
-    def of(raw: BenchRecord, whole: WithTurns, encoder_bound: float, gravity: float) -> "Travel":
+    def of(raw: BenchRecord, fitted: WithTurns, encoder_bound: float, gravity: float) -> "Travel":
         """The way through a record whose gyros were fitted with bench and accelerometers; an encoder's error [rad]."""
-        turns, x = whole.turns, whole.point[: whole.own]
+        turns, x = fitted.turns, fitted.point[: fitted.own]
         angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)])
         moved = np.stack([motion_of(values, encoder_bound) for values in angles])
         # Rows at which pieces begin or end, and of each move as many as its turn asks for.
-        gone = np.floor(np.cumsum(moved.sum(axis=0)) / FINE)
-        kept = np.unique(np.concatenate([[0, gone.size - 1], turns.first, turns.last, np.flatnonzero(np.diff(gone))]))
-        path = np.cumsum(moved, axis=1)[:, kept]
-        alpha, beta = angles[:, kept]
-        swing = np.where(np.diff(path, axis=1) > 0.0, np.diff(angles[:, kept], axis=1), 0.0)
-        targets = whole.parametrisation.selection[0] @ x
+        turned = np.floor(np.cumsum(moved.sum(axis=0)) / FINE)
+        rows_kept = np.unique(
+            np.concatenate([[0, turned.size - 1], turns.first, turns.last, np.flatnonzero(np.diff(turned))])
+        )
+        path = np.cumsum(moved, axis=1)[:, rows_kept]
+        alpha, beta = angles[:, rows_kept]
+        swing = np.where(np.diff(path, axis=1) > 0.0, np.diff(angles[:, rows_kept], axis=1), 0.0)
+        targets = fitted.parametrisation.selection[0] @ x
         lean, middle = float(targets[2]), 0.5 * (beta[1:] + beta[:-1])
         turning = turning_of(middle, swing[0], swing[1], lean)
-        at = Positions(alpha, beta, np.zeros(len(kept), dtype=int))
-        to_gyros = turns.jacobian_of_axes(targets, whole.point[whole.own :])
+        at = Positions(alpha, beta, np.zeros(len(rows_kept), dtype=int))
+        to_gyros = turns.jacobian_of_axes(targets, fitted.point[fitted.own :])
         return Travel(
-            (raw.time_s[kept] - raw.time_s[0]) / 3600.0,
+            (raw.time_s[rows_kept] - raw.time_s[0]) / 3600.0,
             alpha,
             beta,
             turning,
-            np.diff(raw.time_s[kept]),
-            predicted_input(whole.parametrisation, x, at),
+            np.diff(raw.time_s[rows_kept]),
+            predicted_input(fitted.parametrisation, x, at),
             np.stack([senses_of_moves(values) for values in swing], axis=1),
-            np.stack([slopes_of(values, raw.time_s)[kept] for values in angles], axis=1),
-            None if raw.temperature is None else raw.temperature[kept],
-            np.searchsorted(kept, turns.first),
-            np.searchsorted(kept, turns.last),
+            np.stack([slopes_of(values, raw.time_s)[rows_kept] for values in angles], axis=1),
+            None if raw.temperature is None else raw.temperature[rows_kept],
+            np.searchsorted(rows_kept, turns.first),
+            np.searchsorted(rows_kept, turns.last),
             turns.coning,
             to_gyros,
             turns.block_axes(targets),
@@ -151,9 +153,9 @@ class Travel:
     @cached_property
     def gyros(self) -> Observation:
         """What the pieces say of additions to the gyros' rates over the steps."""
-        each = np.broadcast_to(np.eye(3), (len(self.first), 3, 3))
+        unit = np.broadcast_to(np.eye(3), (len(self.first), 3, 3))
         pieces = Pieces("turns", "turns", self.first, self.last)
-        return Observation((Group(pieces, each),), self.step[:, None, None] * np.eye(3))
+        return Observation((Group(pieces, unit),), self.step[:, None, None] * np.eye(3))
 
     @cached_property
     def table(self) -> Observation:

@@ -73,12 +73,12 @@ def circumstances_of(record: PositionRecord) -> Circumstances:
     before[1:] = np.stack((record.alpha, record.beta), axis=1)[:-1]
     if record.mounting is not None:
         before[1:][np.array(record.mounting[1:]) != np.array(record.mounting[:-1])] = np.nan
-    told = record.approach_alpha is not None and record.approach_beta is not None
-    if told:
+    approached = record.approach_alpha is not None and record.approach_beta is not None
+    if approached:
         senses = np.asarray(record.approach_alpha, float), np.asarray(record.approach_beta, float)
     else:
         senses = senses_of(record.alpha), senses_of(record.beta)
-    return Circumstances(hours, record.temperature, *senses, told, before, record.temperature_resolution, began)
+    return Circumstances(hours, record.temperature, *senses, approached, before, record.temperature_resolution, began)
 
 
 def senses_of(angle: NDArray) -> NDArray:
@@ -108,9 +108,9 @@ class Visits:
     resolution: float = 0.0
 
     @staticmethod
-    def of(here: Linearisation, circumstances: Circumstances, resolution: float = 0.0) -> "Visits":
+    def of(linear: Linearisation, circumstances: Circumstances, resolution: float = 0.0) -> "Visits":
         """The positions of a linearised record."""
-        return Visits(here.parametrisation, here.positions, circumstances, resolution)
+        return Visits(linear.parametrisation, linear.positions, circumstances, resolution)
 
     def __len__(self) -> int:
         return len(self.at.alpha)
@@ -185,15 +185,15 @@ class Visits:
             turning = replace(at, alpha=at.alpha + 1j * COMPLEX_STEP * alpha, beta=at.beta + 1j * COMPLEX_STEP * beta)
             ways.append(np.sign(np.imag(predicted_input(p, point, turning)) / COMPLEX_STEP))
         unknown = (outer & (circumstances.sense_alpha == 0.0)) | (inner & (circumstances.sense_beta == 0.0))
-        told = (ways[0] * ways[1] >= 0.0) & ~unknown[:, None]
-        return np.where(told, np.sign(ways[0] + ways[1]), 0.0), told
+        certain = (ways[0] * ways[1] >= 0.0) & ~unknown[:, None]
+        return np.where(certain, np.sign(ways[0] + ways[1]), 0.0), certain
 
     def moved_axes(self, at: Positions | None = None) -> tuple[NDArray, NDArray]:
         """Whether (N,) outer and inner axis turned on the way to each position; both where that is not known."""
         at = self.at if at is None else at
         if self.circumstances.before is None:
-            both = np.ones(len(at.alpha), dtype=bool)
-            return both, both
+            unknown = np.ones(len(at.alpha), dtype=bool)
+            return unknown, unknown
         stayed = np.abs(np.stack((at.alpha, at.beta), axis=1) - self.circumstances.before) < MOVED
         return ~stayed[:, 0], ~stayed[:, 1]
 
@@ -221,11 +221,11 @@ class Visits:
     def true_angles(self, point: NDArray, sized: Sized) -> Positions:
         """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
         of_encoders = [entry for entry in sized if entry[0].definition.stage == "encoder_effects"]
-        there = self.at
+        positions = self.at
         for _ in range(6 if of_encoders else 0):
-            turns = self._turns(there, point, of_encoders)
-            there = replace(self.at, alpha=self.at.alpha + turns[:, 1], beta=self.at.beta + turns[:, 3])
-        return there
+            turns = self._turns(positions, point, of_encoders)
+            positions = replace(self.at, alpha=self.at.alpha + turns[:, 1], beta=self.at.beta + turns[:, 3])
+        return positions
 
     def disturbed(self, point: NDArray, sized: Sized) -> Positions:
         """Where the table really stands: true angles, and the small turns of what gives way behind the encoders."""
@@ -280,20 +280,20 @@ def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.boo
 
 def left_open(place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
     """By how much readings (3 N,) may differ per unit of an effect's size, as far as the record tells [g]."""
-    effect, found = place.definition, np.zeros(rows.n.shape)
+    effect, open_parts = place.definition, np.zeros(rows.n.shape)
     for function in (effect.untold, effect.open_argument):
         if function is not None:
-            found = found + function(place, rows)
-    return (found * np.where(rows.axis_rates.any(axis=1), CHANGED_ONCE, 1.0)[:, None]).ravel()
+            open_parts = open_parts + function(place, rows)
+    return (open_parts * np.where(rows.axis_rates.any(axis=1), CHANGED_ONCE, 1.0)[:, None]).ravel()
 
 
 def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, reading: NDArray) -> NDArray:
     """Readings (N, 3) after the kernels of effects that are not linear, with these parameters."""
-    seen = reading.copy()
-    temperature = np.full(len(seen), NOMINAL_TEMPERATURE) if rows.temperature is None else rows.temperature
+    readings = reading.copy()
+    temperature = np.full(len(readings), NOMINAL_TEMPERATURE) if rows.temperature is None else rows.temperature
     # What is kept of the past begins with the first row.
-    kept = np.full(3, temperature[0] if len(seen) else NOMINAL_TEMPERATURE)
-    for row in range(len(seen)):
+    remembered = np.full(3, temperature[0] if len(readings) else NOMINAL_TEMPERATURE)
+    for row in range(len(readings)):
         context, past = np.zeros(CONTEXT_SIZE), max(row - 1, 0)
         context[HOURS], context[INPUT : INPUT + 3] = rows.hours[row], rows.n[row]
         context[TEMPERATURE] = temperature[row]
@@ -301,8 +301,8 @@ def acted_on(bent: Sequence[tuple[EffectPlace, tuple[float, ...]]], rows: Rows, 
             effect = place.definition
             numbers = effect.place_numbers(place)
             if effect.memory is not None:
-                effect.memory(context, (rows.hours[past], temperature[past]), *numbers, *values, kept)
-                context[KEPT : KEPT + 3] = kept
+                effect.memory(context, (rows.hours[past], temperature[past]), *numbers, *values, remembered)
+                context[KEPT : KEPT + 3] = remembered
             if effect.kernel is not None:
-                effect.kernel(context, rows.own[row], *numbers, *values, seen[row])
-    return seen
+                effect.kernel(context, rows.own[row], *numbers, *values, readings[row])
+    return readings

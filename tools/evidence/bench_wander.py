@@ -39,10 +39,10 @@ def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) 
 
     every = np.arange(len(centre.residual))
 
-    def stands(columns: NDArray[np.float64], kept: NDArray[np.int_] = every) -> bool:
-        matrix = (np.hstack((centre.jacobian, columns)) / centre.bound[:, None])[kept]
+    def stands(columns: NDArray[np.float64], rows: NDArray[np.int_] = every) -> bool:
+        matrix = (np.hstack((centre.jacobian, columns)) / centre.bound[:, None])[rows]
         work.programme(*matrix.shape)
-        return any_centre(matrix, (centre.residual / centre.bound)[kept], np.ones(len(kept)))[0] <= limit
+        return any_centre(matrix, (centre.residual / centre.bound)[rows], np.ones(len(rows)))[0] <= limit
 
     for p, where in enumerate(ACCELEROMETERS):
         # Free at every reading of an accelerometer, a function is as good as none of its readings.
@@ -51,9 +51,9 @@ def wanders(centre: Fit, rows: Rows, limit: float, work: Work, *, proven: bool) 
         if proven and not _is_time(centre, rows, p, work):
             continue
         for knots in range(3, len(rows.hours) // ROWS_PER_KNOT + 1):
-            own = EffectPlace("bias-wander", where, law=straight(rows.hours, knots))
-            if stands(signature_columns([own], rows)):
-                yield own
+            wander = EffectPlace("bias-wander", where, law=straight(rows.hours, knots))
+            if stands(signature_columns([wander], rows)):
+                yield wander
                 break
 
 
@@ -67,17 +67,17 @@ def _free(p: int, count: int) -> NDArray[np.float64]:
 def _is_time(centre: Fit, rows: Rows, p: int, work: Work) -> bool:
     """Whether the errors of an accelerometer vary far less with time than with anything else."""
     count = len(rows.hours)
-    own = least_variation(centre, p, np.argsort(rows.hours, kind="stable"), work)
+    of_time = least_variation(centre, p, np.argsort(rows.hours, kind="stable"), work)
     for k in range(3):
-        if own > FAR_LESS * least_variation(centre, p, np.argsort(rows.n[:, k], kind="stable"), work):
+        if of_time > FAR_LESS * least_variation(centre, p, np.argsort(rows.n[:, k], kind="stable"), work):
             return False
     for angle in (rows.alpha, rows.beta):
         order = np.argsort(angle % TURN, kind="stable")
-        if own > FAR_LESS * least_variation(centre, p, np.append(order, order[0]), work):
+        if of_time > FAR_LESS * least_variation(centre, p, np.append(order, order[0]), work):
             return False
     rng, as_good = np.random.default_rng(count), 0
     for _ in range(SHUFFLES):
-        as_good += least_variation(centre, p, rng.permutation(count), work) <= own
+        as_good += least_variation(centre, p, rng.permutation(count), work) <= of_time
         if as_good > AS_GOOD:
             return False
     return True
@@ -97,10 +97,10 @@ def least_variation(centre: Fit, p: int, order: NDArray[np.int_], work: Work) ->
         (np.concatenate((ones, -ones)), (np.tile(np.arange(steps), 2), np.concatenate((order[1:], order[:-1])))),
         shape=(steps, count),
     )
-    each = identity(steps)
+    step_sizes = identity(steps)
     matrix = bmat(
         [[csc_matrix(jacobian / scale), csc_matrix(_free(p, count)), None],
-         [None, changes, -each], [None, -changes, -each]]
+         [None, changes, -step_sizes], [None, -changes, -step_sizes]]
     ).tocsc()  # fmt: skip
     matrix.sort_indices()
     free, many = np.full(bench + count, np.inf), np.full(2 * steps, np.inf)

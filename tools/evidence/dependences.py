@@ -76,7 +76,7 @@ def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
     """Yield what one accelerometer's error may depend on at positions of a table."""
     place, slow = ACCELEROMETERS[p], slow_quantities(rows.hours, rows.temperature)
     inputs, products = inputs_and_products(rows.n)
-    own = f"n{p + 1}"
+    own_input = f"n{p + 1}"
 
     def pair(name: str, values: NDArray, factor: str = "", times: NDArray | float = 1.0) -> Pair:
         slope = np.zeros(rows.n.shape)
@@ -94,8 +94,8 @@ def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
     for name, values in slow.items():
         # A factor counts from where it is zero: what it does there is nothing.
         zero = values - (ROOM_TEMPERATURE if name == "temperature" else 0.0)
-        yield pair(name, values, own, inputs[own])
-        yield pair(own, inputs[own], name, zero / np.abs(zero).max())
+        yield pair(name, values, own_input, inputs[own_input])
+        yield pair(own_input, inputs[own_input], name, zero / np.abs(zero).max())
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,8 @@ class Way:
 
     def slope(self, rows: Rows, turns: NDArray) -> NDArray[np.float64]:
         """Return what a unit does (N, 3), by what each of the four small turns does (4, N, 3)."""
-        own = turns[self.turn]
-        return own * np.sin(rows.alpha)[:, None] if self.factor == "sin alpha" else own
+        turn_slope = turns[self.turn]
+        return turn_slope * np.sin(rows.alpha)[:, None] if self.factor == "sin alpha" else turn_slope
 
     def pair(self, values: NDArray, spread: Spread) -> Pair:
         """Return the pair at values (n,) of the quantity."""
@@ -150,25 +150,25 @@ class Way:
 # A whole bench: what its gyros integrate stands behind the readings.
 
 
-def pairs_of_whole(read: Rows, travel: Travel, bound: NDArray, nominal: NDArray) -> Iterator[Pair]:
+def pairs_of_whole(readings_rows: Rows, travel: Travel, bound: NDArray, nominal: NDArray) -> Iterator[Pair]:
     """Yield accelerometers, table and gyros with every quantity; of the table gyros are a second witness.
 
     `bound` (M,) of readings and integrals; `nominal` (M, P) the model over it.
     """
     base = column_space(nominal)
-    of_readings, of_turns = np.split(bound, [read.n.size])
+    of_readings, of_turns = np.split(bound, [readings_rows.n.size])
     for p in range(3):
-        for pair in pairs_of_accelerometer(p, read):
+        for pair in pairs_of_accelerometer(p, readings_rows):
             yield replace(pair, spread=_above(pair.spread, of_readings, len(bound)))
-    for way in Way.every(read):
-        yield imitated(_of_both(way, read, travel, bound), base)
+    for way in Way.every(readings_rows):
+        yield imitated(_of_both(way, readings_rows, travel, bound), base)
     # Readings say nothing of the gyros.
-    nowhere = np.zeros(len(read.hours), dtype=int)
-    still = Group(Pieces("rests", "readings", nowhere, nowhere), np.zeros((len(read.hours), 3, 3)))
+    nowhere = np.zeros(len(readings_rows.hours), dtype=int)
+    still = Group(Pieces("rests", "readings", nowhere, nowhere), np.zeros((len(readings_rows.hours), 3, 3)))
     observation = Observation((still, *travel.gyros.groups), travel.gyros.adds)
     bounds = [of_readings.reshape(-1, 3), of_turns.reshape(-1, 3)]
     for pair in GyroPairs(travel.motion, observation, bounds).pairs():
-        members = tuple(imitated(own, base) for own in pair.members)
+        members = tuple(imitated(member, base) for member in pair.members)
         yield replace(imitated(pair, base), members=members)
 
 
@@ -176,27 +176,27 @@ def _above(spread: Spread, bound: NDArray, count: int) -> Spread:
     """Return what is spread on readings, over their bounds, with zeros behind up to a count of rows."""
 
     def spread_on_all(functions: NDArray) -> NDArray[np.float64]:
-        own = spread(functions) / bound[:, None]
-        return np.vstack([own, np.zeros((count - len(own), own.shape[1]))])
+        upper = spread(functions) / bound[:, None]
+        return np.vstack([upper, np.zeros((count - len(upper), upper.shape[1]))])
 
     return spread_on_all
 
 
-def _of_both(way: Way, read: Rows, travel: Travel, bound: NDArray) -> Pair:
+def _of_both(way: Way, readings_rows: Rows, travel: Travel, bound: NDArray) -> Pair:
     """Return the pair of a way of the table, on readings and integrals alike."""
-    at_readings, on_way = way.values(read), way.values(travel.rows)
+    at_readings, on_way = way.values(readings_rows), way.values(travel.rows)
     if way.circle:
         nodes = TURN * np.arange(AROUND + 1) / AROUND
     elif way.quantity == "sense":
         nodes = np.array([-1.0, 0.0, 1.0])
     else:
-        both = np.append(at_readings, on_way)
-        nodes = np.linspace(both.min(), both.max(), NODES_OF_TIME)
+        values_anywhere = np.append(at_readings, on_way)
+        nodes = np.linspace(values_anywhere.min(), values_anywhere.max(), NODES_OF_TIME)
 
     @cache
     def matrix() -> NDArray[np.float64]:
         functions = OnKnots(nodes, circle=way.circle)
-        slope = way.slope(read, np.moveaxis(read.by_turns, 2, 0))
+        slope = way.slope(readings_rows, np.moveaxis(readings_rows.by_turns, 2, 0))
         on_readings = through(slope)(functions.at(at_readings))
         on_turns = travel.turned(functions, on_way, way.slope(travel.rows, travel.axes))
         return np.vstack([on_readings, on_turns]) / bound[:, None]
@@ -342,7 +342,7 @@ class OnNodes:
     def _over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
         """Return columns (S, d, K) of each group as rows (M, K) over their bounds."""
         pairs = zip(columns, self.of.bounds, strict=True)
-        return np.concatenate([rows_over(own, bound) for own, bound in pairs])
+        return np.concatenate([rows_over(columns_of_group, bound) for columns_of_group, bound in pairs])
 
 
 def pairs_of_accelerometers(evidence: Evidence, reference: Gravity, x: NDArray, attitude: NDArray) -> Iterator[Pair]:

@@ -113,7 +113,7 @@ class Observation:
 
 def rows_of(pieces: Sequence[Pieces]) -> NDArray[np.int_]:
     """Return the rows at which some pieces begin or end, in order."""
-    return np.unique(np.concatenate([rows for own in pieces for rows in (own.first, own.last)]))
+    return np.unique(np.concatenate([rows for piece in pieces for rows in (piece.first, piece.last)]))
 
 
 @dataclass(frozen=True, eq=False)

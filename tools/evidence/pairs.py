@@ -161,7 +161,7 @@ class Pair:
     def columns_of(self, forms: Sequence[Form]) -> list[NDArray[np.float64]]:
         """As `columns`, of several forms."""
         if self.members:
-            return [np.hstack(own) for own in zip(*(one.columns_of(forms) for one in self.members), strict=True)]
+            return [np.hstack(own) for own in zip(*(member.columns_of(forms) for member in self.members), strict=True)]
         functions = [form.columns(self.values) for form in forms]
         ends = np.cumsum([own.shape[1] for own in functions])[:-1]
         return np.split(self.spread(np.hstack(functions)), ends, axis=1)
@@ -219,8 +219,8 @@ def named(quantity: str, factor: str | None) -> str:
 
 def function_in_words(where: str, quantity: str, factor: str | None) -> str:
     """Place, quantity and factor in words: "a function of the outer angle at the outer axis"."""
-    said = in_words(factor or "")
-    times = f"{said} times a function" if said else "a function"
+    factor_words = in_words(factor or "")
+    times = f"{factor_words} times a function" if factor_words else "a function"
     tilt = ", as a tilt," if factor in TILTS else ""
     article = "" if where[-1].isdigit() else "the "
     return f"{times} of {in_words(quantity)}{tilt} at {article}{where.replace('-', ' ')}"

@@ -95,15 +95,15 @@ class SettingIn(Evidence):
         if size > self.most_with_onset:
             return
         for place in self.starting:
-            others = [()] if size == 1 else [(other,) for other in self._others_beside(place, work, slack)]
-            yield from ((*other, place) for other in others)
+            beside = [()] if size == 1 else [(candidate,) for candidate in self._others_beside(place, work, slack)]
+            yield from ((*candidate, place) for candidate in beside)
 
     def _others_beside(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
         """Linear effects beside which an effect may set in, in the order of their places."""
         every = self.classes.places
         if len(self.onsets_of(place).edges) < 2:
             return []
-        columns, edges = [self.columns_of([other]) for other in every], self._edges_of(place)
+        columns, edges = [self.columns_of([candidate]) for candidate in every], self._edges_of(place)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
         stretches, standing_places = [], set[int]()
         for low, high in pairwise(starts.tolist()):
@@ -140,12 +140,12 @@ class SettingIn(Evidence):
         first, *also = (setting_in_at(fit, place, onsets.value(acting, row), (start, end)) for fit, row in best)
         return [replace(first, also=tuple(also), swept=tuple(swept))]
 
-    def _setting_in(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
+    def _setting_in(self, place: EffectPlace, beside: Sequence[EffectPlace], work: Work) -> Standing:
         """Ends of the rows at which an effect beside others can set in, fits at some of them, and all of them."""
         best, swept_stretches, ends = [], [], []
-        for begin, end in self.open_stretches(place, others, work):
-            swept = self._swept(place, others, (begin, end))
-            fits = self._searched(swept, [*others, place], np.arange(begin, end + 1), work)
+        for begin, end in self.open_stretches(place, beside, work):
+            swept = self._swept(place, beside, (begin, end))
+            fits = self._searched(swept, [*beside, place], np.arange(begin, end + 1), work)
             if fits:
                 best.append(fits[0])
                 swept_stretches.append(swept)
@@ -153,28 +153,28 @@ class SettingIn(Evidence):
         if not best:
             return (0, 0), [], []
         # One that acts from the first row on would do as well.
-        always = self.with_onset(place, 0).refit([*others, place]).radius <= self.limit
+        always = self.with_onset(place, 0).refit([*beside, place]).radius <= self.limit
         return (0 if always else min(ends), max(ends)), best, swept_stretches
 
-    def _fading(self, place: EffectPlace, others: Sequence[EffectPlace], work: Work) -> Standing:
+    def _fading(self, place: EffectPlace, beside: Sequence[EffectPlace], work: Work) -> Standing:
         """Numbers of time constants about all with which an effect beside others can fade, and fits, as above."""
-        stretches = list(self.open_stretches(place, others, work))
+        stretches = list(self.open_stretches(place, beside, work))
         if not stretches:
             return (0, 0), [], []
         begin, end = float(min(begin for begin, _ in stretches)), float(max(end for _, end in stretches))
         parts, sizes, fits = 1.0, None, []
         while True:
             numbers = np.linspace(begin, end, max(2, round((end - begin) * parts)) + 1)
-            rows, error = self._rows_of_times(place, others, numbers)
+            rows, error = self._rows_of_times(place, beside, numbers)
             far = apart(rows, error)
             if sizes is None:
                 sizes = largest_sizes(rows, self.limit, far, rows.bound[len(self.residual) :])
-            more = float((far @ sizes / rows.bound).max())
+            growth = float((far @ sizes / rows.bound).max())
             swept = Swept(replace(rows, bound=rows.bound + far @ sizes), self.limit, np.zeros(rows.fixed.shape[1]))
             gap = numbers[1] - numbers[0]
             within = [(numbers >= low - gap) & (numbers <= high + gap) for low, high in stretches]
             swept.proven[~np.any(within, axis=0)] = np.inf
-            fits = self._searched(swept, [*others, place], numbers, work) or fits
+            fits = self._searched(swept, [*beside, place], numbers, work) or fits
             # The first and the last that are not refused stand with the bounds as they have grown.
             for side in (0, -1):
                 while not swept.refused.all() and swept.tried(_standing(swept)[side]) > self.limit:
@@ -184,8 +184,8 @@ class SettingIn(Evidence):
             first, last = _standing(swept)
             begin, end = float(numbers[max(0, first - 1)]), float(numbers[min(len(numbers) - 1, last + 1)])
             # Nearer to each other bounds grow by less.
-            finer = min(parts * (more / FINE if more > FINE else FINER), MOST_TIMES / (end - begin))
-            if (fits and more <= FINE) or more <= DECIDED or finer < LEAST_FINER * parts:
+            finer = min(parts * (growth / FINE if growth > FINE else FINER), MOST_TIMES / (end - begin))
+            if (fits and growth <= FINE) or growth <= DECIDED or finer < LEAST_FINER * parts:
                 break
             parts = finer
         if not fits:
@@ -196,7 +196,7 @@ class SettingIn(Evidence):
         return (begin, end), fits, [swept]
 
     def _rows_of_times(
-        self, place: EffectPlace, others: Sequence[EffectPlace], numbers: NDArray
+        self, place: EffectPlace, beside: Sequence[EffectPlace], numbers: NDArray
     ) -> tuple[Rows, NDArray[np.float64]]:
         """An effect beside others with time constants of some numbers (R,), and what it misses (M, k) between these.
 
@@ -205,7 +205,7 @@ class SettingIn(Evidence):
         acting = self.acting[place]
         assert isinstance(acting, Fading)
         moving, ways, error = self.onsets.swept_times(acting, numbers)
-        before, errors_over = self.matrix(others), self.over_bounds(error)
+        before, errors_over = self.matrix(beside), self.over_bounds(error)
         largest = np.abs(self.limits_of([place])).max(axis=0)
         (count, columns_before), none = before.shape, np.zeros((len(largest), len(largest)))
         fixed = np.zeros((count + len(largest), columns_before + len(largest)))
@@ -215,18 +215,18 @@ class SettingIn(Evidence):
         rows = Rows(fixed, columns, ways, columns_before + np.arange(len(largest)), residual, bound)
         return rows, np.vstack([errors_over, none])
 
-    def _swept(self, place: EffectPlace, others: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
+    def _swept(self, place: EffectPlace, beside: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
         """An effect beside others at every row between two."""
         acting = self.acting[place]
         assert isinstance(acting, Acting)
         fixed, moving, ways = self.onsets_of(place).swept(acting, *ends)
         rows = [self.over_bounds(columns) for columns in (fixed, moving)]
-        matrix, residual = np.hstack([self.matrix(others), rows[0]]), self.residual.copy()
-        own = np.arange(matrix.shape[1] - rows[0].shape[1], matrix.shape[1])
+        matrix, residual = np.hstack([self.matrix(beside), rows[0]]), self.residual.copy()
+        numbers_moving = np.arange(matrix.shape[1] - rows[0].shape[1], matrix.shape[1])
         # What is not told there says nothing.
         untold = ~np.isfinite(rows[0]).all(axis=1)
         matrix[untold], rows[1][untold], residual[untold] = 0.0, 0.0, 0.0
-        every = Rows(matrix, rows[1], ways, own, residual, self.bound)
+        every = Rows(matrix, rows[1], ways, numbers_moving, residual, self.bound)
         return Swept(every, self.limit, np.zeros(matrix.shape[1]))
 
     def _searched(
@@ -244,7 +244,7 @@ class SettingIn(Evidence):
         return [(fit, numbers[best])] if fit.radius <= self.limit else []
 
     def open_stretches(
-        self, place: EffectPlace, others: Sequence[EffectPlace], work: Work
+        self, place: EffectPlace, beside: Sequence[EffectPlace], work: Work
     ) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
         if len(self.onsets_of(place).edges) < 2:
@@ -252,7 +252,7 @@ class SettingIn(Evidence):
         if place in self.left_open:
             yield from self.left_open[place]
             return
-        edges, matrix = self._edges_of(place), self.matrix(others)
+        edges, matrix = self._edges_of(place), self.matrix(beside)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
         stretches = list(pairwise(starts.tolist()))[::-1]
         while stretches:
