@@ -68,12 +68,12 @@ def test_a_scenario_with_many_mistakes_has_each_with_its_line(tmp_path: Path):
     lines = text.split("\n")
     problems = found(written(tmp_path, text))
     assert len(problems) == len(mistakes)
-    for wrong, said in mistakes.values():
+    for wrong, message in mistakes.values():
         # A problem of an entry of a list may stand at the entry's header.
         at = lines.index(wrong.split("\n")[0]) + 1
-        near = [line for line, message in problems if said in message]
-        assert near, said
-        assert any(line is not None and at - 2 <= line <= at for line in near), (said, at, near)
+        near = [line for line, message in problems if message in message]
+        assert near, message
+        assert any(line is not None and at - 2 <= line <= at for line in near), (message, at, near)
 
 
 def test_steps_of_different_lengths_are_checked_each_at_its_line(tmp_path: Path):
@@ -92,10 +92,10 @@ from = "table.specific_force"
 to = "block.specific_force"
 """
     multiple = (10, "fmus.block.step_s = 0.25 is no whole multiple of run.step_s = 0.1")
-    said = "'table.specific_force[1]' -> 'block.specific_force[1]': 'table' steps less often; say between"
+    expected = "'table.specific_force[1]' -> 'block.specific_force[1]': 'table' steps less often; say between"
     problems = found(written(tmp_path, text))
     assert multiple in problems
-    assert [message.startswith(said) for line, message in problems if (line, message) != multiple] == [True]
+    assert [message.startswith(expected) for line, message in problems if (line, message) != multiple] == [True]
 
 
 def test_effects_and_files_of_a_scenario_are_checked(tmp_path: Path):
@@ -106,11 +106,11 @@ def test_effects_and_files_of_a_scenario_are_checked(tmp_path: Path):
         '    { effect = "quadratic", where = "accelerometer-9", coefficient = 1e-4 },\n'
         '    { effect = "quadratic", where = "accelerometer-3", coeficient = 1e-4 },\n]\n',
     )
-    said = "\n".join(message for _, message in found(written(tmp_path, text)))
-    assert "effects[1]: effect 'quadratc' is not one that extends a component; did you mean 'quadratic'?" in said
-    assert "effects[2]: effect 'quadratic' has no place 'accelerometer-9'; did you mean 'accelerometer-" in said
-    assert "effects[3]: effect 'quadratic' has no parameter 'coeficient'; did you mean 'coefficient'?" in said
-    assert "stimuli[1]: static-calibration-positions.csv: no such file" in said
+    message = "\n".join(message for _, message in found(written(tmp_path, text)))
+    assert "effects[1]: effect 'quadratc' is not one that extends a component; did you mean 'quadratic'?" in message
+    assert "effects[2]: effect 'quadratic' has no place 'accelerometer-9'; did you mean 'accelerometer-" in message
+    assert "effects[3]: effect 'quadratic' has no parameter 'coeficient'; did you mean 'coefficient'?" in message
+    assert "stimuli[1]: static-calibration-positions.csv: no such file" in message
 
 
 def test_a_check_runs_nothing_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -160,7 +160,7 @@ def test_a_campaign_with_several_mistakes(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ('schema = "trihedron.scenari/1"\n', "schema: 'trihedron.scenari/1' is not known; did you mean"),
         ("[a]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1.1]]\n", "[a]: the matrix is not orthogonal"),
@@ -168,8 +168,8 @@ def test_a_campaign_with_several_mistakes(tmp_path: Path):
         ("", "schema is missing"),
     ],
 )
-def test_other_toml_files(text: str, said: str, tmp_path: Path):
-    assert said in found(written(tmp_path, text))[0][1]
+def test_other_toml_files(text: str, message: str, tmp_path: Path):
+    assert message in found(written(tmp_path, text))[0][1]
 
 
 @pytest.mark.parametrize("kind", ["campaign", "scenario"])
@@ -209,8 +209,8 @@ def test_a_channel_at_its_limit_is_a_warning_of_series_of_every_kind(tmp_path: P
     force = 9.8 * np.stack([np.sin(0.4 * time), np.cos(0.4 * time), 0.1 * np.sin(0.9 * time)], axis=1)
     clipped = np.column_stack([np.minimum(rate[:, 0], 0.8), rate[:, 1:]])
     rows = np.flatnonzero(clipped[:, 0] == 0.8)
-    said = f"w1: {len(rows)} rows are saturated, at 0.8 rad/s, the first at {time[rows[0]]:g} s"
-    for name, gyros, warned in (("whole.csv", rate, ()), ("clipped.csv", clipped, (said,))):
+    message = f"w1: {len(rows)} rows are saturated, at 0.8 rad/s, the first at {time[rows[0]]:g} s"
+    for name, gyros, warned in (("whole.csv", rate, ()), ("clipped.csv", clipped, (message,))):
         write_record(StrapdownRecord(time, gyros, None, force), tmp_path / name, decimals=7)
         checked = th.check(tmp_path / name)
         assert checked.good
@@ -255,7 +255,7 @@ class Either(Result):
 
 
 @pytest.mark.parametrize(
-    ("one", "said"),
+    ("one", "message"),
     [
         ({}, "one.size: is missing"),
         ([{}], "one[1].size: is missing"),
@@ -263,12 +263,12 @@ class Either(Result):
         ([{"size": 1.0}, 2], "one[2]: Input should be an object, not 2"),
     ],
 )
-def test_of_what_may_be_one_or_several_the_kind_that_is_meant_is_told_and_stands_in_the_file(one: object, said: str):
+def test_of_what_may_be_one_or_several_the_kind_that_is_meant_is_told_and_stands_in_the_file(one: object, message: str):
     content = {"part": {"size": 1.0}, "one": one}
     with pytest.raises(ValidationError) as raised:
         Either.model_validate_json(json.dumps(content), strict=True)
     ((where, text),) = field_problems(raised.value, Either)
-    assert text == said
+    assert text == message
     at: Any = content
     for part in where[:-1]:
         at = at[part]
@@ -283,10 +283,10 @@ def test_rubbish_is_a_problem_never_a_fault(content: bytes, ending: str, tmp_pat
     path = tmp_path / f"rubbish{ending}"
     path.write_bytes(content)
     assert cli.main(["check", str(path)]) == 2
-    said = capsys.readouterr()
-    assert said.err.count("\n") == 1
-    assert "problem" in said.err
-    assert said.out.count("\n") == 2
+    message = capsys.readouterr()
+    assert message.err.count("\n") == 1
+    assert "problem" in message.err
+    assert message.out.count("\n") == 2
 
 
 def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):

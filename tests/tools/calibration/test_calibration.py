@@ -65,9 +65,9 @@ def test_guaranteed_errors_are_those_of_the_linear_model_for_small_errors():
 
 def adversarial(bench: np.ndarray, k: int, sense: float) -> np.ndarray:
     """The noise (24, 3) within σ that drives the estimate of target k furthest from its truth."""
-    here = fit_record(simulated(bench), noise_bound=SIGMA)
-    programme = Polytope(here.jacobian, here.bound)
-    programme.confine(-here.bound, here.bound)
+    linearised = fit_record(simulated(bench), noise_bound=SIGMA)
+    programme = Polytope(linearised.jacobian, linearised.bound)
+    programme.confine(-linearised.bound, linearised.bound)
     return SIGMA * np.sign(programme.maximise(sense * np.eye(18)[k])[2]).reshape(-1, 3)
 
 
@@ -153,10 +153,10 @@ def test_an_outlier_is_proven_by_its_witness_alone():
     assert 2 <= len(result.witness) <= 19
     assert all((e.low, e.high, e.central, e.error_bound) == (None,) * 4 for e in result.parameters)
     assert (result.estimator, result.no_estimate[:13]) == ("least squares", "no parameters")
-    here = result.linearised
+    linearised = result.linearised
     # measurements stand position by position, accelerometers 1, 2, 3 within each
-    rows = np.array([(row // 3 + 1, row % 3 + 1) in proof for row in range(len(here.residual))])
-    alone, _, _ = chebyshev_radius(here.jacobian[rows], here.residual[rows], here.bound[rows])
+    rows = np.array([(row // 3 + 1, row % 3 + 1) in proof for row in range(len(linearised.residual))])
+    alone, _, _ = chebyshev_radius(linearised.jacobian[rows], linearised.residual[rows], linearised.bound[rows])
     assert alone > 1
     assert alone == pytest.approx(result.radius, rel=1e-4)
 
@@ -215,10 +215,10 @@ def test_too_little_is_insufficient_what_is_known_is_right_and_the_positions_men
                 assert e.low <= x <= e.high
                 assert e.low <= e.estimate <= e.high
                 assert abs(e.a_priori - x) <= e.guaranteed_error
-        more = result.next_positions
-        assert 1 <= len(more) <= 8
-        mended_alpha = np.append(alpha, np.radians([p["alpha_deg"] for p in more]))
-        mended_beta = np.append(beta, np.radians([p["beta_deg"] for p in more]))
+        proposed = result.next_positions
+        assert 1 <= len(proposed) <= 8
+        mended_alpha = np.append(alpha, np.radians([p["alpha_deg"] for p in proposed]))
+        mended_beta = np.append(beta, np.radians([p["beta_deg"] for p in proposed]))
         mended = calibrate(simulated(bench, mended_alpha, mended_beta), noise_bound=SIGMA)
         assert mended.verdict == "consistent"
         assert max(guaranteed(e) for e in mended.parameters) < 10 * SIGMA
@@ -245,7 +245,7 @@ def test_readings_written_too_coarsely_for_the_noise_bound_are_said_to_be():
 
 def positions_with_inputs_at_zero(bench, rng) -> tuple[np.ndarray, np.ndarray]:
     """Outer angles at which one input is zero to 3e-5, so that its sign stays open."""
-    here = fit_record(simulated(bench), noise_bound=SIGMA)
+    linearised = fit_record(simulated(bench), noise_bound=SIGMA)
     angles = []
     for k in range(9):
         beta = rng.uniform(0, 2 * np.pi)
@@ -253,7 +253,7 @@ def positions_with_inputs_at_zero(bench, rng) -> tuple[np.ndarray, np.ndarray]:
 
         def component(alpha, beta=beta, axis=k % 3):
             at = Positions(np.array([alpha]), np.array([beta]), np.array([0]))
-            return float(predicted_input(here.parametrisation, here.point, at)[0, axis])
+            return float(predicted_input(linearised.parametrisation, linearised.point, at)[0, axis])
 
         if component(low) * component(high) < 0:
             angles.append((brentq(component, low, high) + rng.uniform(-3e-5, 3e-5), beta))
@@ -316,12 +316,12 @@ def test_truth_within_the_priors_is_within_every_interval(seed):
 
 def test_a_prior_bounds_what_the_readings_leave_open_and_nothing_else():
     """Accelerometer 1 up alone: scale factor and bias are one number; a prior on the bias bounds both."""
-    here = record(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.radians([90.0, 90.0]), np.radians([90.0, 90.0]))
-    alone = calibrate(here, noise_bound=SIGMA, targets=["X4+X16"])
-    known = {e.symbol: e for e in alone.parameters}
-    assert known["X4"].estimate is None
-    assert known["X4+X16"].guaranteed_error is not None
-    result = {e.symbol: e for e in calibrate(here, noise_bound=SIGMA, priors=["X16=1e-3"]).parameters}
+    measured = record(np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.radians([90.0, 90.0]), np.radians([90.0, 90.0]))
+    alone = calibrate(measured, noise_bound=SIGMA, targets=["X4+X16"])
+    by_symbol = {e.symbol: e for e in alone.parameters}
+    assert by_symbol["X4"].estimate is None
+    assert by_symbol["X4+X16"].guaranteed_error is not None
+    result = {e.symbol: e for e in calibrate(measured, noise_bound=SIGMA, priors=["X16=1e-3"]).parameters}
     assert interval(result["X16"]) == pytest.approx((-1e-3, 1e-3), rel=1e-3)
     # the tilts of a hundredth that stay open turn the input by as much, and so its size to second order
     low, high = interval(result["X4"])
@@ -401,22 +401,17 @@ def test_pairs_are_projections_of_the_feasible_set():
         assert turning.min() > -1e-4 * SIGMA**2
 
 
-def test_one_position_determines_nothing_but_what_is_known_beforehand():
-    one = simulated(random_bench(np.random.default_rng(4))).selected(np.array([7]))
-    alone = calibrate(one, noise_bound=SIGMA)
-    assert alone.verdict == "insufficient"
-    assert [gap.symbol for gap in alone.missing] == [e.symbol for e in alone.parameters]
-    assert len(alone.next_positions) >= 5
-    assert calibrate(one, noise_bound=SIGMA, priors=["bounds"]).verdict == "consistent"
-
-
 def test_many_positions_are_done_block_by_block_with_the_same_result(monkeypatch):
     bench, many = many_positions(300)
-    whole = calibrate(many, noise_bound=SIGMA)
+    at_once = calibrate(many, noise_bound=SIGMA)
     for module, size in ((model, 64), (programmes, 100)):
         monkeypatch.setattr(module, "BLOCK", size)
     by_blocks = calibrate(many, noise_bound=SIGMA)
     assert misses(by_blocks, target_values(bench, np.eye(3))) == []
-    for one, other in zip(whole.parameters, by_blocks.parameters, strict=True):
-        assert [other.low, other.high, other.estimate] == pytest.approx([one.low, one.high, one.estimate], abs=1e-13)
-        assert [other.a_priori, other.least_squares] == pytest.approx([one.a_priori, one.least_squares], abs=1e-13)
+    for parameter, blockwise in zip(at_once.parameters, by_blocks.parameters, strict=True):
+        assert [blockwise.low, blockwise.high, blockwise.estimate] == pytest.approx(
+            [parameter.low, parameter.high, parameter.estimate], abs=1e-13
+        )
+        assert [blockwise.a_priori, blockwise.least_squares] == pytest.approx(
+            [parameter.a_priori, parameter.least_squares], abs=1e-13
+        )

@@ -126,9 +126,9 @@ def test_presets_are_rotations():
 def test_a_file_gives_the_mountings_that_the_record_names(tmp_path):
     path = tmp_path / "q.toml"
     path.write_text("[up]\nmatrix = [[1,0,0],[0,1,0],[0,0,1]]\n[down]\nmatrix = [[1,0,0],[0,-1,0],[0,0,-1]]\n")
-    both = mountings_for(block(["down", "up"]), str(path))
-    assert list(both) == ["down", "up"]
-    np.testing.assert_array_equal(both["down"], np.diag([1.0, -1.0, -1.0]))
+    mountings = mountings_for(block(["down", "up"]), str(path))
+    assert list(mountings) == ["down", "up"]
+    np.testing.assert_array_equal(mountings["down"], np.diag([1.0, -1.0, -1.0]))
     with pytest.raises(InputError, match=r"row 2, column mounting.*'upp'.*did you mean 'up'"):
         mountings_for(block(["up", "upp"]), str(path))
     with pytest.raises(InputError, match="no column mounting"):
@@ -145,7 +145,7 @@ def test_presets_and_the_column_mounting():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("[a]\nmatrix = [[1,0,0],[0,1,0]]", "three rows"),
         ("[a]\nmatrix = [[1,0],[0,1],[0,0]]", "three rows"),
@@ -164,10 +164,10 @@ def test_presets_and_the_column_mounting():
         (f"[a]\nmatrix = [[1{'0' * 5000},0,0],[0,1,0],[0,0,1]]", "not TOML"),
     ],
 )
-def test_bad_files_are_refused_in_one_line(tmp_path, text, said):
+def test_bad_files_are_refused_in_one_line(tmp_path, text, message):
     path = tmp_path / "q.toml"
     path.write_text(text)
-    with pytest.raises(InputError, match=said) as refusal:
+    with pytest.raises(InputError, match=message) as refusal:
         mountings_for(block(["a", "a"]), str(path))
     assert "\n" not in str(refusal.value)
     assert str(path) in str(refusal.value)
@@ -181,7 +181,7 @@ def test_unreadable_files_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"noise_bound": 0.0}, "--noise-bound 0: must be"),
         ({"noise_bound": -1e-5}, "--noise-bound"),
@@ -211,14 +211,14 @@ def test_unreadable_files_are_refused(tmp_path):
         ({"mounting": {"q": [[1.0, 0.0, 0.0], [0.0]]}}, "three rows"),
     ],
 )
-def test_options_out_of_range_are_refused_in_one_line(options, said):
-    with pytest.raises(InputError, match="(?s)" + said.replace("(", r"\(")) as refusal:
+def test_options_out_of_range_are_refused_in_one_line(options, message):
+    with pytest.raises(InputError, match="(?s)" + message.replace("(", r"\(")) as refusal:
         calibrate(simulated(np.zeros(24)), **{"noise_bound": 1e-5, **options})
     assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
-    ("factor", "said"),
+    ("factor", "message"),
     [
         (0.0, "column f2_mps2: reads 0 times what the table gives.*dead"),
         (-1.0, "read with --channels 1,-2,3"),
@@ -226,10 +226,10 @@ def test_options_out_of_range_are_refused_in_one_line(options, said):
     ],
 )
 @pytest.mark.parametrize("baseline", ["asymmetric", "symmetric"])
-def test_a_dead_or_reversed_accelerometer_is_refused(factor, said, baseline):
-    whole = simulated(random_bench(np.random.default_rng(1))).specific_force / GRAVITY
-    reading = whole * [1.0, factor, 1.0] + np.random.default_rng(3).uniform(-1e-5, 1e-5, whole.shape)
-    with pytest.raises(InputError, match=said):
+def test_a_dead_or_reversed_accelerometer_is_refused(factor, message, baseline):
+    sound = simulated(random_bench(np.random.default_rng(1))).specific_force / GRAVITY
+    reading = sound * [1.0, factor, 1.0] + np.random.default_rng(3).uniform(-1e-5, 1e-5, sound.shape)
+    with pytest.raises(InputError, match=message):
         calibrate(
             record(reading, ALPHA, BETA), noise_bound=1e-2 if baseline == "symmetric" else 1e-5, baseline=baseline
         )

@@ -28,22 +28,22 @@ SIGMA = 1e-5
 def folder(tmp_path, monkeypatch):
     """A folder with the record of a bench, p.csv, and one of few positions, few.csv."""
     rng = np.random.default_rng(3)
-    whole = simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
-    write_record(whole, tmp_path / "p.csv")
-    write_record(whole.selected(np.arange(5)), tmp_path / "few.csv")
+    measured = simulated(random_bench(rng), noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
+    write_record(measured, tmp_path / "p.csv")
+    write_record(measured.selected(np.arange(5)), tmp_path / "few.csv")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:
     status = cli.main(list(arguments))
-    said = capsys.readouterr()
-    return status, said.out, said.err
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
 
 
 def test_a_calibration_is_written_applied_and_leaves_a_block_without_errors(folder, capsys):
-    asked = ["calibrate", "p.csv", "--noise-bound", "1e-5", "--json", "c.json", "--ssv", "c.ssv"]
-    status, out, _ = run(capsys, *asked)
+    command = ["calibrate", "p.csv", "--noise-bound", "1e-5", "--json", "c.json", "--ssv", "c.ssv"]
+    status, out, _ = run(capsys, *command)
     assert status == 0
     before = re.search(r"as read wrong by up to ([\d.]+) arcsec, corrected by at most ([\d.]+)", out)
     assert before is not None
@@ -70,7 +70,7 @@ def test_a_calibration_is_written_applied_and_leaves_a_block_without_errors(fold
     errors = [e.estimate for e in again.parameters if e.symbol in ("X4", "X10", "X15", "X6+X8", "X16", "X18")]
     assert np.abs(np.array(errors)).max() < SIGMA
     first = Path("c.json").read_bytes(), Path("c.ssv").read_bytes(), Path("q.csv").read_bytes()
-    run(capsys, *asked)
+    run(capsys, *command)
     run(capsys, "apply", "c.json", "p.csv", "--out", "q.csv")
     assert first == (Path("c.json").read_bytes(), Path("c.ssv").read_bytes(), Path("q.csv").read_bytes())
 
@@ -87,7 +87,7 @@ def test_what_is_open_is_named_in_words_and_priors_close_it(folder, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (
             ["calibrate", "few.csv", "--noise-bound", "1e-5", "--ssv", "c.ssv"],
@@ -99,12 +99,12 @@ def test_what_is_open_is_named_in_words_and_priors_close_it(folder, capsys):
         (["apply", "c.json", "p.csv"], "c.json: the schema is None"),
     ],
 )
-def test_refusals_are_one_line_and_write_nothing(folder, capsys, arguments, said):
+def test_refusals_are_one_line_and_write_nothing(folder, capsys, arguments, message):
     Path("c.json").write_text("{}")
     before = sorted(path.name for path in folder.iterdir())
     status, _, error = run(capsys, *arguments)
     assert status == 2
-    assert said in error
+    assert message in error
     assert error.count("\n") == 1
     assert sorted(path.name for path in folder.iterdir()) == before
 

@@ -130,8 +130,11 @@ def test_bench_parameters_predict_what_was_calibrated(convention):
 
 def test_parameters_of_the_bench_need_one_mounting_that_is_a_rotation():
     good = calibrate(simulated(np.zeros(24)), noise_bound=SIGMA).to_json()
-    for mountings, said in (({}, "one mounting"), ({"q": [[1, 0, 0]]}, "^mounting 'q': the matrix must be three rows")):
-        with pytest.raises(ValueError, match=said):
+    for mountings, message in (
+        ({}, "one mounting"),
+        ({"q": [[1, 0, 0]]}, "^mounting 'q': the matrix must be three rows"),
+    ):
+        with pytest.raises(ValueError, match=message):
             bench_parameters(good | {"mountings": mountings})
 
 

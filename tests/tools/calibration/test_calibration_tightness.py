@@ -36,12 +36,12 @@ def fitted(seed: int, noise: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.n
 
 def test_a_worst_case_noise_attains_the_guaranteed_error():
     """Readings that belong to another bench as well: no estimator can tell the two apart."""
-    truth, reading, here = fitted(2)
-    programme = Polytope(here.jacobian, here.bound)
-    programme.confine(-here.bound, here.bound)
+    truth, reading, linearised = fitted(2)
+    programme = Polytope(linearised.jacobian, linearised.bound)
+    programme.confine(-linearised.bound, linearised.bound)
     for k in range(18):
         _, step, weights = programme.maximise(np.eye(18)[k])
-        noise = (here.jacobian @ step).reshape(-1, 3)
+        noise = (linearised.jacobian @ step).reshape(-1, 3)
         carrying = np.abs(weights.reshape(-1, 3)) > 1e-9
         np.testing.assert_allclose(noise[carrying], SIGMA * np.sign(weights.reshape(-1, 3)[carrying]), rtol=1e-8)
         assert np.abs(noise).max() <= SIGMA * (1 + 1e-9)
@@ -56,25 +56,25 @@ def test_a_worst_case_noise_attains_the_guaranteed_error():
 def test_a_bench_at_the_end_of_an_interval_explains_the_readings(resolution):
     """Readings with noise; what they are off by at that bench is σ and half a last digit, no more."""
     noise = np.random.default_rng(5).uniform(-SIGMA, SIGMA, (24, 3))
-    _, reading, here = fitted(3, noise)
+    _, reading, linearised = fitted(3, noise)
     result = calibrate(record(reading, resolution=resolution * GRAVITY), noise_bound=SIGMA, targets=["X4-X5"])
-    room = here.bound + resolution
-    programme = Polytope(here.jacobian, here.bound)
-    programme.confine(here.residual - room, here.residual + room)
+    room = linearised.bound + resolution
+    programme = Polytope(linearised.jacobian, linearised.bound)
+    programme.confine(linearised.residual - room, linearised.residual + room)
     for e, weights in zip(result.parameters, [*np.eye(18), np.eye(18)[3] - np.eye(18)[4]], strict=True):
         assert e.low is not None
         assert e.high is not None
         for end, sense in ((e.low, -1.0), (e.high, 1.0)):
-            bench = here.point + programme.maximise(sense * weights)[1]
-            assert np.abs(here.residual_at(bench) / room).max() <= 1 + 1e-4
+            bench = linearised.point + programme.maximise(sense * weights)[1]
+            assert np.abs(linearised.residual_at(bench) / room).max() <= 1 + 1e-4
             beyond = sense * (float(weights @ bench) - end)
             assert -1e-5 * (e.high - e.low) <= beyond <= 0.0, e.symbol
 
 
 def test_half_a_last_digit_and_no_more_is_allowed_to_the_radius():
     resolution = 0.2 * SIGMA
-    _, _, here = fitted(4, np.random.default_rng(6).uniform(-SIGMA, SIGMA, (24, 3)))
-    duals = chebyshev_radius(here.jacobian, here.residual, here.bound)[2]
+    _, _, linearised = fitted(4, np.random.default_rng(6).uniform(-SIGMA, SIGMA, (24, 3)))
+    duals = chebyshev_radius(linearised.jacobian, linearised.residual, linearised.bound)[2]
     # errors of one size wherever the duals look: no parameters do better than the truth
     pattern = np.sign(np.where(np.abs(duals) * SIGMA > 1e-9, duals, 0.0)).reshape(-1, 3)
     exact = fitted(4)[1]
@@ -92,30 +92,30 @@ def test_the_bound_of_a_reading_whose_sign_is_open_is_what_an_asymmetric_block_d
     at = Positions(alpha, beta, np.array([0]))
     p = parametrise({"identity": IDENTITY})
     reading = target_reading(np.zeros(18), alpha, beta, IDENTITY)
-    here = linearise(p, at, reading, np.zeros(18), np.full(3, SIGMA))
+    linearised = linearise(p, at, reading, np.zeros(18), np.full(3, SIGMA))
     certain = np.array([[False, True, True]])
-    extra = widening(here, certain, SIGMA, BOUNDS)
+    extra = widening(linearised, certain, SIGMA, BOUNDS)
     assert extra[1:].tolist() == [0.0, 0.0]
     # every parameter that moves the input at the end of its range, every other nothing
     x = dict.fromkeys(TARGETS, 0.0) | {"X4": v, "X5": -v}
     x |= {"X1": u, "X3": u, "X8": -v, "-X12": v}
     truths = [dict(x, **{name: sense * x[name] for name in ("X1", "X3", "X8", "-X12")}) for sense in (-1.0, 1.0)]
-    done = []
+    changes = []
     for truth in truths:
         values = np.array([truth[name] for name in TARGETS])
         wrong = [
             target_reading(values, alpha, beta, IDENTITY, np.array([[sign, 1.0, 1.0]]))[0, 0] for sign in (-1.0, 1.0)
         ]
-        done.append(abs(wrong[1] - wrong[0]))
-    assert 0.97 * extra[0] <= max(done) <= extra[0]
+        changes.append(abs(wrong[1] - wrong[0]))
+    assert 0.97 * extra[0] <= max(changes) <= extra[0]
 
 
 def uncertain_block(size: float) -> tuple[Correction, np.ndarray]:
     """The correction of a block without errors that are known to `size` each, and all extreme true blocks (K, 18)."""
     weights = error_weights(parametrise({"identity": IDENTITY}))
-    own = np.flatnonzero(np.abs(weights).max(axis=0))
-    benches = np.zeros((2 ** len(own), 18))
-    benches[:, own] = size * (2.0 * ((np.arange(len(benches))[:, None] >> np.arange(len(own))) & 1) - 1.0)
+    uncertain = np.flatnonzero(np.abs(weights).max(axis=0))
+    benches = np.zeros((2 ** len(uncertain), 18))
+    benches[:, uncertain] = size * (2.0 * ((np.arange(len(benches))[:, None] >> np.arange(len(uncertain))) & 1) - 1.0)
     ends = np.full((2, 3, 3, 3, 3), np.nan)
     for (p, n), row in zip(corners(), weights, strict=True):
         ends[(slice(None), p - 1, *(x + 1 for x in n))] = -size * np.abs(row).sum(), size * np.abs(row).sum()
@@ -130,8 +130,8 @@ def true_inputs(benches: np.ndarray, reading: np.ndarray) -> np.ndarray:
     for p, (plus, minus, bias) in enumerate((("X4", "X5", "X16"), ("X9", "X10", "X17"), ("X14", "X15", "X18"))):
         cross[1] = x["X6+X8"] * n[:, 0]
         cross[2] = x["X7+X12"] * n[:, 0] + x["X11+X13"] * n[:, 1]
-        own = reading[p] - x[bias] - cross[p]
-        n[:, p] = own / (1.0 + np.where(own > 0.0, x[plus], x[minus]))
+        along_axis = reading[p] - x[bias] - cross[p]
+        n[:, p] = along_axis / (1.0 + np.where(along_axis > 0.0, x[plus], x[minus]))
     return n
 
 
@@ -161,18 +161,20 @@ def test_the_bound_of_corrected_readings_is_attained_by_a_scale_factor(size):
 
 
 def test_errors_at_the_corners_are_attained_by_benches_that_explain_the_readings():
-    _, reading, here = fitted(2, np.random.default_rng(1).uniform(-SIGMA, SIGMA, (24, 3)))
+    _, reading, linearised = fitted(2, np.random.default_rng(1).uniform(-SIGMA, SIGMA, (24, 3)))
     result = calibrate(record(reading), noise_bound=SIGMA)
     correction = correction_of(result.to_json(), "here")
     low, high = error_bounds(correction, np.array([n for _, n in corners()], dtype=float))
-    programme = Polytope(here.jacobian, here.bound)
-    programme.confine(here.residual - here.bound, here.residual + here.bound)
-    for k, (entry, weights) in enumerate(zip(result.reading_errors, error_weights(here.parametrisation), strict=True)):
+    programme = Polytope(linearised.jacobian, linearised.bound)
+    programme.confine(linearised.residual - linearised.bound, linearised.residual + linearised.bound)
+    for k, (entry, weights) in enumerate(
+        zip(result.reading_errors, error_weights(linearised.parametrisation), strict=True)
+    ):
         p = entry.accelerometer - 1
         assert (entry.low, entry.high) == pytest.approx((low[k, p], high[k, p]), abs=1e-15)
         for end, sense in ((low[k, p], -1.0), (high[k, p], 1.0)):
-            found = float(weights @ (here.point + programme.maximise(sense * weights)[1]))
-            assert -1e-5 * (high[k, p] - low[k, p]) <= sense * (found - end) <= 0.0
+            attained = float(weights @ (linearised.point + programme.maximise(sense * weights)[1]))
+            assert -1e-5 * (high[k, p] - low[k, p]) <= sense * (attained - end) <= 0.0
 
 
 def test_own_errors_of_readings_turn_the_vertical_as_far_as_said():

@@ -97,13 +97,13 @@ def test_more_readings_prove_a_priori_estimates_impossible_and_it_is_said():
         result = calibrated(3, count)[1]
         outside[count] = sum(not e.possible(e.a_priori) for e in result.parameters)
         assert ESTIMATORS["analytic centre"] in str(result)
-        (beside,) = [section for section in sections_of(result) if section.title == "Beside the estimates"]
+        (section,) = [section for section in sections_of(result) if section.title == "Beside the estimates"]
         assert (
             f"a promise made before the data, which now say more: it lies outside the interval of {outside[count]}"
-            in (" ".join(beside.paragraphs))
+            in (" ".join(section.paragraphs))
         )
-        assert beside.table is not None
-        assert sum("a priori" in str(row[-1]) for row in beside.table.rows) == outside[count]
+        assert section.table is not None
+        assert sum("a priori" in str(row[-1]) for row in section.table.rows) == outside[count]
     assert outside[100] < outside[1000]
     assert outside[1000] >= 14
 
@@ -126,21 +126,23 @@ def test_least_squares_and_its_standard_error_are_what_practitioners_know():
     for seed in range(12):
         truth, result = calibrated(seed, 60, "Gaussian")
         ratios.append((column(result, "least_squares") - truth) / column(result, "standard_error"))
-        here = result.linearised
+        linearised = result.linearised
         # a reading whose sign is open weighs less
-        weight = SIGMA / here.bound
-        step = np.linalg.lstsq(here.jacobian * weight[:, None], here.residual_at(truth) * weight, rcond=None)[0]
+        weight = SIGMA / linearised.bound
+        step = np.linalg.lstsq(
+            linearised.jacobian * weight[:, None], linearised.residual_at(truth) * weight, rcond=None
+        )[0]
         assert np.abs(truth + step - column(result, "least_squares")).max() < 1e-5 * SIGMA
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.12)
 
 
 def test_readings_that_leave_no_freedom_give_no_standard_error():
     """One axis of the table at rest: what one reading says has no scatter."""
-    here = record(np.array([[1.0, 0.0, 0.0]]), np.radians([90.0]), np.radians([90.0]))
-    known = {e.symbol: e for e in calibrate(here, noise_bound=SIGMA, targets=["X4+X16"]).parameters}
-    assert known["X4+X16"].least_squares == pytest.approx(0.0, abs=1e-12)
-    assert known["X4+X16"].standard_error is None
-    assert known["X4"].least_squares is None
+    measured = record(np.array([[1.0, 0.0, 0.0]]), np.radians([90.0]), np.radians([90.0]))
+    by_symbol = {e.symbol: e for e in calibrate(measured, noise_bound=SIGMA, targets=["X4+X16"]).parameters}
+    assert by_symbol["X4+X16"].least_squares == pytest.approx(0.0, abs=1e-12)
+    assert by_symbol["X4+X16"].standard_error is None
+    assert by_symbol["X4"].least_squares is None
 
 
 def test_a_position_that_is_listed_twice_moves_the_centre_a_little():
@@ -168,8 +170,8 @@ def test_without_a_possible_point_there_is_no_estimate_and_it_is_said(tmp_path: 
     assert np.isnan(column(falsified, "low")).all()
     np.testing.assert_array_equal(column(falsified, "estimate"), column(falsified, "least_squares"))
     assert falsified.estimator == "least squares"
-    said = str(falsified)
-    assert "No estimate: no parameters of the model keep every reading within the noise bound" in said
+    text = str(falsified)
+    assert "No estimate: no parameters of the model keep every reading within the noise bound" in text
     for refused in (bench_parameters, calibrated_block, lambda content: correction_of(content, "here")):
         with pytest.raises(
             (ValueError, InputError), match="only a consistent one gives parameters; no values fit its readings: `trihe"
@@ -197,7 +199,9 @@ def of_second_schema(result: Calibration) -> dict:
         content["estimator"] = None
     if opened := content.pop("open", None):
         names = {p.symbol: p.name for p in result.parameters}
-        content["missing"] = [{"symbol": one["parameters"][0], "name": names[one["parameters"][0]]} for one in opened]
+        content["missing"] = [
+            {"symbol": direction["parameters"][0], "name": names[direction["parameters"][0]]} for direction in opened
+        ]
     content.pop("stands_with_sigma")
     return content
 
@@ -205,9 +209,9 @@ def of_second_schema(result: Calibration) -> dict:
 def of_first_schema(result: Calibration) -> dict:
     """The same calibration as the first schema wrote it."""
     content = of_second_schema(result)
-    kept = ("symbol", "name", "unit", "guaranteed_error", "low", "high")
+    keys = ("symbol", "name", "unit", "guaranteed_error", "low", "high")
     content["schema"] = "trihedron.calibration/1"
-    content["parameters"] = [{key: e[key] for key in kept} | {"estimate": e["a_priori"]} for e in content["parameters"]]
+    content["parameters"] = [{key: e[key] for key in keys} | {"estimate": e["a_priori"]} for e in content["parameters"]]
     return {key: value for key, value in content.items() if key not in ("estimator", "no_estimate")}
 
 
@@ -221,7 +225,7 @@ def test_a_file_of_the_second_schema_says_the_same_as_one_of_the_third(verdict):
     again = Calibration.model_validate_json(json.dumps(of_second_schema(result)))
     assert [p.to_json() for p in again.parameters] == [p.to_json() for p in result.parameters]
     assert (again.sigma, again.radius, again.estimator) == (result.sigma, result.radius, result.estimator)
-    assert [one.parameters for one in again.open] == [one.parameters for one in result.open]
+    assert [direction.parameters for direction in again.open] == [direction.parameters for direction in result.open]
     assert again.reading_errors == result.reading_errors
 
 

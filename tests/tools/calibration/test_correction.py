@@ -164,9 +164,9 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
     write_record(strapdown, tmp_path / "strapdown.csv")
     for name, at in (("positions", "positions"), ("raw", "rests"), ("strapdown", "rows")):
         path, out = tmp_path / f"{name}.csv", tmp_path / f"{name}-out.csv"
-        done = apply_calibration(file, path)
-        assert done.levelled_at == at
-        write_record(done.record, out)
+        application = apply_calibration(file, path)
+        assert application.levelled_at == at
+        write_record(application.record, out)
         before, after = read_record(path), read_record(out)
         assert type(before) is type(after)
         np.testing.assert_array_equal(after.specific_force, corrected(correction, before.specific_force))
@@ -175,11 +175,11 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
         for column in ("time_s", "alpha", "increment", "attitude", "temperature"):
             if getattr(before, column, None) is not None:
                 np.testing.assert_array_equal(getattr(after, column), getattr(before, column))
-        assert "guaranteed" in str(done)
+        assert "guaranteed" in str(application)
 
 
 @pytest.mark.parametrize(
-    ("part", "change", "said"),
+    ("part", "change", "message"),
     [
         (None, {"verdict": "falsified"}, "only a consistent one"),
         (None, {"verdict": "insufficient"}, "only a consistent one"),
@@ -207,14 +207,14 @@ def test_each_kind_of_record_comes_out_corrected_and_is_otherwise_the_same(tmp_p
         ("reading_errors", {"input": -1}, "not as the schema says"),
     ],
 )
-def test_a_calibration_edited_by_hand_is_refused(part, change, said):
+def test_a_calibration_edited_by_hand_is_refused(part, change, message):
     content = json.loads(faultless())
     entry = content if part is None else next(e for e in content[part] if e.get("symbol", "X4") == "X4")
     entry |= change
-    with pytest.raises(InputError, match=f"^here: .*{said}"):
+    with pytest.raises(InputError, match=f"^here: .*{message}"):
         correction_of(content, "here")
     if "reading_errors" not in (part, *change):
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             bench_parameters(content)
 
 
@@ -222,12 +222,12 @@ def test_the_gyrocompass_is_where_the_record_says_it_was_measured(tmp_path):
     file, path = tmp_path / "c.json", tmp_path / "positions.csv"
     file.write_text(faultless(), encoding="utf-8")
     block = directions(np.random.default_rng(3), 30)[:30]
-    for about, told in (({"latitude_deg": "-33.9"}, "-33.9"), ({}, "55.75")):
-        there = replace(record(block, np.linspace(0, 6, 30), np.linspace(1, 5, 30)), about=about)
-        write_record(there, path)
-        done = apply_calibration(file, path)
-        assert f"gyrocompass at latitude {told}°" in str(done)
-        assert "gyrocompass at latitude 10°" in text(application_page(done, 10.0))
+    for about, latitude in (({"latitude_deg": "-33.9"}, "-33.9"), ({}, "55.75")):
+        placed = replace(record(block, np.linspace(0, 6, 30), np.linspace(1, 5, 30)), about=about)
+        write_record(placed, path)
+        application = apply_calibration(file, path)
+        assert f"gyrocompass at latitude {latitude}°" in str(application)
+        assert "gyrocompass at latitude 10°" in text(application_page(application, 10.0))
 
 
 def test_another_convention_gives_the_same_correction():
@@ -235,8 +235,8 @@ def test_another_convention_gives_the_same_correction():
     noisy = record(
         simulated(bench).specific_force / GRAVITY + SIGMA * np.sin(np.arange(72.0)).reshape(24, 3), ALPHA, BETA
     )
-    one, other = (
+    first, second = (
         correction_of(calibrate(noisy, noise_bound=SIGMA, convention=c).to_json(), "here") for c in ("A1", "A2")
     )
     force = GRAVITY * directions(np.random.default_rng(5), 10)
-    np.testing.assert_allclose(corrected(one, force), corrected(other, force), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(corrected(first, force), corrected(second, force), rtol=0, atol=1e-13)

@@ -30,10 +30,10 @@ def advised(record: PositionRecord, mounting: str = "identity") -> str:
     return channels_advice(record, record.specific_force / GRAVITY, parametrise(matrices), at)
 
 
-def options_in(said: str) -> list[str]:
+def options_in(line: str) -> list[str]:
     """The values of --channels that a line names, the first one first, those beside a mounting left out."""
-    said = re.sub(r"--mounting[^;]*", "", said)
-    return [quoted or plain for quoted, plain in re.findall(r'--channels (?:"([^"]*)"|([^\s;)]+))', said)]
+    line = re.sub(r"--mounting[^;]*", "", line)
+    return [quoted or plain for quoted, plain in re.findall(r'--channels (?:"([^"]*)"|([^\s;)]+))', line)]
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_every_signed_permutation_is_said_with_the_order_that_mends_it(hidden):
     for way in range(len(WRONG)):
         record, matrix = wrong_record(way, 0, hidden=hidden)
         listed = [Channels.given([text]) for text in options_in(advised(record))]
-        plain = [one for one in listed if one.alpha == one.beta == 1 and not one.radians]
+        plain = [channels for channels in listed if channels.alpha == channels.beta == 1 and not channels.radians]
         assert len(plain) == 1, WRONG[way]
         np.testing.assert_array_equal(plain[0].of_accelerometers, matrix)
 
@@ -55,7 +55,7 @@ def test_every_signed_permutation_is_said_with_the_order_that_mends_it(hidden):
 @pytest.mark.parametrize("part", [0.0, 0.1, 0.25, 0.5, 0.9])
 def test_channels_that_change_during_a_run_are_advised_nothing(part):
     """Exchanged from a row on, at least two rows before it and two behind telling: an effect, and no way of reading."""
-    tried = 0
+    changes = 0
     for way, seed in product(range(len(WRONG)), range(0, 4, 2)):
         record, matrix = wrong_record(way, seed, hidden=False)
         right, wrong, count = record.specific_force @ matrix.T, record.specific_force, len(record)
@@ -63,10 +63,10 @@ def test_channels_that_change_during_a_run_are_advised_nothing(part):
         tells = np.square((right - wrong) / GRAVITY).sum(axis=1) > 0.25
         if min(tells[:cut].sum(), tells[cut:].sum()) < 2:
             continue
-        tried += 1
+        changes += 1
         later = (np.arange(count) >= cut)[:, None]
         assert not advised(replace(record, specific_force=np.where(later, wrong, right))), WRONG[way]
-    assert tried >= 5
+    assert changes >= 5
 
 
 def test_right_records_are_advised_nothing():
@@ -90,19 +90,19 @@ def test_all_that_is_listed_mends_the_record_and_nothing_is_applied_silently(cle
     spoilt = spoil(clean)
     with pytest.raises(InputError) as refused:
         calibrate(spoilt, noise_bound=SIGMA)
-    said = str(refused.value)
-    assert "\n" not in said
-    listed = options_in(said)
+    message = str(refused.value)
+    assert "\n" not in message
+    listed = options_in(message)
     assert listed[0] == first
     assert len(listed) == 4
     right = calibrate(clean, noise_bound=SIGMA)
     for option in listed:
         mended = spoilt.read_with(Channels.given([option]))
         assert any(f"--channels {option}" in line.replace('"', "") for line in mended.warnings)
-        found = calibrate(mended, noise_bound=SIGMA)
-        assert found.verdict == "consistent"
+        result = calibrate(mended, noise_bound=SIGMA)
+        assert result.verdict == "consistent"
         # To rounding the record is the same, so all of it fits as well.
-        assert found.radius == pytest.approx(right.radius, rel=1e-6)
+        assert result.radius == pytest.approx(right.radius, rel=1e-6)
 
 
 def test_a_mounting_that_is_the_same_is_said_and_mends_it(clean):
@@ -133,28 +133,28 @@ def test_a_diagnosis_says_it_before_any_verdict(clean, effect, tmp_path, capsys)
     path = tmp_path / "measured.csv"
     write_record(replace(clean, specific_force=force, alpha=-clean.alpha), path)
     assert main(["diagnose", str(path), "--noise-bound", "1e-5"]) == 2
-    said = capsys.readouterr().err.strip()
-    assert said.count("\n") == 0
-    assert "--channels alpha=-1" in said
+    message = capsys.readouterr().err.strip()
+    assert message.count("\n") == 0
+    assert "--channels alpha=-1" in message
     assert "alpha=-1" in check(path).warnings[-1]
-    read = read_record(path, PositionRecord, channels=["alpha=-1"])
-    found = diagnose(read, noise_bound=SIGMA, rerun=False)
-    assert found.verdict == ("consistent" if effect == "none" else "explained")
-    assert any("--channels alpha=-1" in line for line in found.warnings)
+    mended = read_record(path, PositionRecord, channels=["alpha=-1"])
+    result = diagnose(mended, noise_bound=SIGMA, rerun=False)
+    assert result.verdict == ("consistent" if effect == "none" else "explained")
+    assert any("--channels alpha=-1" in line for line in result.warnings)
     assert not any("--channels" in line for line in check(path, ["alpha=-1"]).warnings if "g rms" in line)
 
 
 def test_a_person_who_says_that_the_file_stands_as_it_is_has_the_verdict(clean):
     exchanged = replace(clean, specific_force=clean.specific_force[:, [1, 0, 2]])
-    said = exchanged.read_with(Channels.given(["1,2,3"]))
-    assert calibrate(said, noise_bound=SIGMA).verdict == "falsified"
+    confirmed = exchanged.read_with(Channels.given(["1,2,3"]))
+    assert calibrate(confirmed, noise_bound=SIGMA).verdict == "falsified"
 
 
 def test_channels_that_were_said_wrongly_are_said_anew_for_the_file(clean):
     wrongly = clean.read_with(Channels.given(["2,1,3"]))
-    said = advised(wrongly)
+    message = advised(wrongly)
     # What mends it is the file as it stands, not another exchange of what was said.
-    assert "no --channels" in said
+    assert "no --channels" in message
 
 
 def test_a_raw_record_is_read_so_before_its_rests_are_averaged(tmp_path):
@@ -166,8 +166,8 @@ def test_a_raw_record_is_read_so_before_its_rests_are_averaged(tmp_path):
     assert isinstance(again, PositionRecord)
     np.testing.assert_allclose(again.specific_force, plain.specific_force, atol=1e-9)
     np.testing.assert_allclose(again.alpha, plain.alpha, atol=1e-12)
-    for one in ("approach_alpha", "approach_beta"):
-        np.testing.assert_array_equal(getattr(again, one), getattr(plain, one))
+    for column in ("approach_alpha", "approach_beta"):
+        np.testing.assert_array_equal(getattr(again, column), getattr(plain, column))
     # A record of positions that comes from rests is read so with its rests.
     averaged = read_record(mirrored, PositionRecord).read_with(Channels.given(["alpha=-1", "1,3,2"]))
     np.testing.assert_allclose(averaged.specific_force, read_record(raw, PositionRecord).specific_force, atol=1e-12)
@@ -182,7 +182,7 @@ def write_and(record, path):
 
 
 @pytest.mark.parametrize(
-    ("option", "said"),
+    ("option", "message"),
     [
         ("2,2,3", "is not known"),
         ("2,1", "is not known"),
@@ -193,20 +193,20 @@ def write_and(record, path):
         ("2,1,3 3,1,2", "said twice"),
     ],
 )
-def test_channels_that_are_none_are_refused_in_one_line(clean, tmp_path, capsys, option, said):
+def test_channels_that_are_none_are_refused_in_one_line(clean, tmp_path, capsys, option, message):
     path = write_and(clean, tmp_path / "measured.csv")
     assert main(["calibrate", str(path), "--noise-bound", "1e-5", "--channels", option]) == 2
     line = capsys.readouterr().err
-    assert said in line
+    assert message in line
     assert line.count("\n") == 1
 
 
 def test_channels_after_channels_are_those_of_the_file():
     first, second = Channels.given(["2,-1,3", "alpha=-1"]), Channels.given(["3,1,-2", "w=2,1,3"])
-    both = second.after(first)
-    np.testing.assert_array_equal(both.of_accelerometers, second.of_accelerometers @ first.of_accelerometers)
-    assert both.alpha == -1
-    assert Channels.given(both.options) == both
+    combined = second.after(first)
+    np.testing.assert_array_equal(combined.of_accelerometers, second.of_accelerometers @ first.of_accelerometers)
+    assert combined.alpha == -1
+    assert Channels.given(combined.options) == combined
     for before, after in pairwise(["1,2,3", "-3,2,1", "2,3,-1"]):
         pair = Channels.given([after]).after(Channels.given([before]))
         assert Channels.given([",".join(map(str, pair.accelerometers))]) == pair

@@ -68,8 +68,8 @@ def gyros_of(result: Calibration) -> Gyros:
 
 def outside(result: Calibration, truth: Truth) -> list[str]:
     """Symbols whose interval does not hold the truth."""
-    known = zip(result.parameters, [*truth.targets, *truth.gyros, *truth.lags], strict=True)
-    return [e.symbol for e, x in known if e.low is None or e.high is None or not e.low <= x <= e.high]
+    pairs = zip(result.parameters, [*truth.targets, *truth.gyros, *truth.lags], strict=True)
+    return [e.symbol for e, x in pairs if e.low is None or e.high is None or not e.low <= x <= e.high]
 
 
 def turns(record: BenchRecord, bench: Bench = PLACE) -> Turns:
@@ -93,15 +93,15 @@ def result(record) -> Calibration:
 
 
 def test_a_diagnosis_of_the_rests_says_that_the_gyros_are_left_out(record):
-    said = bench_evidence(position_record_of(record), noise_bound=1e-5).head()["warnings"]
-    assert sum("the gyros of this bench record are left out" in text for text in said) == 1
+    warnings = bench_evidence(position_record_of(record), noise_bound=1e-5).head()["warnings"]
+    assert sum("the gyros of this bench record are left out" in text for text in warnings) == 1
 
 
 def test_the_model_gives_what_an_exact_bench_integrates(truth):
     """Without errors of readings nothing is left but what sampling leaves of moves of both axes at once."""
     exact = bench_record(truth, replace(PROGRAMME, step=0.01), Errors(force=0.0, rate=0.0))
-    left = turns(exact).residual(np.array(truth.targets), np.array(truth.gyros))
-    assert np.abs(left).max() < 2e-6
+    residual = turns(exact).residual(np.array(truth.targets), np.array(truth.gyros))
+    assert np.abs(residual).max() < 2e-6
     off = np.array(truth.gyros)
     off[3] += 1e-5
     assert np.abs(turns(exact).residual(np.array(truth.targets), off)).max() > 1e-4
@@ -113,11 +113,11 @@ def test_a_lag_is_exact_of_moves_of_both_axes_and_of_moves_that_are_never_steady
     short = tuple((angle * (k % 2), angle * (k % 2)) for k, angle in enumerate((30.0, 35.0, 40.0, 45.0, 50.0, 55.0)))
     places = ((0.0, 0.0), (360.0, 300.0), (0.0, 0.0), (-300.0, 360.0), (0.0, 0.0), *short)
     exact = bench_record(late, Programme(places, dwell=4.0, rate=2.0, step=0.01), Errors(force=0.0, rate=0.0))
-    found = turns(exact)
-    left = found.residual(np.array(late.targets), np.array(late.gyros))
-    assert np.abs(left / found.bound(np.array(late.targets), np.array(late.gyros))).max() < 0.5
-    assert len(found.first) > 2 * len(places)
-    assert np.abs(left).max() < 6e-6
+    pieces = turns(exact)
+    residual = pieces.residual(np.array(late.targets), np.array(late.gyros))
+    assert np.abs(residual / pieces.bound(np.array(late.targets), np.array(late.gyros))).max() < 0.5
+    assert len(pieces.first) > 2 * len(places)
+    assert np.abs(residual).max() < 6e-6
 
 
 @pytest.mark.parametrize(("seed", "lag"), [(0, -2.9e-3), (5, 2.3e-3)])
@@ -125,21 +125,21 @@ def test_the_lag_of_a_gyro_block_is_in_its_interval(seed, lag):
     """The component reads late with scale factors of 1e-3 and more, and between rows of 20 ms it interpolates."""
     bench = draw_whole(np.random.default_rng([22, seed]))
     hidden = Hidden(EffectPlace("latency", "gyro-block"), (lag,))
-    found = calibrate_whole(bench.measured(22, seed, (hidden,)), bench.place, noise_bound=1e-5)
+    calibration = calibrate_whole(bench.measured(22, seed, (hidden,)), bench.place, noise_bound=1e-5)
     truth = dict.fromkeys(GYRO_PARAMETERS, 0.0) | {"L": lag, "A": 0.0, "L-A": lag}
     of_block = bench.truth["GyroBlock"]
     truth |= {f"M{k // 3 + 1}{k % 3 + 1}": value for k, value in enumerate(of_block["scale_misalignment"])}
     truth |= {f"B{k + 1}": value for k, value in enumerate(of_block["bias"])}
-    for one in found.of_gyros:
-        assert one.low is not None
-        assert one.high is not None
-        assert one.low <= truth[one.symbol] <= one.high, one.symbol
+    for parameter in calibration.of_gyros:
+        assert parameter.low is not None
+        assert parameter.high is not None
+        assert parameter.low <= truth[parameter.symbol] <= parameter.high, parameter.symbol
 
 
 def test_derivatives_are_those_of_the_model(record, truth):
-    own = turns(record)
+    pieces = turns(record)
     x, g = np.array(truth.targets), np.array(truth.gyros)
-    rest = own.moments, own.growth, own.mounting, own.earth
+    rest = pieces.moments, pieces.growth, pieces.mounting, pieces.earth
     jacobian = integrated_jacobian((x, g), rest)
     at = np.concatenate([x, g])
     for k in range(len(at)):
@@ -157,9 +157,9 @@ def test_every_interval_holds_the_truth(result, truth):
 def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
     """Accelerometers centimetres from the crossing of the axes, milliseconds late: known to microseconds."""
     for e, x in zip(result.of_gyros[-2:], truth.lags, strict=True):
-        told = (e.a_priori, e.guaranteed_error, e.estimate, e.error_bound, e.low, e.high)
-        assert None not in told
-        a_priori, guaranteed, estimate, error, low, high = (float(v) for v in told if v is not None)
+        numbers = (e.a_priori, e.guaranteed_error, e.estimate, e.error_bound, e.low, e.high)
+        assert None not in numbers
+        a_priori, guaranteed, estimate, error, low, high = (float(v) for v in numbers if v is not None)
         assert abs(a_priori - x) <= guaranteed < 5e-5
         assert abs(estimate - x) <= error
         assert high - low <= 2.0 * guaranteed * (1.0 + 1e-9)
@@ -170,21 +170,21 @@ def test_latencies_are_told_beside_places_that_nobody_knows(result, truth):
 def test_accelerometers_of_different_lags_have_no_latency_and_all_else_stands(record, result):
     force = record.specific_force.copy()
     force[1:, 1] = force[:-1, 1]
-    found = told(replace(record, specific_force=force))
-    late = found.of_gyros[-2:]
+    calibration = told(replace(record, specific_force=force))
+    late = calibration.of_gyros[-2:]
     assert [e.estimate for e in late] == [None, None]
-    assert sum("no one lag of all accelerometers" in text for text in found.warnings) == 1
-    assert found.verdict == "consistent"
-    for e, before in zip(found.parameters[:-2], result.parameters[:-2], strict=True):
+    assert sum("no one lag of all accelerometers" in text for text in calibration.warnings) == 1
+    assert calibration.verdict == "consistent"
+    for e, before in zip(calibration.parameters[:-2], result.parameters[:-2], strict=True):
         assert abs(e.estimate - before.estimate) < before.error_bound
 
 
 def test_what_both_determine_is_never_known_worse_and_the_leaning_of_the_axes_better(result, record):
     alone = calibrate(position_record_of(record), noise_bound=SIGMA)
-    for both, before in zip(result.targets, alone.parameters, strict=True):
-        assert both.low >= before.low
-        assert both.high <= before.high
-        assert both.guaranteed_error <= before.guaranteed_error
+    for together, before in zip(result.targets, alone.parameters, strict=True):
+        assert together.low >= before.low
+        assert together.high <= before.high
+        assert together.guaranteed_error <= before.guaranteed_error
     lean = next(gain for gain in gyros_of(result).gains if gain.symbol == "X3")
     assert lean.with_gyros < 0.75 * lean.accelerometers_alone
 
@@ -192,52 +192,52 @@ def test_what_both_determine_is_never_known_worse_and_the_leaning_of_the_axes_be
 def test_a_truth_as_far_as_the_guaranteed_error_gives_records_within_the_bounds(record):
     """Each a-priori error is attained: two benches so far apart, whose readings differ by the bounds at most."""
     rests = position_record_of(record)
-    here = with_turns(calibrate(rests, noise_bound=SIGMA).linearised, turns(record), "record")
-    polytope = Polytope(here.jacobian, here.bound)
-    polytope.confine(-here.bound, here.bound)
+    system = with_turns(calibrate(rests, noise_bound=SIGMA).linearised, turns(record), "record")
+    polytope = Polytope(system.jacobian, system.bound)
+    polytope.confine(-system.bound, system.bound)
     for symbol in ("X3", "X14", "M11", "M32", "B2", "S23", "L"):
-        weights = (np.array(here.symbols) == symbol).astype(float)
+        weights = (np.array(system.symbols) == symbol).astype(float)
         error, away, duals = polytope.maximise(weights)
         assert weights @ away == pytest.approx(error, rel=1e-6)
-        assert np.abs(duals) @ here.bound == pytest.approx(error, rel=1e-6)
-        apart = np.abs(here.residual_at(here.point + away) - here.residual_at(here.point)) / here.bound
+        assert np.abs(duals) @ system.bound == pytest.approx(error, rel=1e-6)
+        apart = np.abs(system.residual_at(system.point + away) - system.residual_at(system.point)) / system.bound
         # The model is linear but for products of such small steps.
         assert apart.max() == pytest.approx(1.0, abs=1e-4)
 
 
 def test_scale_factors_that_differ_by_sense_falsify_and_the_turns_are_named(record, truth):
     """A gyro that reads a turn one way by 3e-4 more than the other way has no one scale factor."""
-    more = np.where(record.increment > 0.0, 1.0 + 3e-4, 1.0)
-    found = told(replace(record, increment=record.increment * more))
-    assert found.verdict == "falsified"
-    assert gyros_of(found).witness
-    assert gyros_of(found).gains == []
-    assert all(e.central is None for e in found.of_gyros)
-    assert {t.gyro for t in gyros_of(found).witness} <= {1, 2, 3}
+    factor = np.where(record.increment > 0.0, 1.0 + 3e-4, 1.0)
+    calibration = told(replace(record, increment=record.increment * factor))
+    assert calibration.verdict == "falsified"
+    assert gyros_of(calibration).witness
+    assert gyros_of(calibration).gains == []
+    assert all(e.central is None for e in calibration.of_gyros)
+    assert {t.gyro for t in gyros_of(calibration).witness} <= {1, 2, 3}
 
 
 def test_without_turns_about_the_inner_axis_what_they_would_tell_is_missing(truth):
     """At one inner angle gyros see one axis only: M is open, and the accelerometers' verdict stands."""
     still = replace(PROGRAMME, positions=tuple((45.0 * k, 25.0) for k in range(12)))
-    found = told(bench_record(truth, still, ERRORS))
-    assert not found["M11"].determined
-    known = {e.symbol: e for e in found.of_gyros}
-    assert known["M11"].low is None
+    calibration = told(bench_record(truth, still, ERRORS))
+    assert not calibration["M11"].determined
+    by_symbol = {e.symbol: e for e in calibration.of_gyros}
+    assert by_symbol["M11"].low is None
 
 
 def test_rates_say_what_increments_say(record, result):
     period = float(np.median(np.diff(record.time_s)))
     rates = replace(record, rate=record.increment / period, increment=None)
-    found = told(rates, replace(PLACE, rates="averaged"))
-    for one, other in zip(found.of_gyros, result.of_gyros, strict=True):
-        assert one.guaranteed_error is not None
-        assert one.low == pytest.approx(other.low, abs=0.02 * one.guaranteed_error)
+    calibration = told(rates, replace(PLACE, rates="averaged"))
+    for by_rates, by_increments in zip(calibration.of_gyros, result.of_gyros, strict=True):
+        assert by_rates.guaranteed_error is not None
+        assert by_rates.low == pytest.approx(by_increments.low, abs=0.02 * by_rates.guaranteed_error)
     # What a rate does between samples nobody has seen.
     sampled = told(rates, replace(PLACE, rates="instantaneous"))
-    for one, other in zip(sampled.of_gyros, found.of_gyros, strict=True):
-        assert one.guaranteed_error is not None
-        assert other.guaranteed_error is not None
-        assert one.guaranteed_error > 1.02 * other.guaranteed_error or one.symbol[0] in "BSA"
+    for by_rates, by_increments in zip(sampled.of_gyros, calibration.of_gyros, strict=True):
+        assert by_rates.guaranteed_error is not None
+        assert by_increments.guaranteed_error is not None
+        assert by_rates.guaranteed_error > 1.02 * by_increments.guaranteed_error or by_rates.symbol[0] in "BSA"
 
 
 def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
@@ -254,10 +254,10 @@ def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
     table = scenario.fmus["table"].parameters
     place = np.degrees([table["latitude"], table["azimuth"]]).tolist()
     bench = Bench(*place, encoder_bound=table["encoder_fluctuation_bound"])
-    found = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
-    assert found.verdict == "consistent"
-    assert inside_intervals(found, true_targets(scenario)) == 42
-    (tmp_path / "imu.json").write_text(found.json_text(), encoding="utf-8")
+    calibration = th.calibrate(run.files[0], noise_bound=1e-5, bench=bench)
+    assert calibration.verdict == "consistent"
+    assert inside_intervals(calibration, true_targets(scenario)) == 42
+    (tmp_path / "imu.json").write_text(calibration.json_text(), encoding="utf-8")
     compensated = short.replace("[record]", COMPENSATION + "[record]").replace(
         "step_s = 0.05", "step_s = 0.05\nstop_s = 40.0"
     )
@@ -265,9 +265,9 @@ def test_the_scenario_of_the_whole_imu_holds_its_truth(tmp_path):
     (tmp_path / "compensated.toml").write_text("\n".join([compensated, *columns]), encoding="utf-8")
     table = th.simulate(tmp_path / "compensated.toml").table
     sums = {n: np.array([table[f"{n}{k}_rad"].sum() for k in (1, 2, 3)]) for n in ("table", "compensation", "dtheta")}
-    true, made, read = sums.values()
-    assert np.abs(read - true).max() > 5e-3
-    assert np.abs(made - true).max() < 2e-4
+    true, compensated_sum, read_sum = sums.values()
+    assert np.abs(read_sum - true).max() > 5e-3
+    assert np.abs(compensated_sum - true).max() < 2e-4
 
 
 def test_exchanged_gyros_are_refused_with_the_option(record):
@@ -277,11 +277,11 @@ def test_exchanged_gyros_are_refused_with_the_option(record):
 
 def test_an_inspection_judges_the_accelerometers_by_the_table(record):
     """Their scale factors depend on the sign, which the norm of gravity cannot hold: the table's angles can."""
-    found = th.inspect(record)
-    assert found.accelerometers is None
-    assert found.at_table is not None
+    calibration = th.inspect(record)
+    assert calibration.accelerometers is None
+    assert calibration.at_table is not None
     alone = calibrate(position_record_of(record))
-    assert (found.at_table.verdict, found.at_table.radius) == ("consistent", alone.radius)
+    assert (calibration.at_table.verdict, calibration.at_table.radius) == ("consistent", alone.radius)
     strapdown = th.inspect(record.gyros)
     assert strapdown.at_table is None
     assert "at_table" not in strapdown.to_json()
@@ -303,8 +303,8 @@ def test_a_bench_record_is_known_by_its_columns(record, tmp_path):
     strapdown = read_record(tmp_path / "bench.csv", StrapdownRecord)
     assert strapdown.increment is not None
     assert np.array_equal(strapdown.increment, record.increment[first])
-    made = write_fmpy_input(tmp_path / "bench.csv", tmp_path / "input.csv", rates="instantaneous", bridge_gaps=0)
-    assert made.component == "AttitudeComputer"
+    exported = write_fmpy_input(tmp_path / "bench.csv", tmp_path / "input.csv", rates="instantaneous", bridge_gaps=0)
+    assert exported.component == "AttitudeComputer"
     averaged = read_record(tmp_path / "bench.csv", PositionRecord)
     assert isinstance(averaged.raw, BenchRecord)
     table = again.to_polars().with_columns(w1_radps=0.0, w2_radps=0.0, w3_radps=0.0)
@@ -320,9 +320,9 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     assert "--gyro-noise: gyros are calibrated where --latitude-deg and" in capsys.readouterr().err
     place = ["--latitude-deg", str(PLACE.latitude_deg), "--azimuth-deg", str(PLACE.azimuth_deg)]
     assert main([*alone, *place, "--encoder-bound", "2e-6", "--json", "imu.json", "--ssv", "imu.ssv"]) == 0
-    said = capsys.readouterr().out
-    assert "The turns make X3 better known" in said
-    assert "gyro-misalignment-12" in said
+    text = capsys.readouterr().out
+    assert "The turns make X3 better known" in text
+    assert "misalignment of gyro 1 towards axis 2" in text
     again = Calibration.model_validate_json((tmp_path / "imu.json").read_text(encoding="utf-8"))
     assert [e.symbol for e in again.of_gyros] == [*GYRO_PARAMETERS, *LATENCIES]
     units = {e.name: e.unit for e in again.of_gyros}
@@ -341,35 +341,35 @@ def test_at_a_terminal(record, tmp_path, capsys, monkeypatch):
     # At rest the Earth alone turns the block, and over a move the table does.
     assert better.increment is not None
     assert record.increment is not None
-    rate = [own[100:200].sum(axis=0) / 2.0 for own in (record.increment, better.increment)]
+    rate = [increments[100:200].sum(axis=0) / 2.0 for increments in (record.increment, better.increment)]
     assert np.linalg.norm(rate[0]) > 5e-4
     assert abs(np.linalg.norm(rate[1]) - 7.292e-5) < 4e-5
 
 
 def test_where_a_record_was_measured_its_comment_lines_say(record, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    said = {"latitude_deg": str(PLACE.latitude_deg), "azimuth_deg": str(PLACE.azimuth_deg - 360.0)}
-    told = position_record_of(replace(record, about=said))
-    assert bench_at(told, encoder_bound=2e-6) == replace(PLACE, azimuth_deg=PLACE.azimuth_deg - 360.0)
-    assert bench_at(told, azimuth_deg=PLACE.azimuth_deg) is not None
+    comments = {"latitude_deg": str(PLACE.latitude_deg), "azimuth_deg": str(PLACE.azimuth_deg - 360.0)}
+    placed = position_record_of(replace(record, about=comments))
+    assert bench_at(placed, encoder_bound=2e-6) == replace(PLACE, azimuth_deg=PLACE.azimuth_deg - 360.0)
+    assert bench_at(placed, azimuth_deg=PLACE.azimuth_deg) is not None
     assert bench_at(position_record_of(record)) is None
-    write_record(replace(record, about=said), tmp_path / "bench.csv")
+    write_record(replace(record, about=comments), tmp_path / "bench.csv")
     for command in ("calibrate", "diagnose"):
         assert main([command, "bench.csv", "--noise-bound", str(SIGMA), "--latitude-deg", "10"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert "--latitude-deg 10" in line
         assert "leave the option out, or correct that line" in line
     with pytest.raises(InputError, match="a number must stand there"):
-        bench_at(position_record_of(replace(record, about=said | {"azimuth_deg": "north"})))
+        bench_at(position_record_of(replace(record, about=comments | {"azimuth_deg": "north"})))
 
 
 def test_the_true_attitude_by_the_table_is_that_of_the_bench(record, result, truth, tmp_path):
     """Any two rows are turned against each other as the exact bench is, within what is stated."""
     strapdown = strapdown_by_table(result, position_record_of(record), PLACE)
     exact = Rotation.from_matrix(np.swapaxes(attitudes_of(truth, record), 1, 2))
-    told = Rotation.from_quat(strapdown.attitude, scalar_first=True)
+    stated = Rotation.from_quat(strapdown.attitude, scalar_first=True)
     rows = np.random.default_rng(2).integers(0, len(record), (2, 400))
-    off = (told[rows[0]].inv() * told[rows[1]]) * (exact[rows[0]].inv() * exact[rows[1]]).inv()
+    off = (stated[rows[0]].inv() * stated[rows[1]]) * (exact[rows[0]].inv() * exact[rows[1]]).inv()
     bound = np.radians(float(strapdown.about["attitude_bound_arcmin"]) / 60.0)
     assert off.magnitude().max() <= 2.0 * bound
     assert bound < 6e-5
@@ -387,11 +387,11 @@ def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
     short = bench_record(none, replace(PROGRAMME, positions=places, step=0.02, dwell=5.0), Errors(rate=5e-5))
     exact = Rotation.from_matrix(np.swapaxes(attitudes_of(none, short), 1, 2)).as_quat(scalar_first=True)
     within = {}
-    for said in ({}, {"attitude_reference": "inertial"}):
-        known = replace(short.gyros, attitude=exact, about=said)
-        made = carried_evidence(known, baseline="calibrated", reference_bound=0.01)
-        assert isinstance(made, Carried)
-        assert made.baseline_radius < made.limit
-        within[len(said)] = made.stated_bound
-        assert ("Earth" in made.bounds_from) == (not said)
+    for comments in ({}, {"attitude_reference": "inertial"}):
+        strapdown = replace(short.gyros, attitude=exact, about=comments)
+        evidence = carried_evidence(strapdown, baseline="calibrated", reference_bound=0.01)
+        assert isinstance(evidence, Carried)
+        assert evidence.baseline_radius < evidence.limit
+        within[len(comments)] = evidence.stated_bound
+        assert ("Earth" in evidence.bounds_from) == (not comments)
     assert within[1] < 0.2 * within[0]
