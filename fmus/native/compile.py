@@ -86,7 +86,9 @@ class Platform:
 
     def folder(self, fmi: int) -> str:
         """Folder under binaries/."""
-        return self.fmi2_folder if fmi == 2 else self.name
+        if fmi == 2:
+            return self.fmi2_folder
+        return self.name
 
 
 PLATFORMS = {
@@ -281,7 +283,9 @@ def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, porta
         if library is not None:
             return library
         if not compiles(platform.name):
-            raise BuildError(NO_COMPILER if platform.name == host_name() else f"platform {platform.name}: {NO_ZIG}")
+            if platform.name == host_name():
+                raise BuildError(NO_COMPILER)
+            raise BuildError(f"platform {platform.name}: {NO_ZIG}")
     cross = zig_version() is not None and (portable or platform.name != host_name() or host_compiler() is None)
     output = f"{name}{platform.suffix}"
     compiled = [n for n in sources if n.endswith(".c")]

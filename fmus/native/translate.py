@@ -34,7 +34,9 @@ def kernel_name(name: str) -> str:
 
 def variable_name(name: str) -> str:
     """What an argument or a variable is called in C."""
-    return f"{name}_" if name in RESERVED.split() else name
+    if name in RESERVED.split():
+        return f"{name}_"
+    return name
 
 
 def constant_name(name: str) -> str:
@@ -78,7 +80,9 @@ class Value(NamedTuple):
 
     def bound(self, level: int) -> str:
         """The text, in brackets where it binds less strongly than its surroundings."""
-        return self.text if self.level >= level else f"({self.text})"
+        if self.level >= level:
+            return self.text
+        return f"({self.text})"
 
 
 @dataclass
@@ -179,12 +183,16 @@ class Scope:
                     raise self.refuse(node, f"math.{name} takes {MATH[name]} argument(s)")
                 text = f"{name}({', '.join(self.number(argument).text for argument in node.args)})"
                 # Python's floor is an int, which has no negative zero.
-                return Value(f"{text} + 0.0", 5, WHOLE) if name == "floor" else Value(text, ATOM, FLOAT)
+                if name == "floor":
+                    return Value(f"{text} + 0.0", 5, WHOLE)
+                return Value(text, ATOM, FLOAT)
             case ast.Name(id="float") if len(node.args) == 1:
                 return Value(f"(double){self.number(node.args[0]).bound(UNARY)}", UNARY, FLOAT)
             case ast.Name(id="int") if len(node.args) == 1:
                 operand = self.number(node.args[0])
-                return operand if operand.kind == INT else Value(f"whole({operand.text})", ATOM, INT)
+                if operand.kind == INT:
+                    return operand
+                return Value(f"whole({operand.text})", ATOM, INT)
             case ast.Name(id=name) if name in self.kernels:
                 arguments = ", ".join(self._arguments(node, self.kernels[name]))
                 return Value(f"{kernel_name(name)}({arguments})", ATOM, self.kernels[name].result)
@@ -216,7 +224,9 @@ class Scope:
 
     def check_order(self, nodes: list[ast.expr]) -> None:
         """Refuse expressions of one statement whose value depends on which is taken first: C leaves that open."""
-        calls = [n for node in nodes for n in ast.walk(node) if isinstance(n, ast.Call) and self.changed(n)]
+        calls: list[ast.Call] = []
+        for node in nodes:
+            calls += [n for n in ast.walk(node) if isinstance(n, ast.Call) and self.changed(n)]
         if not calls:
             return
         if len(calls) > 1:

@@ -186,7 +186,9 @@ class Slave:
 
     def accessor(self, verb: str, access: str) -> str:
         """Name of the function that gets or sets values of a type."""
-        return f"{self.prefix}{verb}{'Boolean' if access == 'Boolean2' else access}"
+        if access == "Boolean2":
+            access = "Boolean"
+        return f"{self.prefix}{verb}{access}"
 
     def set_values(self, values: Iterable[tuple[Variable, Value]], _: Interface) -> None:
         """Set variables one by one, as is done before the run."""
@@ -296,3 +298,7 @@ class Slave3(Slave):
     def begin(self, start: float, stop: float) -> None:
         """Enter initialisation with the times of the run."""
         self.call("fmi3EnterInitializationMode", False, 0.0, start, True, stop)
+
+
+SLAVES = {2: Slave, 3: Slave3}
+"""Instances by the version of FMI."""

@@ -119,7 +119,7 @@ class Guest:
         """Take the last line that the FMU has printed for its message."""
         lines = [" ".join(line.split()) for line in self._printed.decode("utf-8", "replace").split("\n")]
         printed = [line for line in lines if line]
-        self._hear(0, printed[-1][:LONGEST_PRINTED] if printed else "")
+        self._hear(0, "".join(printed[-1:])[:LONGEST_PRINTED])
 
     def _request(self, operations: list[tuple[Any, ...]]) -> list[tuple[int, Any]]:
         """Status and values of each of the operations, and of what follows a step; fewer where one has failed."""
@@ -234,8 +234,10 @@ class Guest:
             return self._status(name), (_WORD, ctypes.c_int, _WORD)
         if name.endswith("InputDerivatives"):
             return self._derivatives(name), [_WORD] * 5
-        words = [_WORD] * (4 if name.startswith("fmi2") else 5)
-        return (self._setter if name[4:7] == "Set" else self._getter)(name), words
+        words = [_WORD] * (int(name[3]) + 2)
+        if name[4:7] == "Set":
+            return self._setter(name), words
+        return self._getter(name), words
 
     def _call_into(self, name: str, arguments: tuple[Any, ...], places: Sequence[int]) -> int:
         """Call a function and copy what it wrote to these addresses; its status."""
@@ -278,7 +280,7 @@ class Guest:
         kind = _kind(name)
 
         def setter(_: int, references: int, several: int, values: int, *counts: int) -> int:
-            count = counts[0] if counts else several
+            count = (several, *counts)[-1]
             if kind == "String":
                 texts = (ctypes.c_char_p * count).from_address(values)
                 memory: tuple[Any, ...] = ([text or b"" for text in texts],)
@@ -300,11 +302,12 @@ class Guest:
         kind = _kind(name)
 
         def getter(_: int, references: int, several: int, values: int, *counts: int) -> int:
-            count = counts[0] if counts else several
-            if VALUE_TYPES[kind].by_address:
-                output: tuple[Any, ...] = ("texts" if kind == "String" else "binaries", count)
-            else:
-                output = (bytes(VALUE_TYPES[kind].dtype().itemsize * count),)
+            count = (several, *counts)[-1]
+            output: tuple[Any, ...] = (bytes(VALUE_TYPES[kind].dtype().itemsize * count),)
+            if kind == "String":
+                output = ("texts", count)
+            elif kind == "Binary":
+                output = ("binaries", count)
             call = name, (ctypes.string_at(references, 4 * several), several, output, *counts)
             answer = self._fetched.pop(call, None)
             if answer is None:
@@ -375,7 +378,9 @@ def _is_step(operation: Sequence[Any]) -> bool:
 def _kind(name: str) -> str:
     """The type of values that a getter or a setter takes, a key of `VALUE_TYPES`."""
     kind = name[len("fmi2Get") :]
-    return "Boolean2" if name == f"fmi2{name[4:7]}Boolean" else kind
+    if name.startswith("fmi2") and kind == "Boolean":
+        return "Boolean2"
+    return kind
 
 
 def _logger() -> str:

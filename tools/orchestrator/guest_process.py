@@ -167,7 +167,9 @@ class Events:
             begin, length = arguments[:2]
             status, reached = self.step(begin, length)
             flags = (False, self.ended is not None, reached < begin + length)
-            return status, [] if self.version == 2 else [*(bytes([flag]) for flag in flags), struct.pack("d", reached)]
+            contents = [bytes([flag]) for flag in flags]
+            contents.append(struct.pack("d", reached))
+            return status, contents
         if "Real" in name:
             return OK, [struct.pack("d", self.ended or 0.0)]
         return OK, [struct.pack("i", self.ended is not None)]
@@ -201,7 +203,9 @@ class Solver(Events):
     def step(self, begin: float, length: float) -> tuple[int, float]:
         """Make a step; its status, and up to when it was made."""
         status = self.plain_call(f"fmi{self.version}SetTime", _REAL(begin))
-        return (status, begin) if status > WARNING else super().step(begin, length)
+        if status > WARNING:
+            return status, begin
+        return super().step(begin, length)
 
     def _begin(self) -> None:
         """Begin an integration at this time."""
@@ -236,8 +240,7 @@ class Solver(Events):
         """Integrate to the next event, or to the end of the step."""
         self._begin()
         goal = min(end, max(self.next_event, self.time))
-        met = self._integrate(goal) if goal - self.time > close else False
-        if not met:
+        if goal - self.time <= close or not self._integrate(goal):
             self.time = goal
         self._set_time(self.time)
         if self.version == 2:
@@ -297,7 +300,9 @@ def cvode_class() -> type:
 def _hear(environment: int | None, status: int, text: bytes | None, name: bytes | None = None) -> None:
     """Give a message to the instance that it comes from: by its environment, else by its name, else to all."""
     host = HOSTS.get(environment or 0)
-    hosts = list(HOSTS.values()) if host is None else [host]
+    hosts = list(HOSTS.values())
+    if host is not None:
+        hosts = [host]
     for listener in [listener for listener in hosts if listener.name == name] or hosts:
         listener.log.append((status, " ".join((text or b"").decode("utf-8", "replace").split())))
 

@@ -90,7 +90,9 @@ def in_memory(kind: str, value: str) -> Any:
 
 def bytes_at(address: int) -> bytes:
     """The bytes of a Binary; none where it has no address yet."""
-    return ctypes.string_at(address + 8, ctypes.c_size_t.from_address(address).value) if address else b""
+    if not address:
+        return b""
+    return ctypes.string_at(address + 8, ctypes.c_size_t.from_address(address).value)
 
 
 def scale_of(exponents: Mapping[str, int], factor: float = 1.0, offset: float = 0.0) -> Unit:
@@ -131,7 +133,9 @@ def between(
         target_scales.get(second) or _SCALES.get(second),
     )
     if source_scale is None or target_scale is None:
-        return (1.0, 0.0) if first == second else None
+        if first != second:
+            return None
+        return 1.0, 0.0
     if source_scale.exponents != target_scale.exponents:
         return None
     factor = source_scale.factor / target_scale.factor
@@ -313,12 +317,18 @@ def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) ->
 
     def attribute(key: str) -> object:
         value = getattr(entry, key, None)
-        return value if value is not None else getattr(declared, key, None)
+        if value is None:
+            return getattr(declared, key, None)
+        return value
 
     def limit(key: str) -> float | None:
-        text = attribute(key) if kind in ("Real", "Integer", "Enumeration") else None
-        value = math.nan if text is None else float(str(text))
-        return None if math.isnan(value) else value
+        text = attribute(key)
+        if text is None or kind not in ("Real", "Integer", "Enumeration"):
+            return None
+        value = float(str(text))
+        if math.isnan(value):
+            return None
+        return value
 
     items = declared.items if declared is not None and kind == "Enumeration" else ()
     described = [int(n) for n in entry.shape or ()]
@@ -374,8 +384,11 @@ def interface_of(
             continue
         try:
             exponents = {key: int(getattr(base, key) or 0) for key in BASE_UNITS}
-            factor = 1.0 if base.factor is None else float(base.factor)
-            offset = 0.0 if base.offset is None else float(base.offset)
+            factor, offset = 1.0, 0.0
+            if base.factor is not None:
+                factor = float(base.factor)
+            if base.offset is not None:
+                offset = float(base.offset)
         except ValueError as error:
             raise InputError(f"{label}: modelDescription.xml, unit '{unit.name}': {error}") from error
         scales[str(unit.name)] = scale_of(exponents, factor, offset)

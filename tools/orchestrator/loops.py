@@ -22,7 +22,7 @@ import numpy as np
 from ...models.table_commands import TICK_TOLERANCE
 from ..errors import InputError
 from . import operations as op
-from .fmu import Slave, Slave3
+from .fmu import SLAVES, Slave
 from .guest_process import DISCARD
 from .load import Loaded
 from .operations import compiled_march, plain_march
@@ -77,8 +77,7 @@ def run_fmus(
         slaves: dict[str, Slave] = {}
         for name in assembly.order:
             entry = assembly.loaded[name]
-            kind = Slave3 if entry.interface.version == 3 else Slave
-            slaves[name] = kind(name, entry.fmu)
+            slaves[name] = SLAVES[entry.interface.version](name, entry.fmu)
             stack.callback(slaves[name].close)
         initialise(slaves, assembly)
         program = step_program(assembly.groups, assembly.scenario.run, slaves, assembly.ports)
@@ -255,8 +254,9 @@ class _Loop:
             raise InputError(f"{slave}: {place.call} at {begin:.9g} s returned before the end of the step")
         if not started:
             slave.fail(place.call, status, None)
-        getting = self.program.operations[at].code in (op.CALL4, op.CALL5) and "Get" in place.call
-        slave.fail(place.call, status, end if getting else begin)
+        if self.program.operations[at].code in (op.CALL4, op.CALL5) and "Get" in place.call:
+            slave.fail(place.call, status, end)
+        slave.fail(place.call, status, begin)
 
     def refuse_unsettled(self, group: Group, when: str) -> NoReturn:
         """Name the value of a cycle that changes most."""

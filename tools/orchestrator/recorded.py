@@ -129,7 +129,8 @@ class Blocks:
             if port.access == "Binary":
                 texts.append(bytes_at(address).hex())
             else:
-                texts.append(ctypes.string_at(address).decode("utf-8", "replace") if address else "")
+                content = ctypes.string_at(address) if address else b""
+                texts.append(content.decode("utf-8", "replace"))
 
     def advance(self, row: int) -> None:
         """Note that this many rows of the block are recorded; hand a full block on."""

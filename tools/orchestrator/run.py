@@ -108,8 +108,9 @@ class Simulation(Result):
         """The same, read as far as it is needed."""
         if self.held is not None:
             return self.held.lazy()
-        waiting = self.files[0] if self.beside is None else self.beside / self.files[0].name
-        path = waiting if waiting.exists() else self.files[0]
+        path = self.files[0]
+        if self.beside is not None and (self.beside / path.name).exists():
+            path = self.beside / path.name
         if path.suffix == ".csv":
             return pl.scan_csv(path)
         return pl.scan_parquet(path)

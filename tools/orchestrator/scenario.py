@@ -190,7 +190,9 @@ class Stimulus(Section):
         """Which of the three kinds it is."""
         if self.constant is not None:
             return "constant"
-        return "rows" if self.columns is not None else "programme"
+        if self.columns is not None:
+            return "rows"
+        return "programme"
 
     @model_validator(mode="before")
     @classmethod

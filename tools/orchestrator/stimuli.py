@@ -199,7 +199,9 @@ def _numbers(label: str, frame: pl.DataFrame, lines: np.ndarray) -> NumberTable:
         if bad.any():
             index = int(bad.arg_true()[0])
             written = frame[name][index]
-            what = "is empty" if written is None or written == "" else f"'{written}' is not a finite number"
+            what = f"'{written}' is not a finite number"
+            if written is None or written == "":
+                what = "is empty"
             raise InputError(f"{label}, row {int(lines[index])}, column '{name}': {what}")
         columns[name] = np.ascontiguousarray(numbers.to_numpy(), dtype=np.float64)
     if frame.height == 0:
@@ -258,8 +260,9 @@ def resolve_rows(
         rows, begins = held(grids[fmu])
         values = np.column_stack([values for _, values in group])
         # Where all rows hold over some step, no copy: runs of an hour at 1 kHz are large.
-        chosen = values if len(rows) == len(values) else values[rows]
-        drives.append(Drive(fmu, tuple(variable for variable, _ in group), chosen, begins))
+        if len(rows) != len(values):
+            values = values[rows]
+        drives.append(Drive(fmu, tuple(variable for variable, _ in group), values, begins))
     return drives
 
 

@@ -46,7 +46,9 @@ class Pace:
     @property
     def back(self) -> int:
         """So many steps of the run before the one with which it steps its own step begins."""
-        return 0 if self.ahead else self.stride - 1
+        if self.ahead:
+            return 0
+        return self.stride - 1
 
 
 @dataclass(frozen=True)

@@ -239,7 +239,9 @@ def _edge(connection: Element, part: Part, label: str) -> tuple[Node, Node]:
         kind = owner.connectors.get(name)
         ends.append((owner.path, name))
         # A system's own inputs feed what is inside it.
-        sources = ("input", "parameter") if element is None else ("output", "calculatedParameter")
+        sources = ("output", "calculatedParameter")
+        if element is None:
+            sources = ("input", "parameter")
         feeding.append(None if kind is None else kind in sources)
     ends_text = " -> ".join(".".join([*path, name]) for path, name in ends)
     for step in connection:

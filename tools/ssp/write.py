@@ -92,7 +92,8 @@ def export_ssp(
         flavour = "native" if platform is not None else usual_flavour()
     if flavour == "python" and platform is not None:
         raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
-    platform = "host" if platform is None else platform
+    if platform is None:
+        platform = "host"
     try:
         if flavour == "native":
             chosen_platforms(platform)
@@ -273,7 +274,9 @@ def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -
         rows.append((element, kind, attributes))
     origin = f", calibration {setting.parameters_from}" if setting.parameters_from is not None else ""
     description = f"parameters of {name}{origin}"
-    return parameter_file(SET_NAME, description, rows, units, version=version) if rows else b""
+    if not rows:
+        return b""
+    return parameter_file(SET_NAME, description, rows, units, version=version)
 
 
 def _structure(

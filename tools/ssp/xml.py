@@ -35,7 +35,9 @@ def child(element: Element, path: str) -> Element | None:
 
 def local_name(element: Element) -> str:
     """An element's name without its namespace."""
-    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
+    if not isinstance(element.tag, str):
+        return ""
+    return element.tag.rpartition("}")[2]
 
 
 def declared(*prefixes: str) -> dict[str, str]:
