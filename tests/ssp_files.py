@@ -26,13 +26,13 @@ def inline(*parameters: str, units: str = "", attributes: str = "", mapping: str
     return f"<ssd:ParameterBinding {attributes}>{inner}{mapping}</ssd:ParameterBinding>"
 
 
-def bindings(*attributes: str) -> str:
-    return f"<ssd:ParameterBindings>{''.join(attributes)}</ssd:ParameterBindings>" if attributes else ""
+def bindings(*elements: str) -> str:
+    return f"<ssd:ParameterBindings>{''.join(elements)}</ssd:ParameterBindings>" if elements else ""
 
 
 def connectors(**kinds: str) -> str:
-    attributes = "".join(f'<ssd:Connector name="{n.replace("_1", "[1]")}" kind="{k}"/>' for n, k in kinds.items())
-    return f"<ssd:Connectors>{attributes}</ssd:Connectors>"
+    elements = "".join(f'<ssd:Connector name="{n.replace("_1", "[1]")}" kind="{k}"/>' for n, k in kinds.items())
+    return f"<ssd:Connectors>{elements}</ssd:Connectors>"
 
 
 def component(name: str, model: str, *bound: str, attributes: str = "", **kinds: str) -> str:
@@ -42,13 +42,13 @@ def component(name: str, model: str, *bound: str, attributes: str = "", **kinds:
 
 
 def system(
-    name: str, *elements: str, wires: str = "", bound: tuple[str, ...] = (), attributes: str = "", **kinds: str
+    name: str, *elements: str, wires: str = "", bound: tuple[str, ...] = (), after: str = "", **kinds: str
 ) -> str:
     ends = connectors(**kinds) if kinds else ""
     inner = f"<ssd:Elements>{''.join(elements)}</ssd:Elements>" + (
         f"<ssd:Connections>{wires}</ssd:Connections>" if wires else ""
     )
-    return f'<ssd:System name="{name}">{ends}{bindings(*bound)}{inner}{attributes}</ssd:System>'
+    return f'<ssd:System name="{name}">{ends}{bindings(*bound)}{inner}{after}</ssd:System>'
 
 
 def wire(start: str, end: str, inside: str = "") -> str:

@@ -59,7 +59,7 @@ def test_connections_experiment_and_step(tmp_path, fmus):
         component("gain", "Gain", inline("gain|Real|3"), u_1="input", y_1="output"),
         component("sum", "Accumulator", increment="input"),
         wires=wire("clock.ended", "gain.u[1]") + wire("sum.increment", "gain.y[1]"),
-        more=STEP,
+        after=STEP,
     )
     simulation = run(packed(tmp_path, fmus, system_text, "Clock", "Gain", "Accumulator"))
     assert simulation["time_s"] == [2.0, 2.5, 3.0, 3.5, 4.0]
@@ -75,7 +75,7 @@ def test_bindings_of_outer_systems_and_later_ones_win(tmp_path, fmus):
         bound=(inline("a.gain|Real|2", "b.gain|Real|2"),),
     )
     outer = inline("inner.a.gain|Real|3") + inline("a.gain|Real|4", attributes='prefix="inner."')
-    system_text = system("root", inner, bound=(outer, inline("inner.c.gain|Real|9")), more=STEP)
+    system_text = system("root", inner, bound=(outer, inline("inner.c.gain|Real|9")), after=STEP)
     scenario, ignored = imported(packed(tmp_path, fmus, system_text, "Gain"))
     assert scenario.fmus["inner_a"].parameters == {"gain": 4.0, "times": 5}
     assert scenario.fmus["inner_b"].parameters == {"gain": 2.0, "label": "of b", "inverted": True}
@@ -98,7 +98,7 @@ def test_connectors_of_nested_systems_pass_values_and_parameters_on(tmp_path, fm
         component("sum", "Accumulator", increment="input"),
         wires=wire("clock.ended", "inner.given") + wire("inner.product", "sum.increment"),
         bound=(inline("inner.factor|Real|10"),),
-        more=STEP,
+        after=STEP,
     )
     simulation = run(packed(tmp_path, fmus, system_text, "Clock", "Gain", "Accumulator"))
     assert simulation["sum.total"][-1] == 10.0 * (2.5 + 3.0 + 3.5 + 4.0)
@@ -162,7 +162,7 @@ def test_units_names_and_transformations(tmp_path, fmus):
     ],
 )
 def test_a_value_that_a_parameter_does_not_take(tmp_path, fmus, parameter, says):
-    system_text = system("root", component("gain", "Gain", inline(parameter)), more=STEP)
+    system_text = system("root", component("gain", "Gain", inline(parameter)), after=STEP)
     assert says in refusal(packed(tmp_path, fmus, system_text, "Gain"))
 
 
@@ -178,7 +178,7 @@ def test_a_value_that_a_parameter_does_not_take(tmp_path, fmus, parameter, says)
 def test_a_value_in_another_unit_or_outside_its_limits(tmp_path, fmus, written, says):
     broken = '<ssc:Unit name="x"><ssc:BaseUnit rad="0.5"/></ssc:Unit>' if written.endswith("x") else ""
     units = f'<ssc:Unit name="K"><ssc:BaseUnit K="1"/></ssc:Unit>{broken}'
-    system_text = system("root", component("table", "TurntableMotion", inline(written, units=units)), more=STEP)
+    system_text = system("root", component("table", "TurntableMotion", inline(written, units=units)), after=STEP)
     assert says in refusal(packed(tmp_path, fmus, system_text, "TurntableMotion"))
 
 
@@ -218,7 +218,7 @@ def test_what_is_not_supported_or_wrong_is_named(tmp_path, fmus, system_text, sa
 
 
 def test_an_experiment_that_says_no_end_or_none_that_can_be_counted(tmp_path, fmus):
-    system_text = system("root", GAIN, more=STEP)
+    system_text = system("root", GAIN, after=STEP)
     for tail, says in (("", "no stopTime"), ('stopTime="soon"', "'soon', not a finite number")):
         experiment = f"<ssd:DefaultExperiment {tail}/>" if tail else ""
         assert says in refusal(packed(tmp_path, fmus, system_text, "Gain", tail=experiment))
@@ -241,7 +241,7 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
 def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     around = wire("gain.y[1]", "other.u[1]") + wire("other.y[1]", "gain.u[1]")
-    path = packed(tmp_path, fmus, system("root", GAIN, OTHER, wires=around, more=STEP), "Gain")
+    path = packed(tmp_path, fmus, system("root", GAIN, OTHER, wires=around, after=STEP), "Gain")
     assert cli.main(["simulate", path.name]) == 2
     assert "gain -> other -> gain" in capsys.readouterr().err
     assert cli.main(["simulate", path.name, "--coupling", "jacobi", "--out", "around"]) == 0
