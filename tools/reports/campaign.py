@@ -180,8 +180,8 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     summary = summarise(store)
     sections = [] if comparison is None else [_changes(comparison)]
     sections += [_about(campaign), *_computed(summary.computed, results)]
-    if (kept := results.records()) is not None:
-        sections += spread_over_time(kept[0], f"Records of {kept[1]} runs: quantiles over the runs at each time.")
+    if (records := results.records()) is not None:
+        sections += spread_over_time(records[0], f"Records of {records[1]} runs: quantiles over the runs at each time.")
     if summary.failures:
         rows = [[entry.runs, entry.first_run, entry.message] for entry in summary.failures]
         sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
@@ -189,8 +189,13 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     worse = False
     if comparison is not None:
         changed = {word: len(comparison.of(word)) for word in ("worse", "better")}
-        worse, said = changed["worse"] > 0, ", ".join(f"{count} {word}" for word, count in changed.items() if count)
-        verdict.append(f"Beyond chance got {said}." if said else "Nothing got better or worse beyond chance.")
+        worse, changes_text = (
+            changed["worse"] > 0,
+            ", ".join(f"{count} {word}" for word, count in changed.items() if count),
+        )
+        verdict.append(
+            f"Beyond chance got {changes_text}." if changes_text else "Nothing got better or worse beyond chance."
+        )
     sobol = campaign.sampling.method == "saltelli" and any(item.sensitivity for item in campaign.compute)
     return Page(
         campaign.title or f"Campaign of {WHAT[campaign.kind]}",
@@ -205,7 +210,7 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
             **versions(),
         },
         sources=[SALTELLI] if sobol else [],
-        zoom=kept is not None,
+        zoom=records is not None,
     )
 
 
@@ -243,39 +248,39 @@ def _about(campaign: Campaign) -> Section:
         "sobol": "a Sobol sequence",
         "saltelli": "Saltelli's arrangement of a Sobol sequence",
     }[campaign.sampling.method]
-    said = [f"{campaign.runs} {WHAT[campaign.kind]}; the seed of the campaign is {campaign.seed}."]
+    paragraphs = [f"{campaign.runs} {WHAT[campaign.kind]}; the seed of the campaign is {campaign.seed}."]
     if campaign.hidden is not None and campaign.hidden.suite is not None:
         suite = campaign.hidden.suite
-        said = [f"The first {campaign.runs} cases of the suite {suite}, seed {named_suite(suite).seed}."]
+        paragraphs = [f"The first {campaign.runs} cases of the suite {suite}, seed {named_suite(suite).seed}."]
     if campaign.distributions:
-        said.append(f"{campaign.samples} points, {how}.")
+        paragraphs.append(f"{campaign.samples} points, {how}.")
     if campaign.repeats > 1 and campaign.hidden is None:
-        said.append(f"Each is run {campaign.repeats} times with other random errors.")
+        paragraphs.append(f"Each is run {campaign.repeats} times with other random errors.")
     rows: list[list[str]] = []
     for name, axis in campaign.parameters.items():
         ((form, value),) = axis.model_dump(exclude_none=True).items()
-        shown = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
-        rows.append([name, form.replace("_", " "), minus(shown) + (", ..." if len(value) > MOST_VALUES else "")])
+        values_text = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
+        rows.append([name, form.replace("_", " "), minus(values_text) + (", ..." if len(value) > MOST_VALUES else "")])
     table = Table(["parameter", "distribution", "of"], rows) if rows else None
-    return Section("What was run", [" ".join(said)], table=table)
+    return Section("What was run", [" ".join(paragraphs)], table=table)
 
 
 def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Section]:
     sections: list[Section] = []
     curves: dict[str, dict[str, Any]] = {}
     for item in items:
-        found = item["result"]
+        outcome = item["result"]
         if "quantiles" in item:
             sections.append(_quantiles(item, results))
         elif "against" in item:
             label = f"{item['rate']}: {told_values(item)}"
-            curves.setdefault(item["against"], {})[label] = found
+            curves.setdefault(item["against"], {})[label] = outcome
         elif "rate" in item:
             title = f"How often {item['rate']} is {told_values(item)}"
-            sections.append(Section(title, [rate_text(found[0]) + "."]))
+            sections.append(Section(title, [rate_text(outcome[0]) + "."]))
         elif "confusion" in item:
             title = f"{item['of']}, and what {item['confusion']} was"
-            sections.append(Section(title, picture=suites.confusion_picture(found), caption=f"Rows: {item['of']}."))
+            sections.append(Section(title, picture=suites.confusion_picture(outcome), caption=f"Rows: {item['of']}."))
         else:
             sections += [
                 Section(
@@ -283,10 +288,10 @@ def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Sect
                     picture=suites.sensitivity_picture(name, entry, runs),
                     caption=_method(entry, runs),
                 )
-                for name, entry in found.items()
+                for name, entry in outcome.items()
                 for runs in [int(np.isfinite(results.numbers(name)).sum())]
             ]
-    return [*(_rates(against, found) for against, found in curves.items()), *sections]
+    return [*(_rates(against, outcome) for against, outcome in curves.items()), *sections]
 
 
 def _method(entry: Mapping[str, Any], runs: int) -> str:
@@ -305,10 +310,10 @@ def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> S
     header = ["from", "to", "runs", *curves]
     rows: list[list[Cell]] = []
     for k, entry in enumerate(first):
-        found = [ranges[k] for ranges in curves.values()]
-        if any(of["cases"] for of in found):
+        of_curves = [ranges[k] for ranges in curves.values()]
+        if any(of["cases"] for of in of_curves):
             ends = (digits(entry[end], 6) for end in ("low", "high"))
-            rows.append([*ends, entry["cases"], *(str(of["count"]) for of in found)])
+            rows.append([*ends, entry["cases"], *(str(of["count"]) for of in of_curves)])
     return Section(
         f"Rates against {against}",
         picture=suites.rates_picture(curves, against),
@@ -318,9 +323,9 @@ def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> S
 
 
 def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
-    found = item["result"]
-    there = {name: entry for name, entry in found.items() if entry["runs"]}
-    at = next((entry["quantiles"] for entry in there.values()), [])
+    entries = item["result"]
+    filled = {name: entry for name, entry in entries.items() if entry["runs"]}
+    at = next((entry["quantiles"] for entry in filled.values()), [])
     header = [
         "scalar",
         "meaning",
@@ -331,13 +336,13 @@ def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
         "largest",
     ]
     rows: list[list[Cell]] = []
-    for name, entry in there.items():
+    for name, entry in filled.items():
         figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]))
         numbers = [*(digits(figure, 4) for figure in figures), upwards(entry["largest"], 4)]
         rows.append([name, *scalar_words(name), entry["runs"], *numbers])
-    columns = {scalar_words(name): np.asarray(results.numbers(name)) for name in there}
-    marks = {scalar_words(name): [q["value"] for q in entry["quantiles"]] for name, entry in there.items()}
-    title = "Distributions" if len(found) > 1 else f"Distribution of {next(iter(found))}"
+    columns = {scalar_words(name): np.asarray(results.numbers(name)) for name in filled}
+    marks = {scalar_words(name): [q["value"] for q in entry["quantiles"]] for name, entry in filled.items()}
+    title = "Distributions" if len(entries) > 1 else f"Distribution of {next(iter(entries))}"
     picture = suites.distributions_picture(columns, marks)
     return Section(
         title,

@@ -98,86 +98,106 @@ def sections_of(result: Diagnosis) -> list[Section]:
 
 
 def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
-    """The cause that was named, or the candidates that remain."""
-    if not sets_of(result):
+    """Return the cause that is named, or the candidates that remain; None where there are neither."""
+    sets = sets_of(result)
+    if not sets:
         return None
-    causes = sets_of(result)[0].causes
     named = result.verdict == "explained"
+    first_sets = sets[:MOST_SETS]
     rows: list[list[Cell]] = []
-    for number, finding in enumerate(sets_of(result), start=1):
+    for number, finding in enumerate(sets, start=1):
         for cause in finding.causes:
             for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                left = residual(finding.fit.radius)
-                row = [cause.place.title, p.name, *interval(value, *ends), unit_text(p.unit), left]
-                rows.append([None if named else number, *row])
-    shown = sets_of(result)[:MOST_SETS]
-    told = [sentences_of(finding, result) for finding in shown]
-    said = [sentence(text if named else f"set {number}: {text}") for number, text in enumerate(told, start=1)]
-    if len(sets_of(result)) > len(shown):
-        said.append(f"The table has {len(sets_of(result)) - len(shown)} more; the first leave least.")
-    same = [place.title for cause in causes for place in cause.alike]
-    same += [" with ".join(place.title for place in places) for places in result.equal_sets]
-    if same and named:
-        said.append(f"By {result.evidence.told_by} it cannot be told from: {', '.join(same)}.")
-    if (other := result.second_mounting) is not None:
-        said.append(
-            f"A second mounting, {other.mounting}, tells apart {' and '.join(other.separates)}: "
-            f"their correlation falls from {digits(other.correlation_before)} to {digits(other.correlation_after)}."
-        )
-    if result.cut_off_at is not None:
-        said.append(sentence(cut_off(result.cut_off_at)))
+                size = [p.name, *interval(value, *ends), unit_text(p.unit), residual(finding.fit.radius)]
+                rows.append([None if named else number, cause.place.title, *size])
+    paragraphs = []
+    for number, finding in enumerate(first_sets, start=1):
+        text = sentences_of(finding, result)
+        paragraphs.append(sentence(text if named else f"set {number}: {text}"))
+    paragraphs += _cause_remarks(result)
+    equations = []
+    if not named:
+        for finding in first_sets:
+            equations += cause_lines(finding.causes)
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
-    return Section(
-        "The cause" if named else "Causes that remain",
-        said,
-        table=Table(header, rows).without_empty_columns(),
-        files=files,
-        equations=() if named else cause_lines([cause for finding in shown for cause in finding.causes]),
-    )
+    table = Table(header, rows).without_empty_columns()
+    title = "The cause" if named else "Causes that remain"
+    return Section(title, paragraphs, table=table, files=files, equations=equations)
+
+
+def _cause_remarks(result: Diagnosis) -> list[str]:
+    """Return in sentences further sets, what the cause cannot be told from, and what would tell candidates apart."""
+    remarks = []
+    further = len(sets_of(result)) - MOST_SETS
+    if further > 0:
+        remarks.append(f"The table has {further} more; the first leave least.")
+    same = []
+    for cause in sets_of(result)[0].causes:
+        same += [place.title for place in cause.alike]
+    for places in result.equal_sets:
+        same.append(" with ".join([place.title for place in places]))
+    if same and result.verdict == "explained":
+        remarks.append(f"By {result.evidence.told_by} it cannot be told from: {', '.join(same)}.")
+    second = result.second_mounting
+    if second is not None:
+        remarks.append(
+            f"A second mounting, {second.mounting}, tells apart {' and '.join(second.separates)}: "
+            f"their correlation falls from {digits(second.correlation_before)} to {digits(second.correlation_after)}."
+        )
+    return remarks
 
 
 def gain_section(result: Diagnosis) -> Section | None:
-    """What the extended simulation gains on parts of the record that were not used."""
-    if (gain := result.gain) is None:
+    """Return what the extended simulation gains on parts of the record that were not used; None without a gain."""
+    gain = result.gain
+    if gain is None:
         return None
-    unit = gain.unit or result.unit or "g"
     rows: list[list[Cell]] = []
-    for one in (gain, *(gain.others or ())):
-        rms = (one.held_out_rms_before, one.held_out_rms_after)
-        most = (one.held_out_max_before, one.held_out_max_after)
-        what = [one.over or "positions", one.pieces or len(one.rows)]
-        figures = (*map(digits, rms), *(upwards(figure, 3) for figure in most))
-        rows.append([*what, *figures, one.unit or result.unit or "g"])
-    said = (
+    for part in (gain, *(gain.others or ())):
+        rows.append(
+            [
+                part.over or "positions",
+                part.pieces or len(part.rows),
+                digits(part.held_out_rms_before),
+                digits(part.held_out_rms_after),
+                upwards(part.held_out_max_before, 3),
+                upwards(part.held_out_max_after, 3),
+                part.unit or result.unit or "g",
+            ]
+        )
+    _, count, before, after, *_, unit = rows[0]
+    pieces = f"pieces of {gain.over}" if gain.over else "positions"
+    goes = "falls" if gain.improves else "goes"
+    text = (
         "The extended components were exported as FMUs, with parameters from the other parts of the record, and run by "
-        f"the orchestrator. Over {rows[0][1]} {f'pieces of {gain.over}' if gain.over else 'positions'} the root "
-        f"mean square error falls from {digits(gain.held_out_rms_before)} to {digits(gain.held_out_rms_after)} "
-        f"{unit}."
+        f"the orchestrator. Over {count} {pieces} the root mean square error {goes} from {before} to {after} {unit}."
     )
-    if not gain.improves:
-        said = said.replace("falls", "goes")
     if gain.over is None:
-        sigma, numbers = result.evidence.calibration.noise_bound, result.evidence.numbers
-        picture = held_out(gain.before / sigma, gain.after / sigma, [int(numbers[i]) for i in gain.rows])
+        sigma = result.evidence.calibration.noise_bound
+        numbers = [int(result.evidence.numbers[i]) for i in gain.rows]
+        picture = held_out(gain.before / sigma, gain.after / sigma, numbers)
         caption = "Measurement less simulation at the positions that were held out."
     else:
-        picture = gain_picture(gain.before, gain.after, gain.over or "")
+        picture = gain_picture(gain.before, gain.after, gain.over)
         caption = "Part of the pieces whose error is at most so large."
-    header = ["over", "pieces", *(f"{name} {when}" for name in ("rms", "max") for when in ("before", "after")), "unit"]
-    return Section("The gain on what was not used", [said], picture, caption, Table(header, rows))
+    header = ["over", "pieces", "rms before", "rms after", "max before", "max after", "unit"]
+    return Section("The gain on what was not used", [text], picture, caption, Table(header, rows))
 
 
 def sources(result: Diagnosis) -> list[str]:
-    """Of a diagnosis, whatever the record."""
-    told, own = bool(result.judgement), result.witness
-    more = cited(
+    """Return where the methods of a diagnosis are published."""
+    witness = result.witness
+    judged = bool(result.judgement)
+    shuffled = judged and (witness is None or witness.shuffles)
+    left_out = judged and (witness is None or witness.folds or witness.blocks)
+    methods = cited(
         result.tried and "lawson",
         len(result.tried) > 1 and "angles",
-        told and (own is None or own.shuffles) and "shuffles",
-        told and (own is None or own.folds or own.blocks) and "left-out",
+        shuffled and "shuffles",
+        left_out and "left-out",
         result.gain and "fmi",
     )
-    return list(dict.fromkeys([*kind_of(result).sources(result), *more]))
+    return list(dict.fromkeys(kind_of(result).sources(result) + methods))
 
 
 # Formulas that a person states
@@ -208,20 +228,22 @@ def hypothesis_sections(result: Diagnosis) -> list[Section]:
     return [Section("Hypotheses", paragraphs, table=table, equations=equations)]
 
 
-def _besides(one: Hypothesis, unit: str) -> list[str]:
-    """What was left out says of a formula, what it is by another name, and what would do as well."""
-    said = [f"against it: {text}" for text in one.objections]
-    if one.gain is not None:
-        said.append(
-            f"not used, simulated again: rms {digits(one.gain.held_out_rms_before)} -> "
-            f"{digits(one.gain.held_out_rms_after)} {unit}"
-        )
-    if one.equivalents:
-        said.append(f"by another name: {', '.join(other.place.title for other in one.equivalents)}")
-    if one.as_well:
-        sets = [" and ".join(named.place.title for named in places) for places in one.as_well]
-        more = f"; {len(sets) - 3} sets more" if len(sets) > 3 else ""
-        said.append(f"would do as well: {'; '.join(sets[:3])}{more}")
-    elif one.answer == "stands":
-        said.append("nothing in the catalogue that was tried, of this size or smaller, would do as well")
-    return said
+def _besides(hypothesis: Hypothesis, unit: str) -> list[str]:
+    """Return what was left out says of a formula, what it is by another name, and what would do as well."""
+    texts = [f"against it: {text}" for text in hypothesis.objections]
+    gain = hypothesis.gain
+    if gain is not None:
+        rms = f"{digits(gain.held_out_rms_before)} -> {digits(gain.held_out_rms_after)} {unit}"
+        texts.append(f"not used, simulated again: rms {rms}")
+    if hypothesis.equivalents:
+        names = [effect.place.title for effect in hypothesis.equivalents]
+        texts.append(f"by another name: {', '.join(names)}")
+    if hypothesis.as_well:
+        sets = []
+        for effects in hypothesis.as_well:
+            sets.append(" and ".join([effect.place.title for effect in effects]))
+        further = f"; {len(sets) - 3} sets more" if len(sets) > 3 else ""
+        texts.append(f"would do as well: {'; '.join(sets[:3])}{further}")
+    elif hypothesis.answer == "stands":
+        texts.append("nothing in the catalogue that was tried, of this size or smaller, would do as well")
+    return texts

@@ -42,31 +42,33 @@ def first_words(result: Diagnosis) -> str:
 
 
 def residual_sections(result: Diagnosis) -> list[Section]:
-    """Residuals of readings without and with the effects, over the angles and over the inputs."""
+    """Return residuals of readings without and with the effects, over the angles, over the inputs, over the turns."""
     nominal = result.evidence.calibration
-    here, fit = nominal.linearised, result.findings[0].fit if result.findings else None
+    linearised = nominal.linearised
     least = residual(nominal.radius)
-    said = f"The nominal model explains every reading within {least} σ."
+    text = f"The nominal model explains every reading within {least} σ."
     if nominal.radius > 1.0:
-        said = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least} σ."
-    if fit is not None:
-        which = "" if result.verdict == "explained" else f", {result.findings[0].title},"
-        said += f" With {first_words(result)}{which} it leaves {residual(fit.radius)} σ."
-    before = (here.residual / here.bound).reshape(-1, 3)
-    rows = result.evidence.of_positions
-    after = None if fit is None else (fit.left / fit.allowed)[rows].reshape(-1, 3)
+        text = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least} σ."
+    before = (linearised.residual / linearised.bound).reshape(-1, 3)
+    after = None
+    if result.findings:
+        finding = result.findings[0]
+        which = "" if result.verdict == "explained" else f", {finding.title},"
+        text += f" With {first_words(result)}{which} it leaves {residual(finding.fit.radius)} σ."
+        over_bounds = finding.fit.left / finding.fit.allowed
+        after = over_bounds[result.evidence.of_positions].reshape(-1, 3)
     proof = proved(nominal, result.evidence.numbers)
     return [
         Section(
-            "Residuals" if fit is None else "Residuals before and after",
-            [said],
-            pictures.residuals(here.positions, before, after, proof),
+            "Residuals before and after" if result.findings else "Residuals",
+            [text],
+            pictures.residuals(linearised.positions, before, after, proof),
             "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
         ),
         Section(
             "Residuals against the inputs",
             [],
-            pictures.residuals_over_inputs(here.input, before, after, proof),
+            pictures.residuals_over_inputs(linearised.input, before, after, proof),
             "Residuals of each accelerometer against its own input.",
         ),
         *turn_sections(result),
@@ -142,25 +144,32 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
 
 
 def target_section(result: Diagnosis) -> Section | None:
-    """What the effects do to the calibration."""
+    """Return what the effects do to the calibration; None where there are none."""
     if not result.targets:
         return None
-    known = {row.symbol: row for row in result.evidence.calibration.parameters}
-    sigma = result.evidence.calibration.noise_bound
-    ends = (
-        [None if end is None else (end - t["after"]) / sigma for end in (t["low"], t["high"])] for t in result.targets
-    )
-    drawn, reach = bars([Bar(None, low, high) for low, high in ends])
+    nominal = result.evidence.calibration
+    nominal_parameters = {p.symbol: p for p in nominal.parameters}
+    intervals = []
+    for target in result.targets:
+        ends = []
+        for end in (target["low"], target["high"]):
+            ends.append(None if end is None else (end - target["after"]) / nominal.noise_bound)
+        intervals.append(Bar(None, *ends))
+    drawn, reach = bars(intervals)
     rows: list[list[Cell]] = []
-    for t, bar in zip(result.targets, drawn, strict=True):
-        moved = to_bound(t["after"] - t["before"], half_width(t["low"], t["high"]))
-        own = known.get(t["symbol"])
-        words, unit = ("", "") if own is None else (physical_words(own.name), unit_text(own.unit))
-        after, *possible = interval(t["after"], t["low"], t["high"])
-        rows.append([symbol_text(t["symbol"]), words, after, moved, bar, *possible, unit])
+    for target, bar in zip(result.targets, drawn, strict=True):
+        symbol, low, high = target["symbol"], target["low"], target["high"]
+        moved = to_bound(target["after"] - target["before"], half_width(low, high))
+        meaning, unit = "", ""
+        if symbol in nominal_parameters:
+            meaning, unit = physical_words(nominal_parameters[symbol].name), unit_text(nominal_parameters[symbol].unit)
+        after, lowest, highest = interval(target["after"], low, high)
+        rows.append([symbol_text(symbol), meaning, after, moved, bar, lowest, highest, unit])
     header = ["target", "meaning", "with the effects", "moved by", "interval", "low", "high", "unit"]
-    ends = f"−{upwards(reach)} to {upwards(reach)}"
-    caption = f"Drawn from {ends} σ about each target with the effects: what the readings leave."
+    caption = (
+        f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each target with the effects: what the readings "
+        "leave."
+    )
     return Section(
         "Targets, and what the effects do to them",
         ["The estimates without the effects are wrong by what they move; the intervals are those with them."],
@@ -169,136 +178,160 @@ def target_section(result: Diagnosis) -> Section | None:
 
 
 def parameter_section(result: Diagnosis) -> Section | None:
-    """The own parameters of a block that is carried, each with its interval drawn: one scale for all of one unit."""
+    """Return the own parameters of a block that is carried, each with its interval; None where there are none."""
     parameters = result.stated.parameters
     if not parameters:
         return None
-    halves = [half_width(p.low, p.high) for p in parameters]
-    drawn: list[Cell] = [None] * len(parameters)
-    for unit in dict.fromkeys(p.unit for p in parameters) if None not in halves else ():
-        at = [k for k, p in enumerate(parameters) if p.unit == unit]
-        widest = max(halves[k] or 0.0 for k in at)
-        if 0.0 < widest < np.inf:
-            pairs = [
-                [
-                    ((end or 0.0) - (parameters[k].estimate or 0.0)) / widest
-                    for end in (parameters[k].low, parameters[k].high)
-                ]
-                for k in at
-            ]
-            for k, bar in zip(at, bars([Bar(None, *pair) for pair in pairs])[0], strict=True):
-                drawn[k] = bar
+    bounded = all(half_width(p.low, p.high) is not None for p in parameters)
+    drawn = _interval_bars(parameters) if bounded else [None] * len(parameters)
     rows: list[list[Cell]] = []
     for p, bar in zip(parameters, drawn, strict=True):
-        value, *ends = interval(p.estimate, p.low, p.high)
-        rows.append(
-            [own_words(p.symbol), value, bar, *(ends if None not in halves else (None, None)), unit_text(p.unit)]
-        )
-    said = "They belong to any block of this kind and are no effects."
+        value, low, high = interval(p.estimate, p.low, p.high)
+        ends = [low, high] if bounded else [None, None]
+        rows.append([own_words(p.symbol), value, bar, *ends, unit_text(p.unit)])
+    text = "They belong to any block of this kind and are no effects."
     caption = "What the record leaves possible, drawn about the estimate: one scale for all of one unit."
-    if None in halves:
-        said += " The estimates are those of a block that the record contradicts: no interval is given."
+    if not bounded:
+        text += " The estimates are those of a block that the record contradicts: no interval is given."
         caption = ""
     header = ["parameter", "estimate", "interval", "low", "high", "unit"]
-    return Section("The block's own parameters", [said], table=Table(header, rows, caption).without_empty_columns())
+    return Section("The block's own parameters", [text], table=Table(header, rows, caption).without_empty_columns())
+
+
+def _interval_bars(parameters: Sequence[Any]) -> list[Cell]:
+    """Return the interval of each parameter about its estimate, drawn in one scale for all of one unit."""
+    widest: dict[str, float] = {}
+    for p in parameters:
+        widest[p.unit] = max(widest.get(p.unit, 0.0), half_width(p.low, p.high) or 0.0)
+    drawn: list[Cell] = []
+    for p in parameters:
+        scale = widest[p.unit]
+        if not 0.0 < scale < np.inf:
+            drawn.append(None)
+            continue
+        of_unit = [q for q in parameters if q.unit == p.unit]
+        intervals = [Bar(None, (q.low - q.estimate) / scale, (q.high - q.estimate) / scale) for q in of_unit]
+        drawn.append(bars(intervals)[0][of_unit.index(p)])
+    return drawn
 
 
 def ranking_section(result: Diagnosis) -> Section | None:
-    """What each effect by itself would leave."""
+    """Return what each effect by itself would leave; None where that was not tried."""
     if not result.tried:
         return None
-    shown = result.tried[:MOST_RANKED]
+    best = result.tried[:MOST_RANKED]
     mending = {title for title, radius in result.tried if radius <= 1.0}
     how_many = {0: "None of them does.", 1: "One does."}.get(len(mending), f"{len(mending)} do.")
-    said = [
+    paragraphs = [
         f"Each of the {len(result.tried)} effects that could be tried by itself was added to the model in turn. At or "
         f"below one everything is within its bound. {how_many}"
     ]
-    alone = [finding.causes[0] for finding in result.findings if len(finding.causes) == 1]
-    remaining = {place.title for cause in alone for place in (cause.place, *cause.alike)}
+    remaining = set()
+    for finding in result.findings:
+        if len(finding.causes) == 1:
+            remaining.add(finding.causes[0].place.title)
+            remaining |= {place.title for place in finding.causes[0].alike}
     refused = len(mending - remaining)
     if refused and remaining and result.evidence.most_known_alone:
         which = "One of them is" if refused == 1 else f"{refused} of them are"
-        said.append(
+        paragraphs.append(
             f"{which} not among the sets that remain: only a size that is not possible, or only to first order, mends "
             "it."
         )
+    titles = [title for title, _ in best]
+    radii = [radius for _, radius in best]
     return Section(
         "Evidence: which effect mends it",
-        said,
-        pictures.candidates(*zip(*shown, strict=True)),
-        f"Least largest residual that each effect leaves, over its bound; the best {len(shown)}.",
+        paragraphs,
+        pictures.candidates(titles, radii),
+        f"Least largest residual that each effect leaves, over its bound; the best {len(best)}.",
     )
 
 
 def confusion_section(result: Diagnosis) -> Section | None:
-    """What could be taken for what in this record, and the classes."""
+    """Return what could be taken for what in this record, and the classes; None of fewer than two effects."""
     titles = [title for title, _ in result.tried]
     sets = [finding.fit.places for finding in result.findings]
     places = compared_places(result.evidence.classes.places, sets, titles) if titles else ()
     if len(places) < 2:
         return None
-    causes = [cause for finding in result.findings for cause in finding.causes if cause.equivalents]
-    rows: list[Sequence[Cell]] = [[cause.place.title, ", ".join(p.title for p in cause.alike)] for cause in causes]
-    rows += [["the set that was named", " and ".join(place.title for place in same)] for same in result.equal_sets]
+    rows = _equivalent_rows(result)
     beyond = ", beyond what the model's parameters imitate" if result.evidence.names else ""
-    said = [
+    paragraphs = [
         f"How alike effects look in this record{beyond}: 1 means that the one can be sized to look just like the "
         "other, 0 that it cannot at all. Close to 1 it takes small noise to confuse them."
     ]
-    for places_too in result.containing_sets:
-        titles_too = " and ".join(place.title for place in places_too)
-        said.append(f"Not excluded: {titles_too}, which contains what is named.")
     if result.findings and not rows:
-        said.append(f"What was found is alone in its class: by {result.evidence.told_by} every other effect differs.")
+        paragraphs.append(
+            f"What was found is alone in its class: by {result.evidence.told_by} every other effect differs."
+        )
     header = ["effect", f"cannot be told by {result.evidence.told_by} from"]
     return Section(
         "Evidence: what could be taken for what",
-        said,
+        paragraphs,
         pictures.likeness_picture([place.title for place in places], likeness(result.evidence, places)),
         "Cosine of the least angle between what two effects add to the readings.",
-        Table(header, [row for k, row in enumerate(rows) if row not in rows[:k]]) if rows else None,
+        Table(header, rows) if rows else None,
     )
 
 
+def _equivalent_rows(result: Diagnosis) -> list[list[Cell]]:
+    """Return effects with those that no such record tells from them, each once."""
+    rows: list[list[Cell]] = []
+    for finding in result.findings:
+        for cause in finding.causes:
+            row: list[Cell] = [cause.place.title, ", ".join([place.title for place in cause.alike])]
+            if cause.equivalents and row not in rows:
+                rows.append(row)
+    for places in result.equal_sets:
+        rows.append(["the set that was named", " and ".join([place.title for place in places])])
+    return rows
+
+
 def length_section(result: Diagnosis) -> Section | None:
-    """What each length says, and the order of the effects."""
+    """Return what each length says, and the order of the effects; None where there is one length."""
     if not result.lengths:
         return None
     rows: list[list[Cell]] = []
     for length in result.lengths:
-        figures = (
-            upwards(length.noise_bound_arcmin, 3),
-            digits(length.rms_arcmin),
-            upwards(length.max_arcmin, 3),
-            residual(length.radius),
+        sets = []
+        for places in length.smallest_sets[:4]:
+            sets.append(" + ".join([place.effect for place in places]) or "none needed")
+        rows.append(
+            [
+                length.over,
+                length.pieces,
+                upwards(length.noise_bound_arcmin, 3),
+                digits(length.rms_arcmin),
+                upwards(length.max_arcmin, 3),
+                residual(length.radius),
+                "; ".join(sets) or "none up to three effects",
+            ]
         )
-        sets = [" + ".join(place.effect for place in places) or "none needed" for places in length.smallest_sets[:4]]
-        stand = "; ".join(sets) or "none up to three effects"
-        rows.append([length.over, length.pieces, *figures, stand])
-    orders = orders_of(result)
-    said = ["Each length of the pieces by itself, and what it needs."]
-    if orders:
-        said.append(
-            "Parts of the record were left out in turn and predicted from the rest, with one more effect at a time: "
-            "the one that helps most."
-        )
-    if result.order_stable is not None and len(orders) > 1:
-        same, differs = "the same at every length", "not stable: it differs between the lengths"
-        said.append(f"The order is {same if result.order_stable else differs}.")
     header = ["over", "pieces", "bound [arcmin]", "rms [arcmin]", "largest [arcmin]", "over its bound"]
-    return Section(
-        "Length by length",
-        said,
-        pictures.order_picture(orders) if orders else None,
-        "What is left of the errors that were left out, effect after effect." if orders else "",
-        Table([*header, "smallest sets that stand"], rows),
+    table = Table([*header, "smallest sets that stand"], rows)
+    paragraphs = ["Each length of the pieces by itself, and what it needs."]
+    orders = orders_of(result)
+    if not orders:
+        return Section("Length by length", paragraphs, table=table)
+    paragraphs.append(
+        "Parts of the record were left out in turn and predicted from the rest, with one more effect at a time: "
+        "the one that helps most."
     )
+    if result.order_stable is not None and len(orders) > 1:
+        order = "the same at every length" if result.order_stable else "not stable: it differs between the lengths"
+        paragraphs.append(f"The order is {order}.")
+    caption = "What is left of the errors that were left out, effect after effect."
+    return Section("Length by length", paragraphs, pictures.order_picture(orders), caption, table)
 
 
 def orders_of(result: Diagnosis) -> list[tuple[str, Any]]:
-    """The order of the effects at each length that has one."""
-    return [(length.over, length.order) for length in result.lengths or () if length.order is not None]
+    """Return the order of the effects at each length that has one."""
+    orders = []
+    for length in result.lengths or ():
+        if length.order is not None:
+            orders.append((length.over, length.order))
+    return orders
 
 
 def structure_section(result: Diagnosis) -> Section | None:
@@ -326,30 +359,30 @@ COLUMNS = {
 
 
 def excluded_sections(result: Diagnosis) -> list[Section]:
-    """Upper bounds of what was not found, a column for each place; and effects that cannot be seen."""
-    found: dict[str, dict[tuple[str, str, str], dict[str, Cell]]] = {part: {} for part in COLUMNS}
+    """Return upper bounds of what was not found, a column for each place; and effects that cannot be seen."""
+    bounds: dict[str, dict[tuple[str, str, str], dict[str, Cell]]] = {part: {} for part in COLUMNS}
     for entry in result.excluded or ():
         part, words, parameter, column = excluded_words(entry)
-        row = found[part].setdefault((words, parameter, unit_text(entry["unit"])), {})
-        row[column] = upwards(entry["above"])
-    said = ["Larger sizes of these effects contradict the record. Bounds are rounded up."]
+        key = (words, parameter, unit_text(entry["unit"]))
+        bounds[part].setdefault(key, {})[column] = upwards(entry["above"])
     sections = []
-    for part, entries in found.items():
-        header = ["effect", "parameter", *COLUMNS[part], "unit"]
-        rows = [[*key[:2], *(row.get(column) for column in COLUMNS[part]), key[2]] for key, row in entries.items()]
+    paragraphs = ["Larger sizes of these effects contradict the record. Bounds are rounded up."]
+    for part, entries in bounds.items():
+        rows: list[list[Cell]] = []
+        for (words, parameter, unit), sizes in entries.items():
+            rows.append([words, parameter, *[sizes.get(column) for column in COLUMNS[part]], unit])
         if rows:
-            sections.append(
-                Section(f"Excluded: effects of the {part}", said, table=Table(header, rows).without_empty_columns())
-            )
-            said = []
+            table = Table(["effect", "parameter", *COLUMNS[part], "unit"], rows).without_empty_columns()
+            sections.append(Section(f"Excluded: effects of the {part}", paragraphs, table=table))
+            paragraphs = []
     if result.cannot_be_seen:
-        names = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen))
-        said = f"No possible size of these effects would show in this record, and they were not searched: {names}."
-        sections.append(Section("What the record cannot show", [said]))
+        names = ", ".join(dict.fromkeys([place.effect for place in result.cannot_be_seen]))
+        text = f"No possible size of these effects would show in this record, and they were not searched: {names}."
+        sections.append(Section("What the record cannot show", [text]))
     return sections
 
 
-OWN = {
+OWN_QUANTITIES = {
     ("accelerometer", "n"): "own input",
     ("gyro", "w"): "own rate",
     ("gyro", "a"): "own angular acceleration",
@@ -359,19 +392,20 @@ OWN = {
 
 
 def power_section(result: Diagnosis) -> Section | None:
-    """From which size on what is in no catalogue would have shown, a column for each place."""
-    rows: dict[tuple[str, str, str], dict[str, Cell]] = {}
+    """Return from which size on what is in no catalogue would have shown; None where that is not known."""
+    sizes: dict[tuple[str, str, str], dict[str, Cell]] = {}
     for entry in result.power or ():
-        kind, number = entry["place"][:-2], entry["place"][-1]
-        words = {name + number: own for (of, name), own in OWN.items() if of == kind} | {"tilt": "tilt of the axis"}
-        quantity, factor = (_in_short(words.get(name, name)) for name in (entry["quantity"], entry.get("factor") or ""))
-        row = rows.setdefault((quantity, factor, unit_text(entry["unit"])), {})
-        row[entry["place"].replace("-", " ")] = "at no size" if entry["size"] is None else upwards(entry["size"], 2)
-    if not rows:
+        key = (_quantity_words(entry, "quantity"), _quantity_words(entry, "factor"), unit_text(entry["unit"]))
+        size = "at no size" if entry["size"] is None else upwards(entry["size"], 2)
+        sizes.setdefault(key, {})[entry["place"].replace("-", " ")] = size
+    if not sizes:
         return None
-    columns = [name for part in COLUMNS.values() for name in part if any(name in row for row in rows.values())]
-    header = ["function of", "times", *columns, "unit"]
-    table = [[*key[:2], *(row.get(column) for column in columns), key[2]] for key, row in rows.items()]
+    columns = []
+    for places in COLUMNS.values():
+        columns += [place for place in places if any(place in row for row in sizes.values())]
+    rows: list[list[Cell]] = []
+    for (quantity, factor, unit), row in sizes.items():
+        rows.append([quantity, factor, *[row.get(column) for column in columns], unit])
     return Section(
         "What would have shown that is in no catalogue",
         [
@@ -381,8 +415,19 @@ def power_section(result: Diagnosis) -> Section | None:
             "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
             "hide at a larger size."
         ],
-        table=Table(header, table).without_empty_columns(),
+        table=Table(["function of", "times", *columns, "unit"], rows).without_empty_columns(),
     )
+
+
+def _quantity_words(entry: Mapping[str, Any], key: str) -> str:
+    """Return a quantity of an unlisted fault, or its factor, as a table has it."""
+    kind, number = entry["place"][:-2], entry["place"][-1]
+    words = {"tilt": "tilt of the axis"}
+    for (instrument, name), own in OWN_QUANTITIES.items():
+        if instrument == kind:
+            words[name + number] = own
+    name = entry.get(key) or ""
+    return _in_short(words.get(name, name))
 
 
 def power_texts(result: Diagnosis) -> list[str]:

@@ -25,9 +25,13 @@ def ratio_lines(plan: ImuPlan) -> list[str]:
         f"worst ratio to what all {plan.pool} rests and turns of the pool together, and these programmes, would "
         f"guarantee: {upwards(plan.worst_ratio, 4)} ({plan.worst})"
     ]
-    for one in plan.practices:
-        worth = "leaves targets open" if one.worst_ratio is None else f"{upwards(one.worst_ratio, 4)} ({one.worst})"
-        lines.append(f"{one.name}, in {digits(one.minutes)} minutes: {worth}")
+    for practice in plan.practices:
+        worth = (
+            "leaves targets open"
+            if practice.worst_ratio is None
+            else f"{upwards(practice.worst_ratio, 4)} ({practice.worst})"
+        )
+        lines.append(f"{practice.name}, in {digits(practice.minutes)} minutes: {worth}")
     return lines
 
 
@@ -43,12 +47,12 @@ def planned_for(plan: ImuPlan) -> str:
 
 def way_of(plan: ImuPlan) -> tuple[NDArray, list[NDArray]]:
     """Times [min] at which the table arrives and leaves, and both angles [deg] there."""
-    rate, time, here, corners = math.radians(plan.rate_dps), 0.0, plan.programme[0], []
-    for one in plan.programme:
-        way = math.radians(max(abs(one.alpha_deg - here.alpha_deg), abs(one.beta_deg - here.beta_deg)))
+    rate, time, visit, corners = math.radians(plan.rate_dps), 0.0, plan.programme[0], []
+    for stop in plan.programme:
+        way = math.radians(max(abs(stop.alpha_deg - visit.alpha_deg), abs(stop.beta_deg - visit.beta_deg)))
         time += move_duration(way, rate, plan.acceleration_radps2)
-        corners += [(t / 60.0, one.alpha_deg, one.beta_deg) for t in (time, time + one.dwell_s)]
-        time, here = time + one.dwell_s, one
+        corners += [(t / 60.0, stop.alpha_deg, stop.beta_deg) for t in (time, time + stop.dwell_s)]
+        time, visit = time + stop.dwell_s, stop
     minutes, *angles = np.array(corners).T
     return minutes, angles
 
@@ -56,14 +60,14 @@ def way_of(plan: ImuPlan) -> tuple[NDArray, list[NDArray]]:
 def imu_page(plan: ImuPlan) -> Page:
     """Return the programme row by row with room for notes, and what it promises."""
     rows: list[list[Cell]] = []
-    for number, one in enumerate(plan.programme, start=1):
-        angles = [exactly(one.alpha_deg), exactly(one.beta_deg), digits(one.dwell_s)]
+    for number, entry in enumerate(plan.programme, start=1):
+        angles = [exactly(entry.alpha_deg), exactly(entry.beta_deg), digits(entry.dwell_s)]
         rows.append([number, *angles, READ, READ, ROOM, "☐"])
     header = ["no.", "α [deg]", "β [deg]", "rest [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
     promises: list[list[Cell]] = []
-    for one in plan.targets:
-        figures = [upwards(one.promised), upwards(one.bound), upwards(one.promised / one.bound, 4)]
-        promises.append([symbol_text(one.symbol), physical_words(one.name), *figures, unit_text(one.unit)])
+    for entry in plan.targets:
+        figures = [upwards(entry.promised), upwards(entry.bound), upwards(entry.promised / entry.bound, 4)]
+        promises.append([symbol_text(entry.symbol), physical_words(entry.name), *figures, unit_text(entry.unit)])
     programme = Section(
         "Programme",
         [

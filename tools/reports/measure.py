@@ -12,17 +12,17 @@ def angles_text(alpha_deg: float, beta_deg: float) -> str:
 
 def setting_text(session: Session, setting: Setting) -> str:
     """A position of the plan with its number in the order of measurement, of how many."""
-    number = [one.number for one in session.programme.settings].index(setting.number) + 1
+    number = [planned.number for planned in session.programme.settings].index(setting.number) + 1
     return f"position {number} of {len(session.programme.settings)}: {angles_text(setting.alpha_deg, setting.beta_deg)}"
 
 
 def next_text(session: Session) -> str:
     """Where the table has to go."""
-    left = session.left
-    if not left:
+    remaining = session.left
+    if not remaining:
         return "all positions are measured"
-    state = session.state_of(left[0])
-    return ("repeat " if state == "repeat" else "next ") + setting_text(session, left[0])
+    state = session.state_of(remaining[0])
+    return ("repeat " if state == "repeat" else "next ") + setting_text(session, remaining[0])
 
 
 def promise_text(session: Session) -> str:
@@ -52,8 +52,8 @@ def promise_text(session: Session) -> str:
 def shares_text(session: Session) -> str:
     """The guaranteed errors over what is promised, target by target."""
     shares = ((name, session.share(name)) for name in session.programme.promised)
-    told = [f"{name} {'open' if share is None else upwards(share, 3)}" for name, share in shares]
-    return "error/promise: " + ", ".join(told)
+    texts = [f"{name} {'open' if share is None else upwards(share, 3)}" for name, share in shares]
+    return "error/promise: " + ", ".join(texts)
 
 
 def against_text(session: Session) -> str:
@@ -62,10 +62,10 @@ def against_text(session: Session) -> str:
     if not against:
         return ""
     good = session.good
-    named = [f"rest {good[p - 1].number} f{a}" for p, a in against[:6] if p <= len(good)]
-    more = f" and {len(against) - 6} more" if len(against) > 6 else ""
+    readings = [f"rest {good[p - 1].number} f{a}" for p, a in against[:6] if p <= len(good)]
+    further = f" and {len(against) - 6} more" if len(against) > 6 else ""
     radius = residual(session.standing.radius)
-    return f"no parameters explain the readings (they leave {radius} σ at least): {', '.join(named)}{more}"
+    return f"no parameters explain the readings (they leave {radius} σ at least): {', '.join(readings)}{further}"
 
 
 def present_text(session: Session, present: Present) -> str:
@@ -89,7 +89,7 @@ def visit_text(session: Session, visit: Visit) -> str:
     """What became of a rest."""
     at = angles_text(*session.visit_angles_deg(visit))
     number = session.setting_of[visit.number - 1]
-    setting = next((one for one in session.programme.settings if one.number == number), None)
+    setting = next((planned for planned in session.programme.settings if planned.number == number), None)
     of = "of no position of the plan" if setting is None else setting_text(session, setting).partition(":")[0]
     rows = f"rows {visit.first_row} to {visit.last_row}"
     if visit.bad:

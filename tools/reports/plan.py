@@ -143,10 +143,10 @@ def _order_section(plan: "PositionPlan") -> Section:
     """Return the positions in the order of measurement."""
     rows: list[list[Cell]] = []
     for number, at in enumerate(plan.programme, start=1):
-        one = plan.positions[at - 1]
+        position = plan.positions[at - 1]
         again = "again" if at in plan.programme[: number - 1] else None
-        mounting = one.mounting if len(plan.mountings) > 1 else None
-        rows.append([number, digits(one.alpha_deg, 6), digits(one.beta_deg, 6), mounting, again])
+        mounting = position.mounting if len(plan.mountings) > 1 else None
+        rows.append([number, digits(position.alpha_deg, 6), digits(position.beta_deg, 6), mounting, again])
     table = Table(["no.", "α [deg]", "β [deg]", "mounting", "measured"], rows).without_empty_columns()
     return Section("Positions", picture=positions_picture(plan), caption=POSITIONS_DRAWN, table=table)
 
@@ -342,23 +342,23 @@ def write_plan(plan: "PositionPlan", folder: Path, *, dwell_s: float) -> list[Pa
     rows = [plan.positions[at - 1] for at in plan.programme]
     several = len(plan.mountings) > 1
 
-    def row(one: "PlannedPosition") -> str:
-        return f"{one.alpha_deg},{one.beta_deg}"
+    def row(position: "PlannedPosition") -> str:
+        return f"{position.alpha_deg},{position.beta_deg}"
 
     files: dict[str, str] = {}
     for name in plan.mountings:
-        lines = [f"{row(one)},{exactly(dwell_s)}" for one in rows if not several or one.mounting == name]
+        lines = [f"{row(position)},{exactly(dwell_s)}" for position in rows if not several or position.mounting == name]
         if lines:
             files[f"programme-{name}.csv" if several else "programme.csv"] = _csv("alpha_deg,beta_deg,dwell_s", lines)
     files["table.csv"] = _csv(
         "order,alpha_deg,beta_deg,dwell_s" + (",mounting" if several else ""),
         [
-            f"{number},{row(one)},{exactly(dwell_s)}{f',{one.mounting}' if several else ''}"
-            for number, one in enumerate(rows, start=1)
+            f"{number},{row(position)},{exactly(dwell_s)}{f',{position.mounting}' if several else ''}"
+            for number, position in enumerate(rows, start=1)
         ],
     )
     planned = "planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg"
-    files["angles.csv"] = _csv(planned, [f"{row(one)},{row(one)}" for one in rows])
+    files["angles.csv"] = _csv(planned, [f"{row(position)},{row(position)}" for position in rows])
     files["plan.json"] = plan.json_text()
     files["operator.html"] = html(operator_page(plan, dwell_s))
     files["positions.svg"] = positions_picture(plan).svg()

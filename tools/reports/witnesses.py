@@ -18,7 +18,7 @@ def witnesses_of(result: Diagnosis) -> tuple[EffectWitness, ...]:
 
 
 def judgement_section(result: Diagnosis) -> Section | None:
-    """What was left out and shuffled says of the effects, and why they are not named."""
+    """Return what was left out and shuffled says of the effects, and why they are not named; None where nothing was."""
     judgement = result.judgement
     if not judgement and not result.not_named:
         return None
@@ -27,35 +27,51 @@ def judgement_section(result: Diagnosis) -> Section | None:
         "then their signatures were shuffled over the record. This is a second witness, no evidence: almost any effect "
         "improves some of it."
     ]
-    rows: list[list[Cell]] = []
+    table = None
     if isinstance(judgement, Witness):
-        header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
-        for name, score in (("every fifth position", judgement.folds), ("every quarter of the time", judgement.blocks)):
-            if score is not None:
-                rms = (digits(figure, 2) for figure in (score.rms_before, score.rms_after))
-                largest = map(upwards, (score.max_before, score.max_after))
-                rows.append([name, score.scored, *rms, *largest])
-        if judgement.shuffles:
-            paragraphs.append(
-                f"Shuffled, the effects predicted what was left out as well in {judgement.shuffles.as_good} of "
-                f"{judgement.shuffles.tried} trials."
-            )
-        paragraphs += [] if judgement.not_judged is None else [sentence(judgement.not_judged)]
-        paragraphs += [
+        paragraphs += _joint_texts(judgement)
+        table = _joint_table(judgement)
+    elif judgement:
+        rows: list[list[Cell]] = []
+        for w in judgement:
+            shuffles = f"{w.shuffles.as_good} of {w.shuffles.tried}"
+            rows.append([w.title, digits(w.rms_without), digits(w.rms_with), shuffles])
+        paragraphs.append("An effect that does not help, or whose shuffles do as well, is not named.")
+        header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
+        table = Table(header, rows)
+    paragraphs += [f"Not named: {text}." for text in result.not_named or ()]
+    paragraphs += [f"Against the first set: {text}." for text in result.objections or ()]
+    return Section("Left out, and shuffled", paragraphs, table=table)
+
+
+def _joint_texts(witness: Witness) -> list[str]:
+    """Return in sentences what shuffles, and each effect beside the others, say."""
+    texts = []
+    if witness.shuffles:
+        texts.append(
+            f"Shuffled, the effects predicted what was left out as well in {witness.shuffles.as_good} of "
+            f"{witness.shuffles.tried} trials."
+        )
+    if witness.not_judged is not None:
+        texts.append(sentence(witness.not_judged))
+    for w in witness.each:
+        texts.append(
             f"Beside the others, {w.title} brings what was left out from {digits(w.rms_without)} to "
             f"{digits(w.rms_with)} of its bound (rms), and {w.shuffles.as_good} of {w.shuffles.tried} of its shuffles "
             "do as well."
-            for w in judgement.each
-        ]
-    else:
-        header = ["effect", "rms over the bound without it", "with it", "shuffles that do as well"]
-        for w in judgement or ():
-            errors = (digits(value) for value in (w.rms_without, w.rms_with))
-            rows.append([w.title, *errors, f"{w.shuffles.as_good} of {w.shuffles.tried}"])
-        paragraphs.append("An effect that does not help, or whose shuffles do as well, is not named.")
-    paragraphs += [f"Not named: {text}." for text in result.not_named or ()]
-    paragraphs += [f"Against the first set: {text}." for text in result.objections or ()]
-    return Section("Left out, and shuffled", paragraphs, table=Table(header, rows) if rows else None)
+        )
+    return texts
+
+
+def _joint_table(witness: Witness) -> Table | None:
+    """Return the errors of what was left out, without and with the effects; None where nothing could be left out."""
+    rows: list[list[Cell]] = []
+    for name, score in (("every fifth position", witness.folds), ("every quarter of the time", witness.blocks)):
+        if score is not None:
+            rms = [digits(score.rms_before, 2), digits(score.rms_after, 2)]
+            rows.append([name, score.scored, *rms, upwards(score.max_before), upwards(score.max_after)])
+    header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
+    return Table(header, rows) if rows else None
 
 
 def _turns(result: Diagnosis) -> TurnErrors | None:
@@ -80,18 +96,20 @@ def two_witnesses(result: Diagnosis) -> list[str]:
 
 
 def turn_sections(result: Diagnosis) -> list[Section]:
-    """What is left of the turns between positions, without and with the effects, where gyros have seen them."""
-    if (turns := _turns(result)) is None:
+    """Return what is left of the turns between positions, where gyros have seen them."""
+    turns = _turns(result)
+    if turns is None:
         return []
-    sizes = [np.abs(errors).max(axis=1) for errors in (turns.before, turns.after)]
+    before, after = np.abs(turns.before).max(axis=1), np.abs(turns.after).max(axis=1)
     text = (
         "The gyros' integrals over rests, moves and parts of moves are held against the turns by the encoders. "
         f"{two_witnesses(result)[0]} The largest errors:"
     )
     rows: list[list[Cell]] = []
-    for k in np.argsort(-sizes[0], kind="stable")[:MOST_TURNS]:
-        degrees = (digits(float(np.degrees(angle)), 5) for angle in turns.turned[k])
-        ends = (digits(float(turns.first[k]), 6), digits(float(turns.last[k]), 6))
-        rows.append([*ends, *degrees, *(residual(float(side[k])) for side in sizes)])
+    for k in np.argsort(-before, kind="stable")[:MOST_TURNS].tolist():
+        outer, inner = np.degrees(turns.turned[k])
+        ends = [digits(float(turns.first[k]), 6), digits(float(turns.last[k]), 6)]
+        errors = [residual(float(before[k])), residual(float(after[k]))]
+        rows.append([*ends, digits(float(outer), 5), digits(float(inner), 5), *errors])
     header = ["from [s]", "to [s]", "outer turn [°]", "inner turn [°]", "error, over its bound", "with the effects"]
     return [Section("Turns, as the gyros saw them", [text], table=Table(header, rows))]
