@@ -143,27 +143,36 @@ class CalibrationRuns:
         )
         options = {"noise_bound": chosen.noise_bound, "gravity": chosen.gravity, "baseline": chosen.baseline}
         result = calibration.calibrate(record, **options, bounds=chosen.bounds, convention=chosen.convention)
-        true = dict(zip(TARGETS, target_values(truth, np.eye(3)).tolist(), strict=True))
         scalars: dict[str, Value | int | None] = {"verdict": result.verdict, "radius": result.radius}
+        scalars |= self._judged(
+            result.parameters, dict(zip(TARGETS, target_values(truth, np.eye(3)).tolist(), strict=True))
+        )
+        text = None
+        if self.diagnose:
+            text = _json(diagnosis.diagnose(record, **options, bounds=chosen.bounds, rerun=False).to_json())
+        return Given(scalars, record_table(record) if self.record else None, text)
+
+    @staticmethod
+    def _judged(estimates: Iterable[Any], true: Mapping[str, float]) -> dict[str, Value | int | None]:
+        """Estimates held against the true values of the targets."""
+        scalars: dict[str, Value | int | None] = {}
         misses, ratio = 0, 0.0
-        for estimate in result.parameters:
-            symbol = estimate.symbol
+        for estimate in estimates:
+            symbol, bound = estimate.symbol, estimate.error_bound
             if symbol not in true:
                 continue
             scalars[f"{symbol}_guaranteed"] = estimate.guaranteed_error
-            if estimate.estimate is not None and estimate.error_bound is not None:
+            if estimate.estimate is not None and bound is not None:
                 error = abs(estimate.estimate - true[symbol])
-                scalars |= {f"{symbol}_error": error, f"{symbol}_bound": estimate.error_bound}
-                bound = estimate.error_bound
-                ratio = max(ratio, error / bound if bound > 0.0 else math.inf if error > 0.0 else 0.0)
+                scalars |= {f"{symbol}_error": error, f"{symbol}_bound": bound}
+                if bound > 0.0:
+                    ratio = max(ratio, error / bound)
+                elif error > 0.0:
+                    ratio = math.inf
             if estimate.low is not None and estimate.high is not None:
                 scalars[f"{symbol}_width"] = estimate.high - estimate.low
                 misses += not estimate.low <= true[symbol] <= estimate.high
-        scalars |= {"misses": misses, "worst_error_ratio": ratio}
-        told = None
-        if self.diagnose:
-            told = _json(diagnosis.diagnose(record, **options, bounds=chosen.bounds, rerun=False).to_json())
-        return Given(scalars, record_table(record) if self.record else None, told)
+        return {**scalars, "misses": misses, "worst_error_ratio": ratio}
 
     def _truth(self, rng: np.random.Generator, values: Mapping[str, Value], *, symmetric: bool) -> NDArray:
         """Elementary parameters (24,): those that are swept, the others drawn or zero."""
@@ -215,11 +224,11 @@ class SimulationRuns:
                 known = nearest(fmu, list(interfaces))
                 raise InputError(f"parameters.{name}: must begin with the name of an FMU and a dot; {known}")
             try:
-                found = interfaces[fmu].find(variable, SETTABLE)
+                elements = interfaces[fmu].find(variable, SETTABLE)
             except InputError as error:
                 raise InputError(f"parameters.{name}: {error}") from error
-            if len(found) != 1:
-                raise InputError(f"parameters.{name}: has {len(found)} elements; sweep one: {name}[1]")
+            if len(elements) != 1:
+                raise InputError(f"parameters.{name}: has {len(elements)} elements; sweep one: {name}[1]")
         columns = [column.name for column in self.scenario.columns]
         self.reductions = setting.scalars or {name: Reduction(column=name) for name in columns}
         for name, reduction in self.reductions.items():
@@ -242,51 +251,54 @@ class SimulationRuns:
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Simulate the scenario."""
+        table = self.scenario.run(self._parameters(values, seed))
+        scalars: dict[str, Value | int | None] = {}
+        for name, reduction in self.reductions.items():
+            scalars[name] = reduced(table[reduction.column].to_numpy(), reduction.take)
+        if not self.measures:
+            return Given(scalars, table if self.keep.record else None)
+        record, sigma, text = positions_of(table), self.setting.noise_bound, None
+        if self.setting.calibrate:
+            result = calibration.calibrate(record, noise_bound=sigma)
+            scalars |= {"verdict": result.verdict, "radius": result.radius}
+            for estimate in result.parameters:
+                scalars[f"{estimate.symbol}_estimate"] = estimate.estimate
+                scalars[f"{estimate.symbol}_bound"] = estimate.error_bound
+                scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
+        if self.keep.diagnosis:
+            text = _json(diagnosis.diagnose(record, noise_bound=sigma, rerun=False).to_json())
+        return Given(scalars, record_table(record) if self.keep.record else None, text)
+
+    def _parameters(self, values: Mapping[str, Value], seed: np.random.SeedSequence) -> dict[str, dict[str, Any]]:
+        """FMU -> variable -> value, of a run."""
         parameters: dict[str, dict[str, Any]] = {}
         if self.setting.seeds == "derived":
-            for name, own in zip(self.seeded, seed.spawn(len(self.seeded)), strict=True):
-                parameters[name] = {"seed": short_seed(own)}
+            for name, seed_of_fmu in zip(self.seeded, seed.spawn(len(self.seeded)), strict=True):
+                parameters[name] = {"seed": short_seed(seed_of_fmu)}
         for name, value in values.items():
             fmu, _, variable = name.partition(".")
             kind = self.scenario.interfaces[fmu].find(variable, SETTABLE)[0].kind
-            whole = isinstance(value, float) and kind in ("Integer", "Enumeration")
-            parameters.setdefault(fmu, {})[variable] = int(value) if whole else value
-        table = self.scenario.run(parameters)
-        scalars: dict[str, Value | int | None] = {
-            name: reduced(table[reduction.column].to_numpy(), reduction.take)
-            for name, reduction in self.reductions.items()
-        }
-        told = None
-        if self.measures:
-            record = positions_of(table)
-            sigma = self.setting.noise_bound
-            if self.setting.calibrate:
-                found = calibration.calibrate(record, noise_bound=sigma)
-                scalars |= {"verdict": found.verdict, "radius": found.radius}
-                for estimate in found.parameters:
-                    scalars[f"{estimate.symbol}_estimate"] = estimate.central
-                    scalars[f"{estimate.symbol}_bound"] = estimate.error_bound
-                    scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
-            if self.keep.diagnosis:
-                told = _json(diagnosis.diagnose(record, noise_bound=sigma, rerun=False).to_json())
-            table = record_table(record)
-        return Given(scalars, table if self.keep.record else None, told)
+            if isinstance(value, float) and kind in ("Integer", "Enumeration"):
+                value = int(value)
+            parameters.setdefault(fmu, {})[variable] = value
+        return parameters
+
+
+REDUCTIONS: dict[str, Callable[[np.ndarray], float]] = {
+    "last": lambda x: x[-1],
+    "first": lambda x: x[0],
+    "mean": np.mean,
+    "min": np.min,
+    "max": np.max,
+    "max-abs": lambda x: np.abs(x).max(),
+    "rms": lambda x: np.sqrt(np.mean(x * x)),
+    "std": np.std,
+}
 
 
 def reduced(values: np.ndarray, take: str) -> float:
     """A number from a column."""
-    x = np.asarray(values, dtype=float)
-    size = {
-        "last": lambda: x[-1],
-        "first": lambda: x[0],
-        "mean": lambda: x.mean(),
-        "min": lambda: x.min(),
-        "max": lambda: x.max(),
-        "max-abs": lambda: np.abs(x).max(),
-        "rms": lambda: np.sqrt(np.mean(x * x)),
-        "std": lambda: x.std(),
-    }
-    return float(size[take]())
+    return float(REDUCTIONS[take](np.asarray(values, dtype=float)))
 
 
 def positions_of(table: pl.DataFrame) -> PositionRecord:
@@ -345,7 +357,7 @@ class AttitudeRuns:
             1.0 / rate,
             round(rate * duration),
         )
-        read = motion.read_increments(
+        increments = motion.read_increments(
             samples,
             np.array([of(f"scale_misalignment_{p}{q}", 0.0) for p in (1, 2, 3) for q in (1, 2, 3)]),
             np.array([of(f"bias_{p}_radps", 0.0) for p in (1, 2, 3)]),
@@ -353,7 +365,7 @@ class AttitudeRuns:
             of("noise_bound_radps", setting.noise_bound_radps),
             short_seed(seed),
         )
-        computed = motion.run_algorithm(algorithm, read, renormalise=True)
+        computed = motion.run_algorithm(algorithm, increments, renormalise=True)
         every = algorithm.samples
         angle = motion.angle_between(computed, attitudes[every - 1 : len(attitudes) // every * every : every])
         last = float(angle[-1])
@@ -424,8 +436,8 @@ class HiddenRuns:
         """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
         case = trials.draw_case(self.options, self.seed, number)
         record = case.measured()
-        found = trials.diagnosed(case, record)
-        outcome = trials.judged(case, found)
+        result = trials.diagnosed(case, record)
+        outcome = trials.judged(case, result)
         scalars: dict[str, Value | int | None] = {
             "hidden": outcome.hidden_words,
             "named": outcome.named_words,
@@ -438,10 +450,10 @@ class HiddenRuns:
             "positions": outcome.positions,
             "redrawn": case.redrawn,
         }
-        told = None
+        text = None
         if self.keep.diagnosis:
-            told = _json({**outcome.to_json(), "diagnosis": found.to_json()})
-        return Given(scalars, record_table(record) if self.keep.record else None, told)
+            text = _json({**outcome.to_json(), "diagnosis": result.to_json()})
+        return Given(scalars, record_table(record) if self.keep.record else None, text)
 
 
 RUNNERS: dict[str, Callable[[Campaign, Any], Runner]] = {

@@ -1,4 +1,4 @@
-"""A campaign carried out, by workers that may be killed, in any order: which run is which, what a worker makes of them.
+"""A campaign carried out: which run is which, and what a process makes of the runs of a file.
 
 Of a run the parameters and the seed follow from the campaign and the run's number alone.
 
@@ -26,7 +26,7 @@ from ..errors import InputError, nearest
 from ..progress import progress_bar
 from ..rounding import digits
 from ..workers import made
-from .file import Campaign, Value
+from .file import Campaign, Computation, Value
 from .kinds import RUNNERS, Runner
 from .store import Columns, Computed, Order, code_hash, make_order, opened
 from .summary import CampaignResult, Cost, summarise
@@ -36,6 +36,8 @@ _CHUNK = 256
 """Rows of a Sobol sequence that are made at once."""
 OWN_COLUMNS = ("run", "failed", "diagnosis")
 COMPRESSION_LEVEL = 3
+DTYPES: dict[type, type[pl.DataType]] = {bool: pl.Boolean, str: pl.String}
+"""Of listed values that are no numbers."""
 
 
 class Design:
@@ -117,34 +119,34 @@ def columns_of(campaign: Campaign, runner: Runner) -> Columns:
     """The columns of the data set; refuses names that are not there, or that mean two things."""
     parameters: dict[str, type[pl.DataType]] = {}
     for name, axis in campaign.parameters.items():
-        sample = axis.listed()[0] if axis.discrete else 0.0
-        parameters[name] = (
-            pl.Boolean if isinstance(sample, bool) else pl.String if isinstance(sample, str) else pl.Float64
-        )
-    outputs = dict(runner.outputs)
-    for name in parameters:
-        if name in outputs or name in OWN_COLUMNS:
+        if name in runner.outputs or name in OWN_COLUMNS:
             raise InputError(f"parameters.{name}: a run gives a scalar of that name")
-    wanted = campaign.keep.scalars
-    for name in wanted or ():
-        if name not in outputs:
-            raise InputError(f"keep.scalars: '{name}' is not what a run gives; {nearest(name, list(outputs))}")
-    kept = {name: output for name, output in outputs.items() if wanted is None or name in wanted}
-    there = {**{name: output.dtype for name, output in kept.items()}, **parameters}
+        parameters[name] = DTYPES.get(type(axis.listed()[0]), pl.Float64) if axis.discrete else pl.Float64
+    outputs = dict(runner.outputs)
+    if campaign.keep.scalars is not None:
+        for name in campaign.keep.scalars:
+            if name not in outputs:
+                raise InputError(f"keep.scalars: '{name}' is not what a run gives; {nearest(name, list(outputs))}")
+        outputs = {name: output for name, output in outputs.items() if name in campaign.keep.scalars}
+    dtypes = {name: output.dtype for name, output in outputs.items()} | parameters
     for number, computation in enumerate(campaign.compute, start=1):
-        for name in computation.names:
-            if name not in there:
-                raise InputError(
-                    f"compute[{number}]: '{name}' is no column of the results; {nearest(name, list(there))}"
-                )
-        numeric = [*(computation.quantiles or []), *(computation.sensitivity or [])]
-        numeric += [] if computation.against is None else [computation.against]
-        for name in numeric:
-            if there[name] not in (pl.Float64, pl.Int64, pl.Boolean):
-                raise InputError(f"compute[{number}]: '{name}' is a text, where a number is wanted")
-    if any(c.sensitivity for c in campaign.compute) and not any(t == pl.Float64 for t in parameters.values()):
-        raise InputError("compute: sensitivity needs parameters that are numbers")
-    return Columns(parameters, kept, campaign.keep.diagnosis, campaign.keep.record)
+        _refuse_other_columns(f"compute[{number}]", computation, dtypes)
+        if computation.sensitivity and pl.Float64 not in parameters.values():
+            raise InputError("compute: sensitivity needs parameters that are numbers")
+    return Columns(parameters, outputs, campaign.keep.diagnosis, campaign.keep.record)
+
+
+def _refuse_other_columns(where: str, computation: Computation, dtypes: Mapping[str, type[pl.DataType]]) -> None:
+    """Refuse a computation of columns that are not there, or of texts where it takes numbers."""
+    for name in computation.names:
+        if name not in dtypes:
+            raise InputError(f"{where}: '{name}' is no column of the results; {nearest(name, list(dtypes))}")
+    numbers = [*(computation.quantiles or []), *(computation.sensitivity or [])]
+    if computation.against is not None:
+        numbers.append(computation.against)
+    for name in numbers:
+        if dtypes[name] == pl.String:
+            raise InputError(f"{where}: '{name}' is a text, where a number is wanted")
 
 
 class Prepared:
@@ -215,8 +217,11 @@ def scalars_file(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> bytes:
     fitting = {pl.Float64: float, pl.Int64: int, pl.Boolean: bool, pl.String: str}
     series = []
     for name, dtype in columns.schema.items():
-        found = [row.get(name) for row in rows]
-        series.append(pl.Series(name, [v if v is None else fitting[dtype](v) for v in found], dtype=dtype))
+        values = []
+        for row in rows:
+            value = row.get(name)
+            values.append(value if value is None else fitting[dtype](value))
+        series.append(pl.Series(name, values, dtype=dtype))
     return _parquet(pl.DataFrame(series))
 
 

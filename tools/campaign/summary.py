@@ -9,7 +9,7 @@ worse by chance at most `CHANCE`, whatever the number of scalars.
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -146,71 +146,67 @@ def summarise(store: Store) -> CampaignResult:
     """What the campaign's file asks for, and what failed."""
     results = Results(store)
     failed = results.column("failed")
-    messages = Counter(failed.drop_nulls().to_list())
-    frequent = sorted(messages.items(), key=lambda item: (-item[1], item[0]))[:MOST_MESSAGES]
+    counted = Counter(failed.drop_nulls().to_list())
+    failures = []
+    for message, count in sorted(counted.items(), key=lambda pair: (-pair[1], pair[0]))[:MOST_MESSAGES]:
+        first_run = int((failed == message).arg_max() or 0)
+        failures.append(Failure(message=message, runs=count, first_run=first_run))
+    computed = []
+    for computation in store.campaign.compute:
+        computed.append({**computation.as_written(), "result": result_of(computation, results)})
     return CampaignResult(
         title=store.campaign.title,
         kind=store.campaign.kind,
         runs=store.campaign.runs,
-        failed=len(failed) - failed.null_count(),
-        failures=[
-            Failure(message=message, runs=count, first_run=int((failed == message).arg_max() or 0))
-            for message, count in frequent
-        ],
-        computed=[computed(item, results) for item in store.campaign.compute],
+        failed=counted.total(),
+        failures=failures,
+        computed=computed,
         folder=store.folder,
     )
 
 
-def computed(item: Computation, results: Results) -> dict[str, Any]:
-    """One computation and what comes of it."""
-    if item.quantiles is not None:
-        found = quantiles(results, item.quantiles, item.at or list(QUANTILES))
-    elif item.rate is not None:
-        found = rates(results, item)
-    elif item.confusion is not None:
-        found = confusion(results, item.confusion, str(item.of))
-    else:
-        found = sensitivity(results, item.sensitivity or [])
-    return {**item.as_written(), "result": found}
+def result_of(computation: Computation, results: Results) -> Any:
+    """What comes of a computation."""
+    if computation.quantiles is not None:
+        at = computation.at or list(QUANTILES)
+        return {name: quantiles(results.numbers(name), at) for name in computation.quantiles}
+    if computation.rate is not None:
+        return rates(results, computation, computation.rate)
+    if computation.confusion is not None:
+        return confusion(results, computation.confusion, str(computation.of))
+    return sensitivity(results, computation.sensitivity or [])
 
 
-def quantiles(results: Results, names: Sequence[str], at: Sequence[float]) -> dict[str, Any]:
-    """Quantiles, mean and extremes of scalars, over the runs that have them."""
-    found = {}
-    for name in names:
-        values = results.numbers(name)
-        values = values[np.isfinite(values)]
-        if not len(values):
-            found[name] = {"runs": 0}
-            continue
-        at_parts = np.quantile(values, at).tolist()
-        found[name] = {
-            "runs": len(values),
-            "mean": float(values.mean()),
-            "std": float(values.std(ddof=1)) if len(values) > 1 else None,
-            "least": float(values.min()),
-            "largest": float(values.max()),
-            "quantiles": [{"at": p, "value": v} for p, v in zip(at, at_parts, strict=True)],
-        }
-    return found
+def quantiles(values: NDArray, at: Sequence[float]) -> dict[str, Any]:
+    """Quantiles, mean and extremes of a scalar, over the runs that have it."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return {"runs": 0}
+    below = np.quantile(values, at).tolist()
+    return {
+        "runs": len(values),
+        "mean": float(values.mean()),
+        "std": float(values.std(ddof=1)) if len(values) > 1 else None,
+        "least": float(values.min()),
+        "largest": float(values.max()),
+        "quantiles": [{"at": part, "value": value} for part, value in zip(at, below, strict=True)],
+    }
 
 
-def rates(results: Results, item: Computation) -> list[dict[str, Any]]:
+def rates(results: Results, computation: Computation, name: str) -> list[dict[str, Any]]:
     """How often a scalar is one of some values, with Wilson's interval; over all, or over ranges of another scalar."""
-    assert item.rate is not None
-    column = results.column(item.rate)
-    there = column.is_not_null().to_numpy()
-    wanted = [str(v).lower() if isinstance(v, bool) else str(v) for v in item.values or ()]
-    hits = column.cast(pl.String).is_in(wanted).fill_null(False).to_numpy()
-    if item.against is None:
-        return [rate(hits[there])]
-    against = results.numbers(item.against)
-    found = []
-    for low, high in pairwise(item.edges or ()):
-        own = there & (against >= low) & (against < high)
-        found.append({"low": low, "high": high, **rate(hits[own])})
-    return found
+    column = results.column(name)
+    has_value = column.is_not_null().to_numpy()
+    counted = [str(value).lower() if isinstance(value, bool) else str(value) for value in computation.values or ()]
+    hits = column.cast(pl.String).is_in(counted).fill_null(False).to_numpy()
+    if computation.against is None:
+        return [rate(hits[has_value])]
+    against = results.numbers(computation.against)
+    ranges = []
+    for low, high in pairwise(computation.edges or ()):
+        within = has_value & (against >= low) & (against < high)
+        ranges.append({"low": low, "high": high, **rate(hits[within])})
+    return ranges
 
 
 def rate(hits: NDArray) -> dict[str, Any]:
@@ -222,13 +218,12 @@ def rate(hits: NDArray) -> dict[str, Any]:
     return {"cases": cases, "count": count, "rate": count / cases, "interval": [interval.low, interval.high]}
 
 
-def confusion(results: Results, named: str, of: str) -> dict[str, dict[str, int]]:
+def confusion(results: Results, name: str, of: str) -> dict[str, dict[str, int]]:
     """How often each value of one column goes with each value of another: true -> named -> count."""
     table: dict[str, Counter[str]] = {}
-    pairs = zip(results.column(of).to_list(), results.column(named).to_list(), strict=True)
-    for true, said in pairs:
-        if true is not None and said is not None:
-            table.setdefault(str(true), Counter())[str(said)] += 1
+    for true, named in zip(results.column(of).to_list(), results.column(name).to_list(), strict=True):
+        if true is not None and named is not None:
+            table.setdefault(str(true), Counter())[str(named)] += 1
     return {true: dict(sorted(row.items())) for true, row in sorted(table.items())}
 
 
@@ -237,23 +232,24 @@ def sensitivity(results: Results, names: Sequence[str]) -> dict[str, Any]:
     campaign = results.store.campaign
     if campaign.sampling.method == "saltelli":
         return {name: sobol_indices(campaign, results.numbers(name)) for name in names}
-    numeric = [name for name in campaign.parameters if results.schema[name] == pl.Float64]
-    columns = {name: results.numbers(name) for name in numeric}
-    return {name: {"method": "rank-correlation", **correlations(columns, results.numbers(name))} for name in names}
+    parameters = {}
+    for name in campaign.parameters:
+        if results.schema[name] == pl.Float64:
+            parameters[name] = results.numbers(name)
+    return {name: correlations(parameters, results.numbers(name)) for name in names}
 
 
 def correlations(parameters: Mapping[str, NDArray], values: NDArray) -> dict[str, Any]:
     """Spearman's rank correlation with each parameter, and the p-value of none."""
-    found = {}
+    by_parameter: dict[str, dict[str, float | None]] = {}
     for name, column in parameters.items():
-        there = np.isfinite(values) & np.isfinite(column)
-        x, y = column[there], values[there]
-        if len(x) < 3 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
-            found[name] = {"correlation": None, "p": None}
-        else:
-            result: Any = stats.spearmanr(x, y)
-            found[name] = {"correlation": float(result.statistic), "p": float(result.pvalue)}
-    return {"parameters": found}
+        finite = np.isfinite(values) & np.isfinite(column)
+        x, y = column[finite], values[finite]
+        by_parameter[name] = {"correlation": None, "p": None}
+        if len(x) >= 3 and np.ptp(x) != 0.0 and np.ptp(y) != 0.0:
+            ranked: Any = stats.spearmanr(x, y)
+            by_parameter[name] = {"correlation": float(ranked.statistic), "p": float(ranked.pvalue)}
+    return {"method": "rank-correlation", "parameters": by_parameter}
 
 
 def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
@@ -261,39 +257,37 @@ def sobol_indices(campaign: Campaign, values: NDArray) -> dict[str, Any]:
 
     Source: Saltelli et al., Computer Physics Communications 181 (2010), 259-270, as scipy.stats.sobol_indices has it.
     """
-    names, n = list(campaign.distributions), campaign.sampling.points
-    rows = values.reshape(len(names) + 2, n)
-    whole = np.isfinite(rows).all(axis=0)
+    names, points = list(campaign.distributions), campaign.sampling.points
+    rows = values.reshape(len(names) + 2, points)
+    complete = np.isfinite(rows).all(axis=0)
     # The estimators are means over rows, of which scipy wants a power of two.
-    kept = 1 << max(int(whole.sum()).bit_length() - 1, 0)
-    rows = rows[:, whole][:, :kept]
-    left_out = {"method": "sobol", "rows": rows.shape[1], "rows_with_failures": int(n - whole.sum())}
-    if rows.shape[1] < 2 or np.ptp(rows) == 0.0:
-        return {**left_out, "parameters": {name: {"first": None, "total": None} for name in names}}
-    first, total = _indices(rows)
-    rng = np.random.default_rng(np.random.SeedSequence(campaign.seed))
-    again = [_indices(rows[:, rng.integers(0, rows.shape[1], rows.shape[1])]) for _ in range(RESAMPLES)]
-    tails = [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
-    ends = np.quantile(np.array(again), tails, axis=0)
+    count = 1 << max(int(complete.sum()).bit_length() - 1, 0)
+    rows = rows[:, complete][:, :count]
+    by_parameter: dict[str, dict[str, Any]] = {name: {"first": None, "total": None} for name in names}
+    if rows.shape[1] >= 2 and np.ptp(rows) != 0.0:
+        indices = _indices(rows)
+        rng = np.random.default_rng(np.random.SeedSequence(campaign.seed))
+        resampled = [_indices(rows[:, rng.integers(0, rows.shape[1], rows.shape[1])]) for _ in range(RESAMPLES)]
+        tails = [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
+        ends = np.quantile(np.array(resampled), tails, axis=0)
+        for k, name in enumerate(names):
+            by_parameter[name] = {}
+            for kind, word in enumerate(("first", "total")):
+                by_parameter[name][word] = float(indices[kind][k])
+                by_parameter[name][f"{word}_interval"] = ends[:, kind, k].tolist()
     return {
-        **left_out,
-        "parameters": {
-            name: {
-                "first": float(first[k]),
-                "first_interval": ends[:, 0, k].tolist(),
-                "total": float(total[k]),
-                "total_interval": ends[:, 1, k].tolist(),
-            }
-            for k, name in enumerate(names)
-        },
+        "method": "sobol",
+        "rows": rows.shape[1],
+        "rows_with_failures": int(points - complete.sum()),
+        "parameters": by_parameter,
     }
 
 
 def _indices(rows: NDArray) -> tuple[NDArray, NDArray]:
     """First-order and total indices from the values of the rows of A, B and each A with a column from B."""
     blocks: Any = {"f_A": rows[None, 0], "f_B": rows[None, 1], "f_AB": rows[2:, None]}
-    found = stats.sobol_indices(func=blocks, n=rows.shape[1])
-    return np.ravel(found.first_order), np.ravel(found.total_order)
+    indices = stats.sobol_indices(func=blocks, n=rows.shape[1])
+    return np.ravel(indices.first_order), np.ravel(indices.total_order)
 
 
 class Change(Result):
@@ -361,38 +355,36 @@ def compare(folder: Path, other: Path) -> Comparison:
     An InputError for a folder without a whole campaign, or campaigns of different kinds of runs.
     """
     (store, manifest), (store_before, _) = open_result(folder), open_result(other)
-    campaign, campaign_before = store.campaign, store_before.campaign
-    if campaign.kind != campaign_before.kind:
-        raise InputError(
-            f"--against {other}: its runs are of the kind {campaign_before.kind}, those of {folder} {campaign.kind}"
-        )
+    kind, kind_before = store.campaign.kind, store_before.campaign.kind
+    if kind != kind_before:
+        raise InputError(f"--against {other}: its runs are of the kind {kind_before}, those of {folder} {kind}")
     now, before = Results(store), Results(store_before)
-    paired = _same_runs(now, before)
-    outputs: dict[str, dict[str, Any]] = manifest.get("outputs", {})
-    tests = [_happens("failed", "part of the runs that failed", _failed(before), _failed(now), "lower", paired)]
-    for name, output in outputs.items():
+    pairs = _same_runs(now, before)
+    what = "part of the runs that failed"
+    tests = [_happens("failed", what, _failed(before), _failed(now), pairs, "lower")]
+    for name, output in manifest.get("outputs", {}).items():
         if name not in now.schema or name not in before.schema or now.schema[name] != before.schema[name]:
             continue
         better, good = output.get("better"), output.get("good") or []
         if now.schema[name].is_numeric():
-            tests.append(_numbers(name, before.numbers(name), now.numbers(name), better, paired))
+            tests.append(_numbers(name, before.numbers(name), now.numbers(name), pairs, better))
         elif now.schema[name] == pl.Boolean:
             what = "part of the runs in which it is true"
-            tests.append(_happens(name, what, before.numbers(name), now.numbers(name), better, paired))
+            tests.append(_happens(name, what, before.numbers(name), now.numbers(name), pairs, better))
         elif good:
             what = f"part of the runs in which it is {' or '.join(good)}"
-            tests.append(_happens(name, what, _is(before, name, good), _is(now, name, good), "higher", paired))
+            tests.append(_happens(name, what, _is(before, name, good), _is(now, name, good), pairs, "higher"))
     changes = _corrected(tests)
-    better, worse = (sum(change.verdict == verdict for change in changes) for verdict in ("better", "worse"))
-    return Comparison(paired=paired, chance=CHANCE, better=better, worse=worse, changes=changes)
+    verdicts = Counter(change.verdict for change in changes)
+    return Comparison(paired=pairs, chance=CHANCE, better=verdicts["better"], worse=verdicts["worse"], changes=changes)
 
 
 def _same_runs(now: Results, before: Results) -> bool:
     """Whether run k of both has the same parameters and the same random errors."""
     a, b = now.store.campaign, before.store.campaign
-    if (a.runs, a.seed, a.sampling.method == "saltelli") != (b.runs, b.seed, b.sampling.method == "saltelli"):
+    if (a.runs, a.seed, list(a.parameters)) != (b.runs, b.seed, list(b.parameters)):
         return False
-    if list(a.parameters) != list(b.parameters):
+    if (a.sampling.method == "saltelli") != (b.sampling.method == "saltelli"):
         return False
     return all(now.column(name).equals(before.column(name), null_equal=True) for name in a.parameters)
 
@@ -403,79 +395,96 @@ def _failed(results: Results) -> NDArray:
 
 def _is(results: Results, name: str, good: Sequence[str]) -> NDArray:
     """1 where a text is as it should be, 0 where it is not, NaN where there is none."""
-    column = results.column(name)
-    return column.is_in(list(good)).cast(pl.Float64).fill_null(math.nan).to_numpy()
+    return results.column(name).is_in(list(good)).cast(pl.Float64).fill_null(math.nan).to_numpy()
 
 
-def _compared(before: NDArray, now: NDArray, *, paired: bool) -> tuple[NDArray, NDArray]:
-    """The values that are there: of pairs where both are."""
-    there, there_now = np.isfinite(before), np.isfinite(now)
-    if paired:
-        there = there_now = there & there_now
-    return before[there], now[there_now]
+def _finite(before: NDArray, now: NDArray, *, pairs: bool) -> tuple[NDArray, NDArray]:
+    """The values that are finite: of pairs where both are."""
+    finite, finite_now = np.isfinite(before), np.isfinite(now)
+    if pairs:
+        finite = finite_now = finite_now & finite
+    return before[finite], now[finite_now]
 
 
-def _happens(name: str, what: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> Change:
+def _happens(name: str, what: str, before: NDArray, now: NDArray, pairs: bool, better: str | None) -> Change:
     """Compare how often something is so; arrays of 0, 1 and NaN."""
-    before, now = _compared(before, now, paired=paired)
-    if paired:
+    before, now = _finite(before, now, pairs=pairs)
+    part_before, part = _number(before, np.mean), _number(now, np.mean)
+    if pairs:
         up, down = int(((now == 1.0) & (before == 0.0)).sum()), int(((now == 0.0) & (before == 1.0)).sum())
         p = float(stats.binomtest(up, up + down).pvalue) if up + down else 1.0
         direction = int(np.sign(up - down))
     else:
         table = [[now.sum(), len(now) - now.sum()], [before.sum(), len(before) - before.sum()]]
         p = float(np.asarray(stats.fisher_exact(np.array(table, dtype=int))[1]))
-        direction = int(np.sign(_mean(now) - _mean(before)))
-    sizes = {"before": _number(_mean(before)), "after": _number(_mean(now)), "runs": len(now)}
-    enough = min(len(before), len(now)) >= FEWEST
-    return Change(name=name, what=what, p=p if enough else None, direction=direction, better=better, **sizes)
+        direction = 0
+        if part is not None and part_before is not None:
+            direction = int(np.sign(part - part_before))
+    return Change(
+        name=name,
+        what=what,
+        before=part_before,
+        after=part,
+        p=p if min(len(before), len(now)) >= FEWEST else None,
+        runs=len(now),
+        direction=direction,
+        better=better,
+    )
 
 
-def _numbers(name: str, before: NDArray, now: NDArray, better: str | None, paired: bool) -> Change:
+def _numbers(name: str, before: NDArray, now: NDArray, pairs: bool, better: str | None) -> Change:
     """Compare the values of a scalar."""
-    p: float | None = None
-    direction = 0
-    before, now = _compared(before, now, paired=paired)
-    if paired:
+    before, now = _finite(before, now, pairs=pairs)
+    p, direction = None, 0
+    if pairs:
         change = now - before
         change[np.abs(change) <= ROUNDING * _scale(before, now)] = 0.0
         moved = change[change != 0.0]
-        if len(change) >= FEWEST:
-            ranked: Any = stats.wilcoxon(moved) if len(moved) >= FEWEST else None
-            p = 1.0 if ranked is None else float(ranked.pvalue)
         if len(moved):
             direction = int(np.sign(np.median(moved))) or int(np.sign(moved.mean()))
+        if len(change) >= FEWEST:
+            p = 1.0
+        if len(moved) >= FEWEST:
+            ranked: Any = stats.wilcoxon(moved)
+            p = float(ranked.pvalue)
     elif min(len(before), len(now)) >= FEWEST:
-        result: Any = stats.mannwhitneyu(now, before, method="asymptotic")
-        p = 1.0 if np.ptp(np.concatenate((now, before))) == 0.0 else float(result.pvalue)
-        direction = int(np.sign(result.statistic - 0.5 * len(now) * len(before)))
-    middle = [_number(float(np.median(x)) if len(x) else math.nan) for x in (before, now)]
-    sizes = {"before": middle[0], "after": middle[1], "runs": len(now)}
-    return Change(name=name, what="median", p=p, direction=direction, better=better, **sizes)
+        ranked = stats.mannwhitneyu(now, before, method="asymptotic")
+        p = 1.0 if np.ptp(np.concatenate((now, before))) == 0.0 else float(ranked.pvalue)
+        direction = int(np.sign(ranked.statistic - 0.5 * len(now) * len(before)))
+    return Change(
+        name=name,
+        what="median",
+        before=_number(before, np.median),
+        after=_number(now, np.median),
+        p=p,
+        runs=len(now),
+        direction=direction,
+        better=better,
+    )
 
 
 def _scale(before: NDArray, now: NDArray) -> float:
-    both = np.abs(np.concatenate((before, now)))
-    return float(np.median(both[both > 0.0])) if (both > 0.0).any() else 0.0
+    sizes = np.abs(np.concatenate((before, now)))
+    sizes = sizes[sizes > 0.0]
+    return float(np.median(sizes)) if len(sizes) else 0.0
 
 
-def _mean(values: NDArray) -> float:
-    return float(values.mean()) if len(values) else math.nan
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _number(values: NDArray, statistic: Callable[[NDArray], Any]) -> float | None:
+    return float(statistic(values)) if len(values) else None
 
 
 def _corrected(tests: Sequence[Change]) -> list[Change]:
-    """Holm's correction over all scalars that can be told, and what it leaves of each."""
-    told = sorted((test.p, k) for k, test in enumerate(tests) if test.p is not None)
+    """Holm's correction over all scalars that can be told, and the verdict that it leaves of each."""
+    tested = [k for k, test in enumerate(tests) if test.p is not None]
+    tested.sort(key=lambda k: (tests[k].p, k))
     changes, largest = list(tests), 0.0
-    for rank, (p, k) in enumerate(told):
-        largest = max(largest, min(1.0, p * (len(told) - rank)))
+    for rank, k in enumerate(tested):
+        test = tests[k]
+        largest = max(largest, min(1.0, (test.p or 0.0) * (len(tested) - rank)))
         verdict: Verdict = "same"
-        if largest <= CHANCE and tests[k].direction:
-            higher = "higher" if tests[k].direction > 0 else "lower"
-            verdict = "changed" if tests[k].better is None else "better" if tests[k].better == higher else "worse"
-        changes[k] = tests[k].model_copy(update={"p": largest, "verdict": verdict})
+        if largest <= CHANCE and test.direction:
+            verdict = "changed"
+            if test.better is not None:
+                verdict = "better" if (test.better == "higher") == (test.direction > 0) else "worse"
+        changes[k] = test.model_copy(update={"p": largest, "verdict": verdict})
     return changes
