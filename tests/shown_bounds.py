@@ -76,23 +76,23 @@ def _key(value: float) -> str:
 
 def shown_too_well(content: Any, watched: Watched) -> list[str]:
     """Bounds that are shown on their wrong side, and texts that are on the wrong side of their number."""
-    found = list(bounds_of(json.loads(json.dumps(content))))
-    others = {value for key, value in found if key not in UP | DOWN | BOTH}
-    wanted: dict[str, set[str]] = {}
-    for key, value in found:
+    bounds = list(bounds_of(json.loads(json.dumps(content))))
+    unbounded = {value for key, value in bounds if key not in UP | DOWN | BOTH}
+    roundings: dict[str, set[str]] = {}
+    for key, value in bounds:
         up = key in UP or (key in BOTH and value <= 1.0)
-        if key in UP | DOWN | BOTH and value not in others:
+        if key in UP | DOWN | BOTH and value not in unbounded:
             for unit in UNITS:
                 # A figure that is a bound of two kinds may be shown as either.
                 shown_as = repr(value) if unit == 1.0 else _key(value * unit)
-                wanted.setdefault(shown_as, set()).add(ROUND_CEILING if up else ROUND_FLOOR)
+                roundings.setdefault(shown_as, set()).add(ROUND_CEILING if up else ROUND_FLOOR)
     wrong = []
     for value, how, text in watched.seen:
-        exact, shown = Decimal(repr(value)), Decimal(text)
-        if (how == ROUND_CEILING and shown < exact) or (how == ROUND_FLOOR and shown > exact):
+        exact, printed = Decimal(repr(value)), Decimal(text)
+        if (how == ROUND_CEILING and printed < exact) or (how == ROUND_FLOOR and printed > exact):
             wrong.append(f"{text} of {value!r}")
-        ways = wanted.get(repr(value)) or wanted.get(_key(value), {how})
-        if how not in ways and shown != exact:
+        ways = roundings.get(repr(value)) or roundings.get(_key(value), {how})
+        if how not in ways and printed != exact:
             wrong.append(f"{text} is shown of the bound {value!r}, which is to be rounded by {ways}")
     return wrong
 
@@ -147,18 +147,20 @@ def read_off(cell: str) -> float | None:
         return None
 
 
-def wrong_on_page(page: str, told: Mapping[str, Any]) -> list[str]:
+def wrong_on_page(page: str, content: Mapping[str, Any]) -> list[str]:
     """Ends of intervals that a page of a diagnosis shows inside those of its JSON, estimates that it shows outside."""
     rows = [row for row in rows_of_page(page) if {"low", "high"} <= set(row)]
-    sets = [one["causes"] for one in told["explanations"] if told["verdict"] in NAMED and not one.get("extension")]
+    sets = [
+        one["causes"] for one in content["explanations"] if content["verdict"] in NAMED and not one.get("extension")
+    ]
     sizes = iter([p for causes in sets for cause in causes for p in cause["parameters"]])
-    targets = {entry["symbol"]: entry for entry in told.get("targets") or []}
+    targets = {entry["symbol"]: entry for entry in content.get("targets") or []}
     wrong = []
     for row in rows:
         name = row.get("target") or row.get("parameter", "")
         low, high = read_off(row["low"]), read_off(row["high"])
-        shown = read_off(row.get("estimate") or row.get("with the effects") or "")
-        if shown is not None and ((low is not None and shown < low) or (high is not None and shown > high)):
+        printed = read_off(row.get("estimate") or row.get("with the effects") or "")
+        if printed is not None and ((low is not None and printed < low) or (high is not None and printed > high)):
             wrong.append(f"{name} on the page")
         stated = targets.get(name) if "target" in row else next(sizes, None) if "effect" in row else None
         if stated is None:

@@ -35,9 +35,17 @@ from .files import json_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
+def _array_of(value: Any) -> Any:
+    """Return a list as an array."""
+    if isinstance(value, list):
+        return np.asarray(value, dtype=np.float64)
+    return value
+
+
 Array: TypeAlias = Annotated[
     NDArray[np.float64],
-    BeforeValidator(lambda value: np.asarray(value, dtype=np.float64) if isinstance(value, list) else value),
+    BeforeValidator(_array_of),
     PlainSerializer(lambda value: value.tolist()),
     WithJsonSchema({"type": "array"}),
 ]
@@ -137,7 +145,9 @@ class Result(BaseModel):
     def figure(self, name: str, record: Any = None) -> "Figure":
         """One of `figures`, by its name or a part that no other has; an InputError where there is none."""
         figures = self.figures(record)
-        titles = [name] if name in figures else [title for title in figures if name.lower() in title]
+        if name in figures:
+            return figures[name]
+        titles = [title for title in figures if name.lower() in title]
         if len(titles) != 1:
             raise InputError(f"{name}: no picture has this name alone; known: {', '.join(figures)}")
         return figures[titles[0]]
@@ -148,14 +158,20 @@ class Result(BaseModel):
         return tools.shown(self, *how)
 
     def __str__(self) -> str:
-        text = None if tools.shown is None else tools.shown(self, "text")
-        return super().__repr__() if text is None else text
+        text = None
+        if tools.shown is not None:
+            text = tools.shown(self, "text")
+        if text is None:
+            return super().__repr__()
+        return text
 
     def __repr__(self) -> str:
         return str(self)
 
     def _repr_html_(self) -> str | None:
-        return None if tools.shown is None else tools.shown(self, "notebook")
+        if tools.shown is None:
+            return None
+        return tools.shown(self, "notebook")
 
 
 class Told(Result):
@@ -186,16 +202,20 @@ def result_of(content: Mapping[str, Any], kinds: Mapping[str, type[Kind]], where
 
     An InputError, which begins with `where`, where it is not as its schema says.
     """
-    kind = next((kind for schema, kind in kinds.items() if schema == content.get("schema")), None)
+    schema = content.get("schema")
+    if not isinstance(schema, str) or schema not in kinds:
+        return None
     try:
-        return None if kind is None else kind.model_validate_json(json.dumps(content))
+        return kinds[schema].model_validate_json(json.dumps(content))
     except ValidationError as error:
-        raise InputError(f"{where}: {field_problems(error, cast(Any, kind))[0][1]}") from error
+        raise InputError(f"{where}: {field_problems(error, kinds[schema])[0][1]}") from error
 
 
 def finite_or_none(value: float) -> float | None:
     """None in place of NaN and infinity, as JSON has it."""
-    return float(value) if math.isfinite(value) else None
+    if math.isfinite(value):
+        return float(value)
+    return None
 
 
 class Section(BaseModel):
@@ -250,14 +270,21 @@ def checked_sections(sections: Mapping[str, Any], model: type[File], label: str 
         return model.model_validate(dict(sections))
     except ValidationError as error:
         problem = field_problems(error, model)[0][1]
-        raise InputError(f"{label}: {problem}" if label else problem) from error
+        if label:
+            problem = f"{label}: {problem}"
+        raise InputError(problem) from error
 
 
 def dotted(location: Location) -> str:
     """`fmus.table.component`, `connections[2].from`: entries of a list are counted from 1."""
     text = ""
     for part in location:
-        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else part
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        elif text:
+            text += f".{part}"
+        else:
+            text = part
     return text
 
 
@@ -269,12 +296,20 @@ def field_problems(error: ValidationError, model: type[BaseModel]) -> list[tuple
         return part in members or "[" in str(part)
 
     problems = error.errors()
-    deep = {problem["loc"][:k] for problem in problems for k in range(len(problem["loc"]))}
-    # Of a union, the member is meant of which most is right: that another would be of another kind says nothing.
-    meant = [p for p in problems if not (p["loc"] and is_member(p["loc"][-1]) and _deeper(p["loc"], deep))]
-    places = [tuple(part for part in problem["loc"] if not is_member(part)) for problem in meant]
-    unknown = [place for place, problem in zip(places, meant, strict=True) if problem["type"] == "extra_forbidden"]
-    return [_problem(problem, place, model, unknown) for problem, place in zip(meant, places, strict=True)]
+    deep: set[Location] = set()
+    for problem in problems:
+        deep.update(problem["loc"][:k] for k in range(len(problem["loc"])))
+    meant, unknown = [], []
+    for problem in problems:
+        location = problem["loc"]
+        # Of a union, the member is meant of which most is right: that another would be of another kind says nothing.
+        if location and is_member(location[-1]) and _deeper(location, deep):
+            continue
+        place = tuple(part for part in location if not is_member(part))
+        meant.append((problem, place))
+        if problem["type"] == "extra_forbidden":
+            unknown.append(place)
+    return [_problem(problem, place, model, unknown) for problem, place in meant]
 
 
 def _deeper(location: Location, deep: Set[Location]) -> bool:
@@ -314,13 +349,16 @@ def _problem(
     if problem["type"] == "missing":
         siblings = [str(place[-1]) for place in unknown if place[:-1] == where[:-1]]
         close = get_close_matches(str(where[-1]), siblings, n=1)
-        meant = f" (is '{close[0]}' meant?)" if close else ""
-        return where, f"{name}: is missing{meant}"
+        if close:
+            return where, f"{name}: is missing (is '{close[0]}' meant?)"
+        return where, f"{name}: is missing"
     message = problem["msg"].removeprefix("Value error, ")
     value = repr(problem["input"])
     if problem["type"] != "value_error" and len(value) < 60:
         message += f", not {value}"
-    return where, " ".join((f"{name}: {message}" if name else message).split())
+    if name:
+        message = f"{name}: {message}"
+    return where, " ".join(message.split())
 
 
 def _keys_beside(location: Location, model: type[BaseModel]) -> list[str]:
@@ -333,7 +371,9 @@ def _keys_beside(location: Location, model: type[BaseModel]) -> list[str]:
             if part in (name, field.alias):
                 at = _model_in(field.annotation)
                 break
-    return [] if at is None else [field.alias or name for name, field in at.model_fields.items() if not field.exclude]
+    if at is None:
+        return []
+    return [field.alias or name for name, field in at.model_fields.items() if not field.exclude]
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

@@ -32,35 +32,35 @@ SCALE_FACTORS_OF_1 = [9, 12]
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
+def root(tmp_path_factory) -> Path:
     """Three calibrations of one bench; the scale factors of the first accelerometer change before the third."""
-    made, rng = tmp_path_factory.mktemp("instrument"), np.random.default_rng(4)
+    root, rng = tmp_path_factory.mktemp("instrument"), np.random.default_rng(4)
     bench = random_bench(rng)
     for k in range(3):
-        other = bench + 0.0
-        other[SCALE_FACTORS_OF_1] += 3e-4 * (k == 2)
-        record = simulated(other, noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
-        write_record(record, made / f"{k}.csv")
-        said = f"# date: {DATES[k]}\n# serial number: U-17\n# temperature: {DEGREES[k]}\n"
-        (made / f"{k}.csv").write_text(said + (made / f"{k}.csv").read_text(encoding="utf-8"), encoding="utf-8")
-        read = read_record(made / f"{k}.csv", PositionRecord)
-        (made / f"{k}.json").write_text(calibrate(read, noise_bound=SIGMA).json_text(), encoding="utf-8")
+        edited = bench + 0.0
+        edited[SCALE_FACTORS_OF_1] += 3e-4 * (k == 2)
+        record = simulated(edited, noise=rng.uniform(-SIGMA, SIGMA, (24, 3)))
+        write_record(record, root / f"{k}.csv")
+        comments = f"# date: {DATES[k]}\n# serial number: U-17\n# temperature: {DEGREES[k]}\n"
+        (root / f"{k}.csv").write_text(comments + (root / f"{k}.csv").read_text(encoding="utf-8"), encoding="utf-8")
+        measured = read_record(root / f"{k}.csv", PositionRecord)
+        (root / f"{k}.json").write_text(calibrate(measured, noise_bound=SIGMA).json_text(), encoding="utf-8")
     for k in (2, 0, 1):
-        add_to_instrument(made / "unit", made / f"{k}.json", records=[made / f"{k}.csv"])
-    return made
+        add_to_instrument(root / "unit", root / f"{k}.json", records=[root / f"{k}.csv"])
+    return root
 
 
-def test_what_the_records_comment_lines_say_stands_in_the_folder_in_order_of_the_dates(made):
-    held = entries_of(made / "unit")
-    assert held.serial == "U-17"
-    assert [entry.temperature for entry in held.entries] == list(DEGREES)
-    for k, entry in enumerate(held.entries):
+def test_what_the_records_comment_lines_say_stands_in_the_folder_in_order_of_the_dates(root):
+    content = entries_of(root / "unit")
+    assert content.serial == "U-17"
+    assert [entry.temperature for entry in content.entries] == list(DEGREES)
+    for k, entry in enumerate(content.entries):
         assert entry.date.startswith(DATES[k])
-        assert entry.result == json.loads((made / f"{k}.json").read_text(encoding="utf-8"))
+        assert entry.result == json.loads((root / f"{k}.json").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(
-    ("asked", "which"),
+    ("options", "which"),
     [
         ({}, 2),
         ({"date": "2026-04-16"}, 0),
@@ -71,43 +71,43 @@ def test_what_the_records_comment_lines_say_stands_in_the_folder_in_order_of_the
         ({"temperature": 24.0, "kind": "calibration"}, 2),
     ],
 )
-def test_the_nearest_in_date_or_temperature(made, asked, which):
-    assert nearest_of_instrument(made / "unit", **asked).date.startswith(DATES[which])
+def test_the_nearest_in_date_or_temperature(root, options, which):
+    assert nearest_of_instrument(root / "unit", **options).date.startswith(DATES[which])
 
 
-def test_a_scale_factor_that_changed_is_no_constant_since_that_date_and_nothing_else_is_said_to_change(made):
-    found = {one.name: one for one in trend_of_instrument(made / "unit").parameters}
+def test_a_scale_factor_that_changed_is_no_constant_since_that_date_and_nothing_else_is_said_to_change(root):
+    by_name = {item.name: item for item in trend_of_instrument(root / "unit").parameters}
     for symbol in ("X4", "X5"):
-        assert (found[symbol].falsified, found[symbol].against) == ("2026-09-07", "2026-03-02")
-        assert 1e-4 < found[symbol].at_least < 3e-4
-    assert {one.falsified for name, one in found.items() if name not in ("X4", "X5")} == {None}
+        assert (by_name[symbol].falsified, by_name[symbol].against) == ("2026-09-07", "2026-03-02")
+        assert 1e-4 < by_name[symbol].at_least < 3e-4
+    assert {item.falsified for name, item in by_name.items() if name not in ("X4", "X5")} == {None}
 
 
-def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_share_stands_once(made, tmp_path):
+def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_share_stands_once(root, tmp_path):
     """Biases are of each record, at its own date; the scale factors of the first two days are at the second's."""
-    shared, files = tmp_path / "shared.json", [made / "0.csv", made / "1.csv"]
+    shared, files = tmp_path / "shared.json", [root / "0.csv", root / "1.csv"]
     together = th.calibrate_together(*files, noise_bound=SIGMA)
     shared.write_text(together.json_text(), encoding="utf-8")
     entry = add_to_instrument(tmp_path / "unit", shared, records=files)
     assert (entry.date, entry.temperature, entry.serial) == (DATES[1], DEGREES[1], "U-17")
-    assert [(one.record, one.date.removesuffix("T00:00")) for one in entry.dates] == list(
+    assert [(item.record, item.date.removesuffix("T00:00")) for item in entry.dates] == list(
         zip("01", DATES, strict=False)
     )
-    add_to_instrument(tmp_path / "unit", made / "2.json", records=[made / "2.csv"])
+    add_to_instrument(tmp_path / "unit", root / "2.json", records=[root / "2.csv"])
     trend = trend_of_instrument(tmp_path / "unit")
     assert trend.dates == DATES
-    found = {one.name: one for one in trend.parameters}
-    known = {(p.symbol, None): (p.low, p.high) for p in together.parameters}
+    by_name = {item.name: item for item in trend.parameters}
+    ends_of = {(p.symbol, None): (p.low, p.high) for p in together.parameters}
     for label, record in together.of_record.items():
-        known |= {(p.symbol, label): (p.low, p.high) for p in record.parameters}
-    ends = {name: [(r.low, r.high) for r in one.records] for name, one in found.items()}
-    assert ends["X16"][:2] == [known["X16", "0"], known["X16", "1"]]
-    assert ends["X4"][:2] == [(None, None), known["X4", None]]
-    assert (found["X4"].falsified, found["X4"].against) == ("2026-09-07", DATES[1])
+        ends_of |= {(p.symbol, label): (p.low, p.high) for p in record.parameters}
+    ends = {name: [(r.low, r.high) for r in item.records] for name, item in by_name.items()}
+    assert ends["X16"][:2] == [ends_of["X16", "0"], ends_of["X16", "1"]]
+    assert ends["X4"][:2] == [(None, None), ends_of["X4", None]]
+    assert (by_name["X4"].falsified, by_name["X4"].against) == ("2026-09-07", DATES[1])
     with pytest.raises(InputError, match="is there already"):
         add_to_instrument(tmp_path / "unit", shared, records=files)
     with pytest.raises(InputError, match="is not the record of"):
-        add_to_instrument(tmp_path / "other", shared, records=[made / "2.csv"])
+        add_to_instrument(tmp_path / "other", shared, records=[root / "2.csv"])
     assert nearest_of_instrument(tmp_path / "unit", date="2026-06-01").result == json.loads(shared.read_text("utf-8"))
 
 
@@ -117,36 +117,37 @@ def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_
     for path, date, record in zip(files, DATES, of_one_instrument(21, 2, positions=20), strict=False):
         write_record(record, path)
         path.write_text(f"# date: {date}\n{path.read_text('utf-8')}", "utf-8")
-    found = th.diagnose_together(*files, noise_bound=SIGMA)
+    diagnosis = th.diagnose_together(*files, noise_bound=SIGMA)
     changed = Cause(effect="parameter", where="X4", record="1", equivalents=(), parameters=())
-    own = {one.name: [(r.low, r.high) for r in one.records] for one in found.repeatability}
-    together = {p.symbol: (p.low, p.high) for p in found.stated.parameters}
+    alone = {item.name: [(r.low, r.high) for r in item.records] for item in diagnosis.repeatability}
+    together = {p.symbol: (p.low, p.high) for p in diagnosis.stated.parameters}
     nothing = (None, None)
     in_both = (changed, changed.model_copy(update={"record": "0"}))
     of_none = changed.model_copy(update={"record": "of another folder"})
     for name, causes, x4 in (
         ("same", (), [nothing, together["X4"]]),
-        ("changed", (changed,), [together["X4"], own["X4"][1]]),
-        ("in-both", in_both, own["X4"]),
+        ("changed", (changed,), [together["X4"], alone["X4"][1]]),
+        ("in-both", in_both, alone["X4"]),
         ("edited", (of_none,), [nothing, together["X4"]]),
     ):
-        result = found.model_copy(update={"verdict": "explained" if causes else "consistent", "causes": causes})
+        result = diagnosis.model_copy(update={"verdict": "explained" if causes else "consistent", "causes": causes})
         (tmp_path / f"{name}.json").write_text(result.json_text(), encoding="utf-8")
         entry = add_to_instrument(tmp_path / name, tmp_path / f"{name}.json", records=files)
         assert (entry.kind, entry.date, len(entry.dates)) == ("diagnosis", DATES[1], 2)
         ends = {
-            one.name: [(r.low, r.high) for r in one.records] for one in trend_of_instrument(tmp_path / name).parameters
+            item.name: [(r.low, r.high) for r in item.records]
+            for item in trend_of_instrument(tmp_path / name).parameters
         }
-        assert ends["X16"] == own["X16"]
+        assert ends["X16"] == alone["X16"]
         assert ends["X4"] == x4
         assert ends["X9"] == [nothing, together["X9"]]
         with pytest.raises(InputError, match="is there already"):
             add_to_instrument(tmp_path / name, tmp_path / f"{name}.json", records=files)
 
 
-def test_several_records_of_other_instruments_are_no_entry(made, tmp_path):
-    files = [tmp_path / "0.csv", made / "1.csv"]
-    files[0].write_text((made / "0.csv").read_text("utf-8").replace("U-17", "U-16"), encoding="utf-8")
+def test_several_records_of_other_instruments_are_no_entry(root, tmp_path):
+    files = [tmp_path / "0.csv", root / "1.csv"]
+    files[0].write_text((root / "0.csv").read_text("utf-8").replace("U-17", "U-16"), encoding="utf-8")
     (tmp_path / "shared.json").write_text(th.calibrate_together(*files, noise_bound=SIGMA).json_text(), "utf-8")
     with pytest.raises(InputError, match="its records are of several instruments: U-16, U-17"):
         add_to_instrument(tmp_path / "unit", tmp_path / "shared.json", records=files)
@@ -169,13 +170,13 @@ def test_the_first_date_is_that_at_which_no_number_lies_in_all_intervals_so_far(
         assert high < least or most < low
 
 
-def test_the_commands_list_show_and_page_it(made, capsys):
-    unit, page, nearest = str(made / "unit"), made / "trend.html", made / "nearest.json"
+def test_the_commands_list_show_and_page_it(root, capsys):
+    unit, page, nearest = str(root / "unit"), root / "trend.html", root / "nearest.json"
     assert main(["instrument", "list", unit]) == 0
     assert capsys.readouterr().out.count("calibration, consistent, of U-17") == 3
     assert main(["instrument", "show", unit, "--temperature", "30", "--out", str(nearest)]) == 0
-    assert json.loads(nearest.read_text(encoding="utf-8")) == json.loads((made / "1.json").read_text(encoding="utf-8"))
-    out = made / "trend.json"
+    assert json.loads(nearest.read_text(encoding="utf-8")) == json.loads((root / "1.json").read_text(encoding="utf-8"))
+    out = root / "trend.json"
     assert main(["instrument", "trend", unit, "--report", str(page), "--json", str(out)]) == 0
     assert "no constant since 2026-09-07 (beside 2026-03-02)" in capsys.readouterr().out
     assert "<svg " in page.read_text(encoding="utf-8")
@@ -183,8 +184,8 @@ def test_the_commands_list_show_and_page_it(made, capsys):
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
 
 
-def test_what_is_there_or_of_another_instrument_or_no_result_is_refused_in_one_line(made, tmp_path):
-    unit, first = made / "unit", made / "0.json"
+def test_what_is_there_or_of_another_instrument_or_no_result_is_refused_in_one_line(root, tmp_path):
+    unit, first = root / "unit", root / "0.json"
     before = sorted(path.name for path in unit.iterdir())
     (tmp_path / "again.json").write_text(first.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     wrong: tuple[tuple[Path, dict[str, Any], str], ...] = (
@@ -193,17 +194,17 @@ def test_what_is_there_or_of_another_instrument_or_no_result_is_refused_in_one_l
         (first, {}, "no date: give --date"),
         (first, {"date": "1.2.2026"}, "--date 1.2.2026: write a date as"),
         (first, {"date": "2026-10-01", "temperature": 4e3}, "--temperature 4000"),
-        (first, {"records": [made / "1.csv"]}, "is not the record of"),
-        (first, {"records": [made / "1.csv", made / "0.csv"]}, "1.csv: is not the record of"),
-        (made / "0.csv", {"date": "2026-10-01"}, "0.csv: is not JSON text"),
+        (first, {"records": [root / "1.csv"]}, "is not the record of"),
+        (first, {"records": [root / "1.csv", root / "0.csv"]}, "1.csv: is not the record of"),
+        (root / "0.csv", {"date": "2026-10-01"}, "0.csv: is not JSON text"),
         (unit / before[0], {"date": "2026-10-01"}, "a calibration or a diagnosis is needed"),
     )
     for result, options, why in wrong:
         with pytest.raises(InputError, match=why) as refused:
             add_to_instrument(unit, result, **options)
         assert "\n" not in str(refused.value)
-    other = json.loads(first.read_text(encoding="utf-8")) | {"provenance": None}
-    (tmp_path / "other.json").write_text(json.dumps(other), encoding="utf-8")
+    edited = json.loads(first.read_text(encoding="utf-8")) | {"provenance": None}
+    (tmp_path / "other.json").write_text(json.dumps(edited), encoding="utf-8")
     with pytest.raises(InputError, match="is of the instrument U-17, not of U-18"):
         add_to_instrument(unit, tmp_path / "other.json", date="2026-10-01", serial="U-18")
     assert sorted(path.name for path in unit.iterdir()) == before

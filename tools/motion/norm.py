@@ -17,6 +17,7 @@ from ..calibrated import UNITS, Calibration, Open, Parameter, Sigma, Verdict
 
 NAMES = ("gamma_11", "gamma_21", "gamma_22", "gamma_31", "gamma_32", "gamma_33", "bias_1", "bias_2", "bias_3")
 """The nine parameters; Γ [1] row by row, then the biases [g]."""
+UNITS_OF = dict.fromkeys(NAMES[:6], "1") | dict.fromkeys(NAMES[6:], "g")
 ROWS, COLUMNS = np.tril_indices(3)
 LARGEST = 0.3
 """Beyond this a parameter is not one of an instrument, and the linearisation says nothing."""
@@ -39,22 +40,21 @@ def _calibration(
     columns: Mapping[str, NDArray] = MappingProxyType({}),
 ) -> Calibration:
     """Return the calibration with some columns (9,) of numbers, and the poses that are missing, in words."""
-    nothing = dict.fromkeys(("estimate", "standard_error", "low", "high"))
-    parameters = [
-        Parameter(
-            symbol=name,
-            name=name,
-            unit="g" if name.startswith("bias") else "1",
-            determined="estimate" in columns,
-            **(nothing | {key: float(column[k]) for key, column in columns.items()}),
-        )
-        for k, name in enumerate(NAMES)
-    ]
+    parameters = []
+    for k, name in enumerate(NAMES):
+        numbers: dict[str, float | None] = dict.fromkeys(("estimate", "standard_error", "low", "high"))
+        for key, column in columns.items():
+            numbers[key] = float(column[k])
+        determined = "estimate" in columns
+        parameters.append(Parameter(symbol=name, name=name, unit=UNITS_OF[name], determined=determined, **numbers))
+    estimator = None
+    if columns:
+        estimator = "least squares"
     return Calibration(
         verdict=verdict,
         sigma=Sigma.of(None, "three Allan deviations of each mean at rest"),
         radius=radius,
-        estimator="least squares" if columns else None,
+        estimator=estimator,
         parameters=parameters,
         open=[Open(parameters=list(NAMES), close_by=pose) for pose in missing],
         units={"radius": "1", "parameters": UNITS["parameters"]},
@@ -140,7 +140,9 @@ def _guaranteed(
     for _ in range(10):
         widened = allowed + left_out
         radius = chebyshev_radius(slopes, -residual, widened)[0]
-        corners = _corners(slopes, -residual, widened) if radius <= 1.0 else None
+        corners = None
+        if radius <= 1.0:
+            corners = _corners(slopes, -residual, widened)
         if corners is None or np.abs(corners).max() > LARGEST:
             return None, radius
         ends = (x + corners.min(axis=0), x + corners.max(axis=0))
@@ -165,7 +167,10 @@ def _corners(slopes: NDArray, target: NDArray, bound: NDArray) -> NDArray | None
 def candidate_poses() -> dict[str, NDArray]:
     """Poses that a person can set by hand: an axis up or down, or two axes at 45°; name to n (3,) [g]."""
     words = ((1.0, "up"), (-1.0, "down"))
-    poses = {f"axis {p + 1} {word}": sign * np.eye(3)[p] for p in range(3) for sign, word in words}
+    poses = {}
+    for p in range(3):
+        for sign, word in words:
+            poses[f"axis {p + 1} {word}"] = sign * np.eye(3)[p]
     for p, q in combinations(range(3), 2):
         for first, first_word in words:
             for second, second_word in words:

@@ -35,18 +35,18 @@ def folder(tmp_path_factory) -> Path:
         records = of_one_instrument(5, 2, shared=[effect])
         for day, record in zip(("monday", "tuesday"), records, strict=True):
             write_record(record, folder / f"{name}-{day}.csv")
-        found = diagnose(records[0], noise_bound=SIGMA, rerun=False)
-        assert found.verdict == "explained"
-        (folder / f"{name}.json").write_text(found.json_text(), encoding="utf-8")
+        diagnosis = diagnose(records[0], noise_bound=SIGMA, rerun=False)
+        assert diagnosis.verdict == "explained"
+        (folder / f"{name}.json").write_text(diagnosis.json_text(), encoding="utf-8")
     return folder
 
 
 @pytest.mark.acceptance
 def test_what_a_block_adds_is_taken_out_of_another_days_readings(folder, capsys):
     """What is left of it is what the first record leaves open of its size."""
-    out, told = folder / "corrected.csv", folder / "applied.json"
-    given = ["apply", str(folder / "block.json"), str(folder / "block-tuesday.csv"), "--out", str(out)]
-    assert main([*given, "--json", str(told)]) == 0
+    out, json_file = folder / "corrected.csv", folder / "applied.json"
+    command = ["apply", str(folder / "block.json"), str(folder / "block-tuesday.csv"), "--out", str(out)]
+    assert main([*command, "--json", str(json_file)]) == 0
     assert "quadratic accelerometer-2: taken out of the readings" in capsys.readouterr().out
     radii = []
     for path in (folder / "block-tuesday.csv", out):
@@ -55,7 +55,7 @@ def test_what_a_block_adds_is_taken_out_of_another_days_readings(folder, capsys)
         radii.append(calibrate(record, noise_bound=SIGMA).radius)
     assert radii[0] > 3.0
     assert radii[1] < 0.3 * radii[0]
-    content = json.loads(told.read_text(encoding="utf-8"))
+    content = json.loads(json_file.read_text(encoding="utf-8"))
     assert content["effects"] == [{"effect": "quadratic accelerometer-2", "how": "corrected"}]
     assert content["unit"] == "g"
     assert content["rms_with"] < SIGMA < content["rms_without"]
@@ -65,11 +65,11 @@ def test_what_a_block_adds_is_taken_out_of_another_days_readings(folder, capsys)
 def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(folder, capsys):
     applied = th.apply(folder / "table.json", folder / "table-tuesday.csv")
     assert isinstance(applied, Applied)
-    assert [(one.effect, one.how) for one in applied.effects] == [(ENCODER.title, "simulated")]
+    assert [(change.effect, change.how) for change in applied.effects] == [(ENCODER.title, "simulated")]
     assert applied.record is None
     assert (applied.rms_with or 1.0) < SIGMA < (applied.rms_without or 0.0)
-    asked = ["apply", str(folder / "table.json"), str(folder / "table-tuesday.csv"), "--out", str(folder / "no.csv")]
-    assert main(asked) == 2
+    command = ["apply", str(folder / "table.json"), str(folder / "table-tuesday.csv"), "--out", str(folder / "no.csv")]
+    assert main(command) == 2
     assert "nothing that was found can be taken out of readings" in capsys.readouterr().err
     assert not (folder / "no.csv").exists()
 
@@ -77,22 +77,25 @@ def test_what_a_table_does_is_simulated_since_readings_cannot_be_without_it(fold
 def test_of_several_records_another_one_has_what_is_the_instruments_and_one_of_them_its_own_too(folder):
     alone = Diagnosis.model_validate_json((folder / "block.json").read_text(encoding="utf-8"))
     (cause,) = alone.causes
-    own = Cause(effect="cubic", where="accelerometer-1", record="monday", equivalents=(), parameters=cause.parameters)
-    used = read_record(folder / "block-monday.csv").sha256
-    records = (OneRecord(record="monday", sha256=used, left_out=None, diagnosis=alone),)
+    extra = Cause(effect="cubic", where="accelerometer-1", record="monday", equivalents=(), parameters=cause.parameters)
+    digest = read_record(folder / "block-monday.csv").sha256
+    records = (OneRecord(record="monday", sha256=digest, left_out=None, diagnosis=alone),)
     file, monday, tuesday = folder / "several.json", folder / "block-monday.csv", folder / "block-tuesday.csv"
 
     def together(*causes: Cause) -> Diagnosis:
         return alone.model_copy(update={"records": records, "causes": causes})
 
-    file.write_text(together(cause, own).json_text(), encoding="utf-8")
+    file.write_text(together(cause, extra).json_text(), encoding="utf-8")
     of_one, of_all = th.apply(folder / "block.json", tuesday), th.apply(file, tuesday)
     assert of_all == of_one
     of_its_own = th.apply(file, monday)
     assert isinstance(of_its_own, Applied)
-    assert [one.effect for one in of_its_own.effects] == [QUADRATIC.title, "cubic accelerometer-1"]
+    assert [change.effect for change in of_its_own.effects] == [
+        QUADRATIC.title,
+        "cubic accelerometer-1",
+    ]
     with pytest.raises(InputError, match="names nothing that is the instrument's"):
-        th.apply(together(own), tuesday)
+        th.apply(together(extra), tuesday)
 
 
 def test_what_names_nothing_or_is_not_as_its_schema_says_is_refused(folder, capsys):
@@ -103,9 +106,9 @@ def test_what_names_nothing_or_is_not_as_its_schema_says_is_refused(folder, caps
     ):
         (folder / f"{name}.json").write_text(json.dumps(good | change), encoding="utf-8")
         assert main(["apply", str(folder / f"{name}.json"), str(folder / "block-tuesday.csv")]) == 2
-        said = capsys.readouterr().err
-        assert why in said
-        assert said.count("\n") == 1
+        message = capsys.readouterr().err
+        assert why in message
+        assert message.count("\n") == 1
 
 
 def test_what_gyros_add_is_taken_out_of_the_increments_of_another_day():
@@ -114,23 +117,23 @@ def test_what_gyros_add_is_taken_out_of_the_increments_of_another_day():
     second, clean = (block.measured(7, 1, hidden) for hidden in ([Hidden(G_SENSITIVITY, TRUE_G)], []))
     cause = Cause.found(G_SENSITIVITY, (), TRUE_G, [(size - 1e-5, size + 1e-5) for size in TRUE_G])
     explanations = (Explanation.of_causes((cause,)),)
-    found = Diagnosis(
+    diagnosis = Diagnosis(
         verdict="explained",
         baseline_model="nominal",
         calibration=undetermined(""),
         explanations=explanations,
         causes=(cause,),
     )
-    applied = applied_to(found, second, evidence_of(second))
-    assert [one.how for one in applied.effects] == ["corrected"]
+    applied = applied_to(diagnosis, second, evidence_of(second))
+    assert [change.how for change in applied.effects] == ["corrected"]
     with pytest.raises(th.InputError, match="of a strapdown record noise_bound"):
-        th.apply(found, second, noise_bound=1e-5)
+        th.apply(diagnosis, second, noise_bound=1e-5)
 
     def increments(record) -> np.ndarray:
         rates = 0.5 * (record.rate[1:] + record.rate[:-1]) if record.rate is not None else None
         return record.increment[1:] if rates is None else rates * np.diff(record.time_s)[:, None]
 
-    wrong, left = (np.abs(increments(one) - increments(clean)).mean() for one in (second, applied.record))
-    assert left < 0.05 * wrong
+    wrong, remaining = (np.abs(increments(change) - increments(clean)).mean() for change in (second, applied.record))
+    assert remaining < 0.05 * wrong
     assert applied.rms_with is not None
     assert applied.rms_with < 0.25 * (applied.rms_without or 0.0)
