@@ -118,7 +118,7 @@ def _texts(table: Table) -> tuple[dict[str, list[str]], list[int], dict[str, lis
     places = [[field.place for field in (origin.field, *origin.beside)] for origin in origins.values()]
     turns = []
     for k in range(max(map(len, places), default=1)):
-        turns.append([beside[k % len(beside)] for beside in places])
+        turns.append([places_of_column[k % len(places_of_column)] for places_of_column in places])
     needed = [(k, column) for k, column in enumerate(origins) if column not in QUATERNION]
     numeric = [(k, column) for k, column in enumerate(origins) if origins[column].form == NUMBER]
     rows: list[list[str]] = []

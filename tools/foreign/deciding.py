@@ -63,9 +63,9 @@ def understood(sheet: Sheet, mapping: Mapping) -> Table:
     columns = mapping.model_dump(by_alias=True)["columns"]
     for column, origin in sorted(table.origins.items(), key=lambda entry: entry[1].field.place):
         source = mapping.of(column) or Source.model_validate({"from": ""})
-        beside = [field.label for field in origin.beside]
-        kept = source.model_copy(update={"source": source.source or origin.field.label, "beside": beside})
-        columns[column] = kept.model_dump(by_alias=True)
+        further = [field.label for field in origin.beside]
+        settled = source.model_copy(update={"source": source.source or origin.field.label, "beside": further})
+        columns[column] = settled.model_dump(by_alias=True)
     table.settled["columns"] = columns
     return table
 
@@ -132,16 +132,16 @@ def _refuse_parts(table: Table, filled: list[Field], candidates: dict[str, list[
     for column in ANGLES:
         if column not in candidates:
             continue
-        whole = candidates[column][0]
+        degrees = candidates[column][0]
         for field in filled:
             unit = field.head.unit.strip().casefold()
-            is_part = unit in PARTS_OF_ANGLES and unit != whole.head.unit.strip().casefold()
-            if is_part and field is not whole and normal(field.head.name) == normal(whole.head.name):
-                what = f"columns {whole.head.text!r} and {field.head.text!r} are parts of one angle"
+            is_part = unit in PARTS_OF_ANGLES and unit != degrees.head.unit.strip().casefold()
+            if is_part and field is not degrees and normal(field.head.name) == normal(degrees.head.name):
+                what = f"columns {degrees.head.text!r} and {field.head.text!r} are parts of one angle"
                 raise InputError(f"{table.sheet.path}: {what}; write it in one, as 12°34'56\" or in degrees")
 
 
-def _readings_beside(table: Table, filled: list[Field], known: set[str]) -> dict[str, Field]:
+def _readings_beside(table: Table, filled: list[Field], columns: set[str]) -> dict[str, Field]:
     """Fields of the first of several readings of each accelerometer, side by side; the others become `beside`.
 
     Whether columns with numbers are readings or sensors is asked where their names do not say it.
@@ -151,7 +151,7 @@ def _readings_beside(table: Table, filled: list[Field], known: set[str]) -> dict
     for field in numbered:
         groups[field.head.numbered].setdefault(field.head.number, field)
     first, second, third = (sorted(group) for group in groups.values())
-    if len(first) < 2 or not first == second == third or known & {*FORCE, *RATE, *INCREMENT}:
+    if len(first) < 2 or not first == second == third or columns & {*FORCE, *RATE, *INCREMENT}:
         return {}
     fields = [field for group in groups.values() for field in group.values()]
     if table.mapping.beside == "none" or len({field.head.unit for field in fields}) > 1:
@@ -172,18 +172,18 @@ def _field_named(table: Table, column: str, name: str) -> Field:
             return fields[names.index(spelled)]
     if name.isascii() and name.isdigit() and 1 <= int(name) <= len(fields):
         return fields[int(name) - 1]
-    known = [field.head.text for field in fields if field.head.text]
-    raise InputError(f"{table.sheet.path}: columns.{column}: there is no column {quoted(name)}; {nearest(name, known)}")
+    heads = [field.head.text for field in fields if field.head.text]
+    raise InputError(f"{table.sheet.path}: columns.{column}: there is no column {quoted(name)}; {nearest(name, heads)}")
 
 
 def _decide_kind(table: Table, fields: dict[str, Field]) -> None:
     """Decide the kind of record, and ask for those of its columns that are missing."""
     of_table = any(column in fields for column in ANGLES)
     of_block = any(column in fields for column in (*RATE, *INCREMENT))
-    used = [*fields.values()]
-    for beside in table.beside.values():
-        used += beside
-    free = [field.label for field in table.fields if field not in used and field.cells]
+    columns = [*fields.values()]
+    for further in table.beside.values():
+        columns += further
+    free = [field.label for field in table.fields if field not in columns and field.cells]
     name = table.mapping.kind.replace(OPEN, "")
     if not name and not of_table and not of_block:
         # two unknown columns can be angles alone, three gyros: which they are is asked below
@@ -206,9 +206,9 @@ def _decide_kind(table: Table, fields: dict[str, Field]) -> None:
         with_velocity = any(column in fields for column in VELOCITY)
         table.kind = STRAPDOWN_VELOCITIES if with_velocity else STRAPDOWN_INCREMENTS
     table.settled["kind"] = name
-    asked = [question.key for question in table.questions]
+    keys = [question.key for question in table.questions]
     for column in required or table.kind.required:
-        if column not in fields and f"columns.{column}" not in asked and column not in ("position", TIMES):
+        if column not in fields and f"columns.{column}" not in keys and column not in ("position", TIMES):
             table.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
 
 
@@ -233,17 +233,17 @@ def _decide_marks(table: Table, fields: dict[str, Field]) -> None:
         table.decimal, text = next(iter(marks.doubtful.items()))
         with_point, without = text.replace(",", "."), text.replace(",", "").replace(".", "")
         table.ask("decimal", (",", "."), f"{text!r} may be {with_point} or {without}")
-    other = "," if table.decimal == "." else "."
-    grouped = (marks.thousands | marks.doubtful).get(other)
+    second = "," if table.decimal == "." else "."
+    grouped = (marks.thousands | marks.doubtful).get(second)
     table.thousands = table.mapping.thousands
     if not table.thousands and grouped:
         # who says what the decimal mark is was told what the other would be
-        if other not in marks.thousands and not answer and not table.is_asked("decimal"):
-            beside = next(iter(marks.decimal.values()), "others")
-            table.ask("thousands", (other,), f"{grouped!r} beside {beside!r}: are those thousands?")
-            table.thousands = other
-        elif other in marks.thousands or answer:
-            table.thousands = other
+        if second not in marks.thousands and not answer and not table.is_asked("decimal"):
+            decimal = next(iter(marks.decimal.values()), "others")
+            table.ask("thousands", (second,), f"{grouped!r} beside {decimal!r}: are those thousands?")
+            table.thousands = second
+        elif second in marks.thousands or answer:
+            table.thousands = second
     table.settled |= {"decimal": table.decimal, "thousands": table.thousands}
 
 
@@ -336,9 +336,9 @@ def _decide_attitude(table: Table) -> None:
         for column in present:
             del table.origins[column]
         return
-    own = all(table.origins[column].field.head.text == column for column in present)
+    has_own_names = all(table.origins[column].field.head.text == column for column in present)
     is_open = answer in ("", OPEN)
-    if is_open and not own:
+    if is_open and not has_own_names:
         table.ask("attitude", ("body to reference", "reference to body", "none"), "what the quaternion turns")
     table.settled["attitude"] = "body to reference" if is_open else answer
 
@@ -359,9 +359,9 @@ def _ask_of_words(table: Table) -> None:
         if texts and len(line_of) == len(set(texts)):
             table.ask(f"columns.{column}", ("NAME",), f"{origin.name!r} holds no numbers, but {quoted(texts[0])}")
             continue
-        others = [other.field.place for other in numeric.values() if other is not origin]
+        places = [further.field.place for further in numeric.values() if further is not origin]
         for line, text in origin.field.cells:
-            if text in line_of and text not in words and _is_reading(table, line, others):
+            if text in line_of and text not in words and _is_reading(table, line, places):
                 words[text] = f"row {line}, {origin.name!r}: {quoted(text)} is no number{_beside(table, text)}"
     if words:
         # a comma stands between answers
@@ -389,8 +389,8 @@ def _is_reading(table: Table, line: int, places: list[int]) -> bool:
 
 
 def _beside(table: Table, text: str) -> str:
-    other = "," if table.decimal == "." else "."
-    return f" with decimal {table.decimal!r}" if number(bare(text), other) is not None else ""
+    mark = "," if table.decimal == "." else "."
+    return f" with decimal {table.decimal!r}" if number(bare(text), mark) is not None else ""
 
 
 def _decide_readings(table: Table) -> None:

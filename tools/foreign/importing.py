@@ -112,12 +112,12 @@ def import_record(
     An InputError where something has to be said first: it names every option that would, and the mapping beside `out`
     is written with a line to fill in for each.
     """
-    beside = None if out is None else mapping_beside(out)
-    for path in (out, beside):
+    mapping_file = None if out is None else mapping_beside(out)
+    for path in (out, mapping_file):
         ordinary_file(None, path)
-    is_own = mapping is not None and beside is not None and mapping.resolve() == beside.resolve()
-    if beside is not None and not is_own:
-        refuse_edited(beside)
+    is_own = mapping is not None and mapping_file is not None and mapping.resolve() == mapping_file.resolve()
+    if mapping_file is not None and not is_own:
+        refuse_edited(mapping_file)
     answers = {printable(key): printable(text) for key, text in (answers or {}).items()}
     filled = with_answers({} if mapping is None else read_mapping(mapping), answers)
     sheets = sheets_of(file, filled)
@@ -126,15 +126,15 @@ def import_record(
         table.ask("sheet", [sheet.name for sheet in sheets], "tables stand in several sheets")
     conversion = Conversion() if table.questions else converted(table)
     if table.questions:
-        raise _questions(table, file, beside, is_own=is_own)
+        raise _questions(table, file, mapping_file, is_own=is_own)
     columns = record_columns(table, conversion)
     record = replace(record_of(columns), about=_about(table, conversion, file))
     with together():
         if out is not None:
             write_record(record, out)
-        if beside is not None and (answers or not is_own):
-            write_text(beside, text_of(table.whole_mapping, (), _first_rows_as_written(table)))
-    return _imported(table, conversion, record, (file, out, beside))
+        if mapping_file is not None and (answers or not is_own):
+            write_text(mapping_file, text_of(table.whole_mapping, (), _first_rows_as_written(table)))
+    return _imported(table, conversion, record, (file, out, mapping_file))
 
 
 def mapping_beside(out: Path) -> Path:
@@ -146,18 +146,18 @@ def mapping_beside(out: Path) -> Path:
 
 def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     """The sheets of a file that may be meant: a text is one, of a workbook that which is given or all with a table."""
-    data = bytes_of(file, "a measured file is needed", most=LARGEST)
-    if not data:
+    content = bytes_of(file, "a measured file is needed", most=LARGEST)
+    if not content:
         raise InputError(f"{file}: is empty; a table of measured data is needed")
-    data = unpacked(file, data)
-    if not is_workbook(data):
-        refuse_other(file, data)
-        text, encoding = decoded(file, data, mapping.encoding)
+    content = unpacked(file, content)
+    if not is_workbook(content):
+        refuse_other(file, content)
+        text, encoding = decoded(file, content, mapping.encoding)
         lines = lines_of(file, text)
         if is_labview(lines):
             return [labview_sheet(file, lines, encoding)]
         return [upright(text_sheet(file, lines, encoding, mapping.separator))]
-    sheets = [upright(sheet) for sheet in workbook_sheets(file, data)]
+    sheets = [upright(sheet) for sheet in workbook_sheets(file, content)]
     if mapping.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, mapping.sheet)]
     tables = [sheet for sheet in sheets if has_table(sheet, mapping)]
@@ -166,17 +166,17 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     return tables
 
 
-def _questions(table: Table, file: Path, beside: Path | None, *, is_own: bool) -> InputError:
+def _questions(table: Table, file: Path, mapping_file: Path | None, *, is_own: bool) -> InputError:
     """The questions of a table in one line; the mapping to fill in is written, unless a person gave that file."""
     count = len(table.questions)
     unknown = "one thing is" if count == 1 else f"{count} things are"
     what = printable(f"{file}: {unknown} not known: " + "; ".join(map(str, table.questions)))
-    if beside is None:
+    if mapping_file is None:
         return InputError(what)
     if not is_own:
         with at_once():
-            write_text(beside, text_of(table.whole_mapping, table.questions, _first_rows_as_written(table)))
-        what += f"; or fill in {beside} and give --mapping {shell_word(str(beside))}"
+            write_text(mapping_file, text_of(table.whole_mapping, table.questions, _first_rows_as_written(table)))
+        what += f"; or fill in {mapping_file} and give --mapping {shell_word(str(mapping_file))}"
     return InputError(what)
 
 
@@ -214,14 +214,14 @@ def _imported(
     record: PositionRecord | RawRecord | StrapdownRecord,
     files: tuple[Path, Path | None, Path | None],
 ) -> Imported:
-    file, out, beside = (None if path is None else str(path) for path in files)
+    file, out, mapping_file = (None if path is None else str(path) for path in files)
     layout, columns = table.layout, record.columns()
     lines = f"names in row {layout.names}" if layout.names else "no names"
     lines += f", units in row {layout.units}" if layout.units else ""
     left_out = [f"column {field.head.text!r}" for field in table.free_fields if field.head.text]
     for why, rows in conversion.left_out.items():
-        shown = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
-        left_out.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} ({why}): {shown}")
+        listed = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
+        left_out.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} ({why}): {listed}")
     if layout.last:
         left_out.append(f"what stands below row {layout.last}")
     notes = table.notes + conversion.notes
@@ -241,7 +241,7 @@ def _imported(
         file=str(file),
         kind=record.word,
         record_file=out,
-        mapping_file=beside,
+        mapping_file=mapping_file,
         rows=len(record),
         readings=readings,
         written_as=f"{table.sheet.about}, decimal {table.decimal!r}, {lines}, data from row {layout.first}",
@@ -265,10 +265,10 @@ def _imported_column(table: Table, column: str) -> ImportedColumn:
         unit = by_quantity
     if source and source.unit:
         unit = source.unit
-    beside = f" and {len(origin.beside)} beside it" if origin.beside else ""
+    further = f" and {len(origin.beside)} beside it" if origin.beside else ""
     return ImportedColumn(
         column="time_s" if column == DATE else column,
-        source=origin.name + beside,
+        source=origin.name + further,
         unit=unit,
         sign=origin.sign,
     )

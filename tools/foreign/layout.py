@@ -57,8 +57,8 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> Layout:
     head = list(islice(sheet.rows(), LOOKED_AT))
     first = _first_data(sheet, head, mapping)
     above = [row for row in head if row[0] < first]
-    data = head[len(above) :]
-    width = Counter(_width(texts) for _, texts in data).most_common(1)[0][0]
+    rows = head[len(above) :]
+    width = Counter(_width(texts) for _, texts in rows).most_common(1)[0][0]
     units, names = mapping.units_row, mapping.names
     if units < 0:
         units = above[-1][0] if above and is_unit_row(above[-1][1]) else 0
@@ -68,32 +68,32 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> Layout:
     for key, line in (("names", names), ("units_row", units)):
         if line > 0 and line not in lines:
             raise InputError(f"{sheet.path}: {key} = {line}: is no row above the data, which begin in row {first}")
-    named = lines.get(names, [])
-    fields = max(len(texts) for _, texts in data)
-    if len(named) == fields + 1 and named[0].strip() in COMMENT:
+    cells = lines.get(names, [])
+    fields = max(len(texts) for _, texts in rows)
+    if len(cells) == fields + 1 and cells[0].strip() in COMMENT:
         if sheet.separator != "blanks":
-            _refuse_fields(sheet, (names, len(named)), (first, fields))
-        named = named[1:]
-    if mapping.names < 0 and sheet.separator == "blanks" and len(named) > width:
+            _refuse_fields(sheet, (names, len(cells)), (first, fields))
+        cells = cells[1:]
+    if mapping.names < 0 and sheet.separator == "blanks" and len(cells) > width:
         # words of a sentence: which stands over which field cannot be known
-        names, named = 0, []
-    if names and len(named) < width:
-        _refuse_fields(sheet, (names, len(named)), (first, width))
-    count = max(width, _width(named))
+        names, cells = 0, []
+    if names and len(cells) < width:
+        _refuse_fields(sheet, (names, len(cells)), (first, width))
+    count = max(width, _width(cells))
     under = lines.get(units) or sheet.stated.units
     groups = _groups(lines.get(names - 1, []), count)
     headings, in_two_lines = [], False
     for place in range(count):
         unit = cell(under, place)
-        name = cell(named, place)
-        headings.append(_heading(groups[place], name, unit if unit.strip() else _unit_in(data, place)))
+        name = cell(cells, place)
+        headings.append(_heading(groups[place], name, unit if unit.strip() else _unit_in(rows, place)))
         in_two_lines |= headings[-1].text not in ("", " ".join(name.split()))
     inside = {names, units, names - 1} if in_two_lines else {names, units}
     around = [row for row in above if row[0] not in inside]
     last = mapping.last or _last_data(sheet, first)
     if last:
         around += sheet.rows(last + 1)
-    return Layout(names, units, first, last, from_one(headings), data, remarks_of(around))
+    return Layout(names, units, first, last, from_one(headings), rows, remarks_of(around))
 
 
 def has_table(sheet: Sheet, mapping: Mapping) -> bool:
@@ -165,11 +165,11 @@ def _groups(above: Sequence[str], count: int) -> list[str]:
 
 def _heading(group: str, text: str, unit: str) -> Heading:
     """The head of a column, with the text above it, and the unit from the row of units."""
-    own = _with_unit(heading(text), unit)
+    alone = _with_unit(heading(text), unit)
     if not group:
-        return own
-    whole = _with_unit(heading(joined(group, text)), unit)
-    return whole if whole.column or (whole.numbered and not own.column) else own
+        return alone
+    grouped = _with_unit(heading(joined(group, text)), unit)
+    return grouped if grouped.column or (grouped.numbered and not alone.column) else alone
 
 
 def _with_unit(head: Heading, unit: str) -> Heading:
@@ -178,26 +178,26 @@ def _with_unit(head: Heading, unit: str) -> Heading:
     if not unit or unit in NOTHING or head.unit:
         return head
     if known_unit(unit) is None:
-        whole = heading(joined(head.text, unit))
-        if whole.means_column:
-            return whole
+        in_two_lines = heading(joined(head.text, unit))
+        if in_two_lines.means_column:
+            return in_two_lines
     with_unit = of_name(head.text, head.name, unit)
     return with_unit if with_unit.means_column or not head.column else replace(head, unit=unit)
 
 
-def _unit_in(data: Sequence[Row], place: int) -> str:
+def _unit_in(rows: Sequence[Row], place: int) -> str:
     """The unit behind the first number of a column; "" where there is none."""
-    text = next((cell(texts, place) for _, texts in data if not is_missing(cell(texts, place))), "")
+    text = next((cell(texts, place) for _, texts in rows if not is_missing(cell(texts, place))), "")
     if has_degree_mark(text) or (number(bare(text), ".") is None and number(bare(text), ",") is None):
         return ""
     unit = unit_behind(text)
     return unit if known_unit(unit) else ""
 
 
-def _refuse_fields(sheet: Sheet, names: tuple[int, int], data: tuple[int, int]) -> None:
+def _refuse_fields(sheet: Sheet, names: tuple[int, int], readings: tuple[int, int]) -> None:
     """Refuse a table whose names may stand over other fields, by the lines and counts of both."""
-    what = f"{sheet.path}: row {data[0]} has {data[1]} fields where row {names[0]} has {names[1]} names"
-    if sheet.separator == "," and names[1] < data[1]:
+    what = f"{sheet.path}: row {readings[0]} has {readings[1]} fields where row {names[0]} has {names[1]} names"
+    if sheet.separator == "," and names[1] < readings[1]:
         what += ": decimal commas between commas cannot be told apart; save it with semicolons between the fields"
         raise InputError(what)
     raise InputError(f"{what}: which name stands over which field is not known; give every field one in the file")
@@ -207,8 +207,8 @@ def _last_data(sheet: Sheet, first: int) -> int:
     """The last row of data where words stand below it, else 0."""
     count = len(sheet.cells if sheet.cells is not None else sheet.lines)
     tail = list(sheet.rows(max(first, count - TAIL)))
-    data = [line for line, texts in tail if is_data(texts)]
-    return data[-1] if data and data[-1] != tail[-1][0] else 0
+    lines = [line for line, texts in tail if is_data(texts)]
+    return lines[-1] if lines and lines[-1] != tail[-1][0] else 0
 
 
 def remarks_of(rows: Sequence[Row]) -> dict[str, str]:

@@ -156,13 +156,13 @@ def from_one(headings: Sequence[Heading]) -> tuple[Heading, ...]:
 
 def of_name(text: str, name: str, unit: str) -> Heading:
     """The head of a column whose name and unit are known apart."""
-    known = known_unit(unit) if unit else None
-    column = column_of(name, known)
+    stated = known_unit(unit) if unit else None
+    column = column_of(name, stated)
     numbered = None if column else _NUMBERED.fullmatch(normal(name))
     if numbered is None:
         return Heading(text, name, unit, column)
     bare = numbered["name"] or numbered["behind"] or numbered["plain"] or f"{numbered['before']} {numbered['axis']}"
-    column = column_of(bare, known)
+    column = column_of(bare, stated)
     if column not in FORCES:
         return Heading(text, name, unit)
     number = numbered["number"] or numbered["of"] or numbered["count"] or numbered["inside"]
@@ -193,16 +193,16 @@ def _splits(text: str) -> list[tuple[str, str]]:
     for count in (1, 2, 3):
         # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2
         name, unit = "_".join(parts[:-count]), "/".join(parts[len(parts) - count :])
-        known = known_unit(unit) if name else None
-        if known is None:
+        stated = known_unit(unit) if name else None
+        if stated is None:
             continue
         head = of_name(name, name, unit)
         quantity = QUANTITY_OF.get(head.column or head.numbered, "")
-        if quantity and (known.quantity == quantity or (known.raw and quantity in (FORCE, RATE))):
+        if quantity and (stated.quantity == quantity or (stated.raw and quantity in (FORCE, RATE))):
             splits.append((name, unit))
-    beside = _BESIDE.match(text)
-    if beside and known_unit(beside["unit"]):
-        splits.append((beside["name"], beside["unit"]))
+    slash = _BESIDE.match(text)
+    if slash and known_unit(slash["unit"]):
+        splits.append((slash["name"], slash["unit"]))
     return splits
 
 
@@ -269,9 +269,9 @@ def _triad(words: list[str], quantity: str) -> str:
 
 def is_unit_row(texts: list[str]) -> bool:
     """Whether a row holds the units of the columns."""
-    filled = known = 0
+    filled = units = 0
     for text in texts:
         if text.strip() and text.strip() not in NOTHING:
             filled += 1
-            known += known_unit(text) is not None or written(text).lower() in ("1", "h:m:s", "grad")
-    return known >= 3 and 2 * known > filled
+            units += known_unit(text) is not None or written(text).lower() in ("1", "h:m:s", "grad")
+    return units >= 3 and 2 * units > filled

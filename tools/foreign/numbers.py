@@ -93,10 +93,10 @@ def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
     text = re.sub(r"(?<=[\d.,])[dD](?=[+-]?\d{1,3}$)", "e", text)
     between = BLANKS + thousands
     if any(mark in text for mark in between):
-        whole, mark, fraction = text.partition(decimal)
-        if not re.fullmatch(rf"[+-]?(?:\d*|[1-9]\d{{0,2}}(?:([{re.escape(between)}])\d{{3}}(?:\1\d{{3}})*))", whole):
+        integer, mark, fraction = text.partition(decimal)
+        if not re.fullmatch(rf"[+-]?(?:\d*|[1-9]\d{{0,2}}(?:([{re.escape(between)}])\d{{3}}(?:\1\d{{3}})*))", integer):
             return None
-        text = re.sub(f"[{re.escape(between)}]", "", whole) + mark + fraction
+        text = re.sub(f"[{re.escape(between)}]", "", integer) + mark + fraction
     text = _with_point(text, decimal)
     if not _PLAIN.fullmatch(text):
         return None
@@ -193,11 +193,11 @@ def two_parts(text: str) -> bool:
 def day(text: str, order: str) -> date | None:
     """The day of a date; one of three numbers in the order given, where nothing in it says otherwise."""
     text = text.strip()
-    named = _NAMED.fullmatch(text)
-    if named:
-        name = (named[2] or named[4])[:3].casefold()
+    with_month = _NAMED.fullmatch(text)
+    if with_month:
+        name = (with_month[2] or with_month[4])[:3].casefold()
         month = next((k for k, names in enumerate(MONTHS, 1) if name in names.split()), 0)
-        return _date(named[3] or named[6], month, named[1] or named[5])
+        return _date(with_month[3] or with_month[6], month, with_month[1] or with_month[5])
     numbers = _DATE.fullmatch(text)
     if numbers is None:
         return None

@@ -173,11 +173,11 @@ class Sheet:
                 if text.strip():
                     yield line, text.split()
             return
-        read = csv.reader(lines, delimiter=SEPARATORS[self.separator], skipinitialspace=True)
+        reader = csv.reader(lines, delimiter=SEPARATORS[self.separator], skipinitialspace=True)
         while True:
-            line = first + read.line_num
+            line = first + reader.line_num
             try:
-                texts = next(read)
+                texts = next(reader)
             except StopIteration:
                 return
             except csv.Error as error:
@@ -221,15 +221,15 @@ def is_data(texts: Sequence[str]) -> bool:
     return values >= FEWEST_NUMBERS and values > words
 
 
-def unpacked(path: Path, data: bytes) -> bytes:
+def unpacked(path: Path, content: bytes) -> bytes:
     """The bytes of a file that gzip packed; others as they are. An InputError where they are too many, or corrupt."""
-    if not data.startswith(PACKED):
-        return data
+    if not content.startswith(PACKED):
+        return content
     parts, length = list[bytes](), 0
-    while data.strip(b"\0"):
+    while content.strip(b"\0"):
         reader = zlib.decompressobj(wbits=31)
         try:
-            parts.append(reader.decompress(data, LARGEST + 1 - length))
+            parts.append(reader.decompress(content, LARGEST + 1 - length))
         except zlib.error as error:
             raise InputError(f"{path}: is packed by gzip and cannot be unpacked ({error})") from error
         length += len(parts[-1])
@@ -237,43 +237,43 @@ def unpacked(path: Path, data: bytes) -> bytes:
             raise InputError(f"{path}: unpacks to more than {LARGEST} bytes; not read")
         if not reader.eof:
             raise InputError(f"{path}: is packed by gzip and ends too early; copy it again")
-        data = reader.unused_data
+        content = reader.unused_data
     return b"".join(parts)
 
 
-def refuse_other(path: Path, data: bytes) -> None:
+def refuse_other(path: Path, content: bytes) -> None:
     """Refuse a file that is no text with a table, by what it begins with, and say what would be right."""
-    begins = data[:1000].removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
+    begins = content[:1000].removeprefix(b"\xef\xbb\xbf").lstrip().decode("latin-1")
     for pattern, what in OTHERS.items():
         if re.match(pattern, begins):
             raise InputError(f"{path}: {what}")
 
 
-def decoded(path: Path, data: bytes, encoding: str = "") -> tuple[str, str]:
+def decoded(path: Path, content: bytes, encoding: str = "") -> tuple[str, str]:
     """Text and encoding of a file: by its marker, as UTF-8 where it is that, as Windows writes it where it is not."""
     for mark, name in MARKERS.items():
-        if data.startswith(mark):
+        if content.startswith(mark):
             encoding = encoding or name
     if encoding:
-        return _decoded(path, data, encoding), encoding
-    if 0 not in data.rstrip(b"\0"):
+        return _decoded(path, content, encoding), encoding
+    if 0 not in content.rstrip(b"\0"):
         # loggers fill up their last block with zeros
-        data = data.rstrip(b"\0")
-    zeros = data[:2000].count(0)
+        content = content.rstrip(b"\0")
+    zeros = content[:2000].count(0)
     if zeros:
         for name, at in (("utf-16-le", 1), ("utf-16-be", 0)):
-            if data[at:2000:2].count(0) == zeros and 3 * zeros > len(data[:2000]):
-                return _decoded(path, data, name), name
+            if content[at:2000:2].count(0) == zeros and 3 * zeros > len(content[:2000]):
+                return _decoded(path, content, name), name
         raise InputError(f"{path}: is a binary file; text (CSV, LabVIEW) or a workbook is needed")
     try:
-        return data.decode("utf-8"), "utf-8"
+        return content.decode("utf-8"), "utf-8"
     except UnicodeDecodeError:
-        return _decoded(path, data, "cp1252"), "cp1252"
+        return _decoded(path, content, "cp1252"), "cp1252"
 
 
-def _decoded(path: Path, data: bytes, encoding: str) -> str:
+def _decoded(path: Path, content: bytes, encoding: str) -> str:
     try:
-        return data.decode(encoding)
+        return content.decode(encoding)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: byte {error.start} is not {encoding}; give --set encoding=NAME") from error
     except LookupError as error:
@@ -372,11 +372,11 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
     return Sheet(path, remarks + body, encoding=encoding, separator=separator, stated=stated)
 
 
-def workbook_sheets(path: Path, data: bytes) -> list[Sheet]:
+def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
     """The sheets of a workbook, in their order, those of charts left out; an InputError where it cannot be read."""
-    if data.startswith(b"PK"):
-        data = _repacked(path, data)
-    reader = subprocess.run([sys.executable, "-I", "-c", _READ], input=data, capture_output=True, check=False)
+    if content.startswith(b"PK"):
+        content = _repacked(path, content)
+    reader = subprocess.run([sys.executable, "-I", "-c", _READ], input=content, capture_output=True, check=False)
     lines = reader.stdout.decode("utf-8", "replace").splitlines()
     if reader.returncode:
         what = lines[-1] if reader.returncode == 3 and lines else "is no readable workbook, or too large a one"
@@ -397,11 +397,11 @@ def _cells(rows: list[list[str | float]]) -> list[list[str]]:
     return [[value if isinstance(value, str) else Typed(repr(value)) for value in row] for row in rows]
 
 
-def _repacked(path: Path, data: bytes) -> bytes:
+def _repacked(path: Path, archive_bytes: bytes) -> bytes:
     """An archive of the parts that a table needs, none of which is larger than it says, or declares entities."""
     packed = io.BytesIO()
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(packed, "w") as alone:
+        with zipfile.ZipFile(io.BytesIO(archive_bytes)) as archive, zipfile.ZipFile(packed, "w") as alone:
             members = archive.infolist()
             names = [member.filename for member in members]
             if len(names) > MOST_MEMBERS or len(set(names)) < len(names):

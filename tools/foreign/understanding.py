@@ -132,10 +132,10 @@ class Table:
     @property
     def free_fields(self) -> list[Field]:
         """Fields that no column of the record comes from."""
-        used = set[Field]()
+        origins = set[Field]()
         for origin in self.origins.values():
-            used |= {origin.field, *origin.beside}
-        return [field for field in self.fields if field not in used]
+            origins |= {origin.field, *origin.beside}
+        return [field for field in self.fields if field not in origins]
 
     def ask(self, key: str, answers: Sequence[str], why: str) -> None:
         """Ask once for a key of the mapping."""
@@ -191,9 +191,9 @@ def decide_units(table: Table) -> None:
 
 def _ask_for_unit(table: Table, quantity: str) -> None:
     """Ask for the unit of a quantity whose columns are not known; a free field may hold a converter's output."""
-    used = {origin.field for origin in table.origins.values()}
+    sources = {origin.field for origin in table.origins.values()}
     for free in table.fields:
-        if free not in used and free.unit and free.unit.raw:
+        if free not in sources and free.unit and free.unit.raw:
             raw = free.head.unit
             table.ask(f"units.{quantity}", (sensitivity(quantity, raw),), f"what one {raw} is, as here")
             return

@@ -125,9 +125,9 @@ def unit_of(text: str) -> Unit | None:
     name = split["unit"]
     if name.lower() == "hz":
         return Unit(TIME, 1.0 / number)
-    whole = known_unit(name)
-    if whole is not None:
-        return None if whole.offset else replace(whole, factor=number * whole.factor)
+    unit = known_unit(name)
+    if unit is not None:
+        return None if unit.offset else replace(unit, factor=number * unit.factor)
     for slash in re.finditer("/", name):
         above, below = known_unit(name[: slash.start()]), known_unit(name[slash.end() :])
         if above is None or below is None or above.raw == below.raw or above.offset or below.offset:
