@@ -44,8 +44,8 @@ def together() -> Iterator[None]:
         _place(pending)
     finally:
         _PENDING.reset(token)
-        for beside, _, _ in pending:
-            _take_away(beside)
+        for draft, _, _ in pending:
+            _take_away(draft)
 
 
 @contextmanager
@@ -65,12 +65,12 @@ def _place(pending: Sequence[Placed]) -> None:
     """
     placed: set[Path] = set()
     with ExitStack() as tidy, ExitStack() as undo:
-        for beside, path, _ in pending:
+        for draft, path, _ in pending:
             with said_writable(path):
-                if beside.is_dir() and not path.is_dir():
+                if draft.is_dir() and not path.is_dir():
                     path.mkdir()
                     undo.callback(_take_away, path)
-                moves = [(f, path / f.name) for f in sorted(beside.iterdir())] if beside.is_dir() else [(beside, path)]
+                moves = [(f, path / f.name) for f in sorted(draft.iterdir())] if draft.is_dir() else [(draft, path)]
                 for new, place in moves:
                     if place.is_file() and len(pending) + len(moves) > 2:
                         before = place.with_name(f".{place.name}.before")
@@ -82,7 +82,7 @@ def _place(pending: Sequence[Placed]) -> None:
                     new.replace(place)
                     placed.add(place)
         undo.pop_all()
-    for stale in {path for _, _, gone in pending for path in gone} - placed:
+    for stale in {path for _, _, obsolete in pending for path in obsolete} - placed:
         _take_away(stale)
 
 
@@ -94,28 +94,28 @@ def _second_name(path: Path, name: Path) -> None:
         shutil.copy2(path, name)
 
 
-def _take_away(beside: Path) -> None:
-    if beside.is_dir():
-        shutil.rmtree(beside, ignore_errors=True)
+def _take_away(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
     else:
-        beside.unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
 
 
 @contextmanager
-def _beside(beside: Path, path: Path, gone: Sequence[Path] = ()) -> Iterator[Path]:
+def _beside(draft: Path, path: Path, obsolete: Sequence[Path] = ()) -> Iterator[Path]:
     """What is to be filled beside its place, where it lands when the block ends without an error, or all do."""
     pending = _PENDING.get()
-    done = False
+    is_pending = False
     try:
-        yield beside
+        yield draft
         if pending is None:
-            _place([(beside, path, gone)])
+            _place([(draft, path, obsolete)])
         else:
-            pending.append((beside, path, gone))
-            done = True
+            pending.append((draft, path, obsolete))
+            is_pending = True
     finally:
-        if not done:
-            _take_away(beside)
+        if not is_pending:
+            _take_away(draft)
 
 
 def make_folders(folder: Path) -> None:
@@ -154,15 +154,15 @@ def whole_file(path: Path) -> Iterator[Path]:
             raise InputError(f"{path}: is a device or a pipe; give the name of a file")
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
         os.close(handle)
-        with _beside(Path(name), path) as beside:
-            yield beside
+        with _beside(Path(name), path) as draft:
+            yield draft
             umask = os.umask(0)
             os.umask(umask)
-            beside.chmod(0o666 & ~umask)
+            draft.chmod(0o666 & ~umask)
 
 
 @contextmanager
-def whole_folder(path: Path, gone: Sequence[str] = ()) -> Iterator[Path]:
+def whole_folder(path: Path, obsolete: Sequence[str] = ()) -> Iterator[Path]:
     """Give a folder beside `path` to fill; its files are moved into `path` when the block ends without an error.
 
     Files of the same name in an existing `path` are replaced, others are left alone but for those `gone`, files or
@@ -174,10 +174,10 @@ def whole_folder(path: Path, gone: Sequence[str] = ()) -> Iterator[Path]:
         make_folders(path.parent)
         if path.exists() and not path.is_dir():
             raise InputError(f"{path}: is a file; give the name of a folder")
-        made = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
+        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}-"))
         # What is written in it appears with it.
-        with _beside(made, path, [path / name for name in gone]) as beside, at_once():
-            yield beside
+        with _beside(folder, path, [path / name for name in obsolete]) as draft, at_once():
+            yield draft
 
 
 def made_folder(folder: Path, out: Path) -> None:
@@ -237,10 +237,10 @@ def bytes_of(
         raise InputError(f"{name}: cannot be read ({error.strerror})") from error
 
 
-def is_workbook(data: bytes) -> bool:
+def is_workbook(content: bytes) -> bool:
     """Whether bytes are those of a workbook: of a new kind (.xlsx, .xlsb, .ods: ZIP archives) or the old (.xls)."""
-    archive = data.startswith(ZIP) and (b"xl/workbook" in data or OPEN_DOCUMENT in data)
-    return archive or data.startswith(OLD_WORKBOOK)
+    archive = content.startswith(ZIP) and (b"xl/workbook" in content or OPEN_DOCUMENT in content)
+    return archive or content.startswith(OLD_WORKBOOK)
 
 
 def _size(count: int) -> str:
@@ -254,8 +254,8 @@ def json_text(content: Mapping[str, Any], indent: int = 2) -> str:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all."""
-    with whole_file(path) as beside:
-        beside.write_text(text, encoding="utf-8", newline="\n")
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8", newline="\n")
 
 
 def ordinary_file(_: object, path: Path | None) -> None:

@@ -26,10 +26,10 @@ except (Exception, pl.exceptions.PanicException) as error:
 """
 
 
-def fault_of_parquet(data: bytes) -> str | None:
+def fault_of_parquet(content: bytes) -> str | None:
     """Why the bytes of a Parquet file cannot be read, or are too many numbers to read; None where they can."""
-    done = subprocess.run([sys.executable, "-I", "-c", _PROBE], input=data, capture_output=True, check=False)
-    if done.returncode == 0:
+    probe = subprocess.run([sys.executable, "-I", "-c", _PROBE], input=content, capture_output=True, check=False)
+    if probe.returncode == 0:
         return None
-    said = done.stdout.decode("utf-8", "replace").strip()
-    return said or "is not a readable Parquet file (it is corrupt)"
+    message = probe.stdout.decode("utf-8", "replace").strip()
+    return message or "is not a readable Parquet file (it is corrupt)"

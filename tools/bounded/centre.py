@@ -57,10 +57,10 @@ class Bounded:
     def rows(self) -> tuple[NDArray, NDArray]:
         """Jacobian (K, P) and residual (K,) over their bounds: the rows, then coefficients with two limits."""
         low, high = self.limits
-        both = np.flatnonzero(np.isfinite(low) & np.isfinite(high))
-        half = 0.5 * (high[both] - low[both])
-        jacobian = np.vstack((self.jacobian / self.bound[:, None], np.eye(len(low))[both] / half[:, None]))
-        return jacobian, np.append(self.residual / self.bound, 0.5 * (high[both] + low[both]) / half)
+        two_sided = np.flatnonzero(np.isfinite(low) & np.isfinite(high))
+        half = 0.5 * (high[two_sided] - low[two_sided])
+        jacobian = np.vstack((self.jacobian / self.bound[:, None], np.eye(len(low))[two_sided] / half[:, None]))
+        return jacobian, np.append(self.residual / self.bound, 0.5 * (high[two_sided] + low[two_sided]) / half)
 
     @cached_property
     def one_sided(self) -> tuple[NDArray, NDArray]:
@@ -78,8 +78,8 @@ class Bounded:
         size = np.abs(jacobian).max(axis=0, initial=0.0)
         size[size == 0.0] = 1.0
         _, values, turned = np.linalg.svd(np.linalg.qr(shortened(jacobian / size), mode="r"))
-        kept = values > LEAST_VALUE * values.max(initial=0.0)
-        return turned[: len(values)][kept].T / values[kept] / size[:, None]
+        determined = values > LEAST_VALUE * values.max(initial=0.0)
+        return turned[: len(values)][determined].T / values[determined] / size[:, None]
 
     def determines(self, weights: NDArray) -> bool:
         """Whether the rows bound weights'x on both sides."""
@@ -111,8 +111,8 @@ def analytic_centre(bounded: Bounded, start: NDArray | None = None) -> NDArray[n
         return None
     y = None if start is None else inside.coordinates(start)
     if y is None or not inside.slack(y) > INTERIOR:
-        found = _chebyshev_start(bounded)
-        y = None if found is None else inside.coordinates(found)
+        first = _chebyshev_start(bounded)
+        y = None if first is None else inside.coordinates(first)
         if y is None or not inside.slack(y) > INTERIOR:
             return None
     last = math.inf
@@ -163,28 +163,28 @@ class _Inside:
 
     def newton(self, y: NDArray) -> tuple[NDArray, float]:
         """Newton's step (rank,), and its decrement."""
-        r, left = self._residual - self._rows @ y, self._open(y)
+        r, room = self._residual - self._rows @ y, self._open(y)
         slack = (1.0 - r) * (1.0 + r)
         root = np.sqrt(2.0 * (1.0 + r * r)) / slack
         # Least squares, whose normal equations are Newton's: their condition is not squared.
-        matrix = np.vstack((root[:, None] * self._rows, self._weights / left[:, None]))
-        right = np.append(2.0 * r / slack / root, -np.ones(len(left)))
-        both = shortened(np.column_stack((matrix, right)))
-        q, triangle = np.linalg.qr(both[:, :-1])
-        along = q.T @ both[:, -1]
+        matrix = np.vstack((root[:, None] * self._rows, self._weights / room[:, None]))
+        right = np.append(2.0 * r / slack / root, -np.ones(len(room)))
+        system = shortened(np.column_stack((matrix, right)))
+        q, triangle = np.linalg.qr(system[:, :-1])
+        along = q.T @ system[:, -1]
         return np.linalg.solve(triangle, along), float(np.linalg.norm(along))
 
     def damped(self, y: NDArray, step: NDArray, decrement: float) -> float:
         """How much of a step to take: inside, and enough gained."""
         r, moved = self._residual - self._rows @ y, self._rows @ step
-        left, shrunk = self._open(y), self._weights @ step
+        room, shrunk = self._open(y), self._weights @ step
         with np.errstate(divide="ignore"):
-            reach = np.append((1.0 + np.sign(moved) * r) / np.abs(moved), left / np.maximum(shrunk, 0.0))
+            reach = np.append((1.0 + np.sign(moved) * r) / np.abs(moved), room / np.maximum(shrunk, 0.0))
         size = min(1.0, TO_THE_EDGE * float(reach.min(initial=math.inf)))
         while True:
             now = r - size * moved
             gained = np.log1p((r - now) * (r + now) / ((1.0 - r) * (1.0 + r))).sum()
-            gained += np.log1p(-size * shrunk / left).sum()
+            gained += np.log1p(-size * shrunk / room).sum()
             if gained >= 0.25 * size * decrement**2 or size < 1e-9:
                 return size
             size *= 0.5
@@ -205,17 +205,17 @@ def central_programme(bounded: Bounded, weights: NDArray, intervals: NDArray) ->
     matrix = np.vstack((jacobian, one_sided)) @ bounded.directions
     lower = np.append(residual - 1.0, np.full(len(ends), -math.inf))
     upper = np.append(residual + 1.0, ends)
-    taken = np.union1d(first_rows(matrix), np.arange(len(residual), len(matrix)))
+    chosen = np.union1d(first_rows(matrix), np.arange(len(residual), len(matrix)))
     while True:
-        y = least_largest(matrix[taken], lower[taken], upper[taken], offset, slopes)[1]
+        y = least_largest(matrix[chosen], lower[chosen], upper[chosen], offset, slopes)[1]
         activity = matrix @ y
         violation = np.maximum(lower - activity, activity - upper)
-        violation[taken] = 0.0
-        more = np.argsort(-violation, kind="stable")[:MOST_ADDED]
-        more = more[violation[more] > TOLERANCE]
-        if not len(more):
+        violation[chosen] = 0.0
+        violated = np.argsort(-violation, kind="stable")[:MOST_ADDED]
+        violated = violated[violation[violated] > TOLERANCE]
+        if not len(violated):
             return bounded.directions @ y
-        taken = np.union1d(taken, more)
+        chosen = np.union1d(chosen, violated)
 
 
 def central(bounded: Bounded, weights: NDArray, intervals: NDArray) -> Central:

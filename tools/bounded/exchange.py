@@ -76,10 +76,10 @@ def exchanged(matrix: NDArray, target: NDArray) -> Held | None:
         return None
     try:
         with np.errstate(all="ignore"):
-            found = _steps(unit, target, rows)
+            solution = _steps(unit, target, rows)
     except np.linalg.LinAlgError:
         return None
-    return None if found is None else Held(found.radius, found.x / size, found.rows, found.multipliers)
+    return None if solution is None else Held(solution.radius, solution.x / size, solution.rows, solution.multipliers)
 
 
 def _begun(matrix: NDArray, target: NDArray) -> NDArray[np.int_] | None:
@@ -95,8 +95,8 @@ def _begun(matrix: NDArray, target: NDArray) -> NDArray[np.int_] | None:
     worst = np.argsort(-np.abs(error), kind="stable")
     for most in sorted({min(len(worst), most) for most in (BEGUN * columns, MANY, len(worst))}):
         among = worst[:most]
-        found = qr(matrix[among].T, mode="r", pivoting=True)
-        diagonal, order = np.abs(np.diag(np.asarray(found[0]))), np.asarray(found[-1])
+        decomposition = qr(matrix[among].T, mode="r", pivoting=True)
+        diagonal, order = np.abs(np.diag(np.asarray(decomposition[0]))), np.asarray(decomposition[-1])
         if len(diagonal) == columns and diagonal.min() > DEPENDENT * diagonal.max() and len(among) > columns:
             rest = among[order[columns:]]
             return np.append(among[order[:columns]], rest[np.abs(error[rest]).argmax()])
@@ -108,9 +108,9 @@ def _steps(matrix: NDArray, target: NDArray, rows: NDArray) -> Held | None:
     from .exchange_steps import ENDED, ENDLESS, exchange_held
 
     columns = matrix.shape[1]
-    held = np.append(-np.linalg.solve(matrix[rows[:-1]].T, matrix[rows[-1]]), 1.0)
-    held *= 1.0 if held @ target[rows] >= 0.0 else -1.0
-    rows, sign = rows.astype(np.int64), np.where(held >= 0.0, 1.0, -1.0)
+    multipliers = np.append(-np.linalg.solve(matrix[rows[:-1]].T, matrix[rows[-1]]), 1.0)
+    multipliers *= 1.0 if multipliers @ target[rows] >= 0.0 else -1.0
+    rows, sign = rows.astype(np.int64), np.where(multipliers >= 0.0, 1.0, -1.0)
     for _ in range(columns + 2):
         inverse = np.linalg.inv(np.column_stack((matrix[rows], sign)))
         how, steps = exchange_held(matrix, target, rows, sign, inverse, MOST_STEPS)
@@ -123,13 +123,13 @@ def _steps(matrix: NDArray, target: NDArray, rows: NDArray) -> Held | None:
     return None
 
 
-def _proven(matrix: NDArray, target: NDArray, held: Held, largest: float) -> Held | None:
+def _proven(matrix: NDArray, target: NDArray, solution: Held, largest: float) -> Held | None:
     """What was found, where its multipliers are a proof that no x misses all rows by less."""
-    weights = held.multipliers
-    missed = np.abs(weights @ matrix[held.rows]).max()
-    least = float(weights @ target[held.rows]) / float(np.abs(weights).sum())
+    weights = solution.multipliers
+    missed = np.abs(weights @ matrix[solution.rows]).max()
+    least = float(weights @ target[solution.rows]) / float(np.abs(weights).sum())
     sure = missed <= 1e-11 and largest - least <= PROVEN * max(1.0, largest)
-    return held if sure and np.isfinite(held.x).all() else None
+    return solution if sure and np.isfinite(solution.x).all() else None
 
 
 class Corner:
@@ -144,8 +144,11 @@ class Corner:
         columns = matrix.shape[1]
         if not 0 < columns <= min(len(matrix), MOST_COLUMNS) or not np.isfinite(matrix).all():
             return None
-        found = qr(matrix.T, mode="r", pivoting=True)
-        diagonal, rows = np.abs(np.diag(np.asarray(found[0]))), np.asarray(found[-1])[:columns].astype(np.int64)
+        decomposition = qr(matrix.T, mode="r", pivoting=True)
+        diagonal, rows = (
+            np.abs(np.diag(np.asarray(decomposition[0]))),
+            np.asarray(decomposition[-1])[:columns].astype(np.int64),
+        )
         if not diagonal.min() > DEPENDENT * diagonal.max():
             return None
         return Corner(rows, np.linalg.inv(matrix[rows]))
@@ -187,16 +190,16 @@ def least_of(matrix: NDArray, lower: NDArray, upper: NDArray, cost: NDArray) -> 
     The duals are those by which it cannot be less; None where that is not proven.
     """
     endless = np.isinf(lower), np.isinf(upper)
-    used = np.flatnonzero(~(endless[0] & endless[1]))
-    rows = np.ascontiguousarray(matrix[used])
-    low = np.where(endless[0], upper - FAR, lower)[used]
-    high = np.where(endless[1], lower + FAR, upper)[used]
+    bounded = np.flatnonzero(~(endless[0] & endless[1]))
+    rows = np.ascontiguousarray(matrix[bounded])
+    low = np.where(endless[0], upper - FAR, lower)[bounded]
+    high = np.where(endless[1], lower + FAR, upper)[bounded]
     corner = Corner.of(rows)
-    found = None if corner is None else corner.farthest(rows, 0.5 * (low + high), 0.5 * (high - low), -cost)
-    if found is None:
+    vertex = None if corner is None else corner.farthest(rows, 0.5 * (low + high), 0.5 * (high - low), -cost)
+    if vertex is None:
         return None
-    held, duals = used[found.rows], -found.duals
-    far = np.where(duals > 0.0, endless[0][held], endless[1][held])
+    active, duals = bounded[vertex.rows], -vertex.duals
+    far = np.where(duals > 0.0, endless[0][active], endless[1][active])
     if (far & (np.abs(duals) > HELD * np.abs(duals).sum())).any():
         return None
-    return Farthest(found.x, held, duals)
+    return Farthest(vertex.x, active, duals)

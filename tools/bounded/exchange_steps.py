@@ -32,17 +32,17 @@ def exchange_held(matrix, target, rows, sign, inverse, most):
         row = np.abs(error).argmax()
         if not abs(error[row]) > radius + EXACT * max(1.0, radius):
             return ENDED, step
-        own = 1.0 if error[row] > 0.0 else -1.0
-        row_of[:last], row_of[last] = matrix[row], own
+        error_sign = 1.0 if error[row] > 0.0 else -1.0
+        row_of[:last], row_of[last] = matrix[row], error_sign
         part = row_of @ inverse
-        ratio, less = inverse[last] * sign, own * part * sign
+        ratio, less = inverse[last] * sign, error_sign * part * sign
         for k in range(last + 1):
             ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
         out = ratio.argmin()
         if ratio[out] == np.inf:
             return ENDLESS, step
         _replaced(inverse, part, out)
-        rows[out], sign[out] = row, own
+        rows[out], sign[out] = row, error_sign
     return NOT_ENDED, most
 
 
@@ -56,9 +56,9 @@ def exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
         row = beyond.argmax()
         if beyond[row] <= EXACT:
             return ENDED, step
-        own, slope = 1.0 if missed[row] > 0.0 else -1.0, -beyond[row]
+        sign, slope = 1.0 if missed[row] > 0.0 else -1.0, -beyond[row]
         part = matrix[row] @ inverse
-        ratio, less = duals * side, own * part * side
+        ratio, less = duals * side, sign * part * side
         for k in range(len(rows)):
             ratio[k] = max(ratio[k], 0.0) / less[k] if less[k] > NO_PIVOT else np.inf
         while True:
@@ -71,7 +71,7 @@ def exchange_met(matrix, middle, half, weights, rows, side, inverse, most):
             if slope >= 0.0:
                 break
             side[out], ratio[out] = -side[out], np.inf
-        duals -= least * own * part
+        duals -= least * sign * part
         _replaced(inverse, part, out)
-        duals[out], rows[out], side[out] = least * own, row, own
+        duals[out], rows[out], side[out] = least * sign, row, sign
     return NOT_ENDED, most

@@ -162,8 +162,8 @@ class AnyOf(Steps):
                 least, self._first = reached, number
             if not most or least == math.inf:
                 break
-            most = {other: min(end, self._sets[other].bounded(weights)) for other, end in most.items()}
-            number = max(most, key=lambda other: most[other])
+            most = {place: min(end, self._sets[place].bounded(weights)) for place, end in most.items()}
+            number = max(most, key=lambda place: most[place])
         return least
 
 
@@ -187,13 +187,13 @@ class _Branch:
         """What the duals (M,) of another set prove here of a direction (n,): how far it reaches at most."""
         if proof is None or len(proof) != len(self.rows):
             return math.inf
-        used = np.flatnonzero(proof)
-        rows, duals = self.rows[used], proof[used]
+        active = np.flatnonzero(proof)
+        rows, duals = self.rows[active], proof[active]
         duals = moved_duals(duals, rows, direction)
         missed = direction - duals @ rows
         if not missed @ missed <= (EXACT * np.abs(duals).sum()) ** 2:
             return math.inf
-        return float(duals @ np.where(duals > 0.0, self.upper[used], self.lower[used]))
+        return float(duals @ np.where(duals > 0.0, self.upper[active], self.lower[active]))
 
     def is_some(self, proofs: Proofs, number: int) -> bool:
         """Whether there is any such x; what shows that there is none is kept by a number, and tried first."""
@@ -218,8 +218,8 @@ def grown_rows(
     A row that grows is two, one for each of its ends: on the other side they reach as far as the growth can.
     """
     paid, split = np.flatnonzero(growth.rows.any(axis=0)), growth.rows.any(axis=1)
-    own, low, high = growth.rows[:, paid], growth.low[paid], growth.high[paid]
-    allowed, most = bound + growth.now, 2.0 * np.maximum(own * low, own * high).sum(axis=1)
+    slopes, low, high = growth.rows[:, paid], growth.low[paid], growth.high[paid]
+    allowed, most = bound + growth.now, 2.0 * np.maximum(slopes * low, slopes * high).sum(axis=1)
     # An end of a coefficient is a row like the others: of the size that it has in them.
     scale = np.maximum(np.abs(jacobian), np.abs(growth.rows)).max(axis=0)
     ends = np.diag(scale)[paid]

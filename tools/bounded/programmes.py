@@ -87,10 +87,10 @@ class Growth:
         """The same for some of the rows (indices)."""
         return Growth(self.now[rows], self.rows[rows], self.low, self.high)
 
-    def beside(self, more: int) -> "Growth":
+    def beside(self, columns: int) -> "Growth":
         """The same with so many columns more, which have no part in it."""
-        free = np.full(more, np.inf)
-        rows = np.hstack((self.rows, np.zeros((len(self.rows), more))))
+        free = np.full(columns, np.inf)
+        rows = np.hstack((self.rows, np.zeros((len(self.rows), columns))))
         return Growth(self.now, rows, np.append(self.low, -free), np.append(self.high, free))
 
 
@@ -131,18 +131,18 @@ class Polytope:
         weights = np.asarray(weights, dtype=float)
         activity, violation = np.empty((2, len(self._scale)))
         while True:
-            x, own = self._farthest(weights)
+            x, multipliers = self._farthest(weights)
             if len(self._taken) == len(self._scale):
                 break
             activity = np.matmul(self._matrix, x, out=activity)
             violation = np.subtract(self._lower, activity, out=violation)
             np.maximum(violation, np.subtract(activity, self._upper, out=activity), out=violation)
             apart = self._matrix if len(violation) >= MANY_BLOCKS * BLOCK else None
-            if not len(more := _most_violated(violation, self._taken, TOLERANCE, apart)):
+            if not len(violated := _most_violated(violation, self._taken, TOLERANCE, apart)):
                 break
-            self._take(more)
+            self._take(violated)
         duals = np.zeros(len(self._scale))
-        duals[self._taken] = own * self._unit / self._scale[self._taken]
+        duals[self._taken] = multipliers * self._unit / self._scale[self._taken]
         return float(weights @ x) * self._unit, x * self._unit, duals
 
     def _farthest(self, weights: NDArray) -> tuple[NDArray, NDArray]:
@@ -150,8 +150,8 @@ class Polytope:
         lower, upper = self._ends
         if self._corner is not None and self._highs is None and np.isfinite(lower).all() and np.isfinite(upper).all():
             middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-            if (found := self._corner.farthest(self._rows, middle, half, weights)) is not None:
-                return found.x, found.of(len(middle))
+            if (vertex := self._corner.farthest(self._rows, middle, half, weights)) is not None:
+                return vertex.x, vertex.of(len(middle))
         if self._highs is None:
             free = np.full(len(weights), highspy.kHighsInf)
             self._highs = _model(np.zeros(len(weights)), -free, free, self._rows, lower, upper)
@@ -160,14 +160,14 @@ class Polytope:
         solution = solved(self._highs)
         return np.array(solution.col_value), np.array(solution.row_dual)
 
-    def _take(self, more: NDArray) -> None:
-        rows = self._matrix[more]
-        self._taken, self._rows = np.append(self._taken, more), np.vstack((self._rows, rows))
+    def _take(self, added: NDArray) -> None:
+        rows = self._matrix[added]
+        self._taken, self._rows = np.append(self._taken, added), np.vstack((self._rows, rows))
         if self._highs is not None:
             count, width = rows.shape
             start = np.arange(0, count * width, width, dtype=np.int32)
             index = np.tile(np.arange(width, dtype=np.int32), count)
-            ends = self._lower[more], self._upper[more]
+            ends = self._lower[added], self._upper[added]
             self._highs.addRows(count, *ends, rows.size, start, index, rows.ravel())  # pyright: ignore
 
 
@@ -196,9 +196,9 @@ def shortened(matrix: NDArray) -> NDArray[np.float64]:
     count = len(matrix) // BLOCK
     if count < MANY_BLOCKS:
         return matrix
-    whole = matrix[: count * BLOCK].reshape(count, BLOCK, -1)
+    blocks = matrix[: count * BLOCK].reshape(count, BLOCK, -1)
     # A few at a time: each is copied before it is decomposed.
-    triangles = [np.linalg.qr(whole[k : k + MANY_BLOCKS], mode="r") for k in range(0, count, MANY_BLOCKS)]
+    triangles = [np.linalg.qr(blocks[k : k + MANY_BLOCKS], mode="r") for k in range(0, count, MANY_BLOCKS)]
     return np.vstack((*np.concatenate(triangles), matrix[count * BLOCK :]))
 
 
@@ -218,10 +218,10 @@ def _most_violated(
         return np.sort(worst)
     worst = worst[np.argsort(-violation[worst], kind="stable")]
     rows = matrix[worst] / np.linalg.norm(matrix[worst], axis=1, keepdims=True)
-    left, chosen = np.ones(len(worst), dtype=bool), []
-    while left.any() and len(chosen) < ADDED_ROWS:
-        chosen.append(int(left.argmax()))
-        left &= np.abs(rows @ rows[chosen[-1]]) < TOLD_APART
+    apart, chosen = np.ones(len(worst), dtype=bool), []
+    while apart.any() and len(chosen) < ADDED_ROWS:
+        chosen.append(int(apart.argmax()))
+        apart &= np.abs(rows @ rows[chosen[-1]]) < TOLD_APART
     return np.sort(worst[chosen])
 
 
@@ -249,35 +249,39 @@ def chebyshev_radius(
     if growth is not None:
         low, high = np.maximum(low, growth.low), np.minimum(high, growth.high)
     anywhere = growth is None and not np.isfinite((low, high)).any()
-    held = exchanged(jacobian / bound[:, None], residual / bound) if anywhere or len(bound) > MANY_ROWS else None
-    if held is not None and anywhere:
+    exchange = exchanged(jacobian / bound[:, None], residual / bound) if anywhere or len(bound) > MANY_ROWS else None
+    if exchange is not None and anywhere:
         every = np.zeros(len(bound))
-        every[held.rows] = held.multipliers / bound[held.rows]
-        return max(0.0, held.radius), held.x, every
-    taken = first_rows(jacobian / bound[:, None])
-    if held is not None:
+        every[exchange.rows] = exchange.multipliers / bound[exchange.rows]
+        return max(0.0, exchange.radius), exchange.x, every
+    chosen = first_rows(jacobian / bound[:, None])
+    if exchange is not None:
         # What holds the solution without ends and growth is near to what holds it with them.
-        worst = np.argpartition(-np.abs((residual - jacobian @ held.x) / bound), ADDED_ROWS)[:ADDED_ROWS]
-        taken = np.unique(np.concatenate((taken, held.rows, worst)))
+        worst = np.argpartition(-np.abs((residual - jacobian @ exchange.x) / bound), ADDED_ROWS)[:ADDED_ROWS]
+        chosen = np.unique(np.concatenate((chosen, exchange.rows, worst)))
     added = ADDED_ROWS
     while True:
-        every, own = np.zeros(len(bound)), None if growth is None else growth.of(taken)
-        radius, x, every[taken] = _chebyshev(jacobian[taken], residual[taken], bound[taken], (low, high), own)
-        if len(taken) == len(bound):
+        every, growth_of_chosen = np.zeros(len(bound)), None if growth is None else growth.of(chosen)
+        radius, x, every[chosen] = _chebyshev(
+            jacobian[chosen], residual[chosen], bound[chosen], (low, high), growth_of_chosen
+        )
+        if len(chosen) == len(bound):
             return radius, x, every
         grown = 0.0 if growth is None else growth.at(x)
         excess = (np.abs(residual - jacobian @ x) - grown) / bound - radius
-        more = _most_violated(excess, taken, TOLERANCE * max(1.0, radius), count=added)
-        if not len(more):
+        violated = _most_violated(excess, chosen, TOLERANCE * max(1.0, radius), count=added)
+        if not len(violated):
             return radius, x, every
         # Each round begins anew: they are to be few.
-        taken, added = np.append(taken, more), 2 * added
+        chosen, added = np.append(chosen, violated), 2 * added
 
 
 def any_centre(jacobian: NDArray, residual: NDArray, bound: NDArray) -> tuple[float, NDArray[np.float64]]:
     """The radius of `chebyshev_radius`, and some x (n,) that attains it, of which there may be many: in less time."""
-    held = exchanged(jacobian / bound[:, None], residual / bound)
-    return chebyshev_radius(jacobian, residual, bound)[:2] if held is None else (max(0.0, held.radius), held.x)
+    exchange = exchanged(jacobian / bound[:, None], residual / bound)
+    return (
+        chebyshev_radius(jacobian, residual, bound)[:2] if exchange is None else (max(0.0, exchange.radius), exchange.x)
+    )
 
 
 def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np.float64]:
@@ -288,9 +292,9 @@ def moved_duals(duals: NDArray, rows: NDArray, direction: NDArray) -> NDArray[np
             return duals + np.linalg.solve(rows.T, missed)
         except np.linalg.LinAlgError:
             pass
-    found = lstsq(rows.T, missed, lapack_driver="gelsy", check_finite=False)
-    assert found is not None
-    return duals + found[0]
+    solution = lstsq(rows.T, missed, lapack_driver="gelsy", check_finite=False)
+    assert solution is not None
+    return duals + solution[0]
 
 
 def proven_radius(
@@ -301,22 +305,22 @@ def proven_radius(
     They are moved by least squares, over the rows that have one, to duals of this programme. For any Φ with
     Φ'J + |Φ|'G = 0 no x has Φ'(residual − J x) ≤ |Φ|'(ρ bound + now + G x) at a smaller ρ.
     """
-    used = np.flatnonzero(duals)
-    rows, grown, own = jacobian[used], growth.rows[used], duals[used]
-    matrix = rows + np.sign(own)[:, None] * grown
+    proof = np.flatnonzero(duals)
+    rows, grown, multipliers = jacobian[proof], growth.rows[proof], duals[proof]
+    matrix = rows + np.sign(multipliers)[:, None] * grown
     size = np.abs(matrix).max(axis=0, initial=0.0)
     matrix = matrix / np.where(size > 0.0, size, 1.0)
     paid, proven = np.isfinite(growth.low) & np.isfinite(growth.high), -math.inf
     # What is paid for stands at one of its ends, or between them.
-    for kept in (~paid, np.ones_like(paid)) if paid.any() else (~paid,):
-        part = matrix[:, kept]
-        moved = moved_duals(own, part, np.zeros(part.shape[1]))
+    for part_of_columns in (~paid, np.ones_like(paid)) if paid.any() else (~paid,):
+        part = matrix[:, part_of_columns]
+        moved = moved_duals(multipliers, part, np.zeros(part.shape[1]))
         weights = np.abs(moved)
         slope = moved @ rows + weights @ grown
         if not weights.any() or (np.abs(slope[~paid]) > EXACT * weights.sum() * size[~paid]).any():
             continue
         most = np.maximum(slope[paid] * growth.low[paid], slope[paid] * growth.high[paid]).sum()
-        least = (moved @ residual[used] - weights @ growth.now[used] - most) / (weights @ bound[used])
+        least = (moved @ residual[proof] - weights @ growth.now[proof] - most) / (weights @ bound[proof])
         proven = max(proven, float(least))
     return proven
 
@@ -333,17 +337,17 @@ def _chebyshev(
     size[size == 0.0] = 1.0
     matrix, grown = jacobian / bound[:, None] / size, by / bound[:, None] / size
     stretch = max(1.0, float(np.abs(target).max(initial=0.0)))
-    both = np.block([[matrix + grown, np.ones((rows, 1))], [matrix - grown, -np.ones((rows, 1))]])
+    sides = np.block([[matrix + grown, np.ones((rows, 1))], [matrix - grown, -np.ones((rows, 1))]])
     infinite, cost = np.full(rows, np.inf), np.append(np.zeros(columns), 1.0)
     low, high = (np.append(end * size / stretch, last) for end, last in zip(ends, (0.0, np.inf), strict=True))
     lower, upper = np.append((target - now) / stretch, -infinite), np.append(infinite, (target + now) / stretch)
-    everything = np.vstack((both, np.eye(columns + 1)))
-    found = least_of(everything, np.append(lower, low), np.append(upper, high), cost)
-    if found is None:
-        solution = solved(_model(cost, low, high, both, lower, upper))
+    everything = np.vstack((sides, np.eye(columns + 1)))
+    vertex = least_of(everything, np.append(lower, low), np.append(upper, high), cost)
+    if vertex is None:
+        solution = solved(_model(cost, low, high, sides, lower, upper))
         x, duals = np.array(solution.col_value), np.array(solution.row_dual)
     else:
-        x, duals = found.x, found.of(len(everything))
+        x, duals = vertex.x, vertex.of(len(everything))
     return max(0.0, float(x[-1]) * stretch), x[:-1] * stretch / size, (duals[:rows] + duals[rows : 2 * rows]) / bound
 
 
@@ -356,8 +360,8 @@ def least_largest(
     """
     unit = float((upper - lower).min()) / 2.0
     rows, columns = matrix.shape
-    more = np.ones((len(offset), 1))
-    stacked = np.block([[matrix, np.zeros((rows, 1))], [slopes, more], [slopes, -more]])
+    ones = np.ones((len(offset), 1))
+    stacked = np.block([[matrix, np.zeros((rows, 1))], [slopes, ones], [slopes, -ones]])
     infinite = np.full(len(offset), highspy.kHighsInf)
     free = np.full(columns, highspy.kHighsInf)
     highs = _model(
@@ -440,7 +444,7 @@ def solved(
     highs.run()
     if highs.getModelStatus() == highspy.HighsModelStatus.kOptimal:
         return highs.getSolution()
-    for strategy, presolve, scaling in [*((*other, SCALED) for other in others), (usual, "off", UNSCALED)]:
+    for strategy, presolve, scaling in [*((*way, SCALED) for way in others), (usual, "off", UNSCALED)]:
         highs.clearSolver()
         highs.setOptionValue("simplex_strategy", strategy)
         highs.setOptionValue("presolve", presolve)
@@ -463,8 +467,8 @@ def least_squares(matrix: NDArray, target: NDArray) -> NDArray[np.float64]:
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
     u, values, directions = np.linalg.svd(matrix / size, full_matrices=False)
-    kept = values > LEAST_VALUE * values.max(initial=0.0)
-    return (directions[kept].T @ ((u[:, kept].T @ target) / values[kept])) / size
+    determined = values > LEAST_VALUE * values.max(initial=0.0)
+    return (directions[determined].T @ ((u[:, determined].T @ target) / values[determined])) / size
 
 
 def column_space(columns: NDArray) -> NDArray[np.float64]:
@@ -479,9 +483,9 @@ def spaces_beyond(imitated: NDArray, blocks: Sequence[NDArray]) -> list[NDArray[
     base = column_space(imitated)
     spaces = []
     for block in blocks:
-        left = block - base @ (base.T @ block)
-        left[:, np.linalg.norm(left, axis=0) < IMITATED * np.linalg.norm(block, axis=0)] = 0.0
-        spaces.append(column_space(left))
+        beyond = block - base @ (base.T @ block)
+        beyond[:, np.linalg.norm(beyond, axis=0) < IMITATED * np.linalg.norm(block, axis=0)] = 0.0
+        spaces.append(column_space(beyond))
     return spaces
 
 

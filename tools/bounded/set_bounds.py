@@ -20,17 +20,17 @@ ROUNDS = 30
 @compile_callee
 def _append(projection, candidate, factor, count):
     """Extend a Cholesky factor of so many columns by those of a candidate; dependent ones are passed over."""
-    _, _, _, _, gram, own, product, starts, sizes = projection
+    _, _, _, _, gram, squares, product, starts, sizes = projection
     chosen, triangle, solved = factor
     first = starts[candidate]
     for column in range(first, first + sizes[candidate]):
         for m in range(count):
-            other = chosen[m]
-            value = own[column, other - first] if other >= first else gram[column, other]
+            second = chosen[m]
+            value = squares[column, second - first] if second >= first else gram[column, second]
             for q in range(m):
                 value -= triangle[count, q] * triangle[m, q]
             triangle[count, m] = value / triangle[m, m]
-        size = own[column, column - first]
+        size = squares[column, column - first]
         pivot = size
         for q in range(count):
             pivot -= triangle[count, q] * triangle[count, q]
@@ -75,34 +75,34 @@ def _squared(total, factor, count):
 
 
 @compile_callee
-def _reading(projection, row, factor, count, own):
+def _reading(projection, row, factor, count, leverages):
     """Residual and leverage of a reading beside the chosen columns; `own` takes its row of these, made orthonormal."""
     _, basis, residual, columns = projection[0], projection[1], projection[2], projection[3]
     chosen, triangle, solved = factor
-    left, leverage = residual[row], 0.0
+    misfit, leverage = residual[row], 0.0
     for q in range(len(basis)):
         leverage += basis[q, row] * basis[q, row]
     for m in range(count):
         value = columns[chosen[m], row]
         for q in range(m):
-            value -= triangle[m, q] * own[q]
-        own[m] = value / triangle[m, m]
-        left -= own[m] * solved[m]
-        leverage += own[m] * own[m]
-    return left, leverage
+            value -= triangle[m, q] * leverages[q]
+        leverages[m] = value / triangle[m, m]
+        misfit -= leverages[m] * solved[m]
+        leverage += leverages[m] * leverages[m]
+    return misfit, leverage
 
 
 @compile_callee
-def _readings(columns, factor, place, own, r, h):
+def _readings(columns, factor, place, leverages, r, h):
     """As `_reading` of all at once: take the chosen column of a place into `own` (K, M), residuals and leverages."""
     chosen, triangle, solved = factor
-    column, row, rows = columns[chosen[place]], own[place], len(r)
+    column, row, rows = columns[chosen[place]], leverages[place], len(r)
     for k in range(rows):
         row[k] = column[k]
     for q in range(place):
-        part, other = triangle[place, q], own[q]
+        part, second = triangle[place, q], leverages[q]
         for k in range(rows):
-            row[k] -= part * other[k]
+            row[k] -= part * second[k]
     size, part = triangle[place, place], solved[place]
     for k in range(rows):
         row[k] /= size
@@ -111,11 +111,11 @@ def _readings(columns, factor, place, own, r, h):
 
 
 @compile_callee
-def _product(basis, a, b, own, other, count):
+def _product(basis, a, b, first, second, count):
     """Of the rows of two readings in the space of nominal and chosen columns; `own` and `other` are theirs of these."""
     product = 0.0
     for q in range(count):
-        product += own[q] * other[q]
+        product += first[q] * second[q]
     for q in range(len(basis)):
         product += basis[q, a] * basis[q, b]
     return product
@@ -123,10 +123,10 @@ def _product(basis, a, b, own, other, count):
 
 @compile_callee
 def _without_one(square, residual, leverage, weight):
-    left = 1.0 - leverage
-    if left <= 1e-9 or weight >= 1.0 - 1e-9:
+    free = 1.0 - leverage
+    if free <= 1e-9 or weight >= 1.0 - 1e-9:
         return 0.0
-    return max(0.0, square - residual * residual / left) / (1.0 - weight)
+    return max(0.0, square - residual * residual / free) / (1.0 - weight)
 
 
 @compile_callee
@@ -136,8 +136,8 @@ def _without_two(square, residuals, leverages, cross, weight):
     determinant = left_a * left_b - cross * cross
     if determinant <= 1e-9 or weight >= 1.0 - 1e-9:
         return 0.0
-    taken = (left_b * ra * ra + left_a * rb * rb + 2.0 * cross * ra * rb) / determinant
-    return max(0.0, square - taken) / (1.0 - weight)
+    explained = (left_b * ra * ra + left_a * rb * rb + 2.0 * cross * ra * rb) / determinant
+    return max(0.0, square - explained) / (1.0 - weight)
 
 
 @compiled_and_kept
@@ -149,7 +149,7 @@ def bounds_of(sets, projection):
     """
     weights, basis, residual = projection[0], projection[1], projection[2]
     factor, before, counts, total = _room(residual)
-    two, found = np.zeros((2, MOST_COLUMNS)), np.empty(len(sets))
+    two, bounds = np.zeros((2, MOST_COLUMNS)), np.empty(len(sets))
     for n in range(len(sets)):
         _of_effects(projection, sets[n, :3], factor, before, counts)
         count = counts[3]
@@ -163,8 +163,8 @@ def bounds_of(sets, projection):
                 rb, hb = _reading(projection, b, factor, count, two[1])
                 cross = _product(basis, a, b, two[0], two[1], count)
                 square = _without_two(square, (ra, rb), (ha, hb), cross, weights[a] + weights[b])
-        found[n] = square
-    return found
+        bounds[n] = square
+    return bounds
 
 
 @compile_callee
@@ -196,9 +196,9 @@ def _one_may_do(square, residuals, leverages, spared):
     """Whether some reading left out might take a set's square (squared bound) to the limit: in few steps for each."""
     may = 0
     for a in range(len(residuals)):
-        left = 1.0 - leverages[a]
-        enough = (square - spared[a]) * left <= residuals[a] * residuals[a] * (1.0 + 1e-6)
-        may |= enough | (left <= 1e-8)
+        free = 1.0 - leverages[a]
+        enough = (square - spared[a]) * free <= residuals[a] * residuals[a] * (1.0 + 1e-6)
+        may |= enough | (free <= 1e-8)
     return may
 
 
@@ -209,7 +209,7 @@ def _surviving(sets, outliers, limit, projection):
     factor, before, counts, total = _room(residual)
     rows = len(residual)
     # Residuals and leverages beside none, one, two and three candidates.
-    own, r, h = np.empty((MOST_COLUMNS, rows)), np.empty((4, rows)), np.zeros((4, rows))
+    leverages, r, h = np.empty((MOST_COLUMNS, rows)), np.empty((4, rows)), np.zeros((4, rows))
     r[0] = residual
     spared, picked = np.empty(rows), np.empty(rows, np.int64)
     for a in range(rows):
@@ -217,29 +217,29 @@ def _surviving(sets, outliers, limit, projection):
             h[0, a] += basis[q, a] * basis[q, a]
         # What is left out takes its weight off the limit; with all of the weight it may take anything.
         spared[a] = limit * (1.0 - weights[a]) if weights[a] < 1.0 - 1e-8 else np.inf
-    survivors, found = np.empty((1024, WIDTH), dtype=np.int64), 0
+    survivors, survivor_count = np.empty((1024, WIDTH), dtype=np.int64), 0
     for numbers in sets:
         depth, changed = _of_effects(projection, numbers, factor, before, counts)
         count = counts[3]
         square = _squared(total, factor, count)
         if outliers == 0:
             if square <= limit:
-                survivors = _kept(survivors, found, numbers, -1, -1)
-                found += 1
+                survivors = _kept(survivors, survivor_count, numbers, -1, -1)
+                survivor_count += 1
             continue
         for level in range(changed, depth):
             for a in range(rows):
                 r[level + 1, a], h[level + 1, a] = r[level, a], h[level, a]
             for place in range(counts[level], counts[level + 1]):
-                _readings(columns, factor, place, own, r[level + 1], h[level + 1])
+                _readings(columns, factor, place, leverages, r[level + 1], h[level + 1])
         left_r, left_h = r[depth], h[depth]
         if outliers == 1:
             if not _one_may_do(square, left_r, left_h, spared):
                 continue
             for a in range(rows):
                 if _without_one(square, left_r[a], left_h[a], weights[a]) <= limit:
-                    survivors = _kept(survivors, found, numbers, a, -1)
-                    found += 1
+                    survivors = _kept(survivors, survivor_count, numbers, a, -1)
+                    survivor_count += 1
             continue
         largest = highest = 0.0
         for a in range(rows):
@@ -247,27 +247,27 @@ def _surviving(sets, outliers, limit, projection):
         some = 0
         for a in range(rows):
             # Beside no other reading is it enough.
-            left = 1.0 - left_h[a] - highest
-            if left > 1e-6 and square - (left_r[a] * left_r[a] + largest) / left > limit:
+            free = 1.0 - left_h[a] - highest
+            if free > 1e-6 and square - (left_r[a] * left_r[a] + largest) / free > limit:
                 continue
             picked[some] = a
             some += 1
-        for one in range(some):
-            a = picked[one]
+        for first in range(some):
+            a = picked[first]
             ra, ha = left_r[a], left_h[a]
-            for other in range(one + 1, some):
-                b = picked[other]
+            for second in range(first + 1, some):
+                b = picked[second]
                 rb, hb = left_r[b], left_h[b]
                 # The smallest eigenvalue of the formula's matrix is not below this.
-                left = 1.0 - ha - hb
+                free = 1.0 - ha - hb
                 weight = weights[a] + weights[b]
-                if left > 1e-6 and square - (ra * ra + rb * rb) / left > limit * (1.0 - weight):
+                if free > 1e-6 and square - (ra * ra + rb * rb) / free > limit * (1.0 - weight):
                     continue
-                cross = _product(basis, a, b, own[:, a], own[:, b], count)
+                cross = _product(basis, a, b, leverages[:, a], leverages[:, b], count)
                 if _without_two(square, (ra, rb), (ha, hb), cross, weight) <= limit:
-                    survivors = _kept(survivors, found, numbers, a, b)
-                    found += 1
-    return survivors[:found]
+                    survivors = _kept(survivors, survivor_count, numbers, a, b)
+                    survivor_count += 1
+    return survivors[:survivor_count]
 
 
 def surviving_sets(choices, outliers, limit, projection):
@@ -283,28 +283,28 @@ def settle(problem, chosen_set, weights, limit):
     these and the number of columns of each candidate; the chosen set is a row of five.
     """
     matrix, residual, always, starts, sizes = problem
-    rows, count, kept = len(residual), always, 0
-    used, w = np.empty(always + MOST_COLUMNS, np.int64), weights.copy()
+    rows, count, positive = len(residual), always, 0
+    chosen, w = np.empty(always + MOST_COLUMNS, np.int64), weights.copy()
     for q in range(always):
-        used[q] = q
+        chosen[q] = q
     for k in range(len(chosen_set)):
         if chosen_set[k] >= 0 and k < 3:
             first = always + starts[chosen_set[k]]
             for column in range(first, first + sizes[chosen_set[k]]):
-                used[count] = column
+                chosen[count] = column
                 count += 1
         elif chosen_set[k] >= 0:
             w[chosen_set[k]] = 0.0
     total = 0.0
     for m in range(rows):
         total += w[m]
-        kept += w[m] > 0.0
+        positive += w[m] > 0.0
     columns, weighted, misfit = np.empty((rows, count)), np.empty((rows, count)), np.empty(rows)
     x, correction = np.empty(count), np.empty(count)
     for m in range(rows):
         w[m] /= total
         for q in range(count):
-            columns[m, q] = matrix[m, used[q]]
+            columns[m, q] = matrix[m, chosen[q]]
     # Loops over numbers: whole arrays take numba four times as long to compile.
     for _ in range(ROUNDS):
         for m in range(rows):
@@ -329,7 +329,7 @@ def settle(problem, chosen_set, weights, limit):
             return ACCEPTED, w
         for m in range(rows):
             if w[m] > 0.0:
-                w[m] = 0.99 * w[m] * misfit[m] / total + 0.01 / kept
+                w[m] = 0.99 * w[m] * misfit[m] / total + 0.01 / positive
     return UNDECIDED, w
 
 

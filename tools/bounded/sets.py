@@ -94,9 +94,9 @@ class Problem:
         every = _combinations(apart, size)
         if self.alike and size:
             fewer = _combinations(apart, size - 1)
-            more = np.repeat(fewer, self.alike, axis=0)
-            more[:, size - 1] = np.tile(np.arange(apart, len(self.blocks)), len(fewer))
-            every = np.concatenate((every, more))
+            with_alike = np.repeat(fewer, self.alike, axis=0)
+            with_alike[:, size - 1] = np.tile(np.arange(apart, len(self.blocks)), len(fewer))
+            every = np.concatenate((every, with_alike))
         return every
 
     def with_some(self, some: Sequence[int], step: int = 1) -> "Problem":
@@ -176,23 +176,23 @@ def project(problem: Problem, weights: NDArray, together: bool = True) -> Projec
     after = np.einsum("cm,cm->c", columns, columns)
     columns[after < 1e-14 * before] = 0.0
     after[after < 1e-14 * before] = 0.0
-    beside = problem.together if together else 0
-    gram, own = columns @ columns[:beside].T, _own_products(columns, after, problem)
-    return Projection(weights, basis, residual, columns, gram, own, columns @ residual)
+    width = problem.together if together else 0
+    gram, squares = columns @ columns[:width].T, _own_products(columns, after, problem)
+    return Projection(weights, basis, residual, columns, gram, squares, columns @ residual)
 
 
 def _own_products(columns: NDArray, squares: NDArray, problem: Problem) -> NDArray[np.float64]:
     """The products (C, K) of columns (C, M), of which squares (C,) are known, with those of the same candidate."""
     starts, sizes = problem.layout
-    own = np.zeros((len(columns), sizes.max(initial=0)))
+    products = np.zeros((len(columns), sizes.max(initial=0)))
     for width in np.unique(sizes):
         places = starts[sizes == width, None] + np.arange(width)
         if width == 1:
-            own[places[:, 0], 0] = squares[places[:, 0]]
+            products[places[:, 0], 0] = squares[places[:, 0]]
         elif width > 1:
             of_each = columns[places]
-            own[places, :width] = of_each @ of_each.transpose(0, 2, 1)
-    return own
+            products[places, :width] = of_each @ of_each.transpose(0, 2, 1)
+    return products
 
 
 def without_nominal(problem: Problem, root: NDArray) -> tuple[NDArray, NDArray]:
@@ -244,8 +244,8 @@ def sets_of_size(
     problem = problem if size else problem.without_candidates
     if len(problem.blocks) > MANY_CANDIDATES:
         some = standing_in_some_rows(problem, size, slack, most_outliers, work)
-        for found in _sets_of_size(problem.with_some(some), size, slack, most_outliers, work):
-            yield EffectSet(tuple(some[k] for k in found.effects), found.outliers)
+        for effect_set in _sets_of_size(problem.with_some(some), size, slack, most_outliers, work):
+            yield EffectSet(tuple(some[k] for k in effect_set.effects), effect_set.outliers)
         return
     yield from _sets_of_size(problem, size, slack, most_outliers, work)
 
@@ -280,13 +280,13 @@ def _sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int,
 def standing_in_some_rows(problem: Problem, size: int, slack: float, most_outliers: int, work: Work) -> list[int]:
     """Candidates (indices) that stand in any set by some of the rows, and all of those that are not alike."""
     fewer, groups = problem.of_some_rows()
-    kept = set(range(len(problem.blocks) - problem.alike)) if problem.alike else set[int]()
-    first = len(kept)
-    for found in _sets_of_size(fewer, size, slack, most_outliers, work):
-        kept.update(k for effect in found.effects if effect >= first for k in groups[effect])
-        if len(kept) == len(problem.blocks):
+    standing = set(range(len(problem.blocks) - problem.alike)) if problem.alike else set[int]()
+    first = len(standing)
+    for effect_set in _sets_of_size(fewer, size, slack, most_outliers, work):
+        standing.update(k for effect in effect_set.effects if effect >= first for k in groups[effect])
+        if len(standing) == len(problem.blocks):
             break
-    return sorted(kept)
+    return sorted(standing)
 
 
 @dataclass(frozen=True)
@@ -306,10 +306,10 @@ class OpenSets:
 
     def tried(self, problem: Problem, projection: Projection, number: int, limit: float) -> "OpenSets":
         """Those that one more projection does not refuse, either."""
-        found = bounds_of(self.sets, parts(problem, projection))
-        source, bound = np.where(found > self.bound, number, self.source), np.maximum(found, self.bound)
-        kept = bound <= limit
-        return OpenSets(self.sets[kept], bound[kept], source[kept])
+        bounds = bounds_of(self.sets, parts(problem, projection))
+        source, bound = np.where(bounds > self.bound, number, self.source), np.maximum(bounds, self.bound)
+        is_open = bound <= limit
+        return OpenSets(self.sets[is_open], bound[is_open], source[is_open])
 
 
 def settled(
@@ -359,10 +359,10 @@ def parts(problem: Problem, projection: Projection) -> tuple[NDArray, ...]:
 
 def linear_radius(problem: Problem, candidate: EffectSet) -> float:
     """Chebyshev radius that a set leaves, by a linear programme."""
-    kept = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
-    own = [problem.columns[:, problem.blocks[effect]] for effect in candidate.effects]
-    columns = np.hstack([problem.nominal, *own])[kept]
-    return any_centre(columns, problem.residual[kept], np.ones(len(kept)))[0]
+    rows = np.setdiff1d(np.arange(len(problem.residual)), candidate.outliers)
+    blocks = [problem.columns[:, problem.blocks[effect]] for effect in candidate.effects]
+    columns = np.hstack([problem.nominal, *blocks])[rows]
+    return any_centre(columns, problem.residual[rows], np.ones(len(rows)))[0]
 
 
 def _combinations(count: int, size: int) -> NDArray[np.int64]:

@@ -162,9 +162,9 @@ class AttitudeRun(Result):
 
 def judged_updates(error_angle: np.ndarray) -> np.ndarray:
     """Mask (N,) of the updates after the start whose error (N,) is known."""
-    known = np.isfinite(error_angle)
-    known[:1] = False
-    return known
+    finite = np.isfinite(error_angle)
+    finite[:1] = False
+    return finite
 
 
 def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
@@ -216,9 +216,9 @@ def attitude_of_record(
         attitude begins, or turns by more than the algorithm takes in one sample
     """
     chosen = algorithm_named(algorithm)
-    taken = taken_from(record, rates, bridge_gaps=bridge_gaps, gyro_bias=gyro_bias)
-    record, first, limited = taken.record, taken.first, taken.limits
-    increments = coarser(taken.increments, rate_divisor)
+    source = taken_from(record, rates, bridge_gaps=bridge_gaps, gyro_bias=gyro_bias)
+    record, first, limited = source.record, source.first, source.limits
+    increments = coarser(source.increments, rate_divisor)
     size = np.linalg.norm(increments.angle, axis=1)
     beyond = np.flatnonzero(size > chosen.max_increment)
     if beyond.size:
@@ -228,7 +228,7 @@ def attitude_of_record(
             f"{digits(size[k], 6)} rad in one sample; {chosen.name} is valid to "
             f"{downwards(chosen.max_increment, 3)} rad: sample faster or take mean-rate"
         )
-    parameters = {"algorithm": chosen.number, "sample_period": increments.period, "initial_attitude": taken.start}
+    parameters = {"algorithm": chosen.number, "sample_period": increments.period, "initial_attitude": source.start}
     component, driven = "AttitudeComputer", inputs("computer.increment", INCREMENT, increments.angle)
     if increments.velocity is not None:
         component = "VelocityComputer"
@@ -244,10 +244,10 @@ def attitude_of_record(
         speeds = {name: f"computer.velocity[{i}]" for i, name in enumerate(SPEED, start=1)}
         columns = RecordSetting(columns=dict(scenario.record.columns or {}) | speeds)
         scenario = scenario.model_copy(update={"record": columns})
-    done = simulate(scenario, marks=[(pl.col("time_s") < taken.worthless_from).alias("trusted")], **run)
-    updated = done.table["updated"].to_numpy()
-    attitude = done.table.select(QUATERNION).to_numpy()[updated]
-    velocity = None if increments.velocity is None else done.table.select(SPEED).to_numpy()[updated]
+    simulation = simulate(scenario, marks=[(pl.col("time_s") < source.worthless_from).alias("trusted")], **run)
+    updated = simulation.table["updated"].to_numpy()
+    attitude = simulation.table.select(QUATERNION).to_numpy()[updated]
+    velocity = None if increments.velocity is None else simulation.table.select(SPEED).to_numpy()[updated]
     index = first + rate_divisor * np.flatnonzero(updated)
     error = np.full((len(index), 3), np.nan)
     if record.attitude is not None:
@@ -260,10 +260,10 @@ def attitude_of_record(
         judged = np.isfinite(error).all(axis=1)
         heading[judged], tilt[judged] = heading_and_tilt(error[judged])
     angle = np.linalg.norm(error, axis=1)
-    known = judged_updates(angle)
-    time, known_angle = increments.time_s[updated], angle[known]
-    elapsed = time[known] - time[0]
-    told = bool(known.any())
+    is_known = judged_updates(angle)
+    time, known_angle = increments.time_s[updated], angle[is_known]
+    elapsed = time[is_known] - time[0]
+    is_judged = bool(is_known.any())
     return AttitudeRun(
         record=record.path,
         algorithm=algorithm,
@@ -271,17 +271,17 @@ def attitude_of_record(
         gyro_bias_radps=None if gyro_bias is None else tuple(np.asarray(gyro_bias).tolist()),
         period_s=increments.period,
         updates=len(index) - 1,
-        judged_updates=int(known.sum()),
-        error_rms_rad=float(np.sqrt(np.mean(known_angle**2))) if told else None,
-        error_max_rad=float(known_angle.max()) if told else None,
-        error_at_end_rad=float(known_angle[-1]) if told else None,
-        drift_radps=float(elapsed @ known_angle / (elapsed @ elapsed)) if told else None,
-        bridged_gaps=taken.bridges,
-        bridged_bound_rad=taken.bridged_bound,
+        judged_updates=int(is_known.sum()),
+        error_rms_rad=float(np.sqrt(np.mean(known_angle**2))) if is_judged else None,
+        error_max_rad=float(known_angle.max()) if is_judged else None,
+        error_at_end_rad=float(known_angle[-1]) if is_judged else None,
+        drift_radps=float(elapsed @ known_angle / (elapsed @ elapsed)) if is_judged else None,
+        bridged_gaps=source.bridges,
+        bridged_bound_rad=source.bridged_bound,
         saturated_rows={name: int(mask.sum()) for name, mask in limited.rows.items() if name.startswith("w")},
-        trusted_until_s=taken.trusted_until(time),
-        warnings=taken.warnings,
-        files=done.files,
+        trusted_until_s=source.trusted_until(time),
+        warnings=source.warnings,
+        files=simulation.files,
         row=record.row[index],
         time_s=time,
         attitude=attitude,
@@ -291,26 +291,26 @@ def attitude_of_record(
         error_angle=angle,
         heading=heading,
         tilt=tilt,
-        provenance=done.provenance,
+        provenance=simulation.provenance,
     )
 
 
 def algorithm_named(name: str) -> Algorithm:
     """The algorithm of a name; InputError where there is none."""
-    known = {a.name: a for a in ALGORITHMS}
-    if name not in known:
-        raise InputError(f"algorithm '{name}' is not known; {nearest(name, tuple(known))}")
-    return known[name]
+    by_name = {a.name: a for a in ALGORITHMS}
+    if name not in by_name:
+        raise InputError(f"algorithm '{name}' is not known; {nearest(name, tuple(by_name))}")
+    return by_name[name]
 
 
 def _third_axis_is_vertical(record: StrapdownRecord) -> bool:
     """Whether the specific force, on average, points along the third axis of the true attitude's reference."""
     if record.attitude is None:
         return False
-    known = np.isfinite(record.attitude).all(axis=1)
-    if not known.any():
+    finite = np.isfinite(record.attitude).all(axis=1)
+    if not finite.any():
         return False
-    mean = rotation_of(record.attitude[known]).apply(record.specific_force[known]).mean(axis=0)
+    mean = rotation_of(record.attitude[finite]).apply(record.specific_force[finite]).mean(axis=0)
     return bool(math.atan2(math.hypot(mean[0], mean[1]), mean[2]) <= VERTICAL_WITHIN)
 
 

@@ -223,8 +223,8 @@ def carried_scenario(motion: Motion, effects: Iterable[EffectPlace], fmus: Mappi
     if "accelerometers" in fmus:
         driven |= inputs("accelerometers.reading", FORCE, motion.specific_force[1:])
     computer = fmus["computer"]
-    own = {"algorithm": algorithm_for(increments), "sample_period": motion.period, **computer.parameters}
-    fmus = {**fmus, "computer": computer.model_copy(update={"parameters": own})}
+    parameters = {"algorithm": algorithm_for(increments), "sample_period": motion.period, **computer.parameters}
+    fmus = {**fmus, "computer": computer.model_copy(update={"parameters": parameters})}
     title, times = "the attitude of a record, carried by its gyros", motion.period * np.arange(len(motion))
     link = Connection.model_validate({"from": "compensation.increment", "to": "computer.increment"})
     return carrying(title, fmus, driven, times, motion.period, [link])
@@ -254,16 +254,16 @@ def effect_entries(effects: Mapping[EffectPlace, tuple[float, ...]], component: 
     for place, values in effects.items():
         effect = place.definition
         if effect.component == component:
-            named = zip((parameter.name for parameter in effect.parameters), values, strict=True)
-            entries.append({**place.entry, **dict(named)})
+            pairs = zip((parameter.name for parameter in effect.parameters), values, strict=True)
+            entries.append({**place.entry, **dict(pairs)})
     return entries
 
 
 def algorithm_for(increments: NDArray) -> int:
     """Number of the algorithm: the usual one, or the one of any range."""
-    known = {a.name: a for a in ALGORITHMS}
+    by_name = {a.name: a for a in ALGORITHMS}
     longest = float(np.linalg.norm(increments, axis=1).max(initial=0.0))
-    return known[ALGORITHM if 1.1 * longest < known[ALGORITHM].max_increment else FALLBACK].number
+    return by_name[ALGORITHM if 1.1 * longest < by_name[ALGORITHM].max_increment else FALLBACK].number
 
 
 def rotation_of(quaternion: np.ndarray) -> Rotation:

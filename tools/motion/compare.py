@@ -102,11 +102,11 @@ class AttitudeComparison(Result):
 
     def to_polars(self) -> pl.DataFrame:
         """A row for each algorithm, angles in degrees; null where a number cannot be told, or all can be trusted."""
-        known = pl.DataFrame(
+        table = pl.DataFrame(
             [row.model_dump() | {"samples": row.samples} for row in self.algorithms], infer_schema_length=None
         )
         angles = {"from_reference": "from_reference_rad", "error_rms": "error_rms_rad", "error_max": "error_max_rad"}
-        return known.select(
+        return table.select(
             "algorithm",
             "order",
             "samples",
@@ -136,16 +136,16 @@ def compare_algorithms(
         reference = attitude_of_record(record, algorithm=REFERENCE, **options)
         advance(1)
         for algorithm in algorithms:
-            known: dict[str, Any] = {"algorithm": algorithm.name, "order": algorithm.order}
-            known["samples"] = algorithm.samples
+            entries: dict[str, Any] = {"algorithm": algorithm.name, "order": algorithm.order}
+            entries["samples"] = algorithm.samples
             try:
                 run = attitude_of_record(record, algorithm=algorithm.name, rate_divisor=rate_divisor, **options)
             except InputError as error:
-                rows.append(ComparedAlgorithm(**known, not_taken=str(error)))
+                rows.append(ComparedAlgorithm(**entries, not_taken=str(error)))
             else:
-                known |= {"updates": run.updates, "from_reference_rad": _apart(run, reference)}
-                known |= {"error_rms_rad": run.rms, "error_max_rad": run.maximum}
-                rows.append(ComparedAlgorithm(**known))
+                entries |= {"updates": run.updates, "from_reference_rad": _apart(run, reference)}
+                entries |= {"error_rms_rad": run.rms, "error_max_rad": run.maximum}
+                rows.append(ComparedAlgorithm(**entries))
             advance(1)
     if all(row.refused for row in rows):
         raise InputError(rows[0].refused)
@@ -160,11 +160,13 @@ def compare_algorithms(
 def _apart(run: AttitudeRun, reference: AttitudeRun) -> float | None:
     """Largest angle between two runs after the start, at moments when both were updated [rad]."""
     # The reference is carried at the record's own rate; bridged rows share the number of another.
-    steps = [np.round((each.time_s[1:] - reference.time_s[0]) / reference.period) for each in (run, reference)]
-    _, mine, others = np.intersect1d(*steps, assume_unique=True, return_indices=True)
-    if not mine.size:
+    steps = [
+        np.round((attitudes.time_s[1:] - reference.time_s[0]) / reference.period) for attitudes in (run, reference)
+    ]
+    _, updates, references = np.intersect1d(*steps, assume_unique=True, return_indices=True)
+    if not updates.size:
         return None
-    difference = attitude_error(run.attitude[1:][mine], reference.attitude[1:][others])
+    difference = attitude_error(run.attitude[1:][updates], reference.attitude[1:][references])
     return float(np.linalg.norm(difference, axis=1).max())
 
 
@@ -221,8 +223,8 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
 
 
 @cache
-def _sampler(made: Makers) -> Callable[..., None]:
-    kernel_made, loop_made = made
+def _sampler(makers: Makers) -> Callable[..., None]:
+    kernel_made, loop_made = makers
     trapezoid, exactly, move = (
         kernel_made(kernel)
         for kernel in (
@@ -248,8 +250,8 @@ def _sampler(made: Makers) -> Callable[..., None]:
 
 
 @cache
-def _runner(kernel: Callable[..., Any], keeps_previous: bool, made: Makers) -> Callable[..., None]:
-    kernel_made, loop_made = made
+def _runner(kernel: Callable[..., Any], keeps_previous: bool, makers: Makers) -> Callable[..., None]:
+    kernel_made, loop_made = makers
     turn = _turn(kernel, keeps_previous, kernel_made)
     multiply, normalise = kernel_made(rotation.multiply), kernel_made(rotation.normalise)
 
@@ -258,13 +260,13 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, made: Makers) -> C
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
         previous, g = np.zeros(STEP_SIZE), np.zeros(STEP_SIZE)
-        known = 0.0
+        preceded = 0.0
         for k in range(len(attitudes)):
             for i in range(samples):
                 for j in range(3):
                     g[3 * i + j] = increments[samples * k + i, j]
-            turn(samples, previous, known, g, table, space, part, turned)
-            known = 1.0
+            turn(samples, previous, preceded, g, table, space, part, turned)
+            preceded = 1.0
             multiply(attitude, turned, attitude)
             if renormalise:
                 normalise(attitude)
@@ -277,32 +279,32 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, made: Makers) -> C
     return run
 
 
-def _turn(own: Callable[..., Any], previous: bool, kernel_made: Callable[..., Any]) -> Callable[..., None]:
+def _turn(step: Callable[..., Any], previous: bool, kernel_made: Callable[..., Any]) -> Callable[..., None]:
     """The kernel with one signature for all: samples, increments before, whether there are any, own, work, result."""
-    kernel = kernel_made(own)
-    if own in (by_products, by_products_and_series, by_products_cut_off):
+    kernel = kernel_made(step)
+    if step in (by_products, by_products_and_series, by_products_cut_off):
 
-        def turn(samples, previous, known, g, table, space, part, turned):
+        def turn(samples, previous, preceded, g, table, space, part, turned):
             kernel(previous, g, table, part, turned)
 
-    elif own in (functional_iteration, rodrigues_iteration):
+    elif step in (functional_iteration, rodrigues_iteration):
 
-        def turn(samples, previous, known, g, table, space, part, turned):
+        def turn(samples, previous, preceded, g, table, space, part, turned):
             kernel(samples, g, 0, table, space, turned)
 
-    elif own is adaptive_degree:
+    elif step is adaptive_degree:
 
-        def turn(samples, previous, known, g, table, space, part, turned):
-            kernel(previous, known, g, table, space, part, turned)
+        def turn(samples, previous, preceded, g, table, space, part, turned):
+            kernel(previous, preceded, g, table, space, part, turned)
 
     elif previous:
 
-        def turn(samples, previous, known, g, table, space, part, turned):
+        def turn(samples, previous, preceded, g, table, space, part, turned):
             kernel(previous, g, turned)
 
     else:
 
-        def turn(samples, previous, known, g, table, space, part, turned):
+        def turn(samples, previous, preceded, g, table, space, part, turned):
             kernel(g, turned)
 
     return compile_callee(turn, allocates=False) if kernel_made is compiled else turn
@@ -323,25 +325,25 @@ def read_increments(
     gyros = instantiate(GYRO_BLOCK)
     memory = {name: np.array(values, dtype=float) for name, values in gyros.memory.items()}
     memory |= {"scale_misalignment": np.array(scale_misalignment), "bias": np.array(bias)}
-    given: dict[str, float] = {"input_kind": 1.0, "quantum": quantum, "noise_bound": noise_bound, "seed": seed}
+    parameters: dict[str, float] = {"input_kind": 1.0, "quantum": quantum, "noise_bound": noise_bound, "seed": seed}
 
     def arguments(kernel: str) -> tuple[Any, ...]:
         names = [name for name in gyros.arguments[kernel] if name not in ("time", "step")]
         scalars = {name: float(memory[name][0]) for name in names if name in gyros.scalars}
-        scalars |= {name: float(value) for name, value in given.items() if name in scalars}
+        scalars |= {name: float(value) for name, value in parameters.items() if name in scalars}
         return tuple(scalars.get(name, memory[name]) for name in names)
 
-    read, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])
-    if status := _reader(loops_over(len(read)))(
-        samples.period, read, arguments("initialise"), arguments("step"), ports
+    readings, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])
+    if status := _reader(loops_over(len(readings)))(
+        samples.period, readings, arguments("initialise"), arguments("step"), ports
     ):
         raise InputError(GYRO_BLOCK.messages[status - 1])
-    return read
+    return readings
 
 
 @cache
-def _reader(made: Makers) -> Callable[..., int]:
-    kernel_made, loop_made = made
+def _reader(makers: Makers) -> Callable[..., int]:
+    kernel_made, loop_made = makers
     initialise, step = cast("tuple[Any, Any]", (kernel_made(gyro.initialise), kernel_made(gyro.step)))
 
     @loop_made
@@ -444,13 +446,13 @@ def _short_words() -> Callable[..., Any]:
     @loop_compiled
     def pair_product(q, q_low, v, v_low, d, d_low):
         """d = q ∘ v in pairs; component 0 of v is a single number."""
-        left = ((0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3))
+        parts = ((0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3))
         right = ((0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0))
         signs = ((ONE, -ONE, -ONE, -ONE), (ONE, ONE, ONE, -ONE), (ONE, -ONE, ONE, ONE), (ONE, ONE, -ONE, ONE))
         for i in range(4):
             total, rest = ZERO, ZERO
             for j in range(4):
-                a, b = left[i][j], right[i][j]
+                a, b = parts[i][j], right[i][j]
                 total, rest = add_product(signs[i][j], q[a], q_low[a], v[b], v_low[b], total, rest)
             d[i], d_low[i] = total, rest
 

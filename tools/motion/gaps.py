@@ -70,15 +70,15 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
         for k, count in zip(gaps, lost, strict=True)
     )
     # Numbers between those of the rows: a lost row stands a part of the way from one to the next.
-    own = np.arange(len(time), dtype=float)
+    numbers = np.arange(len(time), dtype=float)
     parts = [k + np.arange(1, count + 1) / (count + 1) for k, count in zip(gaps, lost, strict=True)]
-    at = np.sort(np.concatenate([own, *parts]))
+    at = np.sort(np.concatenate([numbers, *parts]))
     measured = at == np.floor(at)
 
     def on_lines(values: NDArray | None) -> NDArray | None:
         if values is None:
             return None
-        columns = [np.interp(at, own, column) for column in values.reshape(len(own), -1).T]
+        columns = [np.interp(at, numbers, column) for column in values.reshape(len(numbers), -1).T]
         return np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
 
     attitude = None
@@ -115,11 +115,11 @@ def _check_increment(record: StrapdownRecord, before: int, count: int) -> None:
     turns = np.asarray(record.increment)
     behind = turns[before + 1]
     around = turns[max(before - AROUND, 0) : before + 2 + AROUND]
-    beside = np.delete(around, min(before, AROUND) + 1, axis=0)
+    neighbours = np.delete(around, min(before, AROUND) + 1, axis=0)
     expected = 0.5 * (turns[before] + turns[min(before + 2, len(turns) - 1)])
-    change = float(np.linalg.norm(np.diff(beside, axis=0), axis=1).max(initial=0.0))
-    alone, whole = np.linalg.norm(behind - expected), np.linalg.norm(behind - (count + 1) * expected)
-    if alone > SURE * change and whole < alone:
+    change = float(np.linalg.norm(np.diff(neighbours, axis=0), axis=1).max(initial=0.0))
+    alone, spread = np.linalg.norm(behind - expected), np.linalg.norm(behind - (count + 1) * expected)
+    if alone > SURE * change and spread < alone:
         raise InputError(
             f"{_row_behind(record, before)}: the increment behind a gap seems to hold the turn over all of it: nothing "
             "is lost; divide it among the rows"

@@ -124,12 +124,12 @@ def coarser(increments: Increments, divisor: int) -> Increments:
     count = len(increments.angle)
     if not 1 <= divisor <= count:
         raise InputError(f"--rate-divisor {divisor}: give a whole number from 1 to {count}, the record's increments")
-    kept = count // divisor
+    samples = count // divisor
 
     def added(values: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(values[: kept * divisor].reshape(kept, divisor, 3).sum(axis=1))
+        return np.ascontiguousarray(values[: samples * divisor].reshape(samples, divisor, 3).sum(axis=1))
 
-    time = increments.time_s[: kept * divisor + 1 : divisor]
+    time = increments.time_s[: samples * divisor + 1 : divisor]
     velocity = None if increments.velocity is None else added(increments.velocity)
     return Increments(divisor * increments.period, time, added(increments.angle), velocity)
 
@@ -205,8 +205,8 @@ def taken_from(
 def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:
     """Index of the row to begin at, and the attitude there."""
     if record.attitude is not None:
-        known = np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
-        if known.size:
-            first = int(known[0])
+        rows = np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
+        if rows.size:
+            first = int(rows[0])
             return first, (record.attitude[first] / np.linalg.norm(record.attitude[first])).tolist()
     return 0, [1.0, 0.0, 0.0, 0.0]

@@ -265,31 +265,34 @@ def gyros_at_rest(rests: Rests, noise: RestNoise, seconds: NDArray, up: NDArray)
         terms["temperature"] = temperature.reshape(-1, 1) - 20.0
     else:
         not_tried.append("temperature: " + ("not in the record" if temperature is None else "does not change"))
-    tried: list[RestModel] = []
+    models: list[RestModel] = []
     for size in range(len(terms) + 1):
         fits = []
         for chosen in combinations(terms, size):
             design = np.hstack([np.ones((len(rate), 1)), *(terms[term] for term in chosen)])
             why = _hindrance(design)
             if why is None:
-                found = [chebyshev_radius(design, rate[:, p], bound[:, p]) for p in range(3)]
-                radius, coefficients = max(fit[0] for fit in found), tuple(tuple(fit[1].tolist()) for fit in found)
+                programmes = [chebyshev_radius(design, rate[:, p], bound[:, p]) for p in range(3)]
+                radius, coefficients = (
+                    max(fit[0] for fit in programmes),
+                    tuple(tuple(fit[1].tolist()) for fit in programmes),
+                )
                 chance = _by_chance(design, rate, bound, radius) if size and radius <= 1.0 else None
                 stands = radius <= 1.0 and (chance is None or chance <= CHANCE) and not noise.unsteady
                 model = RestModel(
                     terms=chosen, radius=radius, by_chance=chance, stands=stands, coefficients=coefficients
                 )
-                (fits if radius <= 1.0 else tried).append(model)
+                (fits if radius <= 1.0 else models).append(model)
             elif size <= 1:
                 not_tried.append(f"{' and '.join(chosen) or 'constant'}: {why}")
-        tried += fits
+        models += fits
         if fits:
             standing = sum(model.stands for model in fits)
             verdict = ("wandering", "named", "ambiguous")[min(standing, 2)]
             verdict = "constant" if standing and not size else verdict
-            return GyrosAtRest(verdict=verdict, models=tuple(tried), not_tried=tuple(not_tried))
-    verdict = "wandering" if tried else "insufficient"
-    return GyrosAtRest(verdict=verdict, models=tuple(tried), not_tried=tuple(not_tried))
+            return GyrosAtRest(verdict=verdict, models=tuple(models), not_tried=tuple(not_tried))
+    verdict = "wandering" if models else "insufficient"
+    return GyrosAtRest(verdict=verdict, models=tuple(models), not_tried=tuple(not_tried))
 
 
 def _by_chance(design: NDArray, rate: NDArray, bound: NDArray, radius: float) -> float:

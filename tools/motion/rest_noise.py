@@ -79,13 +79,13 @@ class RestNoise:
         noise.
         """
         white = self.white * float(np.mean(1.0 / seconds))
-        made = white + self.least * float(np.mean(self._octaves(seconds))) + EARTH_RATE**2
-        refused = scatter > made * scipy.special.fdtri(free, self.count, 1.0 - UNSTEADY)
+        expected = white + self.least * float(np.mean(self._octaves(seconds))) + EARTH_RATE**2
+        refused = scatter > expected * scipy.special.fdtri(free, self.count, 1.0 - UNSTEADY)
         # So few rests may show too little of it by chance.
         surely = free / float(2.0 * scipy.special.gammaincinv(0.5 * free, BY_CHANCE))
         # Where one gyro wanders, what the others do is not taken for noise either.
         wander = np.full(3, np.nan) if refused.any() else np.maximum(surely * scatter - white, 0.0)
-        apart = zip(np.sqrt(scatter).tolist(), np.sqrt(made).tolist(), strict=True)
+        apart = zip(np.sqrt(scatter).tolist(), np.sqrt(expected).tolist(), strict=True)
         unsteady = tuple((k + 1, *pair) for k, pair in enumerate(apart) if refused[k])
         return replace(self, wander=wander, unsteady=unsteady)
 
@@ -95,8 +95,8 @@ class RestNoise:
         if not self.unsteady:
             return None
         gyros = ", ".join(
-            f"gyro {gyro} by {digits(found, 2)} rad/s rms, where noise makes {digits(made, 2)}"
-            for gyro, found, made in self.unsteady
+            f"gyro {gyro} by {digits(scatter, 2)} rad/s rms, where noise makes {digits(expected, 2)}"
+            for gyro, scatter, expected in self.unsteady
         )
         once = "; biases that change once, or settle, explain that" if self.jumps else ""
         return (
@@ -135,11 +135,13 @@ def gyro_noise(
     changes = [(time >= time[k]).astype(float) for k in range(2, len(rests) - 1)]
     changes += [np.exp(-time / constant) for constant in np.geomspace(lengths.min(), time[-1] + lengths[-1], SETTLING)]
     scatters = (rest_scatter(rests, up, column) for column in changes)
-    others = [noise.judged(*found, lengths) for found in scatters if found is not None]
-    steady = [other for other in others if not other.unsteady]
+    candidates = [
+        noise.judged(*scatter_of_rests, lengths) for scatter_of_rests in scatters if scatter_of_rests is not None
+    ]
+    steady = [candidate for candidate in candidates if not candidate.unsteady]
     if not steady:
         return judged
-    least = min(steady, key=lambda other: float(other.wander.sum()))
+    least = min(steady, key=lambda candidate: float(candidate.wander.sum()))
     return replace(least, unsteady=judged.unsteady, jumps=True)
 
 
@@ -176,9 +178,9 @@ def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[NDArray[np.float
     # Of overlapping averages of white noise (D. A. Howe, D. W. Allan, J. A. Barnes, 1981), nearly.
     free = np.maximum(1.5 * np.array([len(piece) for piece in long]) / size - 2.0, 1.0)
     usual = np.median(square / (2.0 * scipy.special.gammaincinv(0.5 * free, 0.5) / free)[:, None], axis=0)
-    kept = square <= usual * (scipy.special.chdtri(free, UNSTEADY) / free)[:, None]
-    weight = kept * count[:, None]
-    return (square * weight).sum(axis=0) / weight.sum(axis=0), (kept * free[:, None]).sum(axis=0)
+    usual_pieces = square <= usual * (scipy.special.chdtri(free, UNSTEADY) / free)[:, None]
+    weight = usual_pieces * count[:, None]
+    return (square * weight).sum(axis=0) / weight.sum(axis=0), (usual_pieces * free[:, None]).sum(axis=0)
 
 
 def rest_lengths(rests: Rests, period: float) -> NDArray[np.float64]:
@@ -211,5 +213,5 @@ def rest_scatter(
     free = len(design) - int(np.linalg.matrix_rank(design, tol=1e-6))
     if free < SPARE:
         return None
-    left = rests.rate - design @ np.linalg.lstsq(design, rests.rate, rcond=1e-8)[0]
-    return (left**2).sum(axis=0) / free, free
+    residual = rests.rate - design @ np.linalg.lstsq(design, rests.rate, rcond=1e-8)[0]
+    return (residual**2).sum(axis=0) / free, free

@@ -274,7 +274,7 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     at = np.arange(len(record))
     resting = begun[np.minimum(at + 1, len(quiet))] > begun[np.clip(at + 1 - size, 0, len(quiet))]
     resting &= ~sampling.broken
-    kept, turning = [], 0
+    still, turning = [], 0
     dropped = round(SETTLING / sampling.period)
     for first, stop in _stretches(resting, record.time_s, sampling.period):
         if record.time_s[stop - 1] - record.time_s[first] < SHORTEST:
@@ -283,15 +283,15 @@ def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
         if _walks(np.column_stack([values[rows] for values in channels]), noise):
             turning += 1
         else:
-            kept.append(rows)
-    turns = _steady_turns(rate, record.specific_force, kept, noise[:3])
+            still.append(rows)
+    turns = _steady_turns(rate, record.specific_force, still, noise[:3])
     turning += int(turns.sum())
-    kept = [rows for rows, out in zip(kept, turns, strict=True) if not out]
-    at_limit = clipped_rests(sampling.limits, kept)
-    rows = tuple(rows for rows, out in zip(kept, at_limit, strict=True) if not out)
-    clipped = tuple(rows for rows, out in zip(kept, at_limit, strict=True) if out)
-    seen = np.where(np.isfinite(noise), noise, 0.0)
-    return _averaged(record, sampling, rows, seen, turning=turning, clipped=clipped)
+    still = [rows for rows, out in zip(still, turns, strict=True) if not out]
+    at_limit = clipped_rests(sampling.limits, still)
+    rows = tuple(rows for rows, out in zip(still, at_limit, strict=True) if not out)
+    clipped = tuple(rows for rows, out in zip(still, at_limit, strict=True) if out)
+    finite_noise = np.where(np.isfinite(noise), noise, 0.0)
+    return _averaged(record, sampling, rows, finite_noise, turning=turning, clipped=clipped)
 
 
 def _noise(values: NDArray, size: int, lag: int) -> float:
@@ -349,15 +349,15 @@ def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDAr
         middle = np.array([0.5 * (rows.start + rows.stop) for rows in rests])
         design = np.column_stack([design, middle / middle.max(), up / np.abs(up).max()])
     least = np.where(np.isfinite(noise), noise, 1.0)
-    found = np.zeros(len(rests), dtype=bool)
+    turns = np.zeros(len(rests), dtype=bool)
     for axis in range(3):
-        left = means[:, axis] - np.median(means[:, axis])
+        residual = means[:, axis] - np.median(means[:, axis])
         for _ in range(REWEIGHTED):
-            root = 1.0 / np.sqrt(np.maximum(np.abs(left), 0.1 * least[axis] + 1e-300))
+            root = 1.0 / np.sqrt(np.maximum(np.abs(residual), 0.1 * least[axis] + 1e-300))
             solution = np.linalg.lstsq(design * root[:, None], means[:, axis] * root, rcond=1e-9)[0]
-            left = means[:, axis] - design @ solution
-        found |= np.abs(left) > FAR * noise[axis]
-    return found
+            residual = means[:, axis] - design @ solution
+        turns |= np.abs(residual) > FAR * noise[axis]
+    return turns
 
 
 def _averaged(
@@ -414,11 +414,11 @@ def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tupl
     """
     step, off = np.zeros(3), np.zeros(3)
     for p, channel in enumerate(values.T):
-        seen = [np.unique(channel[rows]) for rows in rests]
-        apart = np.diff(np.unique(np.concatenate(seen)))
+        distinct = [np.unique(channel[rows]) for rows in rests]
+        apart = np.diff(np.unique(np.concatenate(distinct)))
         if not len(apart):
             continue
-        common, count = common_divisor(apart), float(np.median([len(different) for different in seen]))
+        common, count = common_divisor(apart), float(np.median([len(different) for different in distinct]))
         if count > FEW_VALUES:
             off[p] = WIDE_NOISE * common / (count - 1.0)
         elif common > TOO_FINE * apart.max():
@@ -433,18 +433,18 @@ def common_divisor(values: NDArray[np.float64]) -> float:
     """
     common = float(values.min())
     for _ in range(MOST_DIVISIONS):
-        left = np.abs(values - np.round(values / common) * common)
-        left = left[left > SAME_STEP * common]
-        if not len(left):
+        remainder = np.abs(values - np.round(values / common) * common)
+        remainder = remainder[remainder > SAME_STEP * common]
+        if not len(remainder):
             break
-        common = float(left.min())
+        common = float(remainder.min())
     return common
 
 
 def rest_warnings(rests: Rests, gravity: float) -> list[str]:
     """What a person should know of the accelerometers at rest: limits and steps."""
-    said = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"] if rests.clipped else []
+    lines = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"] if rests.clipped else []
     for p in np.flatnonzero(rests.step):
         step = exactly(rests.step[p] / gravity, 3)
-        said.append(f"f{p + 1} reads in steps of {step} g: half of one counts in its means' bounds")
-    return said
+        lines.append(f"f{p + 1} reads in steps of {step} g: half of one counts in its means' bounds")
+    return lines

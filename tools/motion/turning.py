@@ -94,17 +94,19 @@ def check_turning(
     if moving.sum() < FEWEST_WINDOWS:
         return TurningCheck()
     turn, change, level = turn[moving], change[moving], level[moving]
-    whole = _fit(turn, change, level)
-    if whole is None:
+    overall = _fit(turn, change, level)
+    if overall is None:
         return TurningCheck()
-    matrix, uncertain, trusted = whole
+    matrix, uncertain, trusted = overall
     if before == Channels():
         return TurningCheck(matrix=matrix)
-    apart = [change - np.cross(level, unit * turn @ own.T) for unit in _units(before) for own in PERMUTATIONS]
-    squares = np.array([np.square(one).sum(axis=1) for one in apart])
+    apart = [
+        change - np.cross(level, unit * turn @ permutation.T) for unit in _units(before) for permutation in PERMUTATIONS
+    ]
+    squares = np.array([np.square(difference).sum(axis=1) for difference in apart])
     at = time_s[blocks].reshape(pieces, size)[1:, 0][moving]
-    if found := _change(squares, np.square(change).sum(axis=1), at):
-        return TurningCheck(matrix=matrix, said=(f"the gyros, or the accelerometers, {found[0]}",))
+    if change_found := _change(squares, np.square(change).sum(axis=1), at):
+        return TurningCheck(matrix=matrix, said=(f"the gyros, or the accelerometers, {change_found[0]}",))
     return beside_gravity(matrix, uncertain, before) if trusted else TurningCheck(matrix=matrix)
 
 
@@ -123,10 +125,10 @@ def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArr
         return None
     target = change.ravel()
     solution = np.linalg.lstsq(design, target, rcond=None)[0]
-    left = target - design @ solution
+    residual = target - design @ solution
     # what K ω explains of the change of the specific force; the rest is linear acceleration and noise
-    trusted = float(left @ left) < (1.0 - LEAST_SHARE) * float(target @ target)
-    uncertain = np.linalg.inv(design.T @ design) * float(left @ left) / (len(left) - 9)
+    trusted = float(residual @ residual) < (1.0 - LEAST_SHARE) * float(target @ target)
+    uncertain = np.linalg.inv(design.T @ design) * float(residual @ residual) / (len(residual) - 9)
     return solution.reshape(3, 3), uncertain, trusted
 
 
@@ -141,13 +143,13 @@ def _change(missed: NDArray, none: NDArray, at: NDArray) -> tuple[str, float] | 
     before = np.cumsum(missed, axis=1)
     before, behind = before[:, cuts - 1], before[:, -1:] - before[:, cuts - 1]
     k = int(np.argmin(before.min(axis=0) + behind.min(axis=0)))
-    one, other, cut = int(np.argmin(before[:, k])), int(np.argmin(behind[:, k])), int(cuts[k])
-    clearer = before[other, k] > CLEARER * before[one, k] and behind[one, k] > CLEARER * behind[other, k]
-    left = max(float(before[one, k] / none[:cut].sum()), float(behind[other, k] / none[cut:].sum()))
-    if not clearer or left > LEAST_SHARE:
+    first, second, cut = int(np.argmin(before[:, k])), int(np.argmin(behind[:, k])), int(cuts[k])
+    clearer = before[second, k] > CLEARER * before[first, k] and behind[first, k] > CLEARER * behind[second, k]
+    share = max(float(before[first, k] / none[:cut].sum()), float(behind[second, k] / none[cut:].sum()))
+    if not clearer or share > LEAST_SHARE:
         return None
     what = f"change their order, signs or unit at {digits(float(at[cut]))} s"
-    return f"{what}: no --channels reads both; give what is before and what is behind as files of their own", left
+    return f"{what}: no --channels reads both; give what is before and what is behind as files of their own", share
 
 
 def _units(before: Channels | None) -> tuple[float, float]:
@@ -171,15 +173,17 @@ def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None)
     ways: list[tuple[Channels, str]] = []
     of_forces: list[tuple[Channels, str]] = []
     for number, permutation in (divmod(int(way), len(PERMUTATIONS)) for way in same):
-        own, degrees = PERMUTATIONS[permutation], number > 0
-        ways.append((Channels(gyros=reading_of(own.T), degrees=degrees), ""))
+        axes, degrees = PERMUTATIONS[permutation], number > 0
+        ways.append((Channels(gyros=reading_of(axes.T), degrees=degrees), ""))
         # Accelerometers that are turned see gravity turn as turned gyros do; that all are reversed does not show.
-        if np.linalg.det(own) > 0.0 and permutation:
-            of_forces += [(Channels(reading_of(sign * own), degrees=degrees), "") for sign in (1.0, -1.0)]
+        if np.linalg.det(axes) > 0.0 and permutation:
+            of_forces += [(Channels(reading_of(sign * axes), degrees=degrees), "") for sign in (1.0, -1.0)]
     if ways:
-        said = f"{_words(ways[0][0], 'the accelerometers', before)}: read it with {advice([*ways, *of_forces], before)}"
-        others = advice(of_forces, before) if of_forces else ""
-        return TurningCheck(matrix=matrix, said=(said,), of_forces=others)
+        sentence = (
+            f"{_words(ways[0][0], 'the accelerometers', before)}: read it with {advice([*ways, *of_forces], before)}"
+        )
+        alternatives = advice(of_forces, before) if of_forces else ""
+        return TurningCheck(matrix=matrix, said=(sentence,), of_forces=alternatives)
     size = float(np.median(np.abs(matrix).max(axis=1)))
     if not 0.5 < size < 2.0:
         far = f"the gyros turn the block {digits(1.0 / size)} times as far as gravity turns: check their unit"
@@ -201,16 +205,16 @@ def beside_truth(
     for unit in _units(before):
         # A permutation that turns is a turn of what was carried; one that mirrors, of what the reversed gyros carry.
         forth, back = (carried(sign * unit * increments, windows).as_matrix() for sign in (1.0, -1.0))
-        for own in PERMUTATIONS:
-            sign = np.sign(np.linalg.det(own))
-            turned = (sign * own) @ (forth if sign > 0.0 else back) @ (sign * own).T
+        for axes in PERMUTATIONS:
+            sign = np.sign(np.linalg.det(axes))
+            turned = (sign * axes) @ (forth if sign > 0.0 else back) @ (sign * axes).T
             missed.append(np.square(turned - target).sum(axis=(1, 2)))
     apart = np.array(missed)
     shares = apart.mean(axis=1) / none.mean()
     if before == Channels():
         return (), float(shares[0])
-    if found := _change(apart, none, time_s[windows[:, 0]]):
-        return (f"the gyros {found[0]}",), found[1]
+    if change := _change(apart, none, time_s[windows[:, 0]]):
+        return (f"the gyros {change[0]}",), change[1]
     best = float(shares.min())
     if not (shares[0] > LEAST_MISS and best < BETTER * shares[0]):
         return (), best
@@ -224,23 +228,23 @@ def beside_truth(
 
 def carried(increments: NDArray, windows: NDArray) -> "Rotation":
     """Turns (S) that increments (N, 3) [rad] up to each row make over windows (S, 2) of rows."""
-    found = scipy.spatial.transform.Rotation.identity(len(windows))
+    rotation = scipy.spatial.transform.Rotation.identity(len(windows))
     first, last = windows.T
     for ahead in range(1, int((last - first).max(initial=0)) + 1):
         rows = np.minimum(first + ahead, last)
-        found = found * scipy.spatial.transform.Rotation.from_rotvec(
+        rotation = rotation * scipy.spatial.transform.Rotation.from_rotvec(
             np.where((first + ahead <= last)[:, None], increments[rows], 0.0)
         )
-    return found
+    return rotation
 
 
 def _words(channels: Channels, reference: str, before: Channels | None) -> str:
     """What is wrong with gyros that are to be read so, beside how they were read."""
     now = "rad/s, not degrees per second" if before is not None and before.degrees else "degrees per second"
-    said = [f"the rates are probably in {now}"] if channels.degrees else []
+    words = [f"the rates are probably in {now}"] if channels.degrees else []
     for axis, channel in enumerate(channels.gyros, start=1):
         if abs(channel) != axis:
-            said.append(f"what turns about axis {axis} of {reference} is read by gyro {abs(channel)}")
+            words.append(f"what turns about axis {axis} of {reference} is read by gyro {abs(channel)}")
         if channel < 0:
-            said.append(f"gyro {abs(channel)} has the wrong sign about axis {axis} of {reference}")
-    return "; ".join(said)
+            words.append(f"gyro {abs(channel)} has the wrong sign about axis {axis} of {reference}")
+    return "; ".join(words)

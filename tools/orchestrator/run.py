@@ -481,7 +481,7 @@ class Journal:
             # Those of an earlier run would not be of the one that run.json describes.
             with (
                 said_writable(self._out, pl.exceptions.PolarsError),
-                whole_folder(self._out, gone=(INCOMPLETE, "run.csv", "run.parquet", POSITIONS)) as folder,
+                whole_folder(self._out, obsolete=(INCOMPLETE, "run.csv", "run.parquet", POSITIONS)) as folder,
             ):
                 table = self._write(folder / path.name)
                 text = json_text({**self.provenance, **entries})

@@ -68,16 +68,16 @@ class Channels:
     @staticmethod
     def given(texts: Sequence[str]) -> "Channels":
         """As options `--channels` say, several in one with blanks between; an InputError for what is none."""
-        said: dict[str, object] = {}
+        fields: dict[str, object] = {}
         for text in " ".join(texts).split():
             name, _, value = (part.strip() for part in (text if "=" in text else f"f={text}").partition("="))
-            field, known = _field(name, value)
-            if known is None:
+            field, entry = _field(name, value)
+            if entry is None:
                 raise InputError(f"--channels {text}: is not known; {OPTIONS}")
-            if field in said:
+            if field in fields:
                 raise InputError(f"--channels {text}: {name} is said twice")
-            said[field] = known
-        return Channels(**said)  # type: ignore[arg-type]
+            fields[field] = entry
+        return Channels(**fields)  # type: ignore[arg-type]
 
     @property
     def of_accelerometers(self) -> NDArray[np.float64]:
@@ -92,17 +92,17 @@ class Channels:
     @property
     def options(self) -> tuple[str, ...]:
         """The values of `--channels` that say it."""
-        found = ["angles=rad"] if self.radians else []
-        found += [f"{name}=-1" for name in ("alpha", "beta") if getattr(self, name) < 0]
-        found += [",".join(map(str, self.accelerometers))] if self.accelerometers != (1, 2, 3) else []
-        found += ["w=" + ",".join(map(str, self.gyros))] if self.gyros != (1, 2, 3) else []
-        return (*found, "w=deg") if self.degrees else tuple(found)
+        options = ["angles=rad"] if self.radians else []
+        options += [f"{name}=-1" for name in ("alpha", "beta") if getattr(self, name) < 0]
+        options += [",".join(map(str, self.accelerometers))] if self.accelerometers != (1, 2, 3) else []
+        options += ["w=" + ",".join(map(str, self.gyros))] if self.gyros != (1, 2, 3) else []
+        return (*options, "w=deg") if self.degrees else tuple(options)
 
     def __str__(self) -> str:
         """As it is typed; nothing where nothing changes."""
-        said = " ".join(self.options)
-        quote = '"' if " " in said else ""
-        return said and f"--channels {quote}{said}{quote}"
+        options = " ".join(self.options)
+        quote = '"' if " " in options else ""
+        return options and f"--channels {quote}{options}{quote}"
 
     def after(self, before: "Channels") -> "Channels":
         """How a file is read whose channels, read as `before` says, are read so."""
@@ -131,13 +131,13 @@ def _field(name: str, value: str) -> tuple[str, object]:
     """The field of `Channels` that an option means, and its value; None where it means nothing."""
     if name in ("f", "w") and (order := _order(value)) is not None:
         return ("accelerometers" if name == "f" else "gyros"), order
-    known: dict[tuple[str, str], tuple[str, object]] = {
+    fields: dict[tuple[str, str], tuple[str, object]] = {
         ("alpha", "-1"): ("alpha", -1),
         ("beta", "-1"): ("beta", -1),
         ("angles", "rad"): ("radians", True),
         ("w", "deg"): ("degrees", True),
     }
-    return known.get((name, value), ("", None))
+    return fields.get((name, value), ("", None))
 
 
 def _order(value: str) -> Axes | None:
@@ -166,10 +166,10 @@ def advice(ways: Sequence[tuple[Channels, str]], before: Channels | None) -> str
     """
     # Of ways that change as little a sense comes before an order.
     ways = sorted(ways, key=lambda way: (len(way[0].options), way[0].accelerometers != Channels().accelerometers))
-    said = []
+    ways_in_words = []
     for channels, instead in ways[:MOST_LISTED]:
-        said += [str(channels.after(before or Channels())) or "no --channels"]
-        said += [instead] if instead else []
-    more = [f"{len(ways) - MOST_LISTED} more"] if len(ways) > MOST_LISTED else []
-    others = "; or ".join([*said[1:], *more])
-    return said[0] + (f" (the record cannot tell that from: {others})" if others else "")
+        ways_in_words += [str(channels.after(before or Channels())) or "no --channels"]
+        ways_in_words += [instead] if instead else []
+    rest = [f"{len(ways) - MOST_LISTED} more"] if len(ways) > MOST_LISTED else []
+    alternatives = "; or ".join([*ways_in_words[1:], *rest])
+    return ways_in_words[0] + (f" (the record cannot tell that from: {alternatives})" if alternatives else "")

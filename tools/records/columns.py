@@ -188,8 +188,8 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
 
 def _distance(names: Sequence[str], kind: Kind) -> tuple[int, int]:
     """How far columns are from those of a kind: how many are missing, how few of its own are there."""
-    own = (set(kind.known) - {"time_s", *FORCE}) & set(names)
-    return len(set(kind.required) - set(names)), -len(own)
+    columns = (set(kind.known) - {"time_s", *FORCE}) & set(names)
+    return len(set(kind.required) - set(names)), -len(columns)
 
 
 def _what_is_missing(names: Sequence[str], kind: Kind) -> str:
@@ -207,37 +207,37 @@ def extra_warning(columns: Columns) -> tuple[str, ...]:
     if not layout.extra:
         return ()
     absent = [name for name in layout.kind.optional if name not in layout.present]
-    said = []
+    lines = []
     for name in layout.extra[:8]:
         close = get_close_matches(name, absent, n=1, cutoff=0.75)
-        said.append(f"{quoted(name)} (did you mean '{close[0]}'?)" if close else quoted(name))
-    rest = len(layout.extra) - len(said)
-    more = f" and {rest} more" if rest else ""
-    return (f"{columns.path}: not columns of a {layout.kind.name}, left out: {', '.join(said)}{more}",)
+        lines.append(f"{quoted(name)} (did you mean '{close[0]}'?)" if close else quoted(name))
+    rest = len(layout.extra) - len(lines)
+    rest_in_words = f" and {rest} more" if rest else ""
+    return (f"{columns.path}: not columns of a {layout.kind.name}, left out: {', '.join(lines)}{rest_in_words}",)
 
 
 def warnings(columns: Columns) -> tuple[str, ...]:
     """What a person should be told of numbers that have no faults."""
-    said = []
+    lines = []
     if ANGLES[0] in columns.numbers and 0.0 < float(np.abs(columns.group(ANGLES)).max()) <= 2.0 * math.pi:
-        said.append(f"{columns.path}: columns {_all(ANGLES)}: all angles are within ±2π degrees; are they radians?")
+        lines.append(f"{columns.path}: columns {_all(ANGLES)}: all angles are within ±2π degrees; are they radians?")
     temperature = columns.numbers.get(TEMPERATURE)
     if temperature is not None and float(temperature.min()) >= 200.0:
-        said.append(f"{columns.path}: column {TEMPERATURE}: all above 200 °C; are they kelvins?")
+        lines.append(f"{columns.path}: column {TEMPERATURE}: all above 200 °C; are they kelvins?")
     knocked = np.flatnonzero(knocks_of(columns.group(FORCE)))
     if knocked.size:
         size = float(np.linalg.norm(columns.group(FORCE)[knocked[0]]))
-        said.append(
+        lines.append(
             f"{columns.path}: |f| is above 10 times gravity in {_rows_from(columns, knocked)} "
             f"({digits(size)} m/s²): knocks; rests and moves with them are left out"
         )
     spoilt = np.flatnonzero(spoilt_attitudes(columns))
     if spoilt.size:
-        said.append(
+        lines.append(
             f"{columns.path}: q0..q3 are no attitude in {_rows_from(columns, spoilt)}: empty in part, or their norm is "
             f"not 1 within {QUATERNION_NORM:g}; the true attitude counts as not known there"
         )
-    return tuple(said)
+    return tuple(lines)
 
 
 def _rows_from(columns: Columns, index: np.ndarray) -> str:
@@ -325,8 +325,8 @@ def spoilt_attitudes(columns: Columns) -> np.ndarray:
 def _quaternions(columns: Columns) -> Iterator[RecordError]:
     """Columns that are no true attitude: hardly a row of them is one."""
     spoilt = spoilt_attitudes(columns)
-    given = ~np.isnan(columns.group(QUATERNION)).all(axis=1)
-    if 2 * np.count_nonzero(spoilt) <= np.count_nonzero(given):
+    present = ~np.isnan(columns.group(QUATERNION)).all(axis=1)
+    if 2 * np.count_nonzero(spoilt) <= np.count_nonzero(present):
         return
     k = int(np.argmax(spoilt))
     quaternion = columns.group(QUATERNION)[k]

@@ -36,13 +36,13 @@ class Comments:
 def comments_of(lines: Iterable[tuple[int, str]]) -> tuple[Comments, tuple[int, str, str] | None]:
     """Read comment lines, given with their rows; beside it row, key and what is wrong of the first own key that is."""
     about: dict[str, str] = {}
-    own: dict[str, float] = {}
+    values: dict[str, float] = {}
     scatter: tuple[float, ...] = ()
     for row, line in lines:
-        found = _LINE.fullmatch(line[:LONGEST])
-        if found is None or len(about) >= MOST:
+        match = _LINE.fullmatch(line[:LONGEST])
+        if match is None or len(about) >= MOST:
             continue
-        key, text = found[1], found[2]
+        key, text = match[1], match[2]
         about.setdefault(key, text)
         if key not in RESOLUTION and key != SCATTER:
             continue
@@ -54,8 +54,8 @@ def comments_of(lines: Iterable[tuple[int, str]]) -> tuple[Comments, tuple[int, 
         if key == SCATTER:
             scatter = tuple(numbers)
         else:
-            own[RESOLUTION[key]] = numbers[0]
-    return Comments(about, scatter=scatter, **own), None
+            values[RESOLUTION[key]] = numbers[0]
+    return Comments(about, scatter=scatter, **values), None
 
 
 def _number(text: str) -> float:

@@ -74,9 +74,9 @@ def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
     result = np.rad2deg(angle)
     nearest = result.copy()
     open_ = np.ones(angle.shape, dtype=bool)
-    tried = [np.round(nearest, decimals) for decimals in range(14)]
-    tried += [nearest, np.nextafter(nearest, np.inf), np.nextafter(nearest, -np.inf)]
-    for candidate in tried:
+    rounded = [np.round(nearest, decimals) for decimals in range(14)]
+    rounded += [nearest, np.nextafter(nearest, np.inf), np.nextafter(nearest, -np.inf)]
+    for candidate in rounded:
         hit = open_ & (np.deg2rad(candidate) == angle)
         result[hit] = candidate[hit]
         open_ &= ~hit
@@ -95,27 +95,27 @@ def _concern(channels: Channels, what: str) -> bool:
 
 
 def _turned(name: str) -> Callable[[np.ndarray, Channels], np.ndarray]:
-    return lambda angle, read: getattr(read, name) * angle * (180.0 / math.pi if read.radians else 1.0)
+    return lambda angle, channels: getattr(channels, name) * angle * (180.0 / math.pi if channels.radians else 1.0)
 
 
 def _sense(name: str) -> Callable[[np.ndarray, Channels], np.ndarray]:
-    return lambda sense, read: getattr(read, name) * sense
+    return lambda sense, channels: getattr(channels, name) * sense
 
 
 CHANGED: dict[str, Callable[[Any, Channels], Any]] = {
-    "specific_force": lambda force, read: force @ read.of_accelerometers.T,
-    "scatter": lambda scatter, read: scatter @ np.abs(read.of_accelerometers).T,
-    "dwell_noise": lambda noise, read: replace(
-        noise, deviation=tuple((np.abs(read.of_accelerometers) @ noise.deviation).tolist())
+    "specific_force": lambda force, settings: force @ settings.of_accelerometers.T,
+    "scatter": lambda scatter, settings: scatter @ np.abs(settings.of_accelerometers).T,
+    "dwell_noise": lambda noise, settings: replace(
+        noise, deviation=tuple((np.abs(settings.of_accelerometers) @ noise.deviation).tolist())
     ),
-    "rate": lambda rate, read: rate @ read.of_gyros.T,
-    "increment": lambda increment, read: increment @ read.of_gyros.T,
-    "velocity_increment": lambda increment, read: increment @ read.of_accelerometers.T,
+    "rate": lambda rate, settings: rate @ settings.of_gyros.T,
+    "increment": lambda increment, settings: increment @ settings.of_gyros.T,
+    "velocity_increment": lambda increment, settings: increment @ settings.of_accelerometers.T,
     "alpha": _turned("alpha"),
     "beta": _turned("beta"),
     "approach_alpha": _sense("alpha"),
     "approach_beta": _sense("beta"),
-    "angle_resolution": lambda resolution, read: resolution * (180.0 / math.pi if read.radians else 1.0),
+    "angle_resolution": lambda resolution, settings: resolution * (180.0 / math.pi if settings.radians else 1.0),
 }
 """How channels change what a record holds."""
 
@@ -158,8 +158,8 @@ class _Record:
     def read_with(self, channels: Channels) -> Self:
         """The record as its file is read with these channels; an InputError for channels that it does not have."""
         lacks = [
-            f"--channels {said}: {self.path} has no {what}"
-            for said, what, name in (
+            f"--channels {options}: {self.path} has no {what}"
+            for options, what, name in (
                 ("w=...", "gyros", "gyros"),
                 ("alpha=-1, beta=-1 or angles=rad", "angles of a table", "angles"),
             )
@@ -171,17 +171,19 @@ class _Record:
         for name, value in ((name, getattr(self, name, None)) for name in CHANGED):
             if value is not None:
                 changed[name] = CHANGED[name](value, channels)
-        said = f"{self.path}: read with {channels}" if channels.options else f"{self.path}: read as it stands, as said"
+        options = (
+            f"{self.path}: read with {channels}" if channels.options else f"{self.path}: read as it stands, as said"
+        )
         if isinstance(raw := getattr(self, "raw", None), RawRecord):
             changed["raw"] = raw.read_with(channels)
         warnings = tuple(line for line in self.warnings if not (channels.radians and "are they radians?" in line))
-        changed |= {"warnings": (*warnings, said), "channels": channels.after(self.channels or Channels())}
+        changed |= {"warnings": (*warnings, options), "channels": channels.after(self.channels or Channels())}
         return replace(cast("Any", self), **changed)
 
     def __str__(self) -> str:
         span = f", {self.time_s[-1] - self.time_s[0]:.6g} s" if len(self) else ""
-        said = (f"warning: {text}" for text in self.warnings)
-        return "\n".join([f"{self.path}: {self.word} of {len(self)} rows{span}", *said])
+        lines = (f"warning: {text}" for text in self.warnings)
+        return "\n".join([f"{self.path}: {self.word} of {len(self)} rows{span}", *lines])
 
     def __repr__(self) -> str:
         return str(self)
@@ -191,7 +193,7 @@ class _Record:
 
     def columns(self) -> dict[str, Any]:
         """The columns that its file has, by their names: angles in degrees, NaN where an attitude is not known."""
-        found: dict[str, Any] = {}
+        table: dict[str, Any] = {}
         for name, columns in self.groups.items():
             value = getattr(self, name)
             if value is None:
@@ -203,16 +205,16 @@ class _Record:
             elif columns == QUATERNION:
                 value = np.where(np.isfinite(value).all(axis=1, keepdims=True), value, np.nan)
             single = len(columns) == 1
-            found |= {column: value if single else value[:, axis] for axis, column in enumerate(columns)}
-        return found
+            table |= {column: value if single else value[:, axis] for axis, column in enumerate(columns)}
+        return table
 
     def to_polars(self) -> "DataFrame":
         """Its `columns` as a table; an attitude that is not known is null."""
         import polars as pl
 
         table = pl.DataFrame({k: list(v) if k == MOUNTING else v for k, v in self.columns().items()})
-        known = [name for name in QUATERNION if name in table.columns]
-        return table.with_columns(pl.col(known).fill_nan(None)) if known else table
+        quaternion = [name for name in QUATERNION if name in table.columns]
+        return table.with_columns(pl.col(quaternion).fill_nan(None)) if quaternion else table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -466,8 +468,8 @@ def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Pat
         finite = np.isfinite(values)
         if name not in QUATERNION and not finite.all():
             raise InputError(f"{path}: not written: {name} holds a number that is not finite")
-        said = [repr(v) if decimals is None else f"{v:z.{decimals}f}" for v in values.tolist()]
-        texts[name] = [text if known else "" for text, known in zip(said, finite.tolist(), strict=True)]
+        written = [repr(v) if decimals is None else f"{v:z.{decimals}f}" for v in values.tolist()]
+        texts[name] = [text if is_known else "" for text, is_known in zip(written, finite.tolist(), strict=True)]
     time = np.array([float(text) for text in texts["time_s"]])
     if np.any(time[1:] <= time[:-1]):
         raise InputError(f"{path}: not written: time_s does not grow from row to row as it would be written")
@@ -478,5 +480,5 @@ def write_record(record: PositionRecord | RawRecord | StrapdownRecord, path: Pat
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(texts)
     writer.writerows(zip(*texts.values(), strict=True))
-    with whole_file(Path(path)) as beside:
-        beside.write_text(table.getvalue(), encoding="utf-8", newline="")
+    with whole_file(Path(path)) as file:
+        file.write_text(table.getvalue(), encoding="utf-8", newline="")

@@ -60,11 +60,11 @@ class Limits:
 
     def of(self, letter: str) -> NDArray[np.bool_]:
         """Rows (N,) at which any gyro, "w", or accelerometer, "f", is at a limit."""
-        found = np.zeros(len(self.time_s), dtype=bool)
+        rows = np.zeros(len(self.time_s), dtype=bool)
         for name, mask in self.rows.items():
             if name.startswith(letter):
-                found |= mask
-        return found
+                rows |= mask
+        return rows
 
     def among(self, chosen: NDArray[np.bool_]) -> "Limits":
         """The limits at some of the rows, a mask (N,)."""
@@ -74,16 +74,16 @@ class Limits:
     @property
     def lines(self) -> list[str]:
         """What a person should know, a line for each channel."""
-        said = []
+        lines = []
         for name, mask in self.rows.items():
             levels = np.unique(self.channels[name][mask])
             at = " and ".join(f"{digits(level, 6)}" for level in levels) if len(levels) <= 2 else "several values"
             first = self.time_s[np.argmax(mask)]
             unit = {"w": self.unit, "d": "m/s"}.get(name[0], "m/s²")
-            said.append(
+            lines.append(
                 f"{name}: {int(mask.sum())} rows are saturated, at {at} {unit}, the first at {digits(first, 9)} s"
             )
-        return said
+        return lines
 
 
 def limits_of(record: StrapdownRecord | RawRecord) -> Limits:
@@ -97,27 +97,27 @@ def limits_of(record: StrapdownRecord | RawRecord) -> Limits:
         if record.velocity_increment is not None:
             channels |= {f"dv{axis}": values for axis, values in enumerate(record.velocity_increment.T, start=1)}
     channels |= {f"f{axis}": values for axis, values in enumerate(record.specific_force.T, start=1)}
-    found = {}
+    masks = {}
     for name, values in channels.items():
-        mask = rows_at_limit(values, [other for beside, other in channels.items() if beside != name])
+        mask = rows_at_limit(values, [channel for second, channel in channels.items() if second != name])
         if mask.any():
-            found[name] = mask
-    return Limits(channels, found, record.time_s, unit)
+            masks[name] = mask
+    return Limits(channels, masks, record.time_s, unit)
 
 
-def rows_at_limit(values: NDArray[np.float64], others: Sequence[NDArray[np.float64]] = ()) -> NDArray[np.bool_]:
+def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.float64]] = ()) -> NDArray[np.bool_]:
     """Rows (N,) of a channel at its largest or least value, where that is a limit, and where it is stuck.
 
     Where the `others`, channels (N,), stand still for a while, a rest explains equal readings.
     """
-    found = np.zeros(len(values), dtype=bool)
+    at_limit = np.zeros(len(values), dtype=bool)
     distinct, counts = np.unique(values, return_counts=True)
     if len(distinct) < DISTINCT:
-        return found
+        return at_limit
     resolution = resolution_of(distinct)
     repeated = np.concatenate([[False], np.diff(values) == 0.0])
-    held = int(np.median(np.diff(np.flatnonzero(np.append(~repeated, True)))))
-    noisy = is_noisy(values[::held], resolution)
+    repeats = int(np.median(np.diff(np.flatnonzero(np.append(~repeated, True)))))
+    noisy = is_noisy(values[::repeats], resolution)
     begins, ends = runs_of(repeated & (values > distinct[0]) & (values < distinct[-1]))
     usual = 1 + int((ends - begins).max(initial=0))
     for sign, often in ((1.0, counts[::-1]), (-1.0, counts)):
@@ -125,16 +125,16 @@ def rows_at_limit(values: NDArray[np.float64], others: Sequence[NDArray[np.float
         at = upright == upright.max()
         begins, ends = runs_of(at)
         longest = np.argsort(begins - ends, kind="stable")[:MOST_RUNS]
-        runs = [(int(begins[k]), int(ends[k])) for k in longest if ends[k] - begins[k] >= FEWEST * held]
+        runs = [(int(begins[k]), int(ends[k])) for k in longest if ends[k] - begins[k] >= FEWEST * repeats]
         if noisy:
             is_limit = often[0] >= max(VISITS, OFTENER * often[1 : 1 + NEIGHBOURS].max())
             is_limit |= bool(runs) and is_longer(runs[0][1] - runs[0][0], usual)
         else:
             is_limit = False
-        corners = (run for run in runs if has_corner(upright, run, resolution, held))
-        if is_limit or any(not is_rest(others, run) for run in corners):
-            found |= at
-    return found | stuck_rows(values, repeated) if noisy else found
+        corners = (run for run in runs if has_corner(upright, run, resolution, repeats))
+        if is_limit or any(not is_rest(channels, run) for run in corners):
+            at_limit |= at
+    return at_limit | stuck_rows(values, repeated) if noisy else at_limit
 
 
 def resolution_of(distinct: NDArray[np.float64]) -> float:
@@ -146,8 +146,8 @@ def resolution_of(distinct: NDArray[np.float64]) -> float:
 def is_noisy(values: NDArray[np.float64], resolution: float) -> bool:
     """Whether readings (n,) scatter from row to row, beyond what their resolution makes them."""
     second = np.diff(values, 2)
-    told = np.abs(second) > RESOLVED * resolution
-    pairs = told[1:] & told[:-1]
+    resolved = np.abs(second) > RESOLVED * resolution
+    pairs = resolved[1:] & resolved[:-1]
     turning = pairs & (second[1:] * second[:-1] < 0.0)
     return bool(pairs.sum() >= DISTINCT and turning.sum() > ROUGH * pairs.sum() and pairs.mean() > SELDOM)
 
@@ -157,7 +157,7 @@ def is_longer(rows: int, usual: int) -> bool:
     return rows >= max(FEWEST, usual + BEYOND_CHANCE) if usual <= SHORT else rows > LONGER * usual
 
 
-def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: float, held: int = 1) -> bool:
+def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: float, repeats: int = 1) -> bool:
     """Whether a curve, smooth outside, runs into its largest value or out of it with a corner, bent as motion is.
 
     A smooth extreme has no corner; the straight ramps of a table are not bent towards their end. Every reading is
@@ -166,8 +166,8 @@ def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: fl
     begin, end = run
     reach = 3 * (end - begin) + 1
     for outside in (values[max(begin - reach, 0) : begin][::-1], values[end : end + reach]):
-        below = values[begin] - outside[held // 2 :]
-        apart = held
+        below = values[begin] - outside[repeats // 2 :]
+        apart = repeats
         while 3 * apart < len(below):
             near, far, next_ = np.diff(below[[0, apart, 2 * apart, 3 * apart]])
             bend = far - near
@@ -180,13 +180,13 @@ def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: fl
     return False
 
 
-def is_rest(others: Sequence[NDArray[np.float64]], run: tuple[int, int]) -> bool:
+def is_rest(channels: Sequence[NDArray[np.float64]], run: tuple[int, int]) -> bool:
     """Whether other channels stand still over a run of rows, and not around it."""
     begin, end = run
     length = end - begin
     around = (slice(max(begin - length, 0), begin), slice(end, end + length))
     moved = False
-    for values in others:
+    for values in channels:
         if not stands_still(values[begin:end]):
             return False
         moved |= not all(stands_still(values[rows]) for rows in around)

@@ -61,22 +61,22 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
     """
     repeats = _from_repeats(record)
     scatter = _from_scatter(record)
-    found = repeats if repeats is not None else scatter
+    bound = repeats if repeats is not None else scatter
     if repeats is not None and scatter is not None and scatter.value > repeats.value:
-        found = replace(scatter, complete=True)
-    if found is None:
+        bound = replace(scatter, complete=True)
+    if bound is None:
         return None
     written = record.resolution / STANDARD_GRAVITY
-    if written > found.value:
+    if written > bound.value:
         text = "half a last digit of the readings as written, more than their scatter"
-        return NoiseBound(written, text, found.complete)
-    return found if found.value > 0.0 else None
+        return NoiseBound(written, text, bound.complete)
+    return bound if bound.value > 0.0 else None
 
 
 def tells_noise(record: PositionRecord) -> bool:
     """Whether the record bounds the noise so that errors that hold over a rest show in the bound."""
-    found = noise_bound_from(record)
-    return found is not None and found.complete
+    bound = noise_bound_from(record)
+    return bound is not None and bound.complete
 
 
 def uniform_range_quantile(counts: np.ndarray, probability: float) -> float:
@@ -235,13 +235,13 @@ def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
     return half * np.clip(slope, WHITE, WANDERING)
 
 
-def dwell_noise(raw: RawRecord, kept: Sequence[slice]) -> DwellNoise | None:
+def dwell_noise(raw: RawRecord, rests: Sequence[slice]) -> DwellNoise | None:
     """The noise of a record's averages, from the rows kept of each rest; None when these are too short to tell."""
-    deviation = deviation_at_dwell([raw.specific_force[rows] for rows in kept])
+    deviation = deviation_at_dwell([raw.specific_force[rows] for rows in rests])
     if deviation is None:
         return None
     first, second, third = deviation.tolist()
-    dwell = float(np.median([raw.time_s[rows.stop - 1] - raw.time_s[rows.start] for rows in kept]))
+    dwell = float(np.median([raw.time_s[rows.stop - 1] - raw.time_s[rows.start] for rows in rests]))
     return DwellNoise(dwell, (first, second, third))
 
 
@@ -313,17 +313,17 @@ def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     distance = np.arange(half) - centre
     difference = first - (level + distance[:, None] * np.where(trend, slope, 0.0))
     # from each block on to the middle, the mean of the first half
-    left = np.arange(half, 0, -1)
-    onwards = np.cumsum(difference[::-1], axis=0)[::-1] / left[:, None]
-    mean_distance = np.cumsum(distance[::-1])[::-1] / left
+    remaining = np.arange(half, 0, -1)
+    onwards = np.cumsum(difference[::-1], axis=0)[::-1] / remaining[:, None]
+    mean_distance = np.cumsum(distance[::-1])[::-1] / remaining
     # a block beside a line that is wrongly called different costs more than a few rows
     chance = FALSE_ALARM if drifts else TOO_MUCH_DROPPED
     widest = np.array([student_quantile(len(second) - 2 if sloped else len(second) - 1, chance) for sloped in trend])
     of_one = 1.0 + 1.0 / len(second) + distance[:, None] ** 2 * leverage
-    of_many = 1.0 / left[:, None] + 1.0 / len(second) + mean_distance[:, None] ** 2 * leverage
-    one = np.maximum(widest * np.sqrt(of_one) * scatter, floor)
+    of_many = 1.0 / remaining[:, None] + 1.0 / len(second) + mean_distance[:, None] ** 2 * leverage
+    widest_single = np.maximum(widest * np.sqrt(of_one) * scatter, floor)
     many = np.maximum(widest * np.sqrt(of_many) * scatter, floor)
-    different = np.any((np.abs(difference) > one) | (np.abs(onwards) > many), axis=1)
+    different = np.any((np.abs(difference) > widest_single) | (np.abs(onwards) > many), axis=1)
     last = np.flatnonzero(different)
     return offset + (int(last[-1]) + 1) * size if last.size else 0
 

@@ -96,19 +96,19 @@ Source: TypeAlias = str | Path | pl.DataFrame | Mapping[str, ArrayLike] | NDArra
 @overload
 def read_record(source: Source, *, channels: Sequence[str] = ()) -> Record: ...
 @overload
-def read_record(source: Source, wanted: type[Wanted], /, *, channels: Sequence[str] = ()) -> Wanted: ...
+def read_record(source: Source, kind: type[Wanted], /, *, channels: Sequence[str] = ()) -> Wanted: ...
 @overload
 def read_record(
-    source: Source, wanted: type[Wanted], other: type[Other], /, *, channels: Sequence[str] = ()
+    source: Source, kind: type[Wanted], second: type[Other], /, *, channels: Sequence[str] = ()
 ) -> Wanted | Other: ...
-def read_record(source: Source, *wanted: Any, channels: Sequence[str] = ()) -> Any:
+def read_record(source: Source, *kinds: Any, channels: Sequence[str] = ()) -> Any:
     """Read a record from a CSV or a Parquet file, a table in memory, or whatever else holds one.
 
     Parameters
     ----------
     source : path, table in memory, record or Simulation
         the kind of record is recognised by its columns, the kind of file by its first bytes
-    wanted : PositionRecord, StrapdownRecord
+    kinds : PositionRecord, StrapdownRecord
         which kinds will do; without any, every kind does. Where a PositionRecord does, what has the angles of a table
         is a record of the table, gyros or not, and a raw record, or that of a bench, is averaged over its rests
     channels : sequence of str
@@ -120,23 +120,23 @@ def read_record(source: Source, *wanted: Any, channels: Sequence[str] = ()) -> A
         when it cannot be used: the file, the row (as an editor counts lines) and the column are named; or when it is
         of another kind, or no rest can be found in it
     """
-    table = PositionRecord in wanted
+    table = PositionRecord in kinds
     if isinstance(source, PositionRecord | RawRecord | StrapdownRecord):
-        found = source
+        record = source
     elif isinstance(source, Recorded):
-        found = source.position_record()
+        record = source.position_record()
     else:
-        found = _parsed(source, STRAPDOWN_KINDS if wanted and not table and BenchRecord not in wanted else KINDS)
+        record = _parsed(source, STRAPDOWN_KINDS if kinds and not table and BenchRecord not in kinds else KINDS)
     if channels:
-        found = found.read_with(Channels.given(channels))
-    if table and isinstance(found, RawRecord):
-        found = position_record_of(found)
-    if not wanted or isinstance(found, wanted):
-        return found
+        record = record.read_with(Channels.given(channels))
+    if table and isinstance(record, RawRecord):
+        record = position_record_of(record)
+    if not kinds or isinstance(record, kinds):
+        return record
     if table:
         what = "is a strapdown record; a position record or a raw record (alpha_deg, beta_deg) is needed"
-        raise RecordError(found.path, None, None, what)
-    raise InputError(f"{found.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
+        raise RecordError(record.path, None, None, what)
+    raise InputError(f"{record.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
 
 
 def read_written(path: Path) -> Record:
@@ -163,25 +163,25 @@ def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Rec
             what = "a path, or a table with columns (polars, pandas, a mapping, a structured array)"
             raise InputError(f"a record is {what}, not {type(source).__name__}")
         table.write_parquet(written)
-        data = written.getvalue()
+        content = written.getvalue()
     else:
         path = Path(source)
-        data = bytes_of(path, "the file of a record is needed")
-        if not data:
+        content = bytes_of(path, "the file of a record is needed")
+        if not content:
             raise InputError(f"{path}: is empty; a header and at least one row are needed")
-        if path.suffix.lower() == ".parquet" and not data.startswith(MAGIC):
+        if path.suffix.lower() == ".parquet" and not content.startswith(MAGIC):
             raise RecordError(path, None, None, "is not a Parquet file (it does not begin with PAR1)")
     # a table in memory cannot be corrupt
-    found = all_faults(path, data, kinds, trusted=trusted or in_memory)
+    faults = all_faults(path, content, kinds, trusted=trusted or in_memory)
     try:
-        raise next(found)
+        raise next(faults)
     except StopIteration as done:
         columns: Columns = done.value
-    said = extra_warning(columns) + warnings(columns)
-    return replace(record_of(columns), warnings=said, sha256=hashlib.sha256(data).hexdigest())
+    lines = extra_warning(columns) + warnings(columns)
+    return replace(record_of(columns), warnings=lines, sha256=hashlib.sha256(content).hexdigest())
 
 
-def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, trusted: bool = False) -> Faults:
+def all_faults(path: Path, content: bytes, kinds: Sequence[Kind] = KINDS, *, trusted: bool = False) -> Faults:
     """Everything that is wrong with the columns and numbers of a record's file, of which `data` are the bytes.
 
     First the faults of the table and of its fields come, in the order of the rows; then those of the numbers. Returned
@@ -189,16 +189,16 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
     Parquet file that this process made are trusted not to be corrupt.
     """
     try:
-        if is_workbook(data):
+        if is_workbook(content):
             raise RecordError(path, None, None, "is a workbook")
-        if data.startswith(PACKED):
+        if content.startswith(PACKED):
             raise RecordError(path, None, None, "is packed by gzip")
-        if data.startswith(MAGIC):
-            columns = _read_parquet(path, data, kinds, trusted=trusted)
+        if content.startswith(MAGIC):
+            columns = _read_parquet(path, content, kinds, trusted=trusted)
         else:
-            columns = yield from _read_csv(path, data, kinds)
+            columns = yield from _read_csv(path, content, kinds)
     except RecordError as error:
-        yield _with_import(error, path, data)
+        yield _with_import(error, path, content)
         return None
     if columns is not None:
         columns = with_force(columns)
@@ -206,10 +206,10 @@ def all_faults(path: Path, data: bytes, kinds: Sequence[Kind] = KINDS, *, truste
     return columns
 
 
-def _with_import(error: RecordError, path: Path, data: bytes) -> RecordError:
+def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
     """What is wrong with a file that is no record, and the command that makes one of what a laboratory wrote."""
-    read = is_workbook(data) or data[:2] in (PACKED, b"\xff\xfe", b"\xfe\xff") or b"\0" not in data
-    if not read or data.startswith(MAGIC) or not data.strip() or "no rows follow" in error.what:
+    is_readable = is_workbook(content) or content[:2] in (PACKED, b"\xff\xfe", b"\xfe\xff") or b"\0" not in content
+    if not is_readable or content.startswith(MAGIC) or not content.strip() or "no rows follow" in error.what:
         return error
     name = shlex.quote(str(path))
     what = f"{error.what}; a laboratory's own file becomes a record by: trihedron import {name} --out RECORD.csv"
@@ -218,17 +218,19 @@ def _with_import(error: RecordError, path: Path, data: bytes) -> RecordError:
 
 def record_of(columns: Columns) -> Record:
     """The values of columns that have no faults."""
-    known = {POSITION: PositionRecord, RAW: RawRecord, **dict.fromkeys(BENCH, BenchRecord)}
-    kind = known.get(columns.layout.kind, StrapdownRecord)
+    classes = {POSITION: PositionRecord, RAW: RawRecord, **dict.fromkeys(BENCH, BenchRecord)}
+    kind = classes.get(columns.layout.kind, StrapdownRecord)
     values: dict[str, Any] = {"path": columns.path, "row": columns.row, "about": columns.comments.about}
-    for name, own in kind.groups.items():
-        if own[0] not in columns.layout.present:
+    for name, columns_of_group in kind.groups.items():
+        if columns_of_group[0] not in columns.layout.present:
             values[name] = None
-        elif own[0] == MOUNTING:
+        elif columns_of_group[0] == MOUNTING:
             values[name] = columns.mounting
         else:
-            numbers = columns.numbers[own[0]] if len(own) == 1 else columns.group(own)
-            values[name] = np.deg2rad(numbers) if own[0] in ANGLES else numbers
+            numbers = (
+                columns.numbers[columns_of_group[0]] if len(columns_of_group) == 1 else columns.group(columns_of_group)
+            )
+            values[name] = np.deg2rad(numbers) if columns_of_group[0] in ANGLES else numbers
     if values.get("attitude") is not None:
         # a row of NaN where it is not known
         values["attitude"][spoilt_attitudes(columns)] = np.nan
@@ -245,9 +247,9 @@ def record_of(columns: Columns) -> Record:
     return kind(**values)
 
 
-def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
+def _read_csv(path: Path, content: bytes, kinds: Sequence[Kind]) -> Faults:
     """CSV: UTF-8, comma, one header line, comments with `#`; raises RecordError where there is no table at all."""
-    lines = _lines(path, data)
+    lines = _lines(path, content)
     written = [bool(line) and line[0] != "#" and not line.isspace() for line in lines]
     rows = np.flatnonzero(written) + 1
     body = list(compress(lines, written))
@@ -268,28 +270,28 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
     place = {name: names.index(name) for name in sorted(layout.present, key=names.index)}
     parts: dict[str, list[np.ndarray]] = {name: [] for name in layout.numbers}
     mounting: list[str] = []
-    kept: list[np.ndarray] = []
+    blocks: list[np.ndarray] = []
     digits = dict.fromkeys(layout.numbers, 0)
-    for start in tracked(range(1, len(body), PART), "reading", show=len(data) >= LARGE):
+    for start in tracked(range(1, len(body), PART), "reading", show=len(content) >= LARGE):
         some, where = body[start : start + PART], rows[start : start + PART]
-        taken = taken_of(some, len(names), place)
-        if taken is None:
-            whole = np.ones(len(some), dtype=bool)
+        block_columns = taken_of(some, len(names), place)
+        if block_columns is None:
+            complete = np.ones(len(some), dtype=bool)
             for k, line in enumerate(some):
                 for fault in faults_of_line(path, int(where[k]), line, len(names), place):
-                    whole[k] = False
+                    complete[k] = False
                     yield fault
-            where = where[whole]
-            taken = taken_of(list(compress(some, whole)), len(names), place)
-            assert taken is not None, f"{path}: a row was refused without a fault"
-        texts, numbers = taken
+            where = where[complete]
+            block_columns = taken_of(list(compress(some, complete)), len(names), place)
+            assert block_columns is not None, f"{path}: a row was refused without a fault"
+        texts, numbers = block_columns
         for name in layout.numbers:
             parts[name].append(numbers[name])
             if start == 1:
                 digits[name] = max(map(significant_digits, texts[name]), default=0)
         mounting += [text.strip() for text in texts.get(MOUNTING, ())]
-        kept.append(where)
-    if not sum(map(len, kept)):
+        blocks.append(where)
+    if not sum(map(len, blocks)):
         return None
     values = {name: np.concatenate(part) for name, part in parts.items()}
 
@@ -305,7 +307,7 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
         layout,
         values,
         tuple(mounting) if MOUNTING in place else None,
-        np.concatenate(kept),
+        np.concatenate(blocks),
         max(resolution(*FORCE), comments.resolution),
         max(resolution(*ANGLES), comments.angle),
         max(resolution(TEMPERATURE), comments.temperature),
@@ -315,8 +317,8 @@ def _read_csv(path: Path, data: bytes, kinds: Sequence[Kind]) -> Faults:
 
 def significant_digits(text: str) -> int:
     """How many digits of a number are written, leading zeros not counted: 4 for "-0.01230"."""
-    found = _DIGITS.fullmatch(text)
-    return len((found[1] + found[2]).lstrip("0")) if found else 0
+    match = _DIGITS.fullmatch(text)
+    return len((match[1] + match[2]).lstrip("0")) if match else 0
 
 
 def written_resolution(largest: float, digits: int) -> float:
@@ -330,20 +332,20 @@ def written_resolution(largest: float, digits: int) -> float:
     return 0.5 * 10.0 ** (math.floor(math.log10(largest)) - digits + 1)
 
 
-def _lines(path: Path, data: bytes) -> list[str]:
+def _lines(path: Path, content: bytes) -> list[str]:
     """The lines as an editor counts them; the byte order mark is dropped."""
-    zero = data.find(b"\0")
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    zero = content.find(b"\0")
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise RecordError(path, None, None, "is UTF-16; save it as UTF-8")
     if zero >= 0:
         raise RecordError(path, None, None, f"is a binary file (byte {zero} is 0); a CSV or Parquet file is needed")
     try:
-        text = data.decode("utf-8-sig")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         # the codec counts from behind the byte order mark
-        at = error.start + (3 if data.startswith(b"\xef\xbb\xbf") else 0)
-        row = data[:at].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
-        what = f"byte {at} (0x{data[at]:02x}) is not UTF-8; save the file as UTF-8"
+        at = error.start + (3 if content.startswith(b"\xef\xbb\xbf") else 0)
+        row = content[:at].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
+        what = f"byte {at} (0x{content[at]:02x}) is not UTF-8; save the file as UTF-8"
         raise RecordError(path, row, None, what) from error
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
@@ -445,17 +447,17 @@ def _too_many(path: Path, layout: Layout, rows: int) -> RecordError:
     return RecordError(path, None, None, f"has {rows} rows; at most {most} are read of a {layout.kind.name}")
 
 
-def _read_parquet(path: Path, data: bytes, kinds: Sequence[Kind], *, trusted: bool) -> Columns:
+def _read_parquet(path: Path, content: bytes, kinds: Sequence[Kind], *, trusted: bool) -> Columns:
     """Parquet with the same column names; rows count from 1; raises RecordError for the first fault."""
-    wrong = None if trusted else fault_of_parquet(data)
+    wrong = None if trusted else fault_of_parquet(content)
     if wrong is not None:
         raise RecordError(path, None, None, wrong)
     try:
-        layout: Layout = recognise(path, list(pl.read_parquet_schema(io.BytesIO(data))), None, kinds)
-        rows = pl.scan_parquet(io.BytesIO(data)).select(pl.len()).collect().item()
+        layout: Layout = recognise(path, list(pl.read_parquet_schema(io.BytesIO(content))), None, kinds)
+        rows = pl.scan_parquet(io.BytesIO(content)).select(pl.len()).collect().item()
         if rows > layout.kind.most_rows:
             raise _too_many(path, layout, rows)
-        frame = pl.read_parquet(io.BytesIO(data), columns=list(layout.present))
+        frame = pl.read_parquet(io.BytesIO(content), columns=list(layout.present))
     except (pl.exceptions.PolarsError, OSError, ValueError, OverflowError) as error:
         raise _unreadable(path, str(error)) from error
     if frame.height == 0:

@@ -94,36 +94,36 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
     `time_s` is the middle of the averaging interval, `row` the line of its first row; the approach columns are there
     when every rest was preceded by a move of that axis; `scatter` is each mean's standard error.
     """
-    used = [rest for rest in rests if rest.refused is None]
-    if not used:
+    averaged = [rest for rest in rests if rest.refused is None]
+    if not averaged:
         why = f"the angles keep their level nowhere for {WINDOW} rows"
         if rests:
             why = f"row {raw.row[rests[0].first]}: {rests[0].refused}" + (", and others" if len(rests) > 1 else "")
         raise InputError(f"{raw.path}: no rest of the table can be averaged: {why}")
     angles = angles_of(raw)
-    kept = [rest.kept for rest in used]
+    slices = [rest.kept for rest in averaged]
     # the encoder's own turn again, so that angles stand as they were read
-    turns = [read - angle for read, angle in zip((raw.alpha, raw.beta), angles.T, strict=True)]
-    mean_angle = np.array([mean_of(angles[rows]) for rows in kept])
-    mean_angle += np.array([[turn[rows.start] for turn in turns] for rows in kept])
+    turns = [reading - angle for reading, angle in zip((raw.alpha, raw.beta), angles.T, strict=True)]
+    mean_angle = np.array([mean_of(angles[rows]) for rows in slices])
+    mean_angle += np.array([[turn[rows.start] for turn in turns] for rows in slices])
     temperature = raw.temperature
     return PositionRecord(
-        position=np.arange(1, len(used) + 1),
-        time_s=np.array([0.5 * (raw.time_s[rows.start] + raw.time_s[rows.stop - 1]) for rows in kept]),
+        position=np.arange(1, len(averaged) + 1),
+        time_s=np.array([0.5 * (raw.time_s[rows.start] + raw.time_s[rows.stop - 1]) for rows in slices]),
         alpha=mean_angle[:, 0],
         beta=mean_angle[:, 1],
-        specific_force=np.array([mean_of(raw.specific_force[rows]) for rows in kept]),
-        temperature=None if temperature is None else np.array([mean_of(temperature[rows]) for rows in kept]),
-        approach_alpha=_approach(angles[:, 0], used),
-        approach_beta=_approach(angles[:, 1], used),
+        specific_force=np.array([mean_of(raw.specific_force[rows]) for rows in slices]),
+        temperature=None if temperature is None else np.array([mean_of(temperature[rows]) for rows in slices]),
+        approach_alpha=_approach(angles[:, 0], averaged),
+        approach_beta=_approach(angles[:, 1], averaged),
         resolution=raw.resolution,
-        row=np.array([raw.row[rows.start] for rows in kept]),
+        row=np.array([raw.row[rows.start] for rows in slices]),
         path=raw.path,
         sha256=raw.sha256,
         channels=raw.channels,
         warnings=raw.warnings + _said(raw, rests),
-        scatter=np.array([scatter_of_mean(raw.specific_force[rows]) for rows in kept]),
-        dwell_noise=dwell_noise(raw, kept),
+        scatter=np.array([scatter_of_mean(raw.specific_force[rows]) for rows in slices]),
+        dwell_noise=dwell_noise(raw, slices),
         raw=raw,
         rests=tuple(rests),
     )
@@ -162,26 +162,26 @@ def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int
     rows = slice(start, end + 1)
     turning = trend_of(raw.time_s[rows], angles[rows], angle_floor)
     drifting = trend_of(raw.time_s[rows], raw.specific_force[rows], floor)
-    said = [_turning(axis, turning) for axis in np.flatnonzero(turning.significant)]
-    said += [
+    trends = [_turning(axis, turning) for axis in np.flatnonzero(turning.significant)]
+    trends += [
         f"f{axis + 1} drifts by {digits(drifting.change[axis] / STANDARD_GRAVITY, 2)} g"
         for axis in np.flatnonzero(drifting.significant)
     ]
-    return Rest(first, last, start, end, trends=tuple(f"{text} in {_lasts(raw, rows)}" for text in said))
+    return Rest(first, last, start, end, trends=tuple(f"{text} in {_lasts(raw, rows)}" for text in trends))
 
 
 def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
     """Refuse rests in which a reading drifts as it does in none of the others, and by more than it scatters."""
-    used = [k for k, rest in enumerate(rests) if rest.refused is None]
-    if len(used) < FEWEST_COMPARED:
+    places = [k for k, rest in enumerate(rests) if rest.refused is None]
+    if len(places) < FEWEST_COMPARED:
         return rests
     trends, rates = [], []
-    for k in used:
+    for k in places:
         time = raw.time_s[rests[k].kept]
         trends.append(trend_of(time, raw.specific_force[rests[k].kept], reading_floor(raw)))
         rates.append(np.abs(trends[-1].change) / (time[-1] - time[0]))
     usual = np.median(rates, axis=0)
-    for k, trend, rate in zip(used, trends, rates, strict=True):
+    for k, trend, rate in zip(places, trends, rates, strict=True):
         rows = rests[k].kept
         for axis in np.flatnonzero(trend.significant & (rate > UNUSUAL * usual)):
             change = trend.change[axis]
