@@ -1,5 +1,6 @@
 """Rows of texts as the columns of a record: numbers in its units, times from the first row, readings averaged."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -30,7 +31,7 @@ from .mapping import OPEN
 from .names import DATE, SAMPLE, TIMES
 from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Table
-from .units import DEGREE, TIME, known_unit, unit_of
+from .units import DEGREE, TIME, Unit, known_unit, unit_of
 
 DIGITS_OF = 2000
 """Rows from which it is seen how finely numbers are written."""
@@ -96,11 +97,12 @@ def converted(table: Table) -> Conversion:
             values = (_values(table, column, texts[column], lines) - origin.offset) * origin.sign
             # Units of angles give degrees; of all columns those of increments alone are in radians.
             size = DEGREE if column in INCREMENT else 1.0
-            unit = origin.unit
-            numbers[column] = values if unit is None else values * (unit.factor * size) + unit.offset
+            if origin.unit is not None:
+                values = values * (origin.unit.factor * size) + origin.unit.offset
+            numbers[column] = values
     if TIMES not in numbers:
-        unit = unit_of(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s")
-        numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * (unit.factor if unit is not None else 1.0)
+        period = unit_of(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s") or Unit(TIME, 1.0)
+        numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * period.factor
     if QUATERNION[0] in numbers and table.whole_mapping.attitude == "reference to body":
         for column in QUATERNION[1:]:
             numbers[column] = -numbers[column]
@@ -115,49 +117,49 @@ def _texts(table: Table) -> tuple[dict[str, list[str]], list[int], dict[str, lis
     """The texts of the columns, row by row, and their lines; rows without a number are left out, by reason."""
     missing, marked, origins = table.mapping.missing, table.is_marked, table.origins
     # readings side by side are rows of their own, with all else alike
-    places = [[field.place for field in (origin.field, *origin.beside)] for origin in origins.values()]
-    turns = []
-    for k in range(max(map(len, places), default=1)):
-        turns.append([places_of_column[k % len(places_of_column)] for places_of_column in places])
-    needed = [(k, column) for k, column in enumerate(origins) if column not in QUATERNION]
-    numeric = [(k, column) for k, column in enumerate(origins) if origins[column].form == NUMBER]
-    rows: list[list[str]] = []
+    turns: list[dict[str, int]] = []
+    for k in range(max((1 + len(origin.beside) for origin in origins.values()), default=1)):
+        turn = {}
+        for column, origin in origins.items():
+            fields = (origin.field, *origin.beside)
+            turn[column] = fields[k % len(fields)].place
+        turns.append(turn)
+    numeric = [column for column, origin in origins.items() if origin.form == NUMBER]
+    texts: dict[str, list[str]] = {column: [] for column in origins}
     lines: list[int] = []
     left_out: dict[str, list[int]] = {}
-    empty: dict[str, int] = {}
+    empty: Counter[str] = Counter()
+    count = 0
     for line, row in table.sheet.rows(table.layout.first, table.layout.last or None):
         is_comment = not marked and row[0].lstrip().startswith(COMMENT) and not is_missing(row[0], missing)
         for turn in turns:
-            if is_comment:
-                left_out.setdefault("comments", []).append(line)
-                continue
-            cells = [row[place] if place < len(row) else "" for place in turn]
+            count += 1
+            cells = {column: row[place] if place < len(row) else "" for column, place in turn.items()}
+            lacking, why = [], "comments" if is_comment else ""
             # what ends with a digit is not missing
-            if missing or not all(text[-1:].isdigit() for text in cells):
-                lacking = [column for k, column in needed if is_missing(cells[k], missing)]
+            if not why and (missing or not all(text[-1:].isdigit() for text in cells.values())):
+                lacking = [c for c, text in cells.items() if c not in QUATERNION and is_missing(text, missing)]
                 if lacking:
-                    left_out.setdefault("a number is missing", []).append(line)
-                    for column in lacking:
-                        empty[column] = empty.get(column, 0) + 1
-                    continue
-                if all(table.reading(column, cells[k]) is None for k, column in numeric):
-                    left_out.setdefault("words, no numbers", []).append(line)
-                    continue
+                    why = "a number is missing"
+                elif all(table.reading(column, cells[column]) is None for column in numeric):
+                    why = "words, no numbers"
+            if why:
+                left_out.setdefault(why, []).append(line)
+                empty.update(lacking)
+                continue
             lines.append(line)
-            rows.append(cells)
-    columns = map(list, zip(*rows, strict=True)) if rows else [[] for _ in origins]
-    texts = dict(zip(origins, columns, strict=True))
-    count = len(lines) + sum(map(len, left_out.values()))
+            for column, text in cells.items():
+                texts[column].append(text)
     if len(left_out.get("a number is missing", ())) > MOST_LEFT_OUT * count and table.mapping.incomplete in ("", OPEN):
         _ask_of_gaps(table, empty, count)
         return texts, [], left_out
     return texts, lines, left_out
 
 
-def _ask_of_gaps(table: Table, empty: dict[str, int], count: int) -> None:
+def _ask_of_gaps(table: Table, empty: Counter[str], count: int) -> None:
     """Ask what to do with many rows without a number, by the column that lacks most of them."""
-    worst = max(empty, key=lambda column: empty[column])
-    why = f"{empty[worst]} of {count} rows have no number in {table.origins[worst].name!r}"
+    worst, lacking = empty.most_common(1)[0]
+    why = f"{lacking} of {count} rows have no number in {table.origins[worst].name!r}"
     if worst in (*table.kind.optional, DATE):
         table.ask(f"columns.{worst}", ("none",), f"{why}; --set 'incomplete=leave out' leaves out the rows")
     else:

@@ -40,7 +40,7 @@ MOST_WORDS = 6
 """Different words in a column of numbers that a question names, at most."""
 MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
 """More numbers in another notation, (1.5) or 1.5- or 0x1F, are refused."""
-COLUMNS = frozenset((*QUANTITY_OF, "position", DATE, *QUATERNION, *APPROACH, MOUNTING))
+COLUMNS = QUANTITY_OF.keys() | {"position", DATE, MOUNTING} | set(QUATERNION + APPROACH)
 """Columns of a record that a mapping may name."""
 
 
@@ -87,13 +87,13 @@ def _fields_of_columns(table: Table) -> dict[str, Field]:
     for field in filled:
         if field.head.column and field.head.column not in mapped and field not in fields.values():
             candidates.setdefault(field.head.column, []).append(field)
-    if candidates.keys() >= {*FORCE} and not candidates.keys() & {*RATE, *ANGLES}:
+    if candidates.keys() >= set(FORCE) and candidates.keys().isdisjoint(RATE + ANGLES):
         for field in filled:
             gyro = gyro_of(field.head)
             if gyro and gyro not in mapped:
                 candidates.setdefault(gyro, []).append(field)
     for columns in (RATE, FORCE):
-        if not (candidates.keys() | fields.keys() | mapped) & {*columns, *INCREMENT}:
+        if (candidates.keys() | fields.keys() | mapped).isdisjoint(columns + INCREMENT):
             candidates |= _by_unit(filled, columns)
     fields |= _readings_beside(table, filled, candidates.keys() | fields.keys() | mapped)
     _refuse_parts(table, filled, candidates)
@@ -122,7 +122,7 @@ def _by_unit(filled: list[Field], columns: tuple[str, ...]) -> dict[str, list[Fi
     if len(triads) != 1:
         return {}
     stem, triad = triads.popitem()
-    if triad.keys() != {*"xyz"} or NO_READING & {*stem.split()}:
+    if triad.keys() != set("xyz") or not NO_READING.isdisjoint(stem.split()):
         return {}
     return {column: [triad[axis]] for column, axis in zip(columns, "xyz", strict=True)}
 
@@ -147,21 +147,27 @@ def _readings_beside(table: Table, filled: list[Field], columns: set[str]) -> di
     Whether columns with numbers are readings or sensors is asked where their names do not say it.
     """
     groups: dict[str, dict[int, Field]] = {column: {} for column in FORCE}
-    numbered = [field for field in filled if field.head.numbered]
-    for field in numbered:
-        groups[field.head.numbered].setdefault(field.head.number, field)
-    first, second, third = (sorted(group) for group in groups.values())
-    if len(first) < 2 or not first == second == third or columns & {*FORCE, *RATE, *INCREMENT}:
+    units, texts, are_readings = set[str](), list[str](), True
+    for field in filled:
+        head = field.head
+        if head.numbered and head.number not in groups[head.numbered]:
+            groups[head.numbered][head.number] = field
+            units.add(head.unit)
+            texts.append(head.text)
+            are_readings = are_readings and head.reading
+    x, y, z = groups.values()
+    if len(x) < 2 or not x.keys() == y.keys() == z.keys() or not columns.isdisjoint(FORCE + RATE + INCREMENT):
         return {}
-    fields = [field for group in groups.values() for field in group.values()]
-    if table.mapping.beside == "none" or len({field.head.unit for field in fields}) > 1:
+    if table.mapping.beside == "none" or len(units) > 1:
         return {}
-    if table.mapping.beside != "average" and not all(field.head.reading for field in fields):
-        fields.sort(key=lambda field: field.place)
-        names = f"{fields[0].head.text!r} to {fields[-1].head.text!r}"
-        table.ask("beside", ("average", "none"), f"whether {names} are readings of one rest, or other sensors (none)")
-    table.beside |= {column: tuple(group[k] for k in first[1:]) for column, group in groups.items()}
-    return {column: group[first[0]] for column, group in groups.items()}
+    if table.mapping.beside != "average" and not are_readings:
+        why = f"whether {texts[0]!r} to {texts[-1]!r} are readings of one rest, or other sensors (none)"
+        table.ask("beside", ("average", "none"), why)
+    first = {}
+    for column, group in groups.items():
+        first[column], *further = (group[number] for number in sorted(group))
+        table.beside[column] = tuple(further)
+    return first
 
 
 def _field_named(table: Table, column: str, name: str) -> Field:
@@ -178,9 +184,9 @@ def _field_named(table: Table, column: str, name: str) -> Field:
 
 def _decide_kind(table: Table, fields: dict[str, Field]) -> None:
     """Decide the kind of record, and ask for those of its columns that are missing."""
-    of_table = any(column in fields for column in ANGLES)
-    of_block = any(column in fields for column in (*RATE, *INCREMENT))
-    columns = [*fields.values()]
+    of_table = not fields.keys().isdisjoint(ANGLES)
+    of_block = not fields.keys().isdisjoint(RATE + INCREMENT)
+    columns = list(fields.values())
     for further in table.beside.values():
         columns += further
     free = [field.label for field in table.fields if field not in columns and field.cells]
@@ -202,13 +208,11 @@ def _decide_kind(table: Table, fields: dict[str, Field]) -> None:
             required = FORCE
         name = STRAPDOWN_RATES.name if of_block and not of_table else POSITION.name
     table.kind = next(kind for kind in KINDS if kind.name == name and kind is not STRAPDOWN_VELOCITIES)
-    if name == STRAPDOWN_RATES.name and any(column in fields for column in INCREMENT):
-        with_velocity = any(column in fields for column in VELOCITY)
-        table.kind = STRAPDOWN_VELOCITIES if with_velocity else STRAPDOWN_INCREMENTS
+    if name == STRAPDOWN_RATES.name and not fields.keys().isdisjoint(INCREMENT):
+        table.kind = STRAPDOWN_INCREMENTS if fields.keys().isdisjoint(VELOCITY) else STRAPDOWN_VELOCITIES
     table.settled["kind"] = name
-    keys = [question.key for question in table.questions]
     for column in required or table.kind.required:
-        if column not in fields and f"columns.{column}" not in keys and column not in ("position", TIMES):
+        if column not in fields and column not in ("position", TIMES):
             table.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
 
 
@@ -397,7 +401,7 @@ def _decide_readings(table: Table) -> None:
     """Decide whether rows at one position are readings of one rest: by their numbers, else asked where rows stand."""
     mapping = table.mapping
     table.settled["readings"] = mapping.readings.replace(OPEN, "")
-    if table.kind not in (POSITION, RAW) or mapping.kind == RAW.name or not table.origins.keys() >= {*ANGLES}:
+    if table.kind not in (POSITION, RAW) or mapping.kind == RAW.name or not table.origins.keys() >= set(ANGLES):
         return
     if mapping.readings in ("average", "each") or "position" in table.origins:
         return

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise
+from itertools import islice, pairwise, zip_longest
 
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
@@ -256,14 +256,19 @@ def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
             if column in row_of:
                 return None
             row_of[column] = k
-    if not {*FORCE, *ANGLES} <= row_of.keys():
+    if not row_of.keys() >= set(FORCE + ANGLES):
         return None
     first, last = min(row_of.values()), max(row_of.values())
-    texts_of = [texts for _, texts in rows]
-    inside = texts_of[first : last + 1]
-    filled_places = [place for texts in inside for place, text in enumerate(texts) if text.strip()]
-    columns = [[cell(texts, place) for texts in inside] for place in range(min(filled_places), max(map(len, inside)))]
-    cells = texts_of[:first] + texts_of[last + 1 :] + [[]] + columns
+    cells: list[list[str]] = []
+    inside: list[list[str]] = []
+    for k, (_, texts) in enumerate(rows):
+        part = inside if first <= k <= last else cells
+        part.append(texts)
+    cells.append([])
+    columns = list(zip_longest(*inside, fillvalue=""))
+    while not any(text.strip() for text in columns[0]):
+        columns.pop(0)
+    cells += map(list, columns)
     return replace(sheet, cells=cells, shape="a column for each position, turned")
 
 
@@ -296,7 +301,7 @@ def _flat(sheet: Sheet, rows: list[Row]) -> Sheet | None:
     if blocks < LEAST_BLOCKS or any(heading(name).column in ANGLES for name in names):
         return None
     name_of = _names_of(readings[0][1])
-    if not {*ANGLES} <= name_of.keys():
+    if not name_of.keys() >= set(ANGLES):
         return None
     for line, rest, _ in readings:
         if _names_of(rest) != name_of:

@@ -221,8 +221,10 @@ def _date(year: str, month: int, on: str) -> date | None:
 
 def orders_of(texts: Iterable[str]) -> list[str]:
     """The orders of day, month and year in which all texts are dates."""
-    texts = list(texts)
-    return [order for order in ORDERS if all(day(text, order) is not None for text in texts)]
+    orders = list(ORDERS)
+    for text in texts:
+        orders = [order for order in orders if day(text, order) is not None]
+    return orders
 
 
 def _spelled(text: str) -> str:

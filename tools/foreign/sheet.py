@@ -343,13 +343,16 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
         what = f"{len(ends) - 1} parts with a header; one is read" if ends else "no end of its header"
         raise InputError(f"{path}: is a LabVIEW measurement file with {what}")
     of_file, of_table = ends
-    stripped = [text.strip() for text in lines[:of_file]]
-    separator, mark = (",", ",") if "Separator,Comma" in stripped else ("tab", "\t")
+    separator, mark = "tab", "\t"
+    if "Separator,Comma" in map(str.strip, lines[:of_file]):
+        separator = mark = ","
     header: dict[str, list[str]] = {}
+    first: dict[str, str] = {}
     for text in lines[:of_table]:
-        key, *cells = [cell.strip() for cell in text.split(mark)]
-        header.setdefault(key, cells)
-    first = {key: cells[0] for key, cells in header.items() if cells}
+        key, *cells = map(str.strip, text.split(mark))
+        if key not in header:
+            header[key] = cells
+            first[key] = cells[0] if cells else ""
     decimal = first.get("Decimal_Separator") or "."
     if decimal not in (".", ","):
         raise InputError(f"{path}: Decimal_Separator {decimal!r}: is neither a point nor a comma")
@@ -394,7 +397,10 @@ def sheet_of_workbook(sheets: list[Sheet], path: Path, name: str) -> Sheet:
 
 def _cells(rows: list[list[str | float]]) -> list[list[str]]:
     """Texts of cells; numbers remember that they were such."""
-    return [[value if isinstance(value, str) else Typed(repr(value)) for value in row] for row in rows]
+    cells: list[list[str]] = []
+    for row in rows:
+        cells.append([value if isinstance(value, str) else Typed(repr(value)) for value in row])
+    return cells
 
 
 def _repacked(path: Path, archive_bytes: bytes) -> bytes:
