@@ -111,10 +111,10 @@ class AttitudeRun(Result):
     period: float = Field(alias="period_s")
     updates: int
     judged_updates: int
-    rms: float | None = Field(alias="error_rms_rad")
-    maximum: float | None = Field(alias="error_max_rad")
-    final: float | None = Field(alias="error_at_end_rad")
-    drift: float | None = Field(alias="drift_radps")
+    rms: float | None = Field(default=None, alias="error_rms_rad")
+    maximum: float | None = Field(default=None, alias="error_max_rad")
+    final: float | None = Field(default=None, alias="error_at_end_rad")
+    drift: float | None = Field(default=None, alias="drift_radps")
     bridges: tuple[Bridge, ...] = Field(default=(), alias="bridged_gaps")
     bridged_bound: float = Field(default=0.0, alias="bridged_bound_rad")
     saturated: dict[str, int] = Field(default_factory=dict, alias="saturated_rows")
@@ -247,7 +247,10 @@ def attitude_of_record(
     simulation = simulate(scenario, marks=[(pl.col("time_s") < source.worthless_from).alias("trusted")], **run)
     updated = simulation.table["updated"].to_numpy()
     attitude = simulation.table.select(QUATERNION).to_numpy()[updated]
-    velocity = None if increments.velocity is None else simulation.table.select(SPEED).to_numpy()[updated]
+    velocity = velocity_at_end = None
+    if increments.velocity is not None:
+        velocity = simulation.table.select(SPEED).to_numpy()[updated]
+        velocity_at_end = tuple(velocity[-1].tolist())
     index = first + rate_divisor * np.flatnonzero(updated)
     error = np.full((len(index), 3), np.nan)
     if record.attitude is not None:
@@ -259,11 +262,17 @@ def attitude_of_record(
         heading, tilt = np.full(len(index), np.nan), np.full(len(index), np.nan)
         judged = np.isfinite(error).all(axis=1)
         heading[judged], tilt[judged] = heading_and_tilt(error[judged])
-    angle = np.linalg.norm(error, axis=1)
+    angle, time = np.linalg.norm(error, axis=1), increments.time_s[updated]
     is_known = judged_updates(angle)
-    time, known_angle = increments.time_s[updated], angle[is_known]
-    elapsed = time[is_known] - time[0]
-    is_judged = bool(is_known.any())
+    figures: dict[str, Any] = {}
+    if is_known.any():
+        known_angle, elapsed = angle[is_known], time[is_known] - time[0]
+        figures = {
+            "error_rms_rad": float(np.sqrt(np.mean(known_angle**2))),
+            "error_max_rad": float(known_angle.max()),
+            "error_at_end_rad": float(known_angle[-1]),
+            "drift_radps": float(elapsed @ known_angle / (elapsed @ elapsed)),
+        }
     return AttitudeRun(
         record=record.path,
         algorithm=algorithm,
@@ -272,10 +281,7 @@ def attitude_of_record(
         period_s=increments.period,
         updates=len(index) - 1,
         judged_updates=int(is_known.sum()),
-        error_rms_rad=float(np.sqrt(np.mean(known_angle**2))) if is_judged else None,
-        error_max_rad=float(known_angle.max()) if is_judged else None,
-        error_at_end_rad=float(known_angle[-1]) if is_judged else None,
-        drift_radps=float(elapsed @ known_angle / (elapsed @ elapsed)) if is_judged else None,
+        **figures,
         bridged_gaps=source.bridges,
         bridged_bound_rad=source.bridged_bound,
         saturated_rows={name: int(mask.sum()) for name, mask in limited.rows.items() if name.startswith("w")},
@@ -286,7 +292,7 @@ def attitude_of_record(
         time_s=time,
         attitude=attitude,
         velocity=velocity,
-        velocity_at_end_mps=None if velocity is None else tuple(velocity[-1].tolist()),
+        velocity_at_end_mps=velocity_at_end,
         error_rad=error,
         error_angle=angle,
         heading=heading,

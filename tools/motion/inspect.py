@@ -200,9 +200,11 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     moving = np.ones(len(record), dtype=bool)
     for rows in rests.rows:
         moving[rows] = False
-    level = np.median(rests.rate, axis=0) if len(rests) else np.zeros(3)
-    excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0)) if moving.any() else np.zeros(3)
-    noise = rests.noise[:3] if len(rests) else np.zeros(3)
+    level = noise = excitation = np.zeros(3)
+    if len(rests):
+        level, noise = np.median(rests.rate, axis=0), rests.noise[:3]
+    if moving.any():
+        excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0))
     # Where many turns are more than half a turn they are no glitches: the unit is wrong.
     broken = sampling.broken if sampling.wrapped < FEW * len(record) else record.knocks
     calibration = gyros = None
@@ -234,11 +236,12 @@ def _moves(record: StrapdownRecord, rests: Rests, rate: NDArray) -> tuple[Move, 
     """Duration and turn of each move between rests."""
     speed = np.linalg.norm(rate, axis=1)
     steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(record.time_s)
-    between = [(a.stop - 1, b.start) for a, b in pairwise(rests.rows)]
-    return tuple(
-        Move(length_s=float(record.time_s[last] - record.time_s[first]), turn_rad=float(steps[first:last].sum()))
-        for first, last in between
-    )
+    moves = []
+    for before, behind in pairwise(rests.rows):
+        first, last = before.stop - 1, behind.start
+        length = float(record.time_s[last] - record.time_s[first])
+        moves.append(Move(length_s=length, turn_rad=float(steps[first:last].sum())))
+    return tuple(moves)
 
 
 def gyros_at_rest(rests: Rests, noise: RestNoise, seconds: NDArray, up: NDArray) -> GyrosAtRest:
@@ -261,10 +264,12 @@ def gyros_at_rest(rests: Rests, noise: RestNoise, seconds: NDArray, up: NDArray)
     bound = np.maximum(factor_for(rate.size) * np.sqrt(noise.rate_square(seconds)), LEAST_BOUND) + EARTH_RATE
     terms = {"drift": (time_s - time_s[:1]).reshape(-1, 1) / 3600.0, "gravity": up}
     not_tried = []
-    if temperature is not None and np.ptp(temperature) > 0.0:
+    if temperature is None:
+        not_tried.append("temperature: not in the record")
+    elif np.ptp(temperature) > 0.0:
         terms["temperature"] = temperature.reshape(-1, 1) - 20.0
     else:
-        not_tried.append("temperature: " + ("not in the record" if temperature is None else "does not change"))
+        not_tried.append("temperature: does not change")
     models: list[RestModel] = []
     for size in range(len(terms) + 1):
         fits = []
@@ -272,27 +277,35 @@ def gyros_at_rest(rests: Rests, noise: RestNoise, seconds: NDArray, up: NDArray)
             design = np.hstack([np.ones((len(rate), 1)), *(terms[term] for term in chosen)])
             why = _hindrance(design)
             if why is None:
-                programmes = [chebyshev_radius(design, rate[:, p], bound[:, p]) for p in range(3)]
-                radius, coefficients = (
-                    max(fit[0] for fit in programmes),
-                    tuple(tuple(fit[1].tolist()) for fit in programmes),
-                )
-                chance = _by_chance(design, rate, bound, radius) if size and radius <= 1.0 else None
-                stands = radius <= 1.0 and (chance is None or chance <= CHANCE) and not noise.unsteady
-                model = RestModel(
-                    terms=chosen, radius=radius, by_chance=chance, stands=stands, coefficients=coefficients
-                )
-                (fits if radius <= 1.0 else models).append(model)
+                model = _rest_model(chosen, design, rate, bound, steady=not noise.unsteady)
+                if model.radius <= 1.0:
+                    fits.append(model)
+                else:
+                    models.append(model)
             elif size <= 1:
                 not_tried.append(f"{' and '.join(chosen) or 'constant'}: {why}")
         models += fits
         if fits:
             standing = sum(model.stands for model in fits)
             verdict = ("wandering", "named", "ambiguous")[min(standing, 2)]
-            verdict = "constant" if standing and not size else verdict
+            if standing and not size:
+                verdict = "constant"
             return GyrosAtRest(verdict=verdict, models=tuple(models), not_tried=tuple(not_tried))
     verdict = "wandering" if models else "insufficient"
     return GyrosAtRest(verdict=verdict, models=tuple(models), not_tried=tuple(not_tried))
+
+
+def _rest_model(terms: tuple[str, ...], design: NDArray, rate: NDArray, bound: NDArray, *, steady: bool) -> RestModel:
+    """A model (K, n) of the means at rest: it stands where it keeps to the bounds, and shuffles of the rests do not."""
+    radius, coefficients, chance = 0.0, [], None
+    for p in range(3):
+        least, x, _ = chebyshev_radius(design, rate[:, p], bound[:, p])
+        radius = max(radius, least)
+        coefficients.append(tuple(x.tolist()))
+    if terms and radius <= 1.0:
+        chance = _by_chance(design, rate, bound, radius)
+    stands = radius <= 1.0 and steady and (chance is None or chance <= CHANCE)
+    return RestModel(terms=terms, radius=radius, by_chance=chance, stands=stands, coefficients=tuple(coefficients))
 
 
 def _by_chance(design: NDArray, rate: NDArray, bound: NDArray, radius: float) -> float:

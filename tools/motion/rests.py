@@ -322,11 +322,11 @@ def _stretches(resting: NDArray, time: NDArray, period: float) -> list[tuple[int
     """Beginnings and ends of the stretches of quiet rows between moves and gaps."""
     breaks = np.flatnonzero(np.diff(time) > GAP * period) + 1
     edges = np.concatenate([[0], breaks, [len(time)]])
-    return [
-        (int(low + begin), int(low + end))
-        for low, high in pairwise(edges)
-        for begin, end in zip(*runs_of(resting[low:high]), strict=True)
-    ]
+    stretches = []
+    for low, high in pairwise(edges):
+        begins, ends = runs_of(resting[low:high])
+        stretches += zip((low + begins).tolist(), (low + ends).tolist(), strict=True)
+    return stretches
 
 
 def _walks(values: NDArray, noise: NDArray) -> bool:

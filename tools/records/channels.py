@@ -92,11 +92,16 @@ class Channels:
     @property
     def options(self) -> tuple[str, ...]:
         """The values of `--channels` that say it."""
-        options = ["angles=rad"] if self.radians else []
-        options += [f"{name}=-1" for name in ("alpha", "beta") if getattr(self, name) < 0]
-        options += [",".join(map(str, self.accelerometers))] if self.accelerometers != (1, 2, 3) else []
-        options += ["w=" + ",".join(map(str, self.gyros))] if self.gyros != (1, 2, 3) else []
-        return (*options, "w=deg") if self.degrees else tuple(options)
+        usual = Channels()
+        options = {
+            "angles=rad": self.radians,
+            "alpha=-1": self.alpha < 0,
+            "beta=-1": self.beta < 0,
+            ",".join(map(str, self.accelerometers)): self.accelerometers != usual.accelerometers,
+            "w=" + ",".join(map(str, self.gyros)): self.gyros != usual.gyros,
+            "w=deg": self.degrees,
+        }
+        return tuple(option for option, is_needed in options.items() if is_needed)
 
     def __str__(self) -> str:
         """As it is typed; nothing where nothing changes."""
@@ -168,8 +173,12 @@ def advice(ways: Sequence[tuple[Channels, str]], before: Channels | None) -> str
     ways = sorted(ways, key=lambda way: (len(way[0].options), way[0].accelerometers != Channels().accelerometers))
     ways_in_words = []
     for channels, instead in ways[:MOST_LISTED]:
-        ways_in_words += [str(channels.after(before or Channels())) or "no --channels"]
-        ways_in_words += [instead] if instead else []
-    rest = [f"{len(ways) - MOST_LISTED} more"] if len(ways) > MOST_LISTED else []
-    alternatives = "; or ".join([*ways_in_words[1:], *rest])
-    return ways_in_words[0] + (f" (the record cannot tell that from: {alternatives})" if alternatives else "")
+        ways_in_words.append(str(channels.after(before or Channels())) or "no --channels")
+        if instead:
+            ways_in_words.append(instead)
+    if len(ways) > MOST_LISTED:
+        ways_in_words.append(f"{len(ways) - MOST_LISTED} more")
+    first, *alternatives = ways_in_words
+    if not alternatives:
+        return first
+    return f"{first} (the record cannot tell that from: {'; or '.join(alternatives)})"

@@ -167,23 +167,23 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
     if repeated:
         raise RecordError(path, row, None, f"column {quoted(repeated[0])} is there more than once; keep one")
 
-    kind = next((kind for kind in kinds if set(kind.required) <= set(names)), None)
-    if kind is RAW and ({*APPROACH, MOUNTING} & set(names) or get_close_matches("position", names, n=1, cutoff=0.8)):
-        # what only a position record has
+    present = set(names)
+    kind = next((kind for kind in kinds if present.issuperset(kind.required)), None)
+    of_position = not present.isdisjoint((*APPROACH, MOUNTING))
+    if kind is RAW and (of_position or get_close_matches("position", names, n=1, cutoff=0.8)):
         raise RecordError(path, row, None, _what_is_missing(names, POSITION))
     if kind is None:
         raise RecordError(path, row, None, _what_is_missing(names, min(kinds, key=lambda k: _distance(names, k))))
-    if {*RATE, *INCREMENT} <= set(names) and kind in (STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, *BENCH):
+    if present.issuperset(RATE + INCREMENT) and kind in (STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, *BENCH):
         what = "rates (w1_radps..) and increments (dtheta1_rad..) are both there; keep one of them"
         raise RecordError(path, row, None, what)
-    missing = [name for name in QUATERNION if name not in names]
-    if QUATERNION[0] in kind.optional and 0 < len(missing) < 4:
-        raise RecordError(path, row, None, f"column '{missing[0]}' is missing: the attitude needs q0, q1, q2, q3")
-    lacks = [name for name in FORCE if name not in names]
-    if kind is STRAPDOWN_VELOCITIES and 0 < len(lacks) < 3:
-        raise RecordError(path, row, None, f"column '{lacks[0]}' is missing: give f1_mps2..f3_mps2 or none of them")
-    present = tuple(name for name in kind.known if name in names)
-    return Layout(kind, present, tuple(name for name in names if name not in present))
+    groups = {QUATERNION: "the attitude needs q0, q1, q2, q3", FORCE: "give f1_mps2..f3_mps2 or none of them"}
+    for group, advice in groups.items():
+        missing = [name for name in group if name not in present]
+        if group[0] in kind.optional and 0 < len(missing) < len(group):
+            raise RecordError(path, row, None, f"column '{missing[0]}' is missing: {advice}")
+    columns = tuple(name for name in kind.known if name in present)
+    return Layout(kind, columns, tuple(name for name in names if name not in columns))
 
 
 def _distance(names: Sequence[str], kind: Kind) -> tuple[int, int]:

@@ -102,22 +102,25 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         raise InputError(f"{raw.path}: no rest of the table can be averaged: {why}")
     angles = angles_of(raw)
     slices = [rest.kept for rest in averaged]
+    begins, ends = np.array([(rest.kept_first, rest.kept_last) for rest in averaged]).T
+
+    def means(values: np.ndarray) -> np.ndarray:
+        return np.array([mean_of(values[rows]) for rows in slices])
+
     # the encoder's own turn again, so that angles stand as they were read
-    turns = [reading - angle for reading, angle in zip((raw.alpha, raw.beta), angles.T, strict=True)]
-    mean_angle = np.array([mean_of(angles[rows]) for rows in slices])
-    mean_angle += np.array([[turn[rows.start] for turn in turns] for rows in slices])
-    temperature = raw.temperature
+    turns = np.stack([raw.alpha, raw.beta], axis=1) - angles
+    mean_angle = means(angles) + turns[begins]
     return PositionRecord(
         position=np.arange(1, len(averaged) + 1),
-        time_s=np.array([0.5 * (raw.time_s[rows.start] + raw.time_s[rows.stop - 1]) for rows in slices]),
+        time_s=0.5 * (raw.time_s[begins] + raw.time_s[ends]),
         alpha=mean_angle[:, 0],
         beta=mean_angle[:, 1],
-        specific_force=np.array([mean_of(raw.specific_force[rows]) for rows in slices]),
-        temperature=None if temperature is None else np.array([mean_of(temperature[rows]) for rows in slices]),
+        specific_force=means(raw.specific_force),
+        temperature=None if raw.temperature is None else means(raw.temperature),
         approach_alpha=_approach(angles[:, 0], averaged),
         approach_beta=_approach(angles[:, 1], averaged),
         resolution=raw.resolution,
-        row=np.array([raw.row[rows.start] for rows in slices]),
+        row=raw.row[begins],
         path=raw.path,
         sha256=raw.sha256,
         channels=raw.channels,
