@@ -124,7 +124,7 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
     prepare_update(float(algorithm.number), list(PRODUCTS), table)
     values = [number(value) for value in np.asarray(increments).reshape(-1)]
     half = 3 * algorithm.samples
-    given: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "previous": values[:half],
         "known": 1.0,
         "g": values[half:],
@@ -138,9 +138,9 @@ def operations_of_update(algorithm: Algorithm, increments: np.ndarray) -> int:
     }
     kernel = algorithm.kernel
     names = kernel.__code__.co_varnames[: kernel.__code__.co_argcount]
-    _counting(kernel, tally)(*(given[name] if name in given else [number(0.0)] * SPACE_SIZE for name in names))
+    _counting(kernel, tally)(*(arguments[name] if name in arguments else [number(0.0)] * SPACE_SIZE for name in names))
     attitude = [number(1.0), number(0.0), number(0.0), number(0.0)]
-    multiply(attitude, given["turned"], attitude)
+    multiply(attitude, arguments["turned"], attitude)
     return tally[0]
 
 

@@ -141,13 +141,13 @@ def position_files(bench: Bench) -> list[LabFile]:
         mark: str = ".",
         columns: dict[str, list[str]] | None = None,
         layout: dict[str, Any] | None = None,
-        **more: Any,
+        **fields: Any,
     ) -> None:
         """Add a file: names, unit and decimal mark of its readings, columns that are others, how it is laid out."""
         texts = texts_of(bench, mark, *FORCES[unit]) | (columns or {})
         head = names.split(";") if isinstance(names, str) else names
         content = table(head, [column for column in texts.values() if column], **(layout or {}))
-        files.append(LabFile(name, content, **more))
+        files.append(LabFile(name, content, **fields))
 
     point, comma = texts_of(bench), texts_of(bench, ",")
     before = ["Kalibrierung Drehtisch", "Seriennummer: A-0017", "Prüfer: Jürgen Groß", "Datum: 17.03.2026", ""]
@@ -198,8 +198,8 @@ def position_files(bench: Bench) -> list[LabFile]:
     add("times of day", ["No", "Time of day", *PLAIN[2:]], columns={"t": clocks(bench.time, "%H:%M:%S.%f")})
     add("ISO dates", ["No", "Timestamp", *PLAIN[2:]], columns={"t": clocks(bench.time, "%Y-%m-%dT%H:%M:%S.%f")})
     days, hours = clocks(bench.time, "%d.%m.%Y"), clocks(bench.time, "%H:%M:%S,%f")
-    both = {"t": in_form([f"{day};{hour}" for day, hour in zip(days, hours, strict=True)], "{}")}
-    add("date and time of one day", ["Nr", "Datum", "Uhrzeit", *GERMAN[2:]], "g", columns=both, **semicolon)
+    day_and_hour = {"t": in_form([f"{day};{hour}" for day, hour in zip(days, hours, strict=True)], "{}")}
+    add("date and time of one day", ["Nr", "Datum", "Uhrzeit", *GERMAN[2:]], "g", columns=day_and_hour, **semicolon)
     early = [
         (datetime(2026, 2, 1) + timedelta(days=k)).strftime("%d.%m.%Y") + " 10:00:00" for k in range(min(count, 12))
     ]
@@ -221,22 +221,22 @@ def position_files(bench: Bench) -> list[LabFile]:
     add("milliseconds said", ["No", "Time [ms]", *PLAIN[2:]], columns=ms)
     add("no time", [PLAIN[0], *PLAIN[2:]], columns={"t": []}, needs={"time": "order"})
     files += _of_three_digits(bench)
-    whole = {
+    micro_g = {
         axis: [f'"{int(float(v)):,}"' for v in numbers(1e6 / G * bench.force[:, k], 0)] for k, axis in enumerate("xyz")
     }
     add(
         "1,234 beside 20.0",
         "pos;t_s;alpha_deg;beta_deg;a1 [µg];a2 [µg];a3 [µg]",
-        columns=whole,
-        needs={} if any(text.count(",") > 1 for texts in whole.values() for text in texts) else {"thousands": ","},
+        columns=micro_g,
+        needs={} if any(text.count(",") > 1 for texts in micro_g.values() for text in texts) else {"thousands": ","},
         grain=0.5e-6 * G,
     )
     axes = {"columns.alpha_deg": "Axis 1 [deg]", "columns.beta_deg": "Axis 2 [deg]"}
     add("which axis is which?", ["No", "t [s]", *axes.values(), *PLAIN[4:]], needs=axes)
     columns = {f"columns.{name}": str(k) for k, name in enumerate(OWN[2:], 3)}
-    others = {"time": "order", "units.angle": "deg", "units.force": "m/s2"}
+    answers = {"time": "order", "units.angle": "deg", "units.force": "m/s2"}
     rows = [",".join(row) for row in zip(*point.values(), strict=True)]
-    needs = {"kind": "position record"} | columns | others
+    needs = {"kind": "position record"} | columns | answers
     files.append(LabFile("no names", table([], [], before=rows), needs=needs, rounds=2))
     hole = comma | {"x": list(comma["x"]), "y": list(comma["y"])}
     hole["x"][3], hole["y"][6] = "n/a", ""
@@ -279,10 +279,10 @@ def _of_three_digits(bench: Bench) -> list[LabFile]:
     ]
     names = [*PLAIN[:4], "fx [mg]", "fy [mg]", "fz [mg]"]
     files = []
-    for mark, other, word in ((",", ".", "1,234: a comma"), (".", ",", "1.234: a point")):
+    for mark, wrong_mark, word in ((",", ".", "1,234: a comma"), (".", ",", "1.234: a point")):
         forces = [numbers(1e3 * force / G, 3, mark) for force in some.force.T]
         content = table(names, columns + forces, sep=";")
-        needs, wrong = {"decimal": mark}, {"decimal": other}
+        needs, wrong = {"decimal": mark}, {"decimal": wrong_mark}
         name = f"{word} between digits of all numbers"
         files.append(LabFile(name, content, needs=needs, wrong=wrong, rows=rows, grain=0.5e-6 * G))
     return files
@@ -365,7 +365,7 @@ def strapdown_files(block: Block) -> list[LabFile]:
     german = block_columns(b, degrees, 1.0 / G, mark=",", decimals=11)
     t, ms, us = numbers(b.time, 4), [f"{v * 1e3:.1f}" for v in b.time], [f"{v * 1e6:.0f}" for v in b.time]
     samples = [str(k) for k in range(len(b.time))]
-    said = ["gyro x [deg/s]", "gyro y [deg/s]", "gyro z [deg/s]", "acc x [g]", "acc y [g]", "acc z [g]"]
+    names = ["gyro x [deg/s]", "gyro y [deg/s]", "gyro z [deg/s]", "acc x [g]", "acc y [g]", "acc z [g]"]
     short = ["gx", "gy", "gz", "ax", "ay", "az"]
     rate = f"{1.0 / float(b.time[1] - b.time[0]):g} Hz"
     counts = block_columns(b, 1e6 * degrees, 1e7 / G, decimals=0)
@@ -377,16 +377,16 @@ def strapdown_files(block: Block) -> list[LabFile]:
     units = ["deg/s"] * 3 + ["g"] * 3
     period = float(b.time[1] - b.time[0])
     return [
-        LabFile("log in ms", table(["time [ms]", *said], [ms, *ours])),
-        LabFile("log in µs, German", table(["Zeit [µs]", *said], [us, *german], sep=";", encoding="cp1252")),
+        LabFile("log in ms", table(["time [ms]", *names], [ms, *ours])),
+        LabFile("log in µs, German", table(["Zeit [µs]", *names], [us, *german], sep=";", encoding="cp1252")),
         LabFile(
             "log in s, SI", table(["t_s", *(f"w{k}_rad/s" for k in "xyz"), *(f"f{k}_m/s2" for k in "xyz")], [t, *plain])
         ),
-        LabFile("sample numbers", table(["sample", *said], [samples, *ours]), needs={"units.time": rate}),
-        LabFile("no time", table(said, ours), needs={"units.time": rate}),
+        LabFile("sample numbers", table(["sample", *names], [samples, *ours]), needs={"units.time": rate}),
+        LabFile("no time", table(names, ours), needs={"units.time": rate}),
         LabFile(
             "counts of both",
-            table(["time [s]", *(f"{name[:6].strip()} [LSB]" for name in said)], [t, *counts]),
+            table(["time [s]", *(f"{name[:6].strip()} [LSB]" for name in names)], [t, *counts]),
             needs={"units.rate": "1000000 LSB/(deg/s)", "units.force": "10000000 LSB/g"},
         ),
         LabFile(
@@ -403,7 +403,7 @@ def strapdown_files(block: Block) -> list[LabFile]:
             "gx with a unit",
             table(["time_s", *(f"{n} [dps]" for n in short[:3]), *(f"{n} [g]" for n in short[3:])], [t, *ours]),
         ),
-        LabFile("time of day", table(["Time", *said], [day, *ours])),
+        LabFile("time of day", table(["Time", *names], [day, *ours])),
         LabFile(
             "names that only their units tell",
             table(
@@ -433,15 +433,15 @@ def strapdown_files(block: Block) -> list[LabFile]:
         ),
         LabFile(
             "seconds of the week",
-            table(["week", "TOW [s]", *said], [["2300"] * len(t), t, *ours]),
+            table(["week", "TOW [s]", *names], [["2300"] * len(t), t, *ours]),
             needs={"columns.time_s": "TOW [s]"},
         ),
-        LabFile("milliseconds as a name", table(["millis", *said], [ms, *ours])),
-        LabFile("time of the epoch", table(["timestamp [s]", *said], [epoch, *ours])),
-        LabFile("temperature", table(["time [s]", *said, "temp [°C]"], [t, *ours, warm])),
+        LabFile("milliseconds as a name", table(["millis", *names], [ms, *ours])),
+        LabFile("time of the epoch", table(["timestamp [s]", *names], [epoch, *ours])),
+        LabFile("temperature", table(["time [s]", *names, "temp [°C]"], [t, *ours, warm])),
         LabFile(
             "quaternion",
-            table(["time [s]", *said, "qw", "qx", "qy", "qz"], [t, *ours, *still]),
+            table(["time [s]", *names, "qw", "qx", "qy", "qz"], [t, *ours, *still]),
             needs={"attitude": "none"},
         ),
         LabFile(

@@ -34,8 +34,8 @@ def rows_of(bench: Bench, scale: float = 1.0) -> Cells:
 
 def xlsx(sheets: dict[str, Cells], *, chart: bool = False) -> bytes:
     """A workbook of the new kind; what is a datetime is a date cell."""
-    kept = io.BytesIO()
-    book = xlsxwriter.Workbook(kept, {"in_memory": True, "default_date_format": "dd.mm.yyyy hh:mm:ss"})
+    stream = io.BytesIO()
+    book = xlsxwriter.Workbook(stream, {"in_memory": True, "default_date_format": "dd.mm.yyyy hh:mm:ss"})
     for name, rows in sheets.items():
         sheet = book.add_worksheet(name)
         for k, row in enumerate(rows):
@@ -46,7 +46,7 @@ def xlsx(sheets: dict[str, Cells], *, chart: bool = False) -> bytes:
         drawn.add_series({"values": f"={next(iter(sheets))}!$E$6:$E$9"})
         book.add_chartsheet("Chart").set_chart(drawn)
     book.close()
-    return kept.getvalue()
+    return stream.getvalue()
 
 
 def xls(sheets: dict[str, Cells]) -> bytes:
@@ -58,18 +58,18 @@ def xls(sheets: dict[str, Cells]) -> bytes:
         for k, row in enumerate(rows):
             for j, value in enumerate(row):
                 sheet.write(k, j, value, *([dated] if hasattr(value, "year") else []))
-    kept = io.BytesIO()
-    book.save(kept)
-    return kept.getvalue()
+    stream = io.BytesIO()
+    book.save(stream)
+    return stream.getvalue()
 
 
-def _part(kind: int, data: bytes = b"") -> bytes:
+def _part(kind: int, content: bytes = b"") -> bytes:
     """A record of the binary format: its kind and length seven bits at a time, lowest first."""
     head = bytes([kind]) if kind < 128 else bytes([kind & 0x7F | 0x80, kind >> 7])
-    length, size = len(data), b""
+    length, size = len(content), b""
     while length > 127:
         size, length = size + bytes([length & 0x7F | 0x80]), length >> 7
-    return head + size + bytes([length]) + data
+    return head + size + bytes([length]) + content
 
 
 def _wide(text: str) -> bytes:
@@ -77,47 +77,47 @@ def _wide(text: str) -> bytes:
 
 
 def _binary_sheet(rows: Cells) -> bytes:
-    made = _part(129) + _part(148, struct.pack("<4I", 0, len(rows) - 1, 0, max(map(len, rows)) - 1)) + _part(145)
+    parts = _part(129) + _part(148, struct.pack("<4I", 0, len(rows) - 1, 0, max(map(len, rows)) - 1)) + _part(145)
     for k, row in enumerate(rows):
-        made += _part(0, struct.pack("<IIHBBBI", k, 0, 300, 0, 0, 0, 0))
+        parts += _part(0, struct.pack("<IIHBBBI", k, 0, 300, 0, 0, 0, 0))
         for j, value in enumerate(row):
             cell = struct.pack("<II", j, 0)
             number = isinstance(value, int | float)
-            made += _part(5, cell + struct.pack("<d", value)) if number else _part(6, cell + _wide(str(value)))
-    return made + _part(146) + _part(130)
+            parts += _part(5, cell + struct.pack("<d", value)) if number else _part(6, cell + _wide(str(value)))
+    return parts + _part(146) + _part(130)
 
 
 def xlsb(sheets: dict[str, Cells]) -> bytes:
     """A workbook of the binary kind, numbers and texts."""
-    kept = io.BytesIO()
+    stream = io.BytesIO()
     office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     package = "http://schemas.openxmlformats.org/package/2006"
     related = f'<Relationships xmlns="{package}/relationships">{{}}</Relationships>'
-    one = f'<Relationship Id="rId{{0}}" Type="{office}/{{1}}" Target="{{2}}"/>'
+    relation = f'<Relationship Id="rId{{0}}" Type="{office}/{{1}}" Target="{{2}}"/>'
     kind = "application/vnd.ms-excel.sheet.binary.macroEnabled.main"
     types = f'<Types xmlns="{package}/content-types"><Default Extension="bin" ContentType="{kind}"/></Types>'
-    named = b"".join(
+    names = b"".join(
         _part(156, struct.pack("<II", 0, k) + _wide(f"rId{k}") + _wide(name)) for k, name in enumerate(sheets, 1)
     )
-    with zipfile.ZipFile(kept, "w") as made:
+    with zipfile.ZipFile(stream, "w") as made:
         made.writestr("[Content_Types].xml", types)
-        made.writestr("_rels/.rels", related.format(one.format(1, "officeDocument", "xl/workbook.bin")))
-        parts = [one.format(k, "worksheet", f"worksheets/sheet{k}.bin") for k in range(1, len(sheets) + 1)]
+        made.writestr("_rels/.rels", related.format(relation.format(1, "officeDocument", "xl/workbook.bin")))
+        parts = [relation.format(k, "worksheet", f"worksheets/sheet{k}.bin") for k in range(1, len(sheets) + 1)]
         made.writestr("xl/_rels/workbook.bin.rels", related.format("".join(parts)))
-        made.writestr("xl/workbook.bin", _part(131) + _part(143) + named + _part(144) + _part(132))
+        made.writestr("xl/workbook.bin", _part(131) + _part(143) + names + _part(144) + _part(132))
         for k, rows in enumerate(sheets.values(), 1):
             made.writestr(f"xl/worksheets/sheet{k}.bin", _binary_sheet(rows))
-    return kept.getvalue()
+    return stream.getvalue()
 
 
 def _open_cell(value: object) -> str:
     if isinstance(value, int | float):
-        kind, shown = f'float" office:value="{value!r}', f"{value:.2f}"
+        kind, text = f'float" office:value="{value!r}', f"{value:.2f}"
     elif isinstance(value, datetime):
-        kind, shown = f'date" office:date-value="{value.isoformat()}', "a day"
+        kind, text = f'date" office:date-value="{value.isoformat()}', "a day"
     else:
-        kind, shown = "string", escape(str(value))
-    return f'<table:table-cell office:value-type="{kind}"><text:p>{shown}</text:p></table:table-cell>'
+        kind, text = "string", escape(str(value))
+    return f'<table:table-cell office:value-type="{kind}"><text:p>{text}</text:p></table:table-cell>'
 
 
 def ods(sheets: dict[str, Cells]) -> bytes:
@@ -131,12 +131,12 @@ def ods(sheets: dict[str, Cells]) -> bytes:
         tables += "</table:table>"
     names = " ".join(f'xmlns:{name}="{space}{name}:1.0"' for name in ("office", "table", "text"))
     body = f"<office:body><office:spreadsheet>{tables}</office:spreadsheet></office:body>"
-    kept = io.BytesIO()
-    with zipfile.ZipFile(kept, "w") as made:
-        made.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
-        made.writestr("content.xml", f"<office:document-content {names}>{body}</office:document-content>")
-        made.writestr("META-INF/manifest.xml", f'<manifest:manifest xmlns:manifest="{space}manifest:1.0"/>')
-    return kept.getvalue()
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as parts:
+        parts.writestr("mimetype", "application/vnd.oasis.opendocument.spreadsheet")
+        parts.writestr("content.xml", f"<office:document-content {names}>{body}</office:document-content>")
+        parts.writestr("META-INF/manifest.xml", f'<manifest:manifest xmlns:manifest="{space}manifest:1.0"/>')
+    return stream.getvalue()
 
 
 def workbook_files(bench: Bench) -> list[LabFile]:

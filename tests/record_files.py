@@ -26,10 +26,10 @@ def reader(path: Path) -> Callable:
     return read
 
 
-def refused(read, content: str | bytes, *parts: str) -> str:
+def refused(read_text, content: str | bytes, *parts: str) -> str:
     """Assert that the content is refused in one line that has these parts; give the line."""
     with pytest.raises(InputError) as caught:
-        read(content)
+        read_text(content)
     message = str(caught.value)
     assert "\n" not in message
     assert "record.csv" in message

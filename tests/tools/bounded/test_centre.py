@@ -28,8 +28,8 @@ def slacks(bounded: Bounded, x: np.ndarray) -> np.ndarray:
     return 1.0 - np.abs(bounded.residual - bounded.jacobian @ x) / bounded.bound
 
 
-def found(bounded: Bounded, **more: np.ndarray) -> np.ndarray:
-    x = analytic_centre(bounded, **more)
+def found(bounded: Bounded, **limits: np.ndarray) -> np.ndarray:
+    x = analytic_centre(bounded, **limits)
     assert x is not None
     return x
 
@@ -41,8 +41,8 @@ def test_nothing_pulls_at_the_centre_and_it_is_inside(seed, rows):
     bounded = problem(seed, rows)
     x = found(bounded)
     assert slacks(bounded, x).min() > 0.0
-    left = bounded.residual - bounded.jacobian @ x
-    terms = (1.0 / (bounded.bound - left) - 1.0 / (bounded.bound + left))[:, None] * bounded.jacobian
+    slack = bounded.residual - bounded.jacobian @ x
+    terms = (1.0 / (bounded.bound - slack) - 1.0 / (bounded.bound + slack))[:, None] * bounded.jacobian
     np.testing.assert_array_less(np.abs(terms.sum(axis=0)), 1e-8 * np.abs(terms).max(axis=0))
 
 
@@ -62,10 +62,10 @@ def test_neither_coordinates_nor_where_it_begins_move_it(seed, rows):
     rng = np.random.default_rng(seed + 1)
     turn = np.diag(1.0 / UNITS) @ np.linalg.qr(rng.normal(size=(4, 4)))[0] @ np.diag(10.0 ** rng.integers(-4, 5, 4))
     x = found(bounded)
-    other = turn @ found(Bounded(bounded.jacobian @ turn, bounded.residual, bounded.bound))
+    second = turn @ found(Bounded(bounded.jacobian @ turn, bounded.residual, bounded.bound))
     room = Possible(bounded.jacobian, bounded.residual - bounded.jacobian @ x, bounded.bound)
     size = np.array([room.reach(unit) for unit in np.eye(4)]) + 1e-12 / UNITS
-    assert (np.abs(other - x) <= 1e-6 * size).all()
+    assert (np.abs(second - x) <= 1e-6 * size).all()
     # Each of the four columns may take its share of the least slack, and no more.
     start = x + 0.9 / 4 * slacks(bounded, x).min() * bounded.bound.min() / np.abs(bounded.jacobian).sum(axis=0)
     assert slacks(bounded, start).min() > 0.0
@@ -75,11 +75,11 @@ def test_neither_coordinates_nor_where_it_begins_move_it(seed, rows):
 def test_a_reading_listed_twice_moves_it_away_from_the_bound_of_that_reading():
     bounded = problem(5)
     x = found(bounded)
-    left = slacks(bounded, x)
-    row = int(left.argmin())
+    slack = slacks(bounded, x)
+    row = int(slack.argmin())
     twice = [np.append(part, part[[row]], axis=0) for part in (bounded.jacobian, bounded.residual, bounded.bound)]
     moved = found(Bounded(*twice))
-    assert slacks(bounded, moved)[row] > 1.01 * left[row]
+    assert slacks(bounded, moved)[row] > 1.01 * slack[row]
     assert slacks(bounded, moved).min() > 0.0
 
 
@@ -89,8 +89,8 @@ def test_the_product_of_slacks_is_less_anywhere_else():
     best = np.log(bounded.bound**2 - (bounded.residual - bounded.jacobian @ x) ** 2).sum()
     rng = np.random.default_rng(0)
     for _ in range(100):
-        other = x + rng.normal(size=4) * 1e-6 / UNITS
-        inside = bounded.bound**2 - (bounded.residual - bounded.jacobian @ other) ** 2
+        second = x + rng.normal(size=4) * 1e-6 / UNITS
+        inside = bounded.bound**2 - (bounded.residual - bounded.jacobian @ second) ** 2
         assert not (inside > 0.0).all() or np.log(inside).sum() < best
 
 
@@ -99,29 +99,29 @@ def test_limits_count_like_bounds_and_hold():
     x = found(bounded)
     free = np.full(4, math.inf)
     for k in range(4):
-        other = np.arange(4) == k
+        second = np.arange(4) == k
         least = Possible(bounded.jacobian, bounded.residual, bounded.bound).reach(-np.eye(4)[k])
         # from the centre on, and from a little above the least possible on
         for end in (x[k], -least + 0.01 * (x[k] + least)):
-            held = Bounded(bounded.jacobian, bounded.residual, bounded.bound, low=np.where(other, end, -free))
-            inside = found(held)
+            limited = Bounded(bounded.jacobian, bounded.residual, bounded.bound, low=np.where(second, end, -free))
+            inside = found(limited)
             assert inside[k] > end
             assert inside[k] > x[k]
-            assert slacks(held, inside).min() > 0.0
-            left = held.residual - held.jacobian @ inside
-            pull = (2.0 * left / (held.bound**2 - left**2)) @ held.jacobian
-            expected = np.where(other, -1.0 / (inside[k] - end), 0.0)
-            scale = np.abs((2.0 * left / (held.bound**2 - left**2))[:, None] * held.jacobian).max(axis=0)
+            assert slacks(limited, inside).min() > 0.0
+            slack = limited.residual - limited.jacobian @ inside
+            pull = (2.0 * slack / (limited.bound**2 - slack**2)) @ limited.jacobian
+            expected = np.where(second, -1.0 / (inside[k] - end), 0.0)
+            scale = np.abs((2.0 * slack / (limited.bound**2 - slack**2))[:, None] * limited.jacobian).max(axis=0)
             assert (np.abs(pull - expected) <= 1e-7 * scale).all()
     # a limit on both sides is a reading of its middle
     low, high = np.append(x[0] - 1e-7, -free[1:]), np.append(x[0] + 3e-7, free[1:])
-    both = found(Bounded(bounded.jacobian, bounded.residual, bounded.bound, low, high))
+    two_sided = found(Bounded(bounded.jacobian, bounded.residual, bounded.bound, low, high))
     as_row = [
         np.append(bounded.jacobian, [np.eye(4)[0]], axis=0),
         np.append(bounded.residual, x[0] + 1e-7),
         np.append(bounded.bound, 2e-7),
     ]
-    np.testing.assert_allclose(both, found(Bounded(*as_row)), rtol=1e-9)
+    np.testing.assert_allclose(two_sided, found(Bounded(*as_row)), rtol=1e-9)
 
 
 def test_what_nothing_bounds_stays_at_zero_and_moves_nothing():
@@ -173,19 +173,21 @@ def test_the_central_programme_is_possible_and_nothing_is_nearer_to_the_middles(
     near = np.hstack((weights * 1e-5 / half[:, None], -np.ones((5, 1))))
     far = np.hstack((-weights * 1e-5 / half[:, None], -np.ones((5, 1))))
     about = (middle - weights @ x) / half
-    other = linprog(
+    second = linprog(
         [0.0] * 4 + [1.0],
         A_ub=np.vstack((rows_of, -rows_of, near, far)),
         b_ub=np.concatenate((1.0 + target, 1.0 - target, about, -about)),
         bounds=[(None, None)] * 4 + [(0.0, None)],
         method="highs-ds",
     )
-    assert distance == pytest.approx(other.fun, abs=1e-5)
+    assert distance == pytest.approx(second.fun, abs=1e-5)
 
 
 def test_a_limit_on_one_side_holds_in_the_central_programme():
     bounded = problem(9)
     x = found(bounded)
-    held = Bounded(bounded.jacobian, bounded.residual, bounded.bound, low=np.append(x[0] + 1e-7, np.full(3, -math.inf)))
+    limited = Bounded(
+        bounded.jacobian, bounded.residual, bounded.bound, low=np.append(x[0] + 1e-7, np.full(3, -math.inf))
+    )
     ends = np.stack((x - 1e-6, x + 1e-6), axis=1)
-    assert central_programme(held, np.eye(4), ends)[0] >= x[0] + 1e-7 * (1.0 - 1e-6)
+    assert central_programme(limited, np.eye(4), ends)[0] >= x[0] + 1e-7 * (1.0 - 1e-6)

@@ -17,27 +17,27 @@ def test_what_is_found_is_that_of_the_programme_and_is_proven(seed, kind):
     columns, rows = int(rng.integers(1, 9)), int(rng.integers(12, 90))
     matrix, target = rng.normal(size=(rows, columns)) * 10.0 ** rng.uniform(-6, 6, columns), rng.normal(size=rows)
     target = {"normal": target, "at its bound": np.sign(target), "whole numbers": np.round(3 * target)}[kind]
-    held = exchanged(matrix, target)
+    solution = exchanged(matrix, target)
     radius = chebyshev_radius(matrix, target, np.ones(rows))[0]
     assert any_centre(matrix, target, np.ones(rows))[0] == pytest.approx(radius, rel=1e-9)
-    assert held is not None
-    assert held.radius == pytest.approx(radius, rel=1e-9)
-    assert np.abs(target - matrix @ held.x).max() == pytest.approx(radius, rel=1e-9)
+    assert solution is not None
+    assert solution.radius == pytest.approx(radius, rel=1e-9)
+    assert np.abs(target - matrix @ solution.x).max() == pytest.approx(radius, rel=1e-9)
     # No x misses these rows by less: their weights add up to nothing of any column.
-    own = held.multipliers
-    assert np.abs(own).sum() == pytest.approx(1.0, rel=1e-12)
-    assert own @ target[held.rows] == pytest.approx(radius, rel=1e-9)
-    assert np.abs(own @ matrix[held.rows]) == pytest.approx(0.0, abs=1e-10 * np.abs(matrix).max())
+    multipliers = solution.multipliers
+    assert np.abs(multipliers).sum() == pytest.approx(1.0, rel=1e-12)
+    assert multipliers @ target[solution.rows] == pytest.approx(radius, rel=1e-9)
+    assert np.abs(multipliers @ matrix[solution.rows]) == pytest.approx(0.0, abs=1e-10 * np.abs(matrix).max())
 
 
 def test_columns_that_depend_on_each_other_are_left_to_the_programme():
     matrix, target = np.random.default_rng(1).normal(size=(30, 3)), np.random.default_rng(2).normal(size=30)
-    held = exchanged(matrix, target)
-    assert held is not None
-    for more in (matrix[:, :1], np.zeros((30, 1)), matrix[:, 1:2] + 1e-12 * matrix[:, 2:]):
-        wider = np.hstack((matrix, more))
+    solution = exchanged(matrix, target)
+    assert solution is not None
+    for extra in (matrix[:, :1], np.zeros((30, 1)), matrix[:, 1:2] + 1e-12 * matrix[:, 2:]):
+        wider = np.hstack((matrix, extra))
         assert exchanged(wider, target) is None
-        assert any_centre(wider, target, np.ones(30))[0] == pytest.approx(held.radius, rel=1e-9)
+        assert any_centre(wider, target, np.ones(30))[0] == pytest.approx(solution.radius, rel=1e-9)
     for few in (matrix[:3], matrix[:, :0]):
         assert exchanged(few, target[: len(few)]) is None
 
@@ -50,10 +50,10 @@ def test_of_many_rows_few_are_given_to_the_solver(paid, monkeypatch):
     ends = np.append(np.full(5, np.inf), 1.0)
     rate = np.hstack((np.zeros((3000, 5)), rng.uniform(0.0, 0.3, (3000, 1))))
     growth = Growth(np.zeros(3000), rate, np.append(np.full(5, -np.inf), 0.0), ends) if paid else None
-    solved, given = programmes._chebyshev, []
-    monkeypatch.setattr(programmes, "_chebyshev", lambda rows, *more: given.append(len(rows)) or solved(rows, *more))
+    solved, counts = programmes._chebyshev, []
+    monkeypatch.setattr(programmes, "_chebyshev", lambda rows, *extra: counts.append(len(rows)) or solved(rows, *extra))
     radius, x, duals = chebyshev_radius(jacobian, residual, bound, growth=growth)
-    assert given == [] if not paid else max(given) < 1000
+    assert counts == [] if not paid else max(counts) < 1000
     monkeypatch.setattr(programmes, "MANY_ROWS", 5000)
     assert radius == pytest.approx(chebyshev_radius(jacobian, residual, bound, growth=growth)[0], rel=1e-9)
     grown = growth.at(x) if growth else 0.0
@@ -77,25 +77,25 @@ def test_the_vertex_that_goes_farthest_is_that_of_the_solver_and_is_proven(seed,
         # Two blocks: where the other one goes is all the same.
         matrix[::2, : columns // 2], matrix[1::2, columns // 2 :] = 0.0, 0.0
     middle = matrix @ rng.normal(size=columns) + 0.3 * half * np.sin(middle)
-    corner, found = Corner.of(matrix), []
+    corner, vertices = Corner.of(matrix), []
     weights = matrix[:1].sum(axis=0) if kind == "apart" else rng.normal(size=columns)
     if corner is None or not weights.any():
         return
     for toward in (weights, -weights, matrix[-1], weights):
-        found.append(corner.farthest(matrix, middle, half, toward))
+        vertices.append(corner.farthest(matrix, middle, half, toward))
     solver = Polytope(matrix, np.ones(rows))
     solver._corner = None
     solver.confine(middle - half, middle + half)
-    for one, toward in zip(found, (weights, -weights, matrix[-1], weights), strict=True):
-        assert one is not None
-        assert toward @ one.x == pytest.approx(solver.maximise(toward)[0], abs=1e-8)
-        assert (np.abs(matrix @ one.x - middle) <= half + 1e-9).all()
+    for vertex, toward in zip(vertices, (weights, -weights, matrix[-1], weights), strict=True):
+        assert vertex is not None
+        assert toward @ vertex.x == pytest.approx(solver.maximise(toward)[0], abs=1e-8)
+        assert (np.abs(matrix @ vertex.x - middle) <= half + 1e-9).all()
         # By weights of the rows that meet nothing goes farther.
-        assert one.duals @ matrix[one.rows] == pytest.approx(toward, abs=1e-10)
-        most = one.duals @ middle[one.rows] + np.abs(one.duals) @ half[one.rows]
-        assert most == pytest.approx(toward @ one.x, abs=1e-8)
+        assert vertex.duals @ matrix[vertex.rows] == pytest.approx(toward, abs=1e-10)
+        most = vertex.duals @ middle[vertex.rows] + np.abs(vertex.duals) @ half[vertex.rows]
+        assert most == pytest.approx(toward @ vertex.x, abs=1e-8)
     # From wherever the walk begins it ends at the same vertex, of all that go as far.
-    assert found[0].x == pytest.approx(found[-1].x, abs=1e-9)
+    assert vertices[0].x == pytest.approx(vertices[-1].x, abs=1e-9)
 
 
 def test_rows_that_leave_nothing_and_columns_that_are_not_determined_are_left_to_the_solver():

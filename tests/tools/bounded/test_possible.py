@@ -34,24 +34,26 @@ def problem(seed: int, rows: int = 24, columns: int = 4):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_ends_are_attained_and_nothing_is_beyond_them(seed):
-    jacobian, left, bound = problem(seed)
-    possible = Possible(jacobian, left, bound)
+    jacobian, residual, bound = problem(seed)
+    possible = Possible(jacobian, residual, bound)
     for k, unit in enumerate(np.eye(4)):
         low, high = possible.ends(k)
-        assert high == pytest.approx(farthest(jacobian, left, bound, unit), rel=1e-6)
-        assert high >= farthest(jacobian, left, bound, unit) * (1.0 - 1e-12)
-        assert -low == pytest.approx(farthest(jacobian, left, bound, -unit), rel=1e-6)
+        assert high == pytest.approx(farthest(jacobian, residual, bound, unit), rel=1e-6)
+        assert high >= farthest(jacobian, residual, bound, unit) * (1.0 - 1e-12)
+        assert -low == pytest.approx(farthest(jacobian, residual, bound, -unit), rel=1e-6)
     direction = np.array([0.3, -0.8])
     weights = np.array([0.0, *direction, 0.0])
     reach = possible.among(np.array([1, 2]))(direction)
-    assert reach == pytest.approx(farthest(jacobian, left, bound, weights), rel=1e-6)
+    assert reach == pytest.approx(farthest(jacobian, residual, bound, weights), rel=1e-6)
 
 
 def test_an_error_beyond_its_bound_is_allowed_as_much_and_no_more():
-    jacobian, left, bound = problem(7)
-    left[3] = 1.5 * bound[3]
+    jacobian, residual, bound = problem(7)
+    residual[3] = 1.5 * bound[3]
     wider = np.where(np.arange(24) == 3, 1.5 * bound, bound)
-    assert Possible(jacobian, left, bound).ends(0) == pytest.approx(Possible(jacobian, left, wider).ends(0), rel=1e-12)
+    assert Possible(jacobian, residual, bound).ends(0) == pytest.approx(
+        Possible(jacobian, residual, wider).ends(0), rel=1e-12
+    )
 
 
 def grown(rate, sign, size, column=0):
@@ -66,80 +68,84 @@ def grown(rate, sign, size, column=0):
 @pytest.mark.parametrize("share", [0.3, 1.5], ids=["a little", "more than it moves"])
 @pytest.mark.parametrize("most", [30.0, 0.2])
 def test_bounds_that_grow_with_a_size_leave_the_union_over_its_signs(seed, share, most):
-    jacobian, left, bound = problem(seed)
+    jacobian, residual, bound = problem(seed)
     rng = np.random.default_rng(seed + 10)
     rate = share * np.abs(jacobian[:, 0]) * rng.integers(0, 2, 24)
     size = most * bound.max() / np.abs(jacobian[:, 0]).max()
     branches = [grown(rate, sign, size) for sign in (1.0, -1.0)]
-    possible = Possible(jacobian, left, bound, growths=branches)
+    possible = Possible(jacobian, residual, bound, growths=branches)
     for weights in np.vstack((np.eye(4), [0.0, 0.3, -0.8, 0.0])):
         for signed in (weights, -weights):
-            other = max(farthest_of_growing(jacobian, left, bound, rate, sign, size, signed) for sign in (1.0, -1.0))
-            assert possible.reach(signed) == pytest.approx(other, rel=1e-6)
+            farthest = max(
+                farthest_of_growing(jacobian, residual, bound, rate, sign, size, signed) for sign in (1.0, -1.0)
+            )
+            assert possible.reach(signed) == pytest.approx(farthest, rel=1e-6)
     # About another point of the first branch it is the same set.
     step = np.array([0.2 * size, 0.0, 0.0, 0.0])
-    there = Possible(jacobian, left - jacobian @ step, bound, growths=[branch.moved(step) for branch in branches])
-    if np.all(np.abs(left - jacobian @ step) <= bound + branches[0].at(step)):
-        assert there.ends(0) == pytest.approx(np.subtract(possible.ends(0), step[0]), rel=1e-6)
+    moved = Possible(jacobian, residual - jacobian @ step, bound, growths=[branch.moved(step) for branch in branches])
+    if np.all(np.abs(residual - jacobian @ step) <= bound + branches[0].at(step)):
+        assert moved.ends(0) == pytest.approx(np.subtract(possible.ends(0), step[0]), rel=1e-6)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_radius_is_paid_for_by_the_size_that_it_takes(sign):
     """One reading is off by ten bounds and would be absorbed for nothing; its growth takes a size that others show."""
-    jacobian, left, bound = np.array([[0.0], [1.0], [1.0]]), np.array([10.0, 0.0, sign * 2.0]), np.ones(3)
+    jacobian, residual, bound = np.array([[0.0], [1.0], [1.0]]), np.array([10.0, 0.0, sign * 2.0]), np.ones(3)
     rate = np.array([1.0, 0.0, 0.0])
     growth = Growth(np.zeros(3), sign * rate[:, None], *np.sort([[0.0], [sign * 100.0]], axis=0))
-    radius, step, _ = chebyshev_radius(jacobian, left, bound, growth=growth)
+    radius, step, _ = chebyshev_radius(jacobian, residual, bound, growth=growth)
     # 10 − c ≤ ρ and c ≤ ρ for a size c: half of it is paid by the reading at rest.
     assert (radius, sign * step[0]) == pytest.approx((5.0, 5.0))
-    other = chebyshev_radius(jacobian, left, bound, growth=Growth(growth.now, -growth.rows, -growth.high, -growth.low))
-    assert other[0] > 5.5
-    assert chebyshev_radius(jacobian, left, bound)[0] == pytest.approx(10.0)
+    farthest = chebyshev_radius(
+        jacobian, residual, bound, growth=Growth(growth.now, -growth.rows, -growth.high, -growth.low)
+    )
+    assert farthest[0] > 5.5
+    assert chebyshev_radius(jacobian, residual, bound)[0] == pytest.approx(10.0)
 
 
 def alike(seed: int, proofs: dict | None):
     """Nine sets that are nearly alike: their columns change little by little; the second branch of some is empty."""
-    jacobian, left, bound = problem(seed)
+    jacobian, residual, bound = problem(seed)
     rng = np.random.default_rng(seed + 20)
     change = 0.02 * rng.normal(size=jacobian.shape) * np.abs(jacobian).max(axis=0)
     rate = 0.1 * np.abs(jacobian[:, 0]) * rng.integers(0, 2, 24)
     size = 30.0 * bound.max() / np.abs(jacobian[:, 0]).max()
     for k in range(9):
-        own = jacobian + k * change
+        matrix = jacobian + k * change
         # About a point that needs a size of its first column, of which the other sign does not do.
         step = np.array([(0.1 + 0.05 * k) * size, 0.0, 0.0, 0.0])
         branches = [grown(rate, sign, size).moved(step) for sign in (1.0, -1.0)]
-        yield Possible(own, left, bound, growths=branches, proofs={} if proofs is None else proofs)
+        yield Possible(matrix, residual, bound, growths=branches, proofs={} if proofs is None else proofs)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_bounds_one_set_bounds_the_union_of_those_alike_as_far_as_it_reaches(seed, monkeypatch):
-    each, solved = list(alike(seed, None)), []
+    sets, solved = list(alike(seed, None)), []
     together = AnyOf(list(alike(seed, {})))
     directions = list(np.vstack((np.eye(4), -np.eye(4), [[0.0, 0.3, -0.8, 0.0]])))
-    truth = [max(one.reach(weights) for one in each) for weights in directions]
+    truth = [max(member.reach(weights) for member in sets) for weights in directions]
     maximise = Polytope.maximise
-    monkeypatch.setattr(Polytope, "maximise", lambda *given: solved.append(1) or maximise(*given))
+    monkeypatch.setattr(Polytope, "maximise", lambda *calls: solved.append(1) or maximise(*calls))
     for weights, end in zip(directions, truth, strict=True):
         assert together.reach(weights) == pytest.approx(end, rel=1e-9)
         # What goes no farther than is asked for is told as that, what does as far as it goes.
         assert together.reach(weights, 1.01 * end) == 1.01 * end
         assert together.reach(weights, 0.99 * end) == pytest.approx(end, rel=1e-9)
     # Asked three times of each set, this many would be a third.
-    assert len(solved) < len(directions) * len(each)
+    assert len(solved) < len(directions) * len(sets)
 
 
 def test_fewer_rows_leave_more_possible():
-    jacobian, left, bound = problem(8, rows=300)
-    some, every = Possible(jacobian, left, bound, most_rows=40), Possible(jacobian, left, bound)
+    jacobian, residual, bound = problem(8, rows=300)
+    some, every = Possible(jacobian, residual, bound, most_rows=40), Possible(jacobian, residual, bound)
     assert len(some.matrix) == 40
     for k in range(4):
         assert some.ends(k)[0] <= every.ends(k)[0] < every.ends(k)[1] <= some.ends(k)[1]
 
 
 def test_what_nothing_bounds_has_no_ends():
-    jacobian, left, bound = problem(9, columns=3)
-    possible = Possible(np.column_stack((jacobian, jacobian[:, 0], np.zeros(24))), left, bound)
+    jacobian, residual, bound = problem(9, columns=3)
+    possible = Possible(np.column_stack((jacobian, jacobian[:, 0], np.zeros(24))), residual, bound)
     assert possible.ends(1)[1] < math.inf
     for column in (0, 3, 4):
         assert possible.ends(column) == (-math.inf, math.inf)

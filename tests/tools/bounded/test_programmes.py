@@ -35,13 +35,13 @@ def test_radius_agrees_with_another_formulation_and_its_duals_prove_it(seed):
     radius, x, duals = chebyshev_radius(jacobian * [1, 1e-3, 1e3, 1, 1, 1], residual, bound)
     scaled, target = jacobian / bound[:, None] * 1e-5, residual / bound
     ones = np.ones((30, 1))
-    other = linprog(
+    reference = linprog(
         [*[0.0] * 6, 1.0],
         A_ub=np.vstack([np.hstack([scaled, -ones]), np.hstack([-scaled, -ones])]),
         b_ub=np.concatenate([target, -target]),
         bounds=[(None, None)] * 6 + [(0, None)],
     )
-    assert radius == pytest.approx(other.fun, rel=1e-7)
+    assert radius == pytest.approx(reference.fun, rel=1e-7)
     worst = np.abs(residual - jacobian * [1, 1e-3, 1e3, 1, 1, 1] @ x) / bound
     assert worst.max() == pytest.approx(radius, rel=1e-8)
     np.testing.assert_allclose(jacobian.T @ duals * 1e-5, 0, atol=1e-9)
@@ -85,20 +85,20 @@ def test_taking_in_rows_gives_the_same_as_all_at_once(seed, monkeypatch):
     jacobian = rng.normal(size=(3000, 6)) * rng.choice([1.0, 0.01], (3000, 1))
     bound = 1e-5 * rng.uniform(1.0, 5.0, 3000)
     residual = rng.uniform(-1.0, 1.0, 3000) * bound
-    found = []
+    solutions = []
     for many, block in ((10**9, 10**9), (100, 10**9), (100, 64)):
         monkeypatch.setattr(programmes, "MANY_ROWS", many)
         monkeypatch.setattr(programmes, "BLOCK", block)
         polytope = Polytope(jacobian, bound)
         polytope.confine(residual - bound, residual + bound)
         weights = np.random.default_rng(9).normal(size=(5, 6))
-        found.append((chebyshev_radius(jacobian, residual, bound), [polytope.maximise(w) for w in weights]))
-    for (radius, _, duals), tops in found[1:]:
-        assert radius == pytest.approx(found[0][0][0], rel=1e-9)
+        solutions.append((chebyshev_radius(jacobian, residual, bound), [polytope.maximise(w) for w in weights]))
+    for (radius, _, duals), tops in solutions[1:]:
+        assert radius == pytest.approx(solutions[0][0][0], rel=1e-9)
         np.testing.assert_allclose(jacobian.T @ duals, 0.0, atol=1e-6)
         assert residual @ duals == pytest.approx(radius, rel=1e-8)
-        for (value, x, phi), (other, _, _) in zip(tops, found[0][1], strict=True):
-            assert value == pytest.approx(other, rel=1e-9)
+        for (value, x, phi), (reference, _, _) in zip(tops, solutions[0][1], strict=True):
+            assert value == pytest.approx(reference, rel=1e-9)
             assert np.all(np.abs(residual - jacobian @ x) <= bound * (1 + 1e-8))
             assert len(phi) == len(bound)
 
@@ -110,7 +110,7 @@ def test_many_rows_are_shortened_to_few_of_the_same_singular_values(monkeypatch)
     assert len(few) < 250
     solved = np.linalg.lstsq(few[:, :6], few[:, 6:], rcond=None)[0]
     np.testing.assert_allclose(solved, np.linalg.lstsq(rows, target, rcond=None)[0], rtol=0, atol=1e-13)
-    values = [np.linalg.svd(one, compute_uv=False) for one in (few[:, :6], rows)]
+    values = [np.linalg.svd(row, compute_uv=False) for row in (few[:, :6], rows)]
     np.testing.assert_allclose(*values, rtol=1e-13)
     assert len(programmes.shortened(rows[:100])) == 100
 
@@ -132,23 +132,23 @@ def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
         return (matrix, residual, bound), Growth(np.zeros(30), rows, low, high)
 
     for sign in (1.0, -1.0):
-        given, growth = programme(0.0, sign)
-        radius, _, duals = chebyshev_radius(*given, growth=growth)
-        assert proven_radius(*given, growth, duals) == pytest.approx(radius, rel=1e-8)
+        duals_of_first, growth = programme(0.0, sign)
+        radius, _, duals = chebyshev_radius(*duals_of_first, growth=growth)
+        assert proven_radius(*duals_of_first, growth, duals) == pytest.approx(radius, rel=1e-8)
         for moved in (0.01, 0.1, 0.5, 3.0):
             for largest in (0.2, 3.0):
-                given, growth = programme(moved, sign, largest)
-                least = chebyshev_radius(*given, growth=growth)[0]
-                assert proven_radius(*given, growth, duals) <= least + 1e-9
+                duals_of_first, growth = programme(moved, sign, largest)
+                least = chebyshev_radius(*duals_of_first, growth=growth)[0]
+                assert proven_radius(*duals_of_first, growth, duals) <= least + 1e-9
                 if moved == 0.01 and largest == 3.0:
-                    assert proven_radius(*given, growth, duals) >= 0.9 * least
+                    assert proven_radius(*duals_of_first, growth, duals) >= 0.9 * least
 
 
 def test_the_solver_says_nothing_of_itself():
     """HiGHS 1.16 says its name once a process, when an instance is made: in the middle of what a command prints."""
     program = "from trihedron.tools.bounded.programmes import solver; solver().run()"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (process.returncode, process.stdout, process.stderr) == (0, "", "")
 
 
 def test_what_goes_round_in_circles_is_a_stated_failure(monkeypatch: pytest.MonkeyPatch):

@@ -65,14 +65,16 @@ def test_a_bound_is_the_least_weighted_mean_square_of_the_readings_that_are_kept
     problem = random_problem(5, rows=24, effects=5)
     weights = sharp_weights(problem, np.full(24, 1 / 24), 3)
     sets = every_set(size, 5, 24)[:: 1 + 4 * size]
-    bounds = bounds_of(np.array([as_row(one) for one in sets]), parts(problem, project(problem, weights)))
-    for one, bound in zip(sets, bounds, strict=True):
-        kept = np.setdiff1d(np.arange(24), one.outliers)
-        root = np.sqrt(weights[kept] / weights[kept].sum())
-        columns = np.hstack([problem.nominal, *(problem.columns[:, problem.blocks[effect]] for effect in one.effects)])
-        right = root * problem.residual[kept]
-        left = right - (own := root[:, None] * columns[kept]) @ np.linalg.lstsq(own, right, rcond=None)[0]
-        assert bound == pytest.approx(left @ left, rel=1e-6, abs=1e-9)
+    bounds = bounds_of(np.array([as_row(candidate) for candidate in sets]), parts(problem, project(problem, weights)))
+    for candidate, bound in zip(sets, bounds, strict=True):
+        rows = np.setdiff1d(np.arange(24), candidate.outliers)
+        root = np.sqrt(weights[rows] / weights[rows].sum())
+        columns = np.hstack(
+            [problem.nominal, *(problem.columns[:, problem.blocks[effect]] for effect in candidate.effects)]
+        )
+        right = root * problem.residual[rows]
+        residual = right - (weighted := root[:, None] * columns[rows]) @ np.linalg.lstsq(weighted, right, rcond=None)[0]
+        assert bound == pytest.approx(residual @ residual, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 3])
@@ -82,19 +84,21 @@ def test_the_scan_keeps_exactly_the_sets_within_the_limit(size):
     sets = every_set(size, 5, 20)
     bounds = bounds_of(np.array([as_row(s) for s in sets]), parts(problem, projection))
     limit = float(np.median(bounds)) * (1 + 1e-12)
-    kept = {tuple(as_row(s)) for s, bound in zip(sets, bounds, strict=True) if bound <= limit}
-    given = parts(problem, projection)
-    found = [surviving_sets(problem.choices(size - out), out, limit, given) for out in range(min(size, 2) + 1)]
-    assert {tuple(int(i) for i in row) for part in found for row in part} == kept
+    rows = {tuple(as_row(s)) for s, bound in zip(sets, bounds, strict=True) if bound <= limit}
+    projection_parts = parts(problem, projection)
+    survivors = [
+        surviving_sets(problem.choices(size - out), out, limit, projection_parts) for out in range(min(size, 2) + 1)
+    ]
+    assert {tuple(int(i) for i in row) for part in survivors for row in part} == rows
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 3])
 def test_of_candidates_that_are_alike_a_set_has_one_at_most(size):
     problem = replace(random_problem(7, rows=20, effects=6), alike=2)
-    wanted = {chosen for chosen in combinations(range(6), size) if not {4, 5} <= set(chosen)}
+    expected = {chosen for chosen in combinations(range(6), size) if not {4, 5} <= set(chosen)}
     choices = problem.choices(size)
-    assert len(choices) == len(wanted)
-    assert {tuple(int(i) for i in row if i >= 0) for row in choices} == wanted
+    assert len(choices) == len(expected)
+    assert {tuple(int(i) for i in row if i >= 0) for row in choices} == expected
 
 
 @pytest.mark.parametrize("alike", [0, 30])
@@ -107,14 +111,14 @@ def test_many_candidates_are_judged_by_some_rows_first_and_what_stands_is_the_sa
     residual = 30 * columns[hidden[0]][:, 0] + 20 * columns[hidden[1]][:, 0] + rng.uniform(-1, 1, rows)
     residual[40] += 9.0
     problem = Problem.of(residual, np.ones((rows, 1)), columns, alike)
-    wanted = {size: set(sets_of_size(problem, size, 0.0)) for size in (1, 2, 3)}
-    assert EffectSet(hidden, (40,)) in wanted[3]
+    expected = {size: set(sets_of_size(problem, size, 0.0)) for size in (1, 2, 3)}
+    assert EffectSet(hidden, (40,)) in expected[3]
     monkeypatch.setattr("trihedron.tools.bounded.sets.MANY_CANDIDATES", 20)
     monkeypatch.setattr("trihedron.tools.bounded.sets.SOME_ROWS", 18)
     fewer, groups = problem.of_some_rows()
     assert len(fewer.residual) < 25
     assert len(groups) < len(problem.blocks)
-    assert {size: set(sets_of_size(problem, size, 0.0)) for size in (1, 2, 3)} == wanted
+    assert {size: set(sets_of_size(problem, size, 0.0)) for size in (1, 2, 3)} == expected
     few = len(standing_in_some_rows(problem, 3, 0.0, 2, Work()))
     assert few < len(problem.blocks)
 
@@ -124,8 +128,8 @@ def test_columns_that_depend_on_others_change_nothing():
     plain = random_problem(11, effects=3)
     twice = np.hstack((plain.columns, plain.columns[:, :1], np.zeros((40, 1)), plain.nominal[:, 1:2]))
     last = plain.blocks[-1].stop
-    more = tuple(slice(last + k, last + k + 1) for k in range(3))
-    problem = Problem(plain.residual, plain.nominal, twice, (*plain.blocks, *more))
+    repeated = tuple(slice(last + k, last + k + 1) for k in range(3))
+    problem = Problem(plain.residual, plain.nominal, twice, (*plain.blocks, *repeated))
     projection = project(problem, np.full(40, 1 / 40))
     rows = np.array([as_row(EffectSet(e)) for e in ((0, 1), (0, 1, 3), (0, 1, 4), (0, 1, 5))])
     bounds = bounds_of(rows, parts(problem, projection))
@@ -140,9 +144,9 @@ def test_one_at_a_time_candidates_have_the_bounds_that_they_have_together():
     one_at_a_time, together = project(problem, weights, together=False), project(problem, weights)
     assert not np.array_equal(one_at_a_time.gram, together.gram)
     sets = [EffectSet((k,), outliers) for k in range(len(problem.blocks)) for outliers in ((), (3,), (3, 7))]
-    rows = np.array([as_row(one) for one in sets])
-    found = bounds_of(rows, parts(problem, one_at_a_time))
-    assert found == pytest.approx(bounds_of(rows, parts(problem, together)), rel=1e-9)
+    rows = np.array([as_row(candidate) for candidate in sets])
+    survivors = bounds_of(rows, parts(problem, one_at_a_time))
+    assert survivors == pytest.approx(bounds_of(rows, parts(problem, together)), rel=1e-9)
 
 
 def test_where_one_projection_refuses_every_set_no_other_is_made():
@@ -158,13 +162,13 @@ def test_lawsons_algorithm_makes_the_bound_sharp():
     problem = Problem(3.0 * small.residual, small.nominal, small.columns, small.blocks)
     exact = linear_radius(problem, EffectSet((1,)))
     start = np.full(40, 1 / 40)
-    one = np.array(as_row(EffectSet((1,))))
-    verdict, weights = settle(problem.system, one, start, (0.97 * exact) ** 2)
+    candidate = np.array(as_row(EffectSet((1,))))
+    verdict, weights = settle(problem.system, candidate, start, (0.97 * exact) ** 2)
     assert verdict == REFUSED
     assert weights.sum() == pytest.approx(1.0)
-    assert settle(problem.system, one, start, (1.001 * exact) ** 2)[0] != REFUSED
+    assert settle(problem.system, candidate, start, (1.001 * exact) ** 2)[0] != REFUSED
     scaled = Problem(problem.residual / (1.3 * exact), problem.nominal, problem.columns, problem.blocks)
-    assert settle(scaled.system, one, start, 1.0)[0] == ACCEPTED
+    assert settle(scaled.system, candidate, start, 1.0)[0] == ACCEPTED
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(k, marks=pytest.mark.acceptance) for k in range(3, 8))])
@@ -188,9 +192,9 @@ def test_the_search_finds_exactly_the_sets_that_will_do(seed):
     assert list(sets_of_size(problem, 0, beyond + 1e-6)) == [nominal]
     assert list(sets_of_size(problem, 0, beyond - 1e-6)) == []
     for size in (1, 2, 3):
-        radii = {one: linear_radius(problem, one) for one in every_set(size, 5, 24)}
+        radii = {candidate: linear_radius(problem, candidate) for candidate in every_set(size, 5, 24)}
         for slack in (0.0, 0.3):
-            expected = [one for one, radius in radii.items() if radius <= 1.0 + slack]
+            expected = [candidate for candidate, radius in radii.items() if radius <= 1.0 + slack]
             assert sorted(sets_of_size(problem, size, slack)) == sorted(expected)
         if min(radii.values()) <= 1.0:
             break

@@ -22,10 +22,10 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]], mark: str = ";"
     return "\n".join([*head, *(mark.join(map(str, row)) for row in rows)])
 
 
-def rows_of(force: np.ndarray, *beside: Sequence[object]) -> list[list[object]]:
+def rows_of(force: np.ndarray, *further: Sequence[object]) -> list[list[object]]:
     """Rows: number, time, angles, readings, what stands beside them."""
     return [
-        [k + 1, TIME[k], ALPHA[k], BETA[k], *np.ravel(force[k]).round(6).tolist(), *(more[k] for more in beside)]
+        [k + 1, TIME[k], ALPHA[k], BETA[k], *np.ravel(force[k]).round(6).tolist(), *(column[k] for column in further)]
         for k in range(COUNT)
     ]
 
@@ -96,10 +96,10 @@ def test_readings_side_by_side_are_averaged_where_they_are_known_to_be_such(
     if asks:
         assert "one thing is not known: --set beside=average or --set beside=none" in refused(tmp_path, text)
         assert "columns.f1_mps2=" in refused(tmp_path, text, {"beside": "none"})
-    found = imported(tmp_path, text, answers, out=tmp_path / "record.csv")
-    assert (found.rows, found.readings) == (COUNT, 4 * COUNT)
-    assert found.record.specific_force == pytest.approx(G * FORCE, abs=1e-9)
-    assert found.scatter_mps2 == pytest.approx([G * 1e-4 * np.sqrt(8.0 / 3.0) / 2.0] * 3, rel=1e-6)
+    conversion = imported(tmp_path, text, answers, out=tmp_path / "record.csv")
+    assert (conversion.rows, conversion.readings) == (COUNT, 4 * COUNT)
+    assert conversion.record.specific_force == pytest.approx(G * FORCE, abs=1e-9)
+    assert conversion.scatter_mps2 == pytest.approx([G * 1e-4 * np.sqrt(8.0 / 3.0) / 2.0] * 3, rel=1e-6)
     again = imported(tmp_path, text, mapping=tmp_path / "record.import.toml")
     assert again.readings == 4 * COUNT
     assert again.record.specific_force == pytest.approx(G * FORCE, abs=1e-9)
@@ -109,25 +109,25 @@ def test_a_missing_reading_leaves_the_others_of_its_rest(tmp_path: Path):
     names = ";".join(f"a{axis}_r{k} [g]" for k in range(1, 5) for axis in "xyz")
     rows = rows_of(READ)
     rows[2][4 + 3 * 2] = "n/a"
-    found = imported(tmp_path, table([PLACES + names], rows))
-    assert (found.rows, found.readings) == (COUNT, 4 * COUNT - 1)
-    assert found.left_out == ("1 row (a number is missing): 4",)
+    conversion = imported(tmp_path, table([PLACES + names], rows))
+    assert (conversion.rows, conversion.readings) == (COUNT, 4 * COUNT - 1)
+    assert conversion.left_out == ("1 row (a number is missing): 4",)
 
 
 def test_readings_side_by_side_without_numbers_of_positions(tmp_path: Path):
     """Each row is a rest: nothing is asked, though all its readings are at one place."""
     names = ";".join(f"a{axis}_r{k} [g]" for k in range(1, 5) for axis in "xyz")
     rows = [row[1:] for row in rows_of(READ)]
-    found = imported(tmp_path, table([PLACES.removeprefix("Pos;") + names], rows))
-    assert (found.rows, found.readings) == (COUNT, 4 * COUNT)
+    conversion = imported(tmp_path, table([PLACES.removeprefix("Pos;") + names], rows))
+    assert (conversion.rows, conversion.readings) == (COUNT, 4 * COUNT)
 
 
 def test_names_that_are_numbers(tmp_path: Path):
     """Three readings of each axis under one name, 1 to 3 in the line below."""
     head = [";;;;Acc X [g];;;Acc Y [g];;;Acc Z [g];;", PLACES + "1;2;3;1;2;3;1;2;3"]
     text = table(head, rows_of(np.swapaxes(READ[:, :3], 1, 2)))
-    found = imported(tmp_path, text, {"beside": "average"})
-    assert found.record.specific_force == pytest.approx(G * FORCE, abs=1e-9)
+    conversion = imported(tmp_path, text, {"beside": "average"})
+    assert conversion.record.specific_force == pytest.approx(G * FORCE, abs=1e-9)
 
 
 NAMES = ["t[s]", "alpha[deg]", "beta[deg]", "ax[g]", "ay[g]", "az[g]", "T[degC]"]
@@ -152,9 +152,9 @@ def test_the_mark_of_a_comment_is_no_name(tmp_path: Path):
 def test_names_that_may_stand_over_other_fields_are_refused(
     head: str, rows: list[list[object]], mark: str, tmp_path: Path
 ):
-    said = refused(tmp_path, table([head], rows, mark))
-    assert "which name stands over which field is not known" in said
-    assert "row 2 has" in said
+    message = refused(tmp_path, table([head], rows, mark))
+    assert "which name stands over which field is not known" in message
+    assert "row 2 has" in message
 
 
 def test_units_that_change_behind_numbers_are_refused(tmp_path: Path):
@@ -164,8 +164,8 @@ def test_units_that_change_behind_numbers_are_refused(tmp_path: Path):
         for k, row in enumerate(rows_of(FORCE))
     ]
     rows[3][4] = "0.003 g"
-    said = refused(tmp_path, table([PLACES + "X;Y;Z"], rows))
-    assert "row 5: '0.003 g' is in another unit than 'X' or the rows before" in said
+    message = refused(tmp_path, table([PLACES + "X;Y;Z"], rows))
+    assert "row 5: '0.003 g' is in another unit than 'X' or the rows before" in message
     rows[3][4] = "3.000 mg"
     record = imported(tmp_path, table([PLACES + "X;Y;Z"], rows)).record
     assert record.specific_force == pytest.approx(G * FORCE, abs=1e-8)
@@ -180,17 +180,17 @@ def test_minutes_and_seconds_with_decimals(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("names", "asked"),
+    ("names", "option"),
     [
         ("acc_x_raw;acc_y_raw;acc_z_raw", "'units.force=16384 raw/g'"),
         ("ax [mV];ay [mV];az [mV]", "'units.force=0.5 g/mV'"),
         ("Ux(V);Uy(V);Uz(V)", "'units.force=0.5 g/V'"),
     ],
 )
-def test_what_a_converter_gave_is_asked_as_a_sensitivity(names: str, asked: str, tmp_path: Path):
-    said = refused(tmp_path, table([PLACES + names], rows_of(FORCE)))
-    assert asked in said
-    assert "units.force=g " not in said
+def test_what_a_converter_gave_is_asked_as_a_sensitivity(names: str, option: str, tmp_path: Path):
+    message = refused(tmp_path, table([PLACES + names], rows_of(FORCE)))
+    assert option in message
+    assert "units.force=g " not in message
 
 
 def test_times_that_are_too_coarse_or_begin_again_say_what_helps(tmp_path: Path):

@@ -39,21 +39,21 @@ def refusal(*arguments: object, **options: object) -> str:
     try:
         th.import_record(*arguments, **options)  # type: ignore[arg-type]
     except th.InputError as error:
-        said = str(error)
-        return said if said.splitlines() == [said] else f"several lines: {said!r}"
+        message = str(error)
+        return message if message.splitlines() == [message] else f"several lines: {message!r}"
     return ""
 
 
-def imported(folder: Path, data: bytes, answers: dict[str, str] | None = None, name: str = "lab.csv") -> None:
+def imported(folder: Path, content: bytes, answers: dict[str, str] | None = None, name: str = "lab.csv") -> None:
     """Import bytes; what is refused is refused in one line, and what is made is a record that can be read."""
     path, out = folder / name, folder / "record.csv"
-    path.write_bytes(data)
+    path.write_bytes(content)
     for file in folder.glob("record*"):
         file.unlink()
-    said = refusal(path, out=out, answers=answers)
-    assert not said.startswith("several lines")
-    assert out.exists() == (not said)
-    if not said:
+    message = refusal(path, out=out, answers=answers)
+    assert not message.startswith("several lines")
+    assert out.exists() == (not message)
+    if not message:
         assert np.isfinite(th.read_record(out).specific_force).all()
 
 
@@ -64,10 +64,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @SETTINGS
 @given(data=st.binary(max_size=400), at=st.integers(0, 300))
-def test_random_bytes_anywhere(folder: Path, data: bytes, at: int):
-    whole = b"\r\n".join([NAMES, *ROWS])
-    imported(folder, data)
-    imported(folder, whole[:at] + data + whole[at:])
+def test_random_bytes_anywhere(folder: Path, content: bytes, at: int):
+    table = b"\r\n".join([NAMES, *ROWS])
+    imported(folder, content)
+    imported(folder, table[:at] + content + table[at:])
 
 
 @SETTINGS
@@ -116,17 +116,17 @@ def test_mappings_of_anything(folder: Path, lines: list[str]):
 
 @settings(SETTINGS, max_examples=20)
 @given(data=st.binary(min_size=1, max_size=40), at=st.floats(0.0, 1.0), old=st.booleans())
-def test_workbooks_with_wrong_bytes(folder: Path, data: bytes, at: float, old: bool):
+def test_workbooks_with_wrong_bytes(folder: Path, content: bytes, at: float, old: bool):
     pytest.importorskip("python_calamine", reason="python-calamine is not installed")
     pytest.importorskip("xlwt", reason="xlwt is not installed")
     pytest.importorskip("xlsxwriter", reason="xlsxwriter is not installed")
     from laboratory_workbooks import xls, xlsx
 
-    whole = (xls if old else xlsx)(
+    table = (xls if old else xlsx)(
         {"Data": [NAMES.decode("cp1252").split(";"), *([float(k)] * 7 for k in range(1, 9))]}
     )
-    place = 8 + int(at * (len(whole) - 8))
-    imported(folder, whole[:place] + data + whole[place + len(data) :], name="lab.xls")
+    place = 8 + int(at * (len(table) - 8))
+    imported(folder, table[:place] + content + table[place + len(content) :], name="lab.xls")
 
 
 def test_the_clean_file_of_these_tests_is_imported(folder: Path):

@@ -28,9 +28,9 @@ def imported(folder: Path, content: bytes, answers: dict[str, str] | None = None
 def refused(folder: Path, content: bytes) -> str:
     with pytest.raises(th.InputError) as error:
         imported(folder, content)
-    said = str(error.value)
-    assert "\n" not in said
-    return said
+    message = str(error.value)
+    assert "\n" not in message
+    return message
 
 
 def assert_clean(record, rows: Sequence[int] = range(12)) -> None:
@@ -49,22 +49,22 @@ def test_channels_that_are_counted_from_0_are_the_three_axes_in_their_order(name
 
 def test_four_channels_that_are_counted_from_0_are_no_three_axes(tmp_path: Path):
     names = [*PLAIN[:4], *(f"a{k} [m/s²]" for k in range(4))]
-    said = refused(tmp_path, table(names, [*COLUMNS, COLUMNS[6]]))
-    assert "which column is f1_mps2" in said
+    message = refused(tmp_path, table(names, [*COLUMNS, COLUMNS[6]]))
+    assert "which column is f1_mps2" in message
 
 
 @pytest.mark.parametrize("mark", ["#", "% ", "//"])
 def test_rows_that_are_commented_out_are_left_out_and_said(mark: str, tmp_path: Path):
     lines = table(PLAIN, COLUMNS).decode().splitlines()
     lines[5], lines[8] = mark + lines[5], mark + lines[8]
-    found = imported(tmp_path, "\n".join(lines).encode())
-    assert_clean(found.record, [k for k in range(12) if k not in (4, 7)])
-    assert "2 rows (comments): 6, 9" in found.left_out
+    conversion = imported(tmp_path, "\n".join(lines).encode())
+    assert_clean(conversion.record, [k for k in range(12) if k not in (4, 7)])
+    assert "2 rows (comments): 6, 9" in conversion.left_out
 
 
 def test_positions_that_are_named_with_such_a_mark_are_no_comments(tmp_path: Path):
-    named = [[f"#{k}" for k in COLUMNS[0]], *COLUMNS[1:]]
-    assert_clean(imported(tmp_path, table(PLAIN, named)).record)
+    marked = [[f"#{k}" for k in COLUMNS[0]], *COLUMNS[1:]]
+    assert_clean(imported(tmp_path, table(PLAIN, marked)).record)
 
 
 def test_sums_below_the_table_are_asked_of_all_at_once(tmp_path: Path):
@@ -86,10 +86,10 @@ NOTATIONS = {
 @pytest.mark.parametrize("name", NOTATIONS)
 def test_numbers_in_another_notation_are_refused_and_not_left_out(name: str, tmp_path: Path):
     column = [NOTATIONS[name](float(v)) for v in np.tile(FORCE[:, 0], 3)]
-    others = [[str(k + 1) for k in range(36)], *([c[k % 12] for k in range(36)] for c in COLUMNS[1:])]
-    said = refused(tmp_path, table(PLAIN, [*others[:4], column, *others[5:]]))
-    assert "write plain decimal numbers" in said
-    assert "--set" not in said
+    columns = [[str(k + 1) for k in range(36)], *([c[k % 12] for k in range(36)] for c in COLUMNS[1:])]
+    message = refused(tmp_path, table(PLAIN, [*columns[:4], column, *columns[5:]]))
+    assert "write plain decimal numbers" in message
+    assert "--set" not in message
 
 
 @pytest.mark.parametrize(("old", "new"), [("E", "D"), ("-", "- "), ("+", "+ ")])
@@ -140,6 +140,6 @@ def test_minutes_of_an_angle_in_a_column_of_their_own_are_not_lost(units: tuple[
     ],
 )
 def test_other_names_and_units_are_known(names: list[str], tmp_path: Path):
-    found = imported(tmp_path, table(names, COLUMNS))
-    assert_clean(found.record)
-    assert not found.left_out
+    conversion = imported(tmp_path, table(names, COLUMNS))
+    assert_clean(conversion.record)
+    assert not conversion.left_out

@@ -65,7 +65,7 @@ def test_angles(text: str, degrees: float | None):
 def test_what_a_number_proves_of_its_marks(cell: str, proves: tuple[str, str, str]):
     marks = Marks()
     marks.see(cell)
-    assert tuple("".join(found) for found in (marks.decimal, marks.thousands, marks.doubtful)) == proves
+    assert tuple("".join(marks_of_kind) for marks_of_kind in (marks.decimal, marks.thousands, marks.doubtful)) == proves
 
 
 def test_times_and_dates():

@@ -21,10 +21,10 @@ FORCE = [[1.4, 3.0, 9.2], [4.1, 8.3, -3.4]]
 
 
 def archive() -> bytes:
-    kept = io.BytesIO()
-    with zipfile.ZipFile(kept, "w") as made:
-        made.writestr("lab.csv", LAB)
-    return kept.getvalue()
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("lab.csv", LAB)
+    return stream.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tm
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (PACKED[:-20], "ends too early"),
         (PACKED[:-8] + b"junkjunk", "cannot be unpacked"),
@@ -59,12 +59,12 @@ def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tm
     ],
     ids=["cut", "corrupt", "bz2", "xz", "zip", "html", "xml", "json", "json lists", "pdf", "parquet"],
 )
-def test_what_holds_none_is_told_what_would_be_right(content: bytes, said: str, tmp_path: Path):
+def test_what_holds_none_is_told_what_would_be_right(content: bytes, message: str, tmp_path: Path):
     path = tmp_path / "lab.csv"
     path.write_bytes(content)
     with pytest.raises(th.InputError) as refused:
         th.import_record(path)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -79,7 +79,9 @@ def test_a_file_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypatch)
 def test_check_and_diagnose_propose_the_import_of_a_packed_file(tmp_path: Path):
     path = tmp_path / "lab.csv.gz"
     path.write_bytes(PACKED)
-    said = f"is packed by gzip; a laboratory's own file becomes a record by: trihedron import {path} --out RECORD.csv"
-    assert said in str(th.check(path))
+    message = (
+        f"is packed by gzip; a laboratory's own file becomes a record by: trihedron import {path} --out RECORD.csv"
+    )
+    assert message in str(th.check(path))
     with pytest.raises(th.InputError, match="trihedron import"):
         th.diagnose(path)

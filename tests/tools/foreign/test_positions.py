@@ -47,9 +47,9 @@ def asked(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], 
     """Keys that an import asks for, and the line in which it does."""
     with pytest.raises(th.InputError) as refused:
         th.import_record(path, answers=answers)
-    said = str(refused.value)
-    assert "\n" not in said
-    return set(re.findall(r"--set '?([\w.]+)=", said)), said
+    message = str(refused.value)
+    assert "\n" not in message
+    return set(re.findall(r"--set '?([\w.]+)=", message)), message
 
 
 def test_there_are_forty_dialects():
@@ -63,11 +63,11 @@ def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Ben
     path = written(tmp_path, file)
     answers: dict[str, str] = {}
     for last in range(file.rounds if file.needs else 0):
-        keys, said = asked(path, answers)
-        assert keys <= set(file.needs), said
+        keys, message = asked(path, answers)
+        assert keys <= set(file.needs), message
         answers |= {key: file.needs[key] for key in keys}
-        assert (set(answers) == set(file.needs)) == (last == file.rounds - 1), said
-    found = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
+        assert (set(answers) == set(file.needs)) == (last == file.rounds - 1), message
+    conversion = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
     record = th.read_record(tmp_path / "record.csv")
     rows = np.arange(len(bench.time)) if file.rows is None else file.rows
     assert isinstance(record, PositionRecord)
@@ -81,7 +81,7 @@ def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Ben
     assert {key: record.about.get(key) for key in file.keeps} == file.keeps
     if not {"time", "dates"} & set(file.needs):
         assert np.diff(record.time_s) == pytest.approx(np.diff(bench.time[rows]), abs=1e-5)
-    assert found.to_json()["rows"] == len(record)
+    assert conversion.to_json()["rows"] == len(record)
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if file_of(some_bench(), name).wrong])
@@ -94,8 +94,8 @@ def test_where_a_guess_could_be_wrong_the_other_answer_is_taken_too_or_refused(n
         with pytest.raises(th.InputError, match="gravity"):
             th.import_record(path, answers=file.wrong)
         return
-    right, other = (th.import_record(path, answers=answers).record for answers in (file.needs, file.wrong))
-    assert not np.array_equal(other.time_s, right.time_s)
+    right, wrong = (th.import_record(path, answers=answers).record for answers in (file.needs, file.wrong))
+    assert not np.array_equal(wrong.time_s, right.time_s)
 
 
 @pytest.mark.parametrize("name", ["German Windows", "counts", "sexagesimal", "1 February or 2 January?"])
@@ -110,9 +110,9 @@ def test_a_calibration_of_it_is_that_of_the_clean_record(name: str, bench: Bench
         np.radians(bench.beta[rows]),
         bench.force[rows],
     )
-    ours, theirs = (th.calibrate(each, noise_bound=1e-5) for each in (record, clean))
+    ours, theirs = (th.calibrate(source, noise_bound=1e-5) for source in (record, clean))
     assert ours.verdict == theirs.verdict
-    values = [[p.estimate for p in each.parameters if p.estimate is not None] for each in (ours, theirs)]
+    values = [[p.estimate for p in source.parameters if p.estimate is not None] for source in (ours, theirs)]
     assert values[0] == pytest.approx(values[1], abs=2e-8)
 
 
@@ -156,14 +156,14 @@ def test_several_readings_of_a_rest_are_averaged_and_their_scatter_kept(numbered
     path = written(tmp_path, file)
     if file.needs:
         assert asked(path)[0] == {"readings", "kind"}
-    found = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
+    conversion = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
     record = read_record(tmp_path / "record.csv", PositionRecord)
     error = scatter / np.sqrt(count)
     assert len(record) == len(bench.time)
     assert np.abs(record.specific_force - bench.force).max() < 5.0 * error
     assert record.scatter is not None
     assert record.scatter[0] == pytest.approx([error] * 3, rel=0.15)
-    assert found.scatter_mps2 == pytest.approx(record.scatter[0], rel=1e-3)
+    assert conversion.scatter_mps2 == pytest.approx(record.scatter[0], rel=1e-3)
     bound = th.calibrate(record).noise_bound
     assert 2.5 * error < bound * 9.80665 < 4.0 * error
 
@@ -196,9 +196,9 @@ def test_midnight_passes(tmp_path: Path):
     rows += [f"{k},{t},{k},0.0,0.0,0.0,1.0" for k, t in enumerate(("23:59:50", "23:59:58", "00:00:06"), 1)]
     path = tmp_path / "lab.csv"
     path.write_text("\n".join(rows), encoding="utf-8")
-    found = th.import_record(path)
-    assert found.record.time_s == pytest.approx([0.0, 8.0, 16.0])
-    assert "midnight passes 1 time" in found.notes
+    conversion = th.import_record(path)
+    assert conversion.record.time_s == pytest.approx([0.0, 8.0, 16.0])
+    assert "midnight passes 1 time" in conversion.notes
 
 
 def test_decimal_commas_between_commas_are_refused_as_such(bench: Bench, tmp_path: Path):
@@ -242,14 +242,14 @@ def test_a_mapping_takes_all_rows_of_a_longer_file(bench: Bench, tmp_path: Path)
 
 def rows_with(names: str, cells: list[str]) -> str:
     """A table of three rests of a level block, with cells of its own in front."""
-    return "\n".join([names, *(f"{own};{20 * k};{30 * k};0,0;0,0;1,0" for k, own in enumerate(cells))])
+    return "\n".join([names, *(f"{front};{20 * k};{30 * k};0,0;0,0;1,0" for k, front in enumerate(cells))])
 
 
 READINGS = "alpha [deg];beta [deg];ax [g];ay [g];az [g]"
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             rows_with(f"Nr;t [s];{READINGS}", ["1;0", "2;9.5", "3;20"]),
@@ -267,12 +267,12 @@ READINGS = "alpha [deg];beta [deg];ax [g];ay [g];az [g]"
     ],
     ids=lambda value: value[:40] if "--set" in value else "",
 )
-def test_what_is_doubtful_is_asked_and_named(text: str, said: str, tmp_path: Path):
+def test_what_is_doubtful_is_asked_and_named(text: str, message: str, tmp_path: Path):
     path = tmp_path / "lab.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(th.InputError) as refused:
         th.import_record(path)
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert "things" not in str(refused.value)
 
 

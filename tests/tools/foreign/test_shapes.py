@@ -57,12 +57,12 @@ TURNED = {
 
 @pytest.mark.parametrize("name", TURNED)
 def test_a_table_with_a_column_for_each_position_is_read(name: str, tmp_path: Path):
-    found = imported(tmp_path, TURNED[name])
-    assert_clean(found.record)
-    assert found.record.time_s == pytest.approx(BENCH.time)
-    assert "a column for each position, turned" in found.written_as
+    conversion = imported(tmp_path, TURNED[name])
+    assert_clean(conversion.record)
+    assert conversion.record.time_s == pytest.approx(BENCH.time)
+    assert "a column for each position, turned" in conversion.written_as
     if "German" in name:
-        assert found.about["Seriennummer"] == "A-17"
+        assert conversion.about["Seriennummer"] == "A-17"
 
 
 def test_a_workbook_on_its_side_is_read(tmp_path: Path):
@@ -97,19 +97,19 @@ HEADINGS = {
 
 @pytest.mark.parametrize("name", HEADINGS)
 def test_blocks_with_a_heading_for_each_rest_are_averaged(name: str, tmp_path: Path):
-    found = imported(tmp_path, blocks(*HEADINGS[name]))
-    assert_clean(found.record)
-    assert (found.rows, found.readings) == (9, 36)
-    assert "a block for each rest" in found.written_as
+    conversion = imported(tmp_path, blocks(*HEADINGS[name]))
+    assert_clean(conversion.record)
+    assert (conversion.rows, conversion.readings) == (9, 36)
+    assert "a block for each rest" in conversion.written_as
 
 
 def test_scatter_within_the_blocks_is_kept_and_names_may_be_given(tmp_path: Path):
     text = blocks("Position {k}, alpha {a}, beta {b}", "", scatter=1e-4)
     answers = {"columns.time_s": "4", **{f"columns.f{k}_mps2": str(k + 4) for k in (1, 2, 3)}}
     answers |= {"units.angle": "deg", "units.force": "m/s2", "units.time": "s"}
-    found = imported(tmp_path, text, answers)
-    assert found.record.specific_force == pytest.approx(FORCE, abs=3e-4)
-    assert found.scatter_mps2 == pytest.approx([0.5e-4] * 3, rel=0.5)
+    conversion = imported(tmp_path, text, answers)
+    assert conversion.record.specific_force == pytest.approx(FORCE, abs=3e-4)
+    assert conversion.scatter_mps2 == pytest.approx([0.5e-4] * 3, rel=0.5)
 
 
 def test_what_is_wrong_in_a_block_is_said_by_the_row_of_the_file(tmp_path: Path):

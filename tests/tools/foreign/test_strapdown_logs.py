@@ -45,7 +45,7 @@ def test_a_log_is_imported_or_asks_for_what_is_missing(name: str, block: Block, 
         with pytest.raises(th.InputError) as refused:
             th.import_record(path)
         assert set(re.findall(r"--set '?([\w.]+)=", str(refused.value))) == set(file.needs), str(refused.value)
-    found = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
+    conversion = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
     record = th.read_record(tmp_path / "record.csv")
     assert isinstance(record, StrapdownRecord)
     assert record.rate is not None
@@ -53,7 +53,7 @@ def test_a_log_is_imported_or_asks_for_what_is_missing(name: str, block: Block, 
     assert record.rate == pytest.approx(block.rate, abs=1e-6)
     assert np.diff(record.time_s) == pytest.approx(np.diff(block.time), abs=2e-6)
     assert {key: record.about.get(key) for key in file.keeps} == file.keeps
-    assert found.kind == "strapdown record"
+    assert conversion.kind == "strapdown record"
 
 
 def leaves(value: object) -> Iterator[float]:
@@ -88,9 +88,9 @@ def test_rows_that_lack_a_number_are_a_gap_and_said(block: Block, tmp_path: Path
         lines[k] = lines[k].rpartition(",")[0] + ",n/a"
     path = tmp_path / "log.csv"
     path.write_text("\n".join(lines), encoding="utf-8")
-    found = th.import_record(path)
-    assert len(found.record) == len(block.time) - 2
-    assert found.left_out == ("2 rows (a number is missing): 51, 52",)
+    conversion = th.import_record(path)
+    assert len(conversion.record) == len(block.time) - 2
+    assert conversion.left_out == ("2 rows (a number is missing): 51, 52",)
 
 
 @pytest.mark.parametrize("second", ["std", "gyro2"])

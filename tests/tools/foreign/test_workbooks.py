@@ -56,23 +56,26 @@ def test_check_and_diagnose_propose_the_import_of_a_workbook(tmp_path: Path, mon
     for suffix, make in ((".xlsx", xlsx), (".xls", xls), (".xlsb", xlsb), (".ods", ods)):
         path = Path(f"lab{suffix}")
         path.write_bytes(make({"Data": [NAMES, *rows_of(BENCH)]}))
-        said = f"is a workbook; a laboratory's own file becomes a record by: trihedron import {path} --out"
-        assert said in str(th.check(path))
+        message = f"is a workbook; a laboratory's own file becomes a record by: trihedron import {path} --out"
+        assert message in str(th.check(path))
         assert cli.main(["diagnose", str(path)]) == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
 
 
-def changed(data: bytes, **parts: bytes | None) -> bytes:
+def changed(book: bytes, **parts: bytes | None) -> bytes:
     """A workbook with parts replaced, added or (None) left out: "xl__worksheets__sheet1.xml"."""
-    named = {name.replace("__", "/"): content for name, content in parts.items()}
+    members = {name.replace("__", "/"): content for name, content in parts.items()}
     packed = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as made:
+    with (
+        zipfile.ZipFile(io.BytesIO(book)) as archive,
+        zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as changed_book,
+    ):
         for name in archive.namelist():
-            if name not in named:
-                made.writestr(name, archive.read(name))
-        for name, content in named.items():
+            if name not in members:
+                changed_book.writestr(name, archive.read(name))
+        for name, content in members.items():
             if content is not None:
-                made.writestr(name, content)
+                changed_book.writestr(name, content)
     return packed.getvalue()
 
 
@@ -106,13 +109,13 @@ HOSTILE = {
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_workbook_that_nobody_should_open_is_refused_in_one_line(name: str, tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setattr(sheet, "MOST_BYTES", 2_000_000)
-    content, said = HOSTILE[name]
+    content, message = HOSTILE[name]
     path = tmp_path / "lab.xlsx"
     path.write_bytes(content)
     assert cli.main(["import", str(path), "--out", str(tmp_path / "record.csv")]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
-    assert said in err
+    assert message in err
     assert [file.name for file in tmp_path.iterdir()] == ["lab.xlsx"]
 
 

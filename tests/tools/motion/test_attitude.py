@@ -162,12 +162,12 @@ def test_attitudes_after_a_clipped_gyro_are_marked(how: str) -> None:
             return attitude_of_record(StrapdownRecord(time, None, period * gyros, force), **options)
         return attitude_of_record(StrapdownRecord(time, gyros, None, force), **options)
 
-    whole, clipped = run(rate), run(np.clip(rate, -0.8, 0.8))
-    assert (whole.trusted_until, whole.saturated, whole.trusted.all()) == (None, {}, True)
+    unclipped, clipped = run(rate), run(np.clip(rate, -0.8, 0.8))
+    assert (unclipped.trusted_until, unclipped.saturated, unclipped.trusted.all()) == (None, {}, True)
     beyond = np.abs(rate[:, 0]) > 0.8
     assert clipped.saturated == {"w1": np.count_nonzero(beyond)}
     assert clipped.trusted_until == pytest.approx(time[np.argmax(beyond)] - period)
-    apart = angle_between(whole.attitude, clipped.attitude)
+    apart = angle_between(unclipped.attitude, clipped.attitude)
     assert apart[clipped.trusted].max() == 0.0
     assert apart[-1] > 0.2
     assert np.array_equal(clipped.to_polars()["trusted"], clipped.trusted)
@@ -188,15 +188,15 @@ def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Pat
     """Text, JSON, table, complaint and exit status; with --compare too."""
     time = 0.01 * np.arange(3000)
     rate = np.clip(np.stack([np.sin(time), 0.7 * np.sin(1.3 * time), np.cos(time)], axis=1), -0.8, 0.8)
-    path, found, out = tmp_path / "turn.csv", tmp_path / "found.json", tmp_path / "out"
+    path, result_file, out = tmp_path / "turn.csv", tmp_path / "found.json", tmp_path / "out"
     write_record(StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (3000, 1))), path)
-    for more in ([], ["--compare"]):
-        assert main(["attitude", str(path), "--json", str(found), "--out", str(out), *more]) == 2
-        said = capsys.readouterr()
-        assert "turn.csv: attitudes after 0 s are not to be trusted: a gyro is at its limit" in said.err
-        assert "not to be trusted after 0 s: w1: " in said.out
-        assert "rows are saturated, at -0.8 and 0.8 rad/s, the first at 0.93 s" in said.out
-        assert json.loads(found.read_text(encoding="utf-8"))["trusted_until_s"] == 0.0
+    for options in ([], ["--compare"]):
+        assert main(["attitude", str(path), "--json", str(result_file), "--out", str(out), *options]) == 2
+        streams = capsys.readouterr()
+        assert "turn.csv: attitudes after 0 s are not to be trusted: a gyro is at its limit" in streams.err
+        assert "not to be trusted after 0 s: w1: " in streams.out
+        assert "rows are saturated, at -0.8 and 0.8 rad/s, the first at 0.93 s" in streams.out
+        assert json.loads(result_file.read_text(encoding="utf-8"))["trusted_until_s"] == 0.0
     assert pl.read_csv(out / "attitude.csv")["trusted"].sum() == 1
     assert pl.read_parquet(out / "run.parquet")["trusted"].sum() == 1
     assert set(pl.read_csv(out / "comparison.csv")["trusted_until_s"]) == {0.0}
@@ -271,9 +271,9 @@ def test_a_record_that_ends_where_its_truth_begins_is_refused() -> None:
     true[-1] = record.attitude[-1]
     with pytest.raises(InputError, match="row 41: the first known attitude is that of the last row"):
         attitude_of_record(replace(record, attitude=true))
-    one = StrapdownRecord(np.zeros(1), np.zeros((1, 3)), None, np.zeros((1, 3)))
+    first_file = StrapdownRecord(np.zeros(1), np.zeros((1, 3)), None, np.zeros((1, 3)))
     with pytest.raises(InputError, match="at least two"):
-        attitude_of_record(one)
+        attitude_of_record(first_file)
 
 
 def test_rate_at_rest_is_that_of_the_beginning_only() -> None:
@@ -283,8 +283,8 @@ def test_rate_at_rest_is_that_of_the_beginning_only() -> None:
     rate[520:1500] += generator.normal(0.0, 1.0, (980, 3))
     rate[1500:] += 0.5
     record = StrapdownRecord(0.01 * np.arange(count), rate, None, np.zeros((count, 3)))
-    found = rate_at_rest(record)
-    np.testing.assert_array_equal(found, rate[:500].mean(axis=0))
+    result_file = rate_at_rest(record)
+    np.testing.assert_array_equal(result_file, rate[:500].mean(axis=0))
     assert rate_at_rest(replace(record, rate=rate[::-1].copy())) is not None
     rate[:30] += generator.normal(0.0, 1.0, (30, 3))
     assert rate_at_rest(replace(record, rate=rate)) is None
@@ -295,8 +295,8 @@ def test_the_run_is_written_and_repeats_to_the_byte(tmp_path: Path) -> None:
     first = attitude_of_record(record, out=tmp_path / "a")
     again = attitude_of_record(record, out=tmp_path / "b")
     assert [file.name for file in first.files] == ["run.parquet", "run.json"]
-    for one, other in zip(first.files, again.files, strict=True):
-        assert one.read_bytes() == other.read_bytes()
+    for first_file, second_file in zip(first.files, again.files, strict=True):
+        assert first_file.read_bytes() == second_file.read_bytes()
     assert set(first.provenance["fmus"]) == {"computer"}
 
 
@@ -323,9 +323,9 @@ def composed(record: Any, run: AttitudeRun, bias: np.ndarray) -> Rotation:
 
 def test_the_measured_record_agrees_with_another_composition(broad: Any) -> None:
     run: Any = attitude_of_record(broad)
-    other = composed(broad, run, np.zeros(3))
-    assert len(other) == len(run.row) == 27654
-    assert float((other.inv() * rotation_of(run.attitude)).magnitude().max()) < 1e-6
+    second_file = composed(broad, run, np.zeros(3))
+    assert len(second_file) == len(run.row) == 27654
+    assert float((second_file.inv() * rotation_of(run.attitude)).magnitude().max()) < 1e-6
 
 
 def test_the_measured_record_drifts_by_its_gyros_bias(broad: Any) -> None:
@@ -347,13 +347,13 @@ CHOSEN = [BY_NAME[n] for n in ("mean-rate", "two-sample-rodrigues", "panov", "pa
 def harmonic_record(count: int = 401, motion: str = "2") -> Any:
     """A motion of Table 1 at 100 Hz as a record of exact increments, with its true attitude."""
     period = 0.01
-    taken = sample_motion(paper_motion(motion, EXACT), period, count - 1)
-    angle = np.vstack((np.zeros(3), taken.angles))
+    samples = sample_motion(paper_motion(motion, EXACT), period, count - 1)
+    angle = np.vstack((np.zeros(3), samples.angles))
     true = Rotation.from_euler("YZX", angle)
     return StrapdownRecord(
         period * np.arange(count),
         None,
-        np.vstack((np.zeros(3), taken.increments)),
+        np.vstack((np.zeros(3), samples.increments)),
         true.inv().apply([0.0, 9.80665, 0.0]),
         np.roll(true.as_quat(), 1, axis=-1),
         path=Path("harmonic.csv"),
@@ -361,9 +361,9 @@ def harmonic_record(count: int = 401, motion: str = "2") -> Any:
 
 
 def test_algorithms_stand_side_by_side_with_their_errors() -> None:
-    found = compare_algorithms(harmonic_record(motion="5"), algorithms=CHOSEN)
-    rows, table = found.algorithms, found.to_polars()
-    assert [line.split()[0] for line in str(found).splitlines()[1:]] == [a.name for a in CHOSEN]
+    result_file = compare_algorithms(harmonic_record(motion="5"), algorithms=CHOSEN)
+    rows, table = result_file.algorithms, result_file.to_polars()
+    assert [line.split()[0] for line in str(result_file).splitlines()[1:]] == [a.name for a in CHOSEN]
     assert table["algorithm"].to_list() == [a.name for a in CHOSEN]
     assert table["error_max_deg"][0] == pytest.approx(math.degrees(rows[0].maximum or 0.0))
     assert table["error_max_deg"][3] is None
@@ -427,8 +427,8 @@ def test_the_command_takes_an_algorithm_a_divisor_and_compares(
     assert main(["attitude", str(path), "--algorithm", "panov", "--rate-divisor", "2"]) == 0
     assert "50 Hz, algorithm panov" in capsys.readouterr().out
     assert main(["attitude", str(path), "--compare", "--out", str(tmp_path / "out")]) == 0
-    shown = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in shown[1:]] == [a.name for a in ALGORITHMS]
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == [a.name for a in ALGORITHMS]
     assert (tmp_path / "out" / "comparison.csv").is_file()
 
 
@@ -464,16 +464,16 @@ def test_the_period_of_the_paper_is_two_seconds() -> None:
 def test_the_drift_of_an_algorithm_is_the_growth_between_equal_phases() -> None:
     """The first motion repeats every 2 s, so the error's growth over whole periods is the drift, exactly."""
     algorithm = BY_NAME["mean-rate"]
-    taken = sample_motion(paper_motion("1", EXACT), 0.01, 6000)
-    attitudes = run_algorithm(algorithm, taken.increments, renormalise=True)
-    true = run_algorithm(BY_NAME["functional-iteration-8"], taken.increments, renormalise=True)
+    samples = sample_motion(paper_motion("1", EXACT), 0.01, 6000)
+    attitudes = run_algorithm(algorithm, samples.increments, renormalise=True)
+    true = run_algorithm(BY_NAME["functional-iteration-8"], samples.increments, renormalise=True)
     error = attitude_error(attitudes[7::8], true)
     time = 0.08 * (1 + np.arange(len(error)))
     split = split_error(time, error, 2.0)
     expected = (error[700] - error[75]) / (time[700] - time[75])
     np.testing.assert_allclose(split.rate, expected, rtol=1e-3, atol=1e-9)
     # The largest error that the paper prints is drift and wave together.
-    largest = angle_errors(attitudes, taken.angles_at_steps(algorithm), normalised=True)
+    largest = angle_errors(attitudes, samples.angles_at_steps(algorithm), normalised=True)
     assert np.linalg.norm(largest) <= 1.2 * np.linalg.norm(np.abs(split.slow).max(axis=0) + split.amplitude)
 
 
@@ -488,7 +488,7 @@ def test_what_does_not_grow_has_no_drift_and_what_only_grows_has_no_wave() -> No
 
 
 @pytest.mark.parametrize(
-    ("time", "error", "period", "said"),
+    ("time", "error", "period", "streams"),
     [
         (np.arange(5.0), np.zeros(5), None, "at least eight"),
         (np.arange(20.0), np.full(20, np.nan), None, "finite"),
@@ -497,6 +497,8 @@ def test_what_does_not_grow_has_no_drift_and_what_only_grows_has_no_wave() -> No
         (np.arange(20.0), np.zeros(20), 0.0, "shorter than two periods"),
     ],
 )
-def test_what_cannot_be_split_is_refused(time: np.ndarray, error: np.ndarray, period: float | None, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_what_cannot_be_split_is_refused(
+    time: np.ndarray, error: np.ndarray, period: float | None, streams: str
+) -> None:
+    with pytest.raises(InputError, match=streams):
         split_error(time, error, period)

@@ -74,11 +74,11 @@ def samples(name: str, frequency: int, span: float) -> Samples:
     return sample_motion(paper_motion(name, EXACT), 1.0 / frequency, round(span * frequency))
 
 
-def errors_deg(taken: Samples, algorithm: str, increments: np.ndarray | None = None) -> np.ndarray:
+def errors_deg(motion: Samples, algorithm: str, increments: np.ndarray | None = None) -> np.ndarray:
     """Largest errors of ψ, ϑ, γ [deg]."""
     chosen = BY_NAME[algorithm]
-    attitudes = run_algorithm(chosen, taken.increments if increments is None else increments, renormalise=True)
-    return np.degrees(angle_errors(attitudes, taken.angles_at_steps(chosen), normalised=True))
+    attitudes = run_algorithm(chosen, motion.increments if increments is None else increments, renormalise=True)
+    return np.degrees(angle_errors(attitudes, motion.angles_at_steps(chosen), normalised=True))
 
 
 @cache
@@ -146,14 +146,14 @@ def test_the_method_error_on_the_first_motion(algorithm: str, expected: tuple) -
 
 @pytest.mark.acceptance
 def test_the_best_algorithm_is_ten_thousand_times_better_on_the_first_motion() -> None:
-    taken = samples("1", 100, 600.0)
-    assert errors_deg(taken, "two-sample-rodrigues").max() > 1e4 * errors_deg(taken, "adaptive-degree").max()
+    motion = samples("1", 100, 600.0)
+    assert errors_deg(motion, "two-sample-rodrigues").max() > 1e4 * errors_deg(motion, "adaptive-degree").max()
 
 
 @pytest.mark.parametrize("name", ["2", "5", "6"])
 def test_the_best_algorithm_is_five_thousand_times_better_on_the_other_variants(name: str) -> None:
-    taken = samples(name, 100, 600.0)
-    assert errors_deg(taken, "two-sample-rodrigues").max() > 5e3 * errors_deg(taken, "adaptive-degree").max()
+    motion = samples(name, 100, 600.0)
+    assert errors_deg(motion, "two-sample-rodrigues").max() > 5e3 * errors_deg(motion, "adaptive-degree").max()
 
 
 def quantised(increments: np.ndarray, step: float) -> np.ndarray:
@@ -206,22 +206,22 @@ def test_quanta_and_noise_do_not_keep_the_best_algorithm_from_coning(quantum: fl
     square = dict.fromkeys(("functional-iteration-4", "functional-iteration-8", "adaptive-degree"), 0.0)
     for seed in range(6):
         draw = np.random.default_rng(seed)
-        read = exact.increments + noise * draw.normal(size=exact.increments.shape)
-        read[0] += quantum * draw.uniform(-0.5, 0.5, 3)
+        reading = exact.increments + noise * draw.normal(size=exact.increments.shape)
+        reading[0] += quantum * draw.uniform(-0.5, 0.5, 3)
         for name in square:
-            square[name] += errors_deg(exact, name, quantised(read, quantum) if quantum else read).max() ** 2
+            square[name] += errors_deg(exact, name, quantised(reading, quantum) if quantum else reading).max() ** 2
     assert square["adaptive-degree"] < 1.2 * square["functional-iteration-8"]
     assert square["adaptive-degree"] < 0.7 * square["functional-iteration-4"]
 
 
 def test_a_fixed_high_degree_is_worse_on_vibration_near_the_nyquist_rate() -> None:
-    taken = samples("second", 1000, 20.0)
-    assert errors_deg(taken, "functional-iteration-8").max() > 5 * errors_deg(taken, "adaptive-degree").max()
+    motion = samples("second", 1000, 20.0)
+    assert errors_deg(motion, "functional-iteration-8").max() > 5 * errors_deg(motion, "adaptive-degree").max()
 
 
 def test_where_no_noise_is_seen_vibration_gains_too() -> None:
-    taken = samples("second", 4000, 20.0)
-    assert errors_deg(taken, "two-sample-rodrigues").max() > 5 * errors_deg(taken, "adaptive-degree").max()
+    motion = samples("second", 4000, 20.0)
+    assert errors_deg(motion, "two-sample-rodrigues").max() > 5 * errors_deg(motion, "adaptive-degree").max()
 
 
 def test_a_pure_cone_gains_on_the_formulas_that_are_for_nothing_else() -> None:
@@ -241,8 +241,8 @@ def test_short_motions_need_no_compiler_and_have_the_same_bits(monkeypatch):
     for few in (0, 100):
         monkeypatch.setattr(compiled, "FEW", few)
         samples = sample_motion(paper_motion("second", EXACT), 0.01, 100)
-        read = read_increments(samples, np.linspace(-1e-3, 1e-3, 9), np.full(3, 1e-4), 1e-6, 1e-7, 3)
-        answers.append((samples.increments, samples.angles, read, run_algorithm(BY_NAME[SMOOTH[0]], read)))
+        reading = read_increments(samples, np.linspace(-1e-3, 1e-3, 9), np.full(3, 1e-4), 1e-6, 1e-7, 3)
+        answers.append((samples.increments, samples.angles, reading, run_algorithm(BY_NAME[SMOOTH[0]], reading)))
     for machine, plain in zip(*answers, strict=True):
         assert machine.tobytes() == plain.tobytes()
 
@@ -275,5 +275,5 @@ def test_the_best_algorithm_is_cheap_where_noise_hides_what_cheap_ones_leave_out
     # the best one.
     walk = 1e-4 / 400.0 * np.sqrt(len(exact) / 3.0)
     for increments, close in ((exact, 1e-14), (noisy, 0.05 * walk)):
-        own, other = (run_algorithm(algorithm, increments) for algorithm in (adaptive, best))
-        assert angle_between(own, other).max() < close
+        computed, reference = (run_algorithm(algorithm, increments) for algorithm in (adaptive, best))
+        assert angle_between(computed, reference).max() < close

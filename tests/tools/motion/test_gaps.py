@@ -87,7 +87,7 @@ def test_a_slow_turn_errs_by_half_of_the_bound(lost):
 def test_bounds_of_several_gaps_add_up_from_their_times_on(tmp_path):
     record, _ = drawn(3, "rates")
     hurt = with_lost(record, (60, 1), (180, 2))
-    run, whole = (
+    run, unbroken = (
         attitude_of_record(hurt, bridge_gaps=2, algorithm="mean-rate"),
         attitude_of_record(record, algorithm="mean-rate"),
     )
@@ -95,7 +95,7 @@ def test_bounds_of_several_gaps_add_up_from_their_times_on(tmp_path):
     assert run.bridged_bound == pytest.approx(sum(bridge.bound for bridge in run.bridges), rel=1e-15)
     bound = run.to_polars()["bridged_bound_rad"].to_numpy()
     assert bound[58] == 0.0 < bound[60] == bound[178] < bound[182] == bound[-1] == run.bridged_bound
-    assert (angle_between(run.attitude, whole.attitude) <= bound + 1e-14).all()
+    assert (angle_between(run.attitude, unbroken.attitude) <= bound + 1e-14).all()
     assert run.trusted.all()
 
 
@@ -104,32 +104,33 @@ def test_a_gap_is_refused_with_the_option_that_would_bridge_it(tmp_path, capsys)
     path = tmp_path / "record.csv"
     write_record(with_lost(record, (100, 3)), path)
     assert main(["attitude", str(path)]) == 2
-    assert "row 102, column 'time_s': a gap of 0.04" in (said := capsys.readouterr().err)
-    assert "--bridge-gaps 3" in said
+    assert "row 102, column 'time_s': a gap of 0.04" in (message := capsys.readouterr().err)
+    assert "--bridge-gaps 3" in message
     assert main(["attitude", str(path), "--bridge-gaps", "2"]) == 2
     capsys.readouterr()
-    found = tmp_path / "found.json"
+    result_file = tmp_path / "found.json"
     assert (
-        main(["attitude", str(path), "--bridge-gaps", "3", "--json", str(found), "--out", str(tmp_path / "out")]) == 0
+        main(["attitude", str(path), "--bridge-gaps", "3", "--json", str(result_file), "--out", str(tmp_path / "out")])
+        == 0
     )
     assert "bridged gaps turn the attitude by at most" in capsys.readouterr().out
-    told = json.loads(found.read_text(encoding="utf-8"))
-    assert told["bridged_gaps"] == [{"time_s": 0.99, "rows": 3, "bound_rad": told["bridged_bound_rad"]}]
-    assert told["bridged_bound_rad"] > 0.0
-    assert len(pl.read_csv(tmp_path / "out" / "attitude.csv")) == told["updates"] + 1
+    result = json.loads(result_file.read_text(encoding="utf-8"))
+    assert result["bridged_gaps"] == [{"time_s": 0.99, "rows": 3, "bound_rad": result["bridged_bound_rad"]}]
+    assert result["bridged_bound_rad"] > 0.0
+    assert len(pl.read_csv(tmp_path / "out" / "attitude.csv")) == result["updates"] + 1
     assert main(["attitude", str(path), "--compare", "--bridge-gaps", "3"]) == 0
     assert "bridged gaps turn" in capsys.readouterr().out
 
 
 def test_what_cannot_be_bridged_is_refused_in_one_line():
     record, _ = drawn(7, "rates")
-    for hurt, most, said in (
+    for hurt, most, message in (
         (with_lost(record, (100, 30)), 10, "give a record without gaps$"),
         (with_lost(record, (2, 1), (6, 295)), 2, "too few rows around a gap"),
         (record, 11, "--bridge-gaps 11: give a whole number of rows from 0 to 10"),
         (record, -1, "--bridge-gaps -1"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             without_gaps(hurt, most)
     assert without_gaps(record, 3) == (record, ())
 

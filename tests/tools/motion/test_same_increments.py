@@ -36,8 +36,8 @@ def round_a_cone(rate: float, phase: float, count: int) -> tuple[np.ndarray, np.
     k = np.arange(count + 1.0)
     angle = rate / phase * np.column_stack([np.sin(phase * k), -np.cos(phase * k), 0.0 * k])
     k, none = k[1:], np.zeros(count)
-    there = turned(np.column_stack([rate * k, none, phase * k]))
-    return np.diff(angle, axis=0), product(there, turned(np.column_stack([none, none, -phase * k])))
+    turned_frame = turned(np.column_stack([rate * k, none, phase * k]))
+    return np.diff(angle, axis=0), product(turned_frame, turned(np.column_stack([none, none, -phase * k])))
 
 
 def below_half_the_rate(increments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -60,8 +60,8 @@ def below_half_the_rate(increments: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def error(algorithm: Algorithm, increments: np.ndarray, true: np.ndarray) -> float:
-    found = run_algorithm(algorithm, increments, renormalise=True)
-    return float(angle_between(found, true[algorithm.samples - 1 :: algorithm.samples][: len(found)]).max())
+    computed = run_algorithm(algorithm, increments, renormalise=True)
+    return float(angle_between(computed, true[algorithm.samples - 1 :: algorithm.samples][: len(computed)]).max())
 
 
 def never_near_both(increments: np.ndarray, first: np.ndarray, second: np.ndarray) -> float:
@@ -71,8 +71,8 @@ def never_near_both(increments: np.ndarray, first: np.ndarray, second: np.ndarra
     most on both is within b times of their sum of both truths together, at each eighth sample.
     """
     most = operations_per_sample(ADAPTIVE, increments)
-    able = [one for one in ALGORITHMS if operations_per_sample(one, increments) <= most]
-    least = [min(error(one, increments, true) for one in able) for true in (first, second)]
+    able = [algorithm for algorithm in ALGORITHMS if operations_per_sample(algorithm, increments) <= most]
+    least = [min(error(algorithm, increments, true) for algorithm in able) for true in (first, second)]
     return float(angle_between(first, second)[7::8].max()) / sum(least)
 
 
@@ -85,8 +85,8 @@ def test_no_algorithm_is_on_the_line_of_a_cone_and_of_its_alias() -> None:
     assert np.abs(increments - same).max() < 1e-12 * np.abs(increments).max()
     bound = never_near_both(increments, slow, fast)
     assert bound == pytest.approx(1.33, abs=0.02)
-    own = [error(ADAPTIVE, increments, true) for true in (slow, fast)]
-    assert own[0] < 0.12 * own[1]
+    errors = [error(ADAPTIVE, increments, true) for true in (slow, fast)]
+    assert errors[0] < 0.12 * errors[1]
 
 
 def test_what_the_adaptive_algorithm_loses_on_vibration_above_half_the_rate_no_algorithm_keeps() -> None:
@@ -99,7 +99,9 @@ def test_what_the_adaptive_algorithm_loses_on_vibration_above_half_the_rate_no_a
     bound = never_near_both(course.increments, course.attitudes, twin)
     assert bound > 1.3, bound
     mean_rate = algorithm_named("mean-rate")
-    on_both = [[error(one, same, true) for true in (course.attitudes, twin)] for one in (ADAPTIVE, mean_rate)]
+    on_both = [
+        [error(algorithm, same, true) for true in (course.attitudes, twin)] for algorithm in (ADAPTIVE, mean_rate)
+    ]
     # One is the best of the motion, the other of its twin, and each is as much worse on the other as it must be.
     assert on_both[0][0] < 1.1 * bound * on_both[1][0]
     assert on_both[1][1] > 20.0 * on_both[0][1]
@@ -114,7 +116,7 @@ def test_what_noise_hides_may_be_a_motion(seed: int) -> None:
     rest = np.tile([1.0, 0.0, 0.0, 0.0], (len(noise), 1))
     cheap = [algorithm_named(f"{number}-sample-coning") for number in ("three", "four", "five")]
     at_rest, moving = (error(ADAPTIVE, noise, true) for true in (rest, motion))
-    for one in cheap:
-        assert operations_per_sample(one, noise) < 40.0
-        assert error(one, noise, rest) < 1.1 * at_rest
-        assert error(one, noise, motion) > 2.5 * moving
+    for algorithm in cheap:
+        assert operations_per_sample(algorithm, noise) < 40.0
+        assert error(algorithm, noise, rest) < 1.1 * at_rest
+        assert error(algorithm, noise, motion) > 2.5 * moving

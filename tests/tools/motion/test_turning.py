@@ -71,8 +71,8 @@ def filmed(seed: int, *, speed: float, truth_every: int = 1, lag: float = 0.0, s
 def test_every_signed_permutation_of_gyros_is_said_beside_gravity(clean):
     assert said_of(clean) == ""
     for matrix in PERMUTATIONS[1:]:
-        said = said_of(replace(clean, rate=clean.rate @ matrix.T))
-        assert f"read it with --channels w={order_of(matrix)}" in said
+        advice = said_of(replace(clean, rate=clean.rate @ matrix.T))
+        assert f"read it with --channels w={order_of(matrix)}" in advice
         degrees = said_of(replace(clean, rate=np.degrees(clean.rate) @ matrix.T))
         assert f"w={order_of(matrix)} w=deg" in degrees
     assert "read it with --channels w=deg" in said_of(replace(clean, rate=np.degrees(clean.rate)))
@@ -82,34 +82,34 @@ def test_every_signed_permutation_of_gyros_is_said_beside_gravity(clean):
 def test_rates_that_were_said_to_be_degrees_and_are_none_are_said(clean, order):
     """Beside gravity and beside a true attitude: what was said wrongly is to be taken back, and nothing else."""
     for record in (clean, filmed(1, speed=2.0)):
-        said = Channels(gyros=order, degrees=True)
-        read = replace(record, rate=record.rate @ said.of_gyros.T, channels=said)
-        found = inspect_record(read)
-        lines = truth_check(found) or found.turning.said
+        advice = Channels(gyros=order, degrees=True)
+        record_read = replace(record, rate=record.rate @ advice.of_gyros.T, channels=advice)
+        inspection = inspect_record(record_read)
+        lines = truth_check(inspection) or inspection.turning.said
         assert "the rates are probably in rad/s, not degrees per second" in lines[0]
         assert "read it with no --channels" in lines[0]
 
 
 def test_exchanged_accelerometers_are_listed_beside_gyros(clean):
     for matrix in PERMUTATIONS[1:]:
-        said = said_of(replace(clean, specific_force=clean.specific_force @ matrix.T))
+        advice = said_of(replace(clean, specific_force=clean.specific_force @ matrix.T))
         # Gravity that is reversed as a whole turns as gravity does: nothing in the record tells it.
         if np.array_equal(matrix, -np.eye(3)):
-            assert said == ""
+            assert advice == ""
         else:
-            assert f"--channels {order_of(matrix)}" in said
+            assert f"--channels {order_of(matrix)}" in advice
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_right_gyros_are_advised_nothing(seed):
     rng = np.random.default_rng(seed)
-    more = {
+    motions = {
         "gyro_bias": rng.normal(0.0, 0.02, 3),
         "sensitivity": rng.normal(0.0, 5e-3, (3, 3)),
         "gamma": np.tril(rng.normal(0.0, 0.05, (3, 3))),
         "force_noise": 10.0 ** rng.uniform(-2.0, -0.3),
     }
-    record: Any = strapdown_record(seed=seed, **more)
+    record: Any = strapdown_record(seed=seed, **motions)
     assert said_of(record) == ""
     lagging = replace(record, rate=np.roll(record.rate, int(rng.integers(0, 6)), axis=0) * rng.uniform(0.9, 1.1, 3))
     assert said_of(lagging) == ""
@@ -121,12 +121,12 @@ def test_rotations_are_compared_with_the_true_ones_however_fast(speed, every):
     record = filmed(1, speed=speed, truth_every=every)
     assert truth_check(inspect_record(record)) == ()
     for matrix in PERMUTATIONS[5::11]:
-        said = truth_check(inspect_record(replace(record, rate=record.rate @ matrix.T)))
-        assert said
-        assert f"read it with --channels w={order_of(matrix)}" in said[0]
-    said = truth_check(inspect_record(replace(record, rate=np.degrees(record.rate))))
-    assert said
-    assert "--channels w=deg" in said[0]
+        advice = truth_check(inspect_record(replace(record, rate=record.rate @ matrix.T)))
+        assert advice
+        assert f"read it with --channels w={order_of(matrix)}" in advice[0]
+    advice = truth_check(inspect_record(replace(record, rate=np.degrees(record.rate))))
+    assert advice
+    assert "--channels w=deg" in advice[0]
 
 
 def test_where_the_truth_says_that_the_gyros_are_right_the_accelerometers_are_exchanged():
@@ -147,18 +147,18 @@ def test_gyros_that_lag_or_scale_wrongly_are_right(lag):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "advice"),
     [
         (lambda q: q * [1.0, -1.0, -1.0, -1.0], "reference to body;"),
         (lambda q: np.roll(q, -1, axis=1), "body to reference, scalar last"),
         (lambda q: np.roll(q, 1500, axis=0), "is it body to reference, scalar first?"),
     ],
 )
-def test_a_true_attitude_of_another_meaning_is_said(change, said):
+def test_a_true_attitude_of_another_meaning_is_said(change, advice):
     record = filmed(3, speed=6.0)
     with pytest.raises(InputError, match="do not turn as the true attitude") as refused:
         check_record(inspect_record(replace(record, attitude=change(record.attitude))))
-    assert said in str(refused.value)
+    assert advice in str(refused.value)
 
 
 @pytest.mark.parametrize(("part", "way"), [(0.3, 9), (0.5, 21), (0.85, 40)])
@@ -172,13 +172,13 @@ def test_channels_that_change_during_a_record_are_said_with_the_time_and_no_way_
             force = np.where(later, force @ matrix.T, force)
         else:
             rate = np.where(later, rate @ matrix.T, rate)
-        said = "; ".join(wrong_channels(inspect_record(replace(record, rate=rate, specific_force=force))))
-        found = re.search(r"change their order, signs or unit at ([\d.]+) s: no --channels reads both", said)
-        if found is None:
+        advice = "; ".join(wrong_channels(inspect_record(replace(record, rate=rate, specific_force=force))))
+        inspection = re.search(r"change their order, signs or unit at ([\d.]+) s: no --channels reads both", advice)
+        if inspection is None:
             # moves of one half alone need not tell two ways apart; then nothing else is said
-            assert (record is clean, way, said) == (True, 21, "")
+            assert (record is clean, way, advice) == (True, 21, "")
             continue
-        assert float(found[1]) == pytest.approx(part * time[-1], abs=0.1 * time[-1])
+        assert float(inspection[1]) == pytest.approx(part * time[-1], abs=0.1 * time[-1])
 
 
 def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down_are_said(tmp_path):
@@ -188,14 +188,14 @@ def test_accelerometers_that_are_all_reversed_or_a_reference_whose_z_points_down
     level = Rotation.from_euler("x", 90.0, degrees=True) * Rotation.from_quat(np.roll(record.attitude, -1, axis=1))
     assert downward_warning(replace(record, attitude=np.roll(level.as_quat(), 1, axis=1))) == ()
     reversed_ = replace(record, specific_force=-record.specific_force)
-    (said,) = downward_warning(reversed_)
-    assert "z points down, or all accelerometers are reversed (--channels -1,-2,-3)" in said
+    (advice,) = downward_warning(reversed_)
+    assert "z points down, or all accelerometers are reversed (--channels -1,-2,-3)" in advice
     assert not wrong_channels(inspect_record(reversed_))
     path = tmp_path / "measured.csv"
     write_record(reversed_, path)
-    assert said in check(path).warnings
-    assert said not in check(path, ["-1,-2,-3"]).warnings
-    assert said in warnings_of(inspect_record(reversed_))
+    assert advice in check(path).warnings
+    assert advice not in check(path, ["-1,-2,-3"]).warnings
+    assert advice in warnings_of(inspect_record(reversed_))
 
 
 def test_check_and_apply_say_what_diagnose_would_refuse(clean, tmp_path):
@@ -236,8 +236,8 @@ LONG = [pytest.param(name, marks=pytest.mark.acceptance) for name in ("broad-08"
 @pytest.mark.parametrize("name", ["broad-03", "mpu9150-4", "xsens-imu-tk", *LONG])
 def test_no_measured_record_is_read_wrongly(name):
     record: Any = measured(name)
-    found = inspect_record(record)
-    check_record(found)
+    inspection = inspect_record(record)
+    check_record(inspection)
     matrix = PERMUTATIONS[13]
     with pytest.raises(InputError, match=f"--channels w={order_of(matrix)}"):
         check_record(inspect_record(replace(record, rate=record.rate @ matrix.T)))

@@ -29,8 +29,8 @@ def sculled(periods: int = 4, count: int = 40) -> StrapdownRecord:
 def without_force(record: StrapdownRecord, path):
     write_record(record, path)
     table = [line.split(",") for line in path.read_text().splitlines()]
-    kept = [k for k, name in enumerate(table[0]) if not name.startswith("f")]
-    path.write_text("\n".join(",".join(row[k] for k in kept) for row in table) + "\n")
+    places = [k for k, name in enumerate(table[0]) if not name.startswith("f")]
+    path.write_text("\n".join(",".join(row[k] for k in places) for row in table) + "\n")
     return path
 
 
@@ -79,7 +79,7 @@ def test_a_saturated_accelerometer_is_told() -> None:
     velocity[:, 1] = np.minimum(velocity[:, 1], 0.03)
     force, turn = record.specific_force + noise[1], np.asarray(record.increment) + 0.01 * noise[2]
     spoilt = StrapdownRecord(record.time_s, None, turn, force, velocity_increment=velocity)
-    said = attitude_of_record(spoilt).warnings
-    assert any(line.startswith("dv2: ") and "saturated, at 0.03 m/s" in line for line in said)
-    whole = StrapdownRecord(record.time_s, None, turn, force, velocity_increment=free)
-    assert not any("dv" in line for line in attitude_of_record(whole).warnings)
+    lines = attitude_of_record(spoilt).warnings
+    assert any(line.startswith("dv2: ") and "saturated, at 0.03 m/s" in line for line in lines)
+    unclipped = StrapdownRecord(record.time_s, None, turn, force, velocity_increment=free)
+    assert not any("dv" in line for line in attitude_of_record(unclipped).warnings)

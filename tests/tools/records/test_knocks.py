@@ -35,14 +35,14 @@ def middles(record: StrapdownRecord) -> tuple[int, int]:
 
 
 def test_a_knock_is_read_and_said_with_its_row(tmp_path):
-    read = reader(tmp_path / "record.csv")
+    read_text = reader(tmp_path / "record.csv")
     rows = [f"{k},0,0,0,0,0,{9.8 if k != 7 else 130.0}" for k in range(20)]
-    said = read("\n".join([STRAPDOWN_HEADER, *rows]) + "\n").warnings[0]
-    assert "row 9 (130 m/s²)" in said
-    assert "left out" in said
+    line = read_text("\n".join([STRAPDOWN_HEADER, *rows]) + "\n").warnings[0]
+    assert "row 9 (130 m/s²)" in line
+    assert "left out" in line
     # Not a knock but the unit: every row is beyond.
-    refused(read, "\n".join([STRAPDOWN_HEADER, *(f"{k},0,0,0,0,0,981" for k in range(20))]), "median of |f|")
-    refused(read, "\n".join([RAW_HEADER, "1,0,0,0,0,9.8", "2,0,0,0,0,1e30"]), "row 3, column f3_mps2")
+    refused(read_text, "\n".join([STRAPDOWN_HEADER, *(f"{k},0,0,0,0,0,981" for k in range(20))]), "median of |f|")
+    refused(read_text, "\n".join([RAW_HEADER, "1,0,0,0,0,9.8", "2,0,0,0,0,1e30"]), "row 3, column f3_mps2")
 
 
 @pytest.mark.first(1)
@@ -65,12 +65,12 @@ def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, 
     # What the bounds hold without the knock they hold with it: no mean is drawn.
     assert np.abs(after.rests.force).max() < 1.1 * np.abs(before.rests.force).max()
     assert after.turning.said == ()
-    found = diagnose(record, rerun=False)
-    assert found.verdict == "consistent"
-    assert any(f"row {row + 2}" in said for said in found.warnings)
+    diagnosis = diagnose(record, rerun=False)
+    assert diagnosis.verdict == "consistent"
+    assert any(f"row {row + 2}" in line for line in diagnosis.warnings)
     assert f"row {row + 2}" in str(inspect_record(record))
     # Of the moves over one rest and more those with the knock are gone, and no other.
-    first, last = found.evidence.reference.scored[0].first, found.evidence.reference.scored[0].last
+    first, last = diagnosis.evidence.reference.scored[0].first, diagnosis.evidence.reference.scored[0].last
     assert not ((first < row) & (row <= last)).any()
 
 
@@ -87,18 +87,18 @@ def test_a_turn_that_cannot_be_told_leaves_its_move_out(clean):
     row = middles(clean)[1]
     rate = clean.rate.copy()
     rate[row, 2] = 5e3
-    found = diagnose(replace(clean, rate=rate), rerun=False)
-    assert found.verdict == "consistent"
-    assert any("more than half a turn since the row before" in said for said in found.warnings)
+    diagnosis = diagnose(replace(clean, rate=rate), rerun=False)
+    assert diagnosis.verdict == "consistent"
+    assert any("more than half a turn since the row before" in line for line in diagnosis.warnings)
 
 
 def test_where_every_move_is_knocked_the_record_says_what_is_lacking(clean):
     rows, record = inspect_record(clean).rests.rows, clean
     for before, after in itertools.pairwise(rows):
         record = struck(record, (before.stop + after.start) // 2)
-    found = diagnose(record, rerun=False)
-    assert found.verdict == "insufficient"
-    assert "without a gap, a knock" in str(found.missing)
+    diagnosis = diagnose(record, rerun=False)
+    assert diagnosis.verdict == "insufficient"
+    assert "without a gap, a knock" in str(diagnosis.missing)
 
 
 def test_a_rest_of_the_table_with_a_knock_is_left_out_by_its_row():
@@ -110,18 +110,18 @@ def test_a_rest_of_the_table_with_a_knock_is_left_out_by_its_row():
     spoilt = replace(raw, specific_force=force)
     record = average_rests(spoilt, find_rests(spoilt))
     assert len(record) == len(truth) - 1
-    assert any(f"a knock in row {raw.row[row]}" in said for said in record.warnings)
+    assert any(f"a knock in row {raw.row[row]}" in line for line in record.warnings)
 
 
 def test_an_attitude_that_is_none_is_not_known_there(tmp_path):
-    read = reader(tmp_path / "record.csv")
+    read_text = reader(tmp_path / "record.csv")
     rows = [f"{k},0,0,0,0,0,9.8,1,0,0,0" for k in range(8)]
     rows[3], rows[5] = "3,0,0,0,0,0,9.8,0.7,0,0,0", "5,0,0,0,0,0,9.8,1,,0,0"
-    record = read("\n".join([f"{STRAPDOWN_HEADER},q0,q1,q2,q3", *rows]))
+    record = read_text("\n".join([f"{STRAPDOWN_HEADER},q0,q1,q2,q3", *rows]))
     assert np.flatnonzero(np.isnan(record.attitude).all(axis=1)).tolist() == [3, 5]
     assert "2 rows, the first row 5" in record.warnings[0]
     rows = [f"{k},0,0,0,0,0,9.8,2,0,0,0" for k in range(8)]
-    refused(read, "\n".join([f"{STRAPDOWN_HEADER},q0,q1,q2,q3", *rows]), "row 2", "norm of the attitude is 2")
+    refused(read_text, "\n".join([f"{STRAPDOWN_HEADER},q0,q1,q2,q3", *rows]), "row 2", "norm of the attitude is 2")
 
 
 def test_one_knock_refuses_no_mpu9150():

@@ -56,11 +56,11 @@ def gravity_along(rng: np.random.Generator, rate: np.ndarray) -> np.ndarray:
     """What accelerometers read while the block turns (N, 3) [m/s²]."""
     up = rng.standard_normal(3)
     up /= np.linalg.norm(up)
-    seen = []
+    components = []
     for turn in Rotation.from_rotvec(-PERIOD * rate).as_matrix():
-        seen.append(up)
+        components.append(up)
         up = turn @ up
-    return G * np.array(seen)
+    return G * np.array(components)
 
 
 def smooth_motion(seed: int, kind: str, count: int = 3000) -> Drawn:
@@ -131,10 +131,10 @@ def test_a_clipped_gyro_is_found_and_no_other_channel_is(kind, side):
         if side == "both":
             limit[axis], least[axis] = (sign * min(limit[axis], -least[axis]) for sign in (1.0, -1.0))
         record: Any = drawn.record(limit, least)
-        found = limits_of(record)
-        assert found.rows.keys() <= {f"w{axis + 1}"}, seed
-        missed += not found.rows
-        for mask in found.rows.values():
+        limits = limits_of(record)
+        assert limits.rows.keys() <= {f"w{axis + 1}"}, seed
+        missed += not limits.rows
+        for mask in limits.rows.values():
             clipped = np.zeros(len(record), dtype=bool)
             for extreme, used in (
                 (record.rate[:, axis].max(), side != "least"),
@@ -153,8 +153,8 @@ def test_a_few_rows_in_a_row_are_a_limit_where_noise_does_not_repeat(rows, is_li
         record = smooth_motion(200 + seed, "noisy").record()
         rate = np.array(record.rate)
         rate[1200 : 1200 + rows, 1] = -1.2 * np.abs(rate[:, 1]).max()
-        found = limits_of(StrapdownRecord(record.time_s, rate, None, record.specific_force))
-        assert {name: np.flatnonzero(mask).tolist() for name, mask in found.rows.items()} == (
+        limits = limits_of(StrapdownRecord(record.time_s, rate, None, record.specific_force))
+        assert {name: np.flatnonzero(mask).tolist() for name, mask in limits.rows.items()} == (
             {"w2": list(range(1200, 1200 + rows))} if is_limit else {}
         )
 
@@ -166,9 +166,9 @@ def test_increments_are_judged_as_they_were_measured(jitter):
     record: Any = drawn.record(0.8 * np.abs(drawn.rate).max(axis=0))
     time = record.time_s + np.random.default_rng(0).uniform(-jitter, jitter, len(record))
     summed = StrapdownRecord(time, None, PERIOD * record.rate, record.specific_force)
-    found = limits_of(summed)
-    assert found.rows.keys() == limits_of(record).rows.keys() != set()
-    assert all(" rad, " in line for line in found.lines)
+    limits = limits_of(summed)
+    assert limits.rows.keys() == limits_of(record).rows.keys() != set()
+    assert all(" rad, " in line for line in limits.lines)
 
 
 def test_an_accelerometer_at_its_limit_in_one_rest_is_found_in_strapdown_and_raw_records():

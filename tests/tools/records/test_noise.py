@@ -18,14 +18,14 @@ from trihedron.tools.records.rests import position_record_of as averaged
 SIGMA = 1e-5
 
 
-def record_with(rng, alpha, beta, noise=SIGMA, mounting=None, **more) -> PositionRecord:
+def record_with(rng, alpha, beta, noise=SIGMA, mounting=None, **fields) -> PositionRecord:
     """A block with scale errors and biases of 1e-3 at these angles, errors uniform within ±noise."""
     alpha, beta = np.asarray(alpha, dtype=float), np.asarray(beta, dtype=float)
     up = np.stack([np.sin(alpha) * np.sin(beta), np.sin(alpha) * np.cos(beta), np.cos(alpha)], axis=1)
     block = np.eye(3) + rng.uniform(-1e-3, 1e-3, (3, 3))
     force = up @ block.T + rng.uniform(-1e-3, 1e-3, 3) + rng.uniform(-noise, noise, up.shape)
     count = np.arange(1, len(alpha) + 1)
-    return PositionRecord(count, 30.0 * count, alpha, beta, GRAVITY * force, mounting=mounting, **more)
+    return PositionRecord(count, 30.0 * count, alpha, beta, GRAVITY * force, mounting=mounting, **fields)
 
 
 def bound_of(record: PositionRecord) -> NoiseBound:
@@ -149,27 +149,27 @@ def test_the_deviation_by_its_definition():
         for piece in pieces
         for k in range(len(piece) - 5)
     ]
-    found = allan_deviation(pieces, 3)
-    assert found is not None
-    np.testing.assert_allclose(found, np.sqrt(np.mean(squares, axis=0) / 2), rtol=1e-12)
+    deviation = allan_deviation(pieces, 3)
+    assert deviation is not None
+    np.testing.assert_allclose(deviation, np.sqrt(np.mean(squares, axis=0) / 2), rtol=1e-12)
     assert allan_deviation(pieces, 9) is None
 
 
 @pytest.mark.parametrize("rows", [40, 41, 400])
 def test_white_noise_at_the_dwell_is_its_deviation_over_the_root_of_the_rows(rows):
     rng = np.random.default_rng(2)
-    found = deviation_at_dwell([rng.normal(size=(rows, 3)) for _ in range(200)])
-    assert found is not None
-    np.testing.assert_allclose(found, rows**-0.5, rtol=0.12)
+    deviation = deviation_at_dwell([rng.normal(size=(rows, 3)) for _ in range(200)])
+    assert deviation is not None
+    np.testing.assert_allclose(deviation, rows**-0.5, rtol=0.12)
 
 
 def test_flicker_and_walks_do_not_average_out():
     rng = np.random.default_rng(3)
     walks = [np.cumsum(rng.normal(size=(400, 1)), axis=0) for _ in range(100)]
     # the deviation of a walk over τ rows grows as sqrt(τ/3)
-    found = deviation_at_dwell(walks)
-    assert found is not None
-    np.testing.assert_allclose(found, (400 / 3) ** 0.5, rtol=0.15)
+    deviation = deviation_at_dwell(walks)
+    assert deviation is not None
+    np.testing.assert_allclose(deviation, (400 / 3) ** 0.5, rtol=0.15)
 
 
 def test_too_short_or_equal_readings():

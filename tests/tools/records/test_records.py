@@ -164,11 +164,11 @@ def test_what_rounding_does_to_readings_and_angles_is_nearly_what_is_allowed_for
     columns = {name: np.round(v, 5 if name in force_columns else 6) for name, v in true.columns().items()}
     pl.DataFrame(columns).write_csv(tmp_path / "r.csv")
     back = read_record(tmp_path / "r.csv", PositionRecord)
-    done = np.abs(back.specific_force - true.specific_force).max()
-    assert 0.99 * back.resolution < done <= back.resolution
+    rounding = np.abs(back.specific_force - true.specific_force).max()
+    assert 0.99 * back.resolution < rounding <= back.resolution
     turned = np.abs(np.stack([back.alpha - true.alpha, back.beta - true.beta])).max()
     assert 0.99 * back.angle_resolution < turned <= back.angle_resolution
-    assert back.written_to(9.8) >= done / 9.8 + turned
+    assert back.written_to(9.8) >= rounding / 9.8 + turned
 
 
 force_columns = RAW_HEADER.split(",")[3:]
@@ -194,9 +194,9 @@ def test_a_real_record_with_optical_attitude():
     record = measured("broad-03")
     assert len(record) == 58412
     assert record.attitude is not None
-    known = ~np.isnan(record.attitude[:, 0])
-    assert np.count_nonzero(~known) == 4086
-    assert np.abs(np.linalg.norm(record.attitude[known], axis=1) - 1.0).max() < 1e-15
+    is_known = ~np.isnan(record.attitude[:, 0])
+    assert np.count_nonzero(~is_known) == 4086
+    assert np.abs(np.linalg.norm(record.attitude[is_known], axis=1) - 1.0).max() < 1e-15
     assert record.warnings == ()
 
 

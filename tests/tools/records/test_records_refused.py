@@ -110,9 +110,9 @@ REFUSED: list[tuple[str | bytes, tuple[str, ...]]] = [
 
 
 def test_what_is_no_record_is_refused_in_one_line(tmp_path):
-    read = reader(tmp_path / "record.csv")
+    read_text = reader(tmp_path / "record.csv")
     for content, parts in REFUSED:
-        refused(read, content, *parts)
+        refused(read_text, content, *parts)
 
 
 def test_the_first_of_many_faults_is_named(tmp_path):
@@ -146,9 +146,14 @@ def test_parquet_is_refused_like_csv(tmp_path, column, values, part):
 def test_corrupt_parquet_is_refused_without_noise(tmp_path, capfd):
     path = tmp_path / "corrupt.parquet"
     pl.DataFrame({name: [1.0, 2.0, 300.0] for name in RAW_HEADER.split(",")}).write_parquet(path)
-    data = path.read_bytes()
-    cases = [b"PAR1", data[: len(data) // 2], data[:8] + data[-200:], data[:4] + bytes(len(data) - 8) + data[-4:]]
-    cases += [data[:at] + b"\xff\xff\xff\xff" + data[at + 4 :] for at in (6, 20, len(data) - 8)]
+    content = path.read_bytes()
+    cases = [
+        b"PAR1",
+        content[: len(content) // 2],
+        content[:8] + content[-200:],
+        content[:4] + bytes(len(content) - 8) + content[-4:],
+    ]
+    cases += [content[:at] + b"\xff\xff\xff\xff" + content[at + 4 :] for at in (6, 20, len(content) - 8)]
     for case in cases:
         path.write_bytes(case)
         with pytest.raises(InputError, match=r"corrupt\.parquet"):
@@ -202,15 +207,15 @@ def test_any_numbers_in_a_raw_record_give_a_record_or_one_line(tmp_path, numbers
 
 def check_hostile(path: Path, content: bytes) -> None:
     path.write_bytes(content)
-    for wanted in ((), (PositionRecord,)):
-        record, said = None, ""
+    for kinds in ((), (PositionRecord,)):
+        record, message = None, ""
         try:
-            record = read_record(path, *wanted)
+            record = read_record(path, *kinds)
         except InputError as error:
-            said = str(error)
+            message = str(error)
         if record is None:
-            assert said.startswith(f"{path}: ")
-            assert "\n" not in said
+            assert message.startswith(f"{path}: ")
+            assert "\n" not in message
         else:
             assert len(record) > 0
             assert np.isfinite(record.specific_force).all()

@@ -270,8 +270,8 @@ def test_a_trend_that_one_rest_has_alone_is_refused_by_name():
     assert [k for k, r in enumerate(rests) if r.refused is not None] == [5]
     assert "f2 drifts linearly by 4.9e-5 g in 19.8 s" in str(rests[5].refused)
     assert "f2 drifts linearly" in average_rests(drifting, rests).warnings[0]
-    kept = np.delete(truth, 5, axis=0)
-    assert np.abs(mean_errors(average_rests(drifting, rests), kept)).max() < 1.5e-6
+    rest_truth = np.delete(truth, 5, axis=0)
+    assert np.abs(mean_errors(average_rests(drifting, rests), rest_truth)).max() < 1.5e-6
 
 
 def test_without_noise_a_drift_keeps_mean_and_time_together():
