@@ -27,7 +27,7 @@ from ..records.columns import (
 from ..records.comments import Comments
 from ..records.read import significant_digits, written_resolution
 from .layout import COMMENT
-from .mapping import OPEN
+from .mapping import OPEN, plural
 from .names import DATE, SAMPLE, TIMES
 from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Table
@@ -220,7 +220,7 @@ def _times(table: Table, texts: dict[str, list[str]], lines: Sequence[int]) -> N
     if origin.form == CLOCK and DATE not in texts:
         nights = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * DAY)
         if nights.any():
-            table.notes.append(f"midnight passes {int(nights[-1])} time{'s' if nights[-1] > 1 else ''}")
+            table.notes.append(f"midnight passes {plural(int(nights[-1]), 'time')}")
         values = values + DAY * nights
     return values
 

@@ -23,7 +23,7 @@ from ..records.columns import (
     quoted,
 )
 from .layout import COMMENT, layout_of
-from .mapping import OPEN, Mapping, Source
+from .mapping import OPEN, Mapping
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
 from .numbers import Marks, bare, date_of, is_clock, is_missing, moment, number, orders_of, two_parts
 from .sheet import Sheet, cell
@@ -40,6 +40,8 @@ MOST_WORDS = 6
 """Different words in a column of numbers that a question names, at most."""
 MOST_ODD, NOTATION = 2, re.compile(r"\d[.,]\d|^0x|^[\da-fA-F]{4,}$")
 """More numbers in another notation, (1.5) or 1.5- or 0x1F, are refused."""
+OTHER_MARK = {".": ",", ",": "."}
+"""Decimal mark -> the mark that stands between thousands beside it."""
 COLUMNS = QUANTITY_OF.keys() | {"position", DATE, MOUNTING} | set(QUATERNION + APPROACH)
 """Columns of a record that a mapping may name."""
 
@@ -62,7 +64,7 @@ def understood(sheet: Sheet, mapping: Mapping) -> Table:
     _decide_readings(table)
     columns = mapping.model_dump(by_alias=True)["columns"]
     for column, origin in sorted(table.origins.items(), key=lambda entry: entry[1].field.place):
-        source = mapping.of(column) or Source.model_validate({"from": ""})
+        source = mapping.of(column)
         further = [field.label for field in origin.beside]
         settled = source.model_copy(update={"source": source.source or origin.field.label, "beside": further})
         columns[column] = settled.model_dump(by_alias=True)
@@ -77,7 +79,7 @@ def _fields_of_columns(table: Table) -> dict[str, Field]:
         if column not in COLUMNS:
             raise InputError(f"columns.{column}: is no column of a record; {nearest(column, sorted(COLUMNS))}")
         source = mapping.of(column)
-        if source is not None and source.source != "none":
+        if mapping.columns[column] != OPEN and source.source != "none":
             fields[column] = _field_named(table, column, source.source)
             table.beside[column] = tuple(_field_named(table, column, name) for name in source.beside)
     mapped = {column for column, source in mapping.columns.items() if source != OPEN}
@@ -232,12 +234,12 @@ def _decide_marks(table: Table, fields: dict[str, Field]) -> None:
     elif proven:
         table.decimal = proven[0]
     elif len(marks.thousands) == 1:
-        table.decimal = "," if "." in marks.thousands else "."
+        table.decimal = OTHER_MARK[next(iter(marks.thousands))]
     elif marks.doubtful:
         table.decimal, text = next(iter(marks.doubtful.items()))
         with_point, without = text.replace(",", "."), text.replace(",", "").replace(".", "")
         table.ask("decimal", (",", "."), f"{text!r} may be {with_point} or {without}")
-    second = "," if table.decimal == "." else "."
+    second = OTHER_MARK[table.decimal]
     grouped = (marks.thousands | marks.doubtful).get(second)
     table.thousands = table.mapping.thousands
     if not table.thousands and grouped:
@@ -320,16 +322,15 @@ def _decide_dates(table: Table, field: Field) -> None:
 def _origin(table: Table, column: str, field: Field) -> Origin:
     """A column as far as its own head and the mapping say it."""
     is_name = column == MOUNTING or (column == "position" and _are_labels(field))
-    origin = Origin(field, NAME if is_name else NUMBER, beside=table.beside.get(column, ()))
     source = table.mapping.of(column)
-    return origin if source is None else replace(origin, sign=source.sign, offset=source.offset)
+    beside = table.beside.get(column, ())
+    return Origin(field, NAME if is_name else NUMBER, sign=source.sign, offset=source.offset, beside=beside)
 
 
 def _are_labels(field: Field) -> bool:
     """Whether positions are named and not numbered: P1, P2, ..., all alike but for their numbers."""
     patterns = {re.sub(r"\d+", "0", text) for text in field.texts}
-    pattern = patterns.pop() if len(patterns) == 1 else ""
-    return "0" in pattern and pattern not in ("0", "-0", "0.0", "0,0")
+    return len(patterns) == 1 and "0" in min(patterns) and patterns.isdisjoint(("0", "-0", "0.0", "0,0"))
 
 
 def _decide_attitude(table: Table) -> None:
@@ -393,8 +394,9 @@ def _is_reading(table: Table, line: int, places: list[int]) -> bool:
 
 
 def _beside(table: Table, text: str) -> str:
-    mark = "," if table.decimal == "." else "."
-    return f" with decimal {table.decimal!r}" if number(bare(text), mark) is not None else ""
+    if number(bare(text), OTHER_MARK[table.decimal]) is None:
+        return ""
+    return f" with decimal {table.decimal!r}"
 
 
 def _decide_readings(table: Table) -> None:

@@ -18,7 +18,7 @@ from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
 from .deciding import understood
 from .layout import has_table, upright
-from .mapping import OPEN, Mapping, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
+from .mapping import OPEN, Mapping, plural, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
 from .names import DATE
 from .sheet import (
     LARGEST,
@@ -221,7 +221,7 @@ def _imported(
     left_out = [f"column {field.head.text!r}" for field in table.free_fields if field.head.text]
     for why, rows in conversion.left_out.items():
         listed = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
-        left_out.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} ({why}): {listed}")
+        left_out.append(f"{plural(len(rows), 'row')} ({why}): {listed}")
     if layout.last:
         left_out.append(f"what stands below row {layout.last}")
     notes = table.notes + conversion.notes
@@ -263,8 +263,7 @@ def _imported_column(table: Table, column: str) -> ImportedColumn:
     unit = origin.field.head.unit or by_quantity
     if quantity in table.mapping.units:
         unit = by_quantity
-    if source and source.unit:
-        unit = source.unit
+    unit = source.unit or unit
     further = f" and {len(origin.beside)} beside it" if origin.beside else ""
     return ImportedColumn(
         column="time_s" if column == DATE else column,

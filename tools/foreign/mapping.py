@@ -106,11 +106,11 @@ class Mapping(Section):
     units: dict[str, str] = Field(default_factory=dict)
     columns: dict[str, Source | str] = Field(default_factory=dict)
 
-    def of(self, column: str) -> Source | None:
-        """Where a column is taken from; None where that is not said."""
-        source = self.columns.get(column)
+    def of(self, column: str) -> Source:
+        """The source of a column; one without a name where a person gave none."""
+        source = self.columns.get(column, OPEN)
         if isinstance(source, str):
-            return None if source == OPEN else Source.model_validate({"from": source})
+            return Source.model_validate({"from": "" if source == OPEN else source})
         return source
 
 
@@ -125,6 +125,11 @@ class Question:
     def __str__(self) -> str:
         options = " or ".join(f"--set {shell_word(f'{self.key}={answer}')}" for answer in self.answers)
         return f"{options} ({self.why})"
+
+
+def plural(count: int, noun: str) -> str:
+    """A number and its noun: "1 row", "2 rows"."""
+    return f"{count} {noun}{'s' * (count > 1)}"
 
 
 def printable(text: str) -> str:
@@ -194,7 +199,7 @@ def text_of(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str
     open_keys = {question.key: question for question in questions}
     lines = ["# What a file means to Trihedron: edit what is wrong, and use it again with --mapping."]
     if questions:
-        lines.append(f'# Fill in the {len(open_keys)} line{"s" if len(open_keys) > 1 else ""} with "?".')
+        lines.append(f'# Fill in the {plural(len(open_keys), "line")} with "?".')
     sections = mapping.as_written()
     units, columns = sections.pop("units"), sections.pop("columns")
     for prefix, section in (("", sections), ("units", units), ("columns", columns)):

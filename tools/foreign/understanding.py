@@ -204,13 +204,12 @@ def _unit(table: Table, column: str, origin: Origin) -> tuple[Unit | None, str]:
     """The unit of a column and its text; None where it has to be asked for."""
     quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
     source = table.mapping.of(column)
-    own_unit = source.unit if source else ""
-    key = f"columns.{column}.unit" if own_unit else f"units.{quantity}"
+    key = f"columns.{column}.unit" if source.unit else f"units.{quantity}"
     text = head.unit or next(filter(None, map(unit_behind, texts)), "")
     doubtful = DOUBTFUL.get(written(text).lower(), ())
     stated = None if doubtful else known_unit(text)
     is_raw = stated is not None and stated.raw
-    answer = own_unit or table.mapping.units.get(quantity, "")
+    answer = source.unit or table.mapping.units.get(quantity, "")
     if answer not in ("", OPEN):
         unit = unit_of(answer)
         if unit is not None and unit.per is not None:
