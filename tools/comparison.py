@@ -14,7 +14,7 @@ from .errors import InputError, nearest
 from .files import bytes_of
 from .parquet import MAGIC, fault_of_parquet
 from .quantity import Quantity
-from .records.read import table_of
+from .records.read import table_in_memory
 from .result import Result
 
 TIME, POSITION = "time_s", "position"
@@ -236,7 +236,7 @@ def read_table(source: Any) -> tuple[str, pl.DataFrame]:
         name = str(getattr(source, "path", None) or getattr(source, "title", "") or "a run")
         table = source.to_polars()
     else:
-        name, table = "a table", table_of(source)
+        name, table = "a table", table_in_memory(source)
         if not table.width:
             raise InputError(f"a run or a record is needed, not {type(source).__name__}")
     if TIME not in table.columns or not table.schema[TIME].is_numeric() or not table.height:

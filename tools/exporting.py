@@ -282,7 +282,7 @@ class _Inputs:
 
 def _motion_inputs(record: "records.StrapdownRecord", rates: str, bridge_gaps: int) -> _Inputs:
     """Inputs of the attitude computer, or of the velocity computer where the record has increments of velocity."""
-    samples = motion.taken_from(record, rates, bridge_gaps=bridge_gaps)
+    samples = motion.gyro_input(record, rates, bridge_gaps=bridge_gaps)
     increments = samples.increments
     period, begin = float(increments.period), float(increments.time_s[0])
     start_values = {f"initial_attitude[{i}]": float(value) for i, value in enumerate(samples.start, start=1)}

@@ -274,7 +274,7 @@ def _sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int,
             if len(open_sets):
                 work.add(0.3 * len(open_sets))
                 open_sets = open_sets.tried(problem, projection(number), number, limit)
-        yield from settled(problem, projections, open_sets, slack, work, together=size > 1)
+        yield from decided(problem, projections, open_sets, slack, work, together=size > 1)
 
 
 def standing_in_some_rows(problem: Problem, size: int, slack: float, most_outliers: int, work: Work) -> list[int]:
@@ -312,7 +312,7 @@ class OpenSets:
         return OpenSets(self.sets[is_open], bound[is_open], source[is_open])
 
 
-def settled(
+def decided(
     problem: Problem,
     projections: Sequence[Projection],
     left: OpenSets,

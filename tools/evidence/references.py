@@ -16,7 +16,7 @@ from ...models.effects import EffectPlace, Rows
 from ...models.turntable import EARTH_RATE
 from ..motion.carry import GyroModel, Motion, matrices_of
 from ..motion.inspect import Inspection
-from ..motion.norm import COLUMNS, NAMES, ROWS, block_of, inputs_of, norm_equations
+from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equations
 from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
 from ..motion.rests import GAP, Rests
 from ..records import StrapdownRecord
@@ -305,7 +305,7 @@ class Gravity(Reference):
 
         The attitude (N, 4) was carried; `x` are the nine parameters of the accelerometers.
         """
-        n, up, inverse = inputs_of(x, self.reading), self.directions(x), np.linalg.inv(block_of(x)[0])
+        n, up, inverse = inputs_of(x, self.reading), self.directions(x), np.linalg.inv(norm_block(x)[0])
         count, every = len(n), np.arange(len(n))
         # Directions change with the inputs across them, over their size.
         size = np.linalg.norm(n, axis=1)[:, None, None]

@@ -30,8 +30,8 @@ from .layout import COMMENT
 from .mapping import OPEN, plural
 from .names import DATE, SAMPLE, TIMES
 from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
-from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, Table
-from .units import DEGREE, TIME, Unit, known_unit, unit_of
+from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable
+from .units import DEGREE, TIME, LaboratoryUnit, known_unit, scaled_unit
 
 DIGITS_OF = 2000
 """Rows from which it is seen how finely numbers are written."""
@@ -41,7 +41,7 @@ DAY = 86400.0
 EPOCH = 1e8
 """Times above that many seconds count from long ago: the first row is taken off, whose digits doubles would lose."""
 RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
-"""Unit in the names of columns -> the columns whose last digit is looked at."""
+"""LaboratoryUnit in the names of columns -> the columns whose last digit is looked at."""
 
 
 @dataclass
@@ -76,7 +76,7 @@ class Conversion:
     notes: list[str] = field(default_factory=list)
 
 
-def converted(table: Table) -> Conversion:
+def converted(table: UnderstoodTable) -> Conversion:
     """The rows of a sheet that is understood as columns, nothing where they bring up another question.
 
     An InputError names the row and column that cannot be.
@@ -101,7 +101,9 @@ def converted(table: Table) -> Conversion:
                 values = values * (origin.unit.factor * size) + origin.unit.offset
             numbers[column] = values
     if TIMES not in numbers:
-        period = unit_of(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s") or Unit(TIME, 1.0)
+        period = scaled_unit(table.mapping.units.get(TIME) or table.sheet.stated.time or "1 s") or LaboratoryUnit(
+            TIME, 1.0
+        )
         numbers[TIMES] = np.arange(len(lines), dtype=np.float64) * period.factor
     if QUATERNION[0] in numbers and table.whole_mapping.attitude == "reference to body":
         for column in QUATERNION[1:]:
@@ -113,7 +115,7 @@ def converted(table: Table) -> Conversion:
     return conversion
 
 
-def _texts(table: Table) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
+def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dict[str, list[int]]]:
     """The texts of the columns, row by row, and their lines; rows without a number are left out, by reason."""
     missing, marked, origins = table.mapping.missing, table.is_marked, table.origins
     # readings side by side are rows of their own, with all else alike
@@ -156,7 +158,7 @@ def _texts(table: Table) -> tuple[dict[str, list[str]], list[int], dict[str, lis
     return texts, lines, left_out
 
 
-def _ask_of_gaps(table: Table, empty: Counter[str], count: int) -> None:
+def _ask_of_gaps(table: UnderstoodTable, empty: Counter[str], count: int) -> None:
     """Ask what to do with many rows without a number, by the column that lacks most of them."""
     worst, lacking = empty.most_common(1)[0]
     why = f"{lacking} of {count} rows have no number in {table.origins[worst].name!r}"
@@ -166,7 +168,7 @@ def _ask_of_gaps(table: Table, empty: Counter[str], count: int) -> None:
         table.ask("incomplete", ("leave out",), why)
 
 
-def _values(table: Table, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
+def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequence[int]) -> NDArray[np.float64]:
     """The numbers of a column's cells (N,), in the file's unit; an InputError where one is none, or in another unit."""
     origin, at = table.origins[column], f"{table.sheet.path}: row"
     first = origin.field.unit
@@ -194,7 +196,7 @@ def _values(table: Table, column: str, texts: list[str], lines: Sequence[int]) -
     return np.array(values)
 
 
-def _times(table: Table, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
+def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
     """Times [s]: as written where they are numbers, else from the first row on."""
     origin = table.origins[TIMES]
     if origin.form == NUMBER:
@@ -225,7 +227,7 @@ def _times(table: Table, texts: dict[str, list[str]], lines: Sequence[int]) -> N
     return values
 
 
-def _resolutions(table: Table, texts: dict[str, list[str]]) -> dict[str, float]:
+def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[str, float]:
     """Half a last digit of what was written, in the record's units, by the unit in their names."""
     resolutions = {}
     for unit, columns in RESOLUTIONS.items():
@@ -235,7 +237,7 @@ def _resolutions(table: Table, texts: dict[str, list[str]]) -> dict[str, float]:
     return resolutions
 
 
-def _resolution(table: Table, column: str, texts: Sequence[str]) -> float:
+def _resolution(table: UnderstoodTable, column: str, texts: Sequence[str]) -> float:
     unit = table.origins[column].unit
     first = [bare(text).replace("−", "-") for text in islice(texts, DIGITS_OF)]
     if any(table.value(text) is None for text in first):
@@ -258,7 +260,7 @@ def sexagesimal_parts(text: str) -> list[str]:
     return "".join(c if c.isdigit() or c in ".," else " " for c in text).split()
 
 
-def _average(table: Table, conversion: Conversion) -> None:
+def _average(table: UnderstoodTable, conversion: Conversion) -> None:
     """One row for each rest: rows that follow one another with the same number, or at the same angles, are averaged."""
     numbers = conversion.numbers
     numbered, readings = "position" in numbers, table.mapping.readings
@@ -319,7 +321,7 @@ def _scatter(
     return np.sqrt(squares / np.sum(sizes - 1) * np.mean(1.0 / sizes))
 
 
-def record_columns(table: Table, conversion: Conversion) -> Columns:
+def record_columns(table: UnderstoodTable, conversion: Conversion) -> Columns:
     """The columns as a record's; the first that no record of its kind could have is refused, with the file's row."""
     numbers, kind, sizes = conversion.numbers, table.kind, conversion.resolution
     present = [name for name in kind.known if name in numbers or (name == MOUNTING and conversion.names)]
@@ -341,7 +343,7 @@ def record_columns(table: Table, conversion: Conversion) -> Columns:
     return columns
 
 
-def _hint(table: Table, fault: RecordError) -> str:
+def _hint(table: UnderstoodTable, fault: RecordError) -> str:
     """What helps against a fault of a column: another unit, or times that are not taken from their column."""
     if fault.column == TIMES:
         origin = table.origins.get(TIMES)

@@ -27,7 +27,7 @@ from .mapping import OPEN, Mapping
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
 from .numbers import Marks, bare, date_of, is_clock, is_missing, moment, number, orders_of, two_parts
 from .sheet import Sheet, cell
-from .understanding import CLOCK, MOMENT, NAME, NUMBER, STANDING_DEG, Field, Origin, Table, decide_units
+from .understanding import CLOCK, MOMENT, NAME, NUMBER, STANDING_DEG, Field, Origin, UnderstoodTable, decide_units
 from .units import ANGLE, TIME
 
 PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
@@ -46,9 +46,9 @@ COLUMNS = QUANTITY_OF.keys() | {"position", DATE, MOUNTING} | set(QUATERNION + A
 """Columns of a record that a mapping may name."""
 
 
-def understood(sheet: Sheet, mapping: Mapping) -> Table:
+def understood(sheet: Sheet, mapping: Mapping) -> UnderstoodTable:
     """Decide what a sheet means with what is given; what is not known is asked, all at once."""
-    table = Table(sheet, layout_of(sheet, mapping), mapping)
+    table = UnderstoodTable(sheet, layout_of(sheet, mapping), mapping)
     # lines are looked for in each file: the next may have more of them
     table.settled = {"encoding": sheet.encoding, "separator": sheet.separator}
     fields = _fields_of_columns(table)
@@ -72,7 +72,7 @@ def understood(sheet: Sheet, mapping: Mapping) -> Table:
     return table
 
 
-def _fields_of_columns(table: Table) -> dict[str, Field]:
+def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
     """Column of the record -> field of the row, as the mapping says, else by names."""
     mapping, fields = table.mapping, dict[str, Field]()
     for column in mapping.columns:
@@ -129,7 +129,7 @@ def _by_unit(filled: list[Field], columns: tuple[str, ...]) -> dict[str, list[Fi
     return {column: [triad[axis]] for column, axis in zip(columns, "xyz", strict=True)}
 
 
-def _refuse_parts(table: Table, filled: list[Field], candidates: dict[str, list[Field]]) -> None:
+def _refuse_parts(table: UnderstoodTable, filled: list[Field], candidates: dict[str, list[Field]]) -> None:
     """Refuse an angle whose minutes or seconds stand in a column of their own."""
     for column in ANGLES:
         if column not in candidates:
@@ -143,7 +143,7 @@ def _refuse_parts(table: Table, filled: list[Field], candidates: dict[str, list[
                 raise InputError(f"{table.sheet.path}: {what}; write it in one, as 12°34'56\" or in degrees")
 
 
-def _readings_beside(table: Table, filled: list[Field], columns: set[str]) -> dict[str, Field]:
+def _readings_beside(table: UnderstoodTable, filled: list[Field], columns: set[str]) -> dict[str, Field]:
     """Fields of the first of several readings of each accelerometer, side by side; the others become `beside`.
 
     Whether columns with numbers are readings or sensors is asked where their names do not say it.
@@ -172,7 +172,7 @@ def _readings_beside(table: Table, filled: list[Field], columns: set[str]) -> di
     return first
 
 
-def _field_named(table: Table, column: str, name: str) -> Field:
+def _field_named(table: UnderstoodTable, column: str, name: str) -> Field:
     """The field with a name, or with a number from 1."""
     fields, spelled = table.fields, " ".join(name.split())
     for names in ([field.head.text for field in fields], [field.head.name for field in fields]):
@@ -184,7 +184,7 @@ def _field_named(table: Table, column: str, name: str) -> Field:
     raise InputError(f"{table.sheet.path}: columns.{column}: there is no column {quoted(name)}; {nearest(name, heads)}")
 
 
-def _decide_kind(table: Table, fields: dict[str, Field]) -> None:
+def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide the kind of record, and ask for those of its columns that are missing."""
     of_table = not fields.keys().isdisjoint(ANGLES)
     of_block = not fields.keys().isdisjoint(RATE + INCREMENT)
@@ -218,7 +218,7 @@ def _decide_kind(table: Table, fields: dict[str, Field]) -> None:
             table.ask(f"columns.{column}", free[:3] or ("NAME",), f"which column is {column}")
 
 
-def _decide_marks(table: Table, fields: dict[str, Field]) -> None:
+def _decide_marks(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide the decimal mark and that between thousands, from what the numbers prove."""
     marks = Marks()
     for column, field in fields.items():
@@ -253,7 +253,7 @@ def _decide_marks(table: Table, fields: dict[str, Field]) -> None:
     table.settled |= {"decimal": table.decimal, "thousands": table.thousands}
 
 
-def _decide_time(table: Table, fields: dict[str, Field]) -> None:
+def _decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide what times come from: numbers, times of day, dates, sample numbers, or the order of the rows."""
     time, date = fields.get(TIMES), fields.get(DATE)
     if time is None and SAMPLE in fields and table.kind is not POSITION:
@@ -279,7 +279,7 @@ def _decide_time(table: Table, fields: dict[str, Field]) -> None:
         _decide_dates(table, date)
 
 
-def _ask_for_time(table: Table) -> None:
+def _ask_for_time(table: UnderstoodTable) -> None:
     """Ask where times come from in a table without a column that is known to hold them."""
     if table.mapping.time == "order" or table.is_asked("kind"):
         return
@@ -296,7 +296,7 @@ def _ask_for_time(table: Table) -> None:
         table.ask("units.time", ("100 Hz",), why.format("rows at which rate"))
 
 
-def _decide_dates(table: Table, field: Field) -> None:
+def _decide_dates(table: UnderstoodTable, field: Field) -> None:
     """Decide in which order day, month and year stand: asked where it matters for the times."""
     texts: dict[str, None] = {}
     for _, row in table.sheet.rows(table.layout.first, table.layout.last or None):
@@ -319,7 +319,7 @@ def _decide_dates(table: Table, field: Field) -> None:
         table.notes.append("the order of day and month does not matter: all rows are of one day")
 
 
-def _origin(table: Table, column: str, field: Field) -> Origin:
+def _origin(table: UnderstoodTable, column: str, field: Field) -> Origin:
     """A column as far as its own head and the mapping say it."""
     is_name = column == MOUNTING or (column == "position" and _are_labels(field))
     source = table.mapping.of(column)
@@ -333,7 +333,7 @@ def _are_labels(field: Field) -> bool:
     return len(patterns) == 1 and "0" in min(patterns) and patterns.isdisjoint(("0", "-0", "0.0", "0,0"))
 
 
-def _decide_attitude(table: Table) -> None:
+def _decide_attitude(table: UnderstoodTable) -> None:
     """Decide what a quaternion turns: asked for, but of a record's own columns."""
     present = [column for column in QUATERNION if column in table.origins]
     answer = table.mapping.attitude
@@ -348,7 +348,7 @@ def _decide_attitude(table: Table) -> None:
     table.settled["attitude"] = "body to reference" if is_open else answer
 
 
-def _ask_of_words(table: Table) -> None:
+def _ask_of_words(table: UnderstoodTable) -> None:
     """Ask of words in columns of numbers that are no usual words for a missing number, of all at once.
 
     Several that are numbers in another notation are refused: who left them out would lose those readings.
@@ -375,7 +375,7 @@ def _ask_of_words(table: Table) -> None:
         table.ask("missing", (",".join(answers),), f"{next(iter(words.values()))}; this leaves {rows} out")
 
 
-def _refuse_notation(table: Table, origin: Origin, line_of: dict[str, int]) -> None:
+def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, int]) -> None:
     """Refuse numbers of a column in another notation; `line_of` has its texts that are no numbers, the first last."""
     written = [text for text in line_of if NOTATION.search(text) and not text.startswith(COMMENT)]
     if len(written) > MOST_ODD:
@@ -385,7 +385,7 @@ def _refuse_notation(table: Table, origin: Origin, line_of: dict[str, int]) -> N
         raise InputError(f"{table.sheet.path}: {what}, {also}")
 
 
-def _is_reading(table: Table, line: int, places: list[int]) -> bool:
+def _is_reading(table: UnderstoodTable, line: int, places: list[int]) -> bool:
     """Whether a row has a number in one of these fields, and is no comment."""
     texts = next(texts for row, texts in table.rows if row == line)
     if texts[0].strip().startswith(COMMENT) and not table.is_marked:
@@ -393,13 +393,13 @@ def _is_reading(table: Table, line: int, places: list[int]) -> bool:
     return any(table.value(cell(texts, place)) is not None for place in places)
 
 
-def _beside(table: Table, text: str) -> str:
+def _beside(table: UnderstoodTable, text: str) -> str:
     if number(bare(text), OTHER_MARK[table.decimal]) is None:
         return ""
     return f" with decimal {table.decimal!r}"
 
 
-def _decide_readings(table: Table) -> None:
+def _decide_readings(table: UnderstoodTable) -> None:
     """Decide whether rows at one position are readings of one rest: by their numbers, else asked where rows stand."""
     mapping = table.mapping
     table.settled["readings"] = mapping.readings.replace(OPEN, "")

@@ -12,7 +12,7 @@ from ..files import at_once, bytes_of, is_workbook, ordinary_file, together, wri
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
 from ..records.columns import FORCE, VELOCITY
 from ..records.comments import SCATTER
-from ..records.read import record_of
+from ..records.read import record_from
 from ..result import ABSENT, Result
 from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
@@ -33,7 +33,7 @@ from .sheet import (
     unpacked,
     workbook_sheets,
 )
-from .understanding import Table
+from .understanding import UnderstoodTable
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -128,7 +128,7 @@ def import_record(
     if table.questions:
         raise _questions(table, file, mapping_file, is_own=is_own)
     columns = record_columns(table, conversion)
-    record = replace(record_of(columns), about=_about(table, conversion, file))
+    record = replace(record_from(columns), about=_about(table, conversion, file))
     with together():
         if out is not None:
             write_record(record, out)
@@ -166,7 +166,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     return tables
 
 
-def _questions(table: Table, file: Path, mapping_file: Path | None, *, is_own: bool) -> InputError:
+def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> InputError:
     """The questions of a table in one line; the mapping to fill in is written, unless a person gave that file."""
     count = len(table.questions)
     unknown = "one thing is" if count == 1 else f"{count} things are"
@@ -180,7 +180,7 @@ def _questions(table: Table, file: Path, mapping_file: Path | None, *, is_own: b
     return InputError(what)
 
 
-def _first_rows_as_written(table: Table) -> list[str]:
+def _first_rows_as_written(table: UnderstoodTable) -> list[str]:
     """The names and the first rows of the file, for the end of a mapping."""
     names = [head.text for head in table.layout.headings]
     lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:", " | ".join(names)]
@@ -188,7 +188,7 @@ def _first_rows_as_written(table: Table) -> list[str]:
     return [printable(line)[:200] for line in lines]
 
 
-def _about(table: Table, conversion: Conversion, file: Path) -> dict[str, str]:
+def _about(table: UnderstoodTable, conversion: Conversion, file: Path) -> dict[str, str]:
     """The comment lines of the record: the file's remarks, and what its numbers cannot say any more."""
     about = {"imported from": file.name, **table.layout.remarks}
     for unit, size in conversion.resolution.items():
@@ -209,7 +209,7 @@ def _range_of_readings(conversion: Conversion) -> str:
 
 
 def _imported(
-    table: Table,
+    table: UnderstoodTable,
     conversion: Conversion,
     record: PositionRecord | RawRecord | StrapdownRecord,
     files: tuple[Path, Path | None, Path | None],
@@ -255,7 +255,7 @@ def _imported(
     )
 
 
-def _imported_column(table: Table, column: str) -> ImportedColumn:
+def _imported_column(table: UnderstoodTable, column: str) -> ImportedColumn:
     """A column of the record as the file has it; the unit is the column's own, that of its quantity, or its head's."""
     origin, source = table.origins[column], table.mapping.of(column)
     quantity = origin.unit.quantity if origin.unit is not None else ""

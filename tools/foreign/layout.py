@@ -12,7 +12,7 @@ from itertools import islice, pairwise, zip_longest
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
-from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined, of_name
+from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, of_name
 from .numbers import bare, has_degree_mark, is_missing, number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, cell, is_data, is_value, is_word
 from .units import known_unit
@@ -36,7 +36,7 @@ _PAIR = re.compile(
 
 
 @dataclass(frozen=True)
-class Layout:
+class SheetLayout:
     """Lines of a table, as an editor counts; `names` and `units` are 0 where there are none, `last` 0 for the end.
 
     `headings` are those of its fields, in their order, `looked_at` its first rows, `remarks` key -> text of the lines
@@ -52,7 +52,7 @@ class Layout:
     remarks: dict[str, str]
 
 
-def layout_of(sheet: Sheet, mapping: Mapping) -> Layout:
+def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     """Find the table of a sheet; an InputError where there is none."""
     head = list(islice(sheet.rows(), LOOKED_AT))
     first = _first_data(sheet, head, mapping)
@@ -93,7 +93,7 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> Layout:
     last = mapping.last or _last_data(sheet, first)
     if last:
         around += sheet.rows(last + 1)
-    return Layout(names, units, first, last, from_one(headings), rows, remarks_of(around))
+    return SheetLayout(names, units, first, last, from_one(headings), rows, remarks_of(around))
 
 
 def has_table(sheet: Sheet, mapping: Mapping) -> bool:
@@ -168,7 +168,7 @@ def _heading(group: str, text: str, unit: str) -> Heading:
     alone = _with_unit(heading(text), unit)
     if not group:
         return alone
-    grouped = _with_unit(heading(joined(group, text)), unit)
+    grouped = _with_unit(heading(joined_head(group, text)), unit)
     return grouped if grouped.column or (grouped.numbered and not alone.column) else alone
 
 
@@ -178,7 +178,7 @@ def _with_unit(head: Heading, unit: str) -> Heading:
     if not unit or unit in NOTHING or head.unit:
         return head
     if known_unit(unit) is None:
-        in_two_lines = heading(joined(head.text, unit))
+        in_two_lines = heading(joined_head(head.text, unit))
         if in_two_lines.means_column:
             return in_two_lines
     with_unit = of_name(head.text, head.name, unit)

@@ -25,7 +25,7 @@ _USUAL = (("unit", ""), ("sign", 1), ("offset", 0.0), ("beside", []))
 """What a source has where nothing is said."""
 
 
-class Source(Section):
+class ColumnSource(Section):
     """Where a column of the record is taken from.
 
     Attributes
@@ -81,7 +81,7 @@ class Mapping(Section):
     units : dict
         quantity (force, rate, angle, time, temperature) -> unit, or a sensitivity as "16384 LSB/g"
     columns : dict
-        column of the record -> Source
+        column of the record -> ColumnSource
     """
 
     schema_: Literal["trihedron.mapping/1"] = Field(alias="schema", default=SCHEMA)
@@ -104,13 +104,13 @@ class Mapping(Section):
     time: Literal["order", "?", ""] = ""
     missing: list[str] = Field(default_factory=list)
     units: dict[str, str] = Field(default_factory=dict)
-    columns: dict[str, Source | str] = Field(default_factory=dict)
+    columns: dict[str, ColumnSource | str] = Field(default_factory=dict)
 
-    def of(self, column: str) -> Source:
+    def of(self, column: str) -> ColumnSource:
         """The source of a column; one without a name where a person gave none."""
         source = self.columns.get(column, OPEN)
         if isinstance(source, str):
-            return Source.model_validate({"from": "" if source == OPEN else source})
+            return ColumnSource.model_validate({"from": "" if source == OPEN else source})
         return source
 
 

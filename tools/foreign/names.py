@@ -13,7 +13,7 @@ from ..records.columns import FORCE as FORCES
 from ..records.columns import RATE as RATES
 from ..records.columns import TEMPERATURE as TEMPERATURES
 from ..records.columns import VELOCITY as VELOCITIES
-from .units import ANGLE, FORCE, QUANTITIES, RATE, TEMPERATURE, TIME, VELOCITY, Unit, known_unit, written
+from .units import ANGLE, FORCE, QUANTITIES, RATE, TEMPERATURE, TIME, VELOCITY, LaboratoryUnit, known_unit, spelled_unit
 
 POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
 QUANTITY_OF: dict[str, str] = {}
@@ -169,13 +169,13 @@ def of_name(text: str, name: str, unit: str) -> Heading:
     return Heading(text, name, unit, "", column, int(number), bool(numbered["word"] or numbered["first"]))
 
 
-def joined(above: str, below: str) -> str:
+def joined_head(above: str, below: str) -> str:
     """A head in two lines as one: "Acc [g]" above "x" is "Acc x [g]", "Time" above "s" is "Time [s]"."""
     above, below = above.strip(), below.strip()
     if not above or not below:
         return above or below
     if known_unit(below) is not None:
-        return f"{above} [{written(below)}]"
+        return f"{above} [{spelled_unit(below)}]"
     bracket = _BRACKET.match(above)
     if not bracket or not bracket["name"]:
         return f"{above} {below}"
@@ -222,7 +222,7 @@ def normal(text: str) -> str:
     return " ".join(re.sub(r"[_.\-/:\s#%]+", " ", text).split())
 
 
-def column_of(name: str, unit: Unit | None) -> str:
+def column_of(name: str, unit: LaboratoryUnit | None) -> str:
     """The record's column that a name means, with its unit where that is known; "" where it is not clear."""
     quantity = "" if unit is None or unit.raw else unit.quantity
     words, name = normal(name), name.strip()
@@ -273,5 +273,5 @@ def is_unit_row(texts: list[str]) -> bool:
     for text in texts:
         if text.strip() and text.strip() not in NOTHING:
             filled += 1
-            units += known_unit(text) is not None or written(text).lower() in ("1", "h:m:s", "grad")
+            units += known_unit(text) is not None or spelled_unit(text).lower() in ("1", "h:m:s", "grad")
     return units >= 3 and 2 * units > filled

@@ -122,7 +122,7 @@ Row = tuple[int, list[str]]
 
 
 @dataclass(frozen=True)
-class Stated:
+class HeaderFacts:
     """What a file says of itself: decimal mark, line of names, unit of each field, column and period of time."""
 
     decimal: str = ""
@@ -145,7 +145,7 @@ class Sheet:
         of a table that has cells; numbers have decimal points there
     encoding, separator, name : str
         of a text file; of a table in a file of several
-    stated : Stated
+    stated : HeaderFacts
         what the file says of itself
     shape : str
         what shape the table had that was made an upright one
@@ -157,7 +157,7 @@ class Sheet:
     encoding: str = ""
     separator: str = ""
     name: str = ""
-    stated: Stated = field(default_factory=Stated)
+    stated: HeaderFacts = field(default_factory=HeaderFacts)
     shape: str = ""
 
     def rows(self, first: int = 1, last: int | None = None) -> Iterator[Row]:
@@ -361,7 +361,7 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
     seconds = first.get("X_Dimension", "") in ("", "Time")
     period = number(first.get("Delta_X", ""), decimal)
     is_periodic = seconds and period and first.get("X_Columns") == "No"
-    stated = Stated(
+    stated = HeaderFacts(
         decimal=decimal,
         header_row=names,
         units=("s" if seconds else "", *header.get("Y_Unit_Label", ())),

@@ -7,12 +7,23 @@ from typing import Literal
 
 from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, POSITION, Kind
-from .layout import COMMENT, Layout
+from .layout import COMMENT, SheetLayout
 from .mapping import OPEN, Mapping, Question
 from .names import QUANTITY_OF, SAMPLE, TIMES, Heading
 from .numbers import bare, is_missing, number, sexagesimal, unit_behind
 from .sheet import Row, Sheet, cell
-from .units import COUNTS, DOUBTFUL, EXAMPLES, QUANTITIES, TIME, Unit, known_unit, of_converter, unit_of, written
+from .units import (
+    COUNTS,
+    DOUBTFUL,
+    EXAMPLES,
+    QUANTITIES,
+    TIME,
+    LaboratoryUnit,
+    known_unit,
+    of_converter,
+    scaled_unit,
+    spelled_unit,
+)
 
 STANDING_DEG = 0.5
 """Rows whose angles differ by no more may have been taken at one rest [deg]."""
@@ -57,7 +68,7 @@ class Field:
         return [text for _, text in self.cells]
 
     @cached_property
-    def unit(self) -> Unit | None:
+    def unit(self) -> LaboratoryUnit | None:
         """The unit that the head states."""
         return known_unit(self.head.unit)
 
@@ -76,7 +87,7 @@ class Origin:
 
     field: Field
     form: str = NUMBER
-    unit: Unit | None = None
+    unit: LaboratoryUnit | None = None
     sign: Literal[1, -1] = 1
     offset: float = 0.0
     beside: tuple[Field, ...] = ()
@@ -88,14 +99,14 @@ class Origin:
 
 
 @dataclass
-class Table:
+class UnderstoodTable:
     """A sheet, its layout, the mapping as far as a person gave it, and all that is settled or asked beyond that.
 
     `origins` is by column of the record, and so is `beside`: fields of further readings of a rest.
     """
 
     sheet: Sheet
-    layout: Layout
+    layout: SheetLayout
     mapping: Mapping
     origins: dict[str, Origin] = field(default_factory=dict)
     questions: list[Question] = field(default_factory=list)
@@ -161,7 +172,7 @@ class Table:
         return degrees if degrees is None or unit is None else (degrees - unit.offset) / unit.factor
 
 
-def decide_units(table: Table) -> None:
+def decide_units(table: UnderstoodTable) -> None:
     """The unit of each column: as given for it, as given for its quantity, as its head says, or asked."""
     units = table.mapping.units
     agreed: dict[str, set[str]] = {}
@@ -189,29 +200,29 @@ def decide_units(table: Table) -> None:
     table.settled["units"] |= {quantity: text for quantity, text in units.items() if text != OPEN}
 
 
-def _ask_for_unit(table: Table, quantity: str) -> None:
+def _ask_for_unit(table: UnderstoodTable, quantity: str) -> None:
     """Ask for the unit of a quantity whose columns are not known; a free field may hold a converter's output."""
     sources = {origin.field for origin in table.origins.values()}
     for free in table.fields:
         if free not in sources and free.unit and free.unit.raw:
             raw = free.head.unit
-            table.ask(f"units.{quantity}", (sensitivity(quantity, raw),), f"what one {raw} is, as here")
+            table.ask(f"units.{quantity}", (example_sensitivity(quantity, raw),), f"what one {raw} is, as here")
             return
     table.ask(f"units.{quantity}", EXAMPLES[quantity][:3], f"no unit of {quantity} is written")
 
 
-def _unit(table: Table, column: str, origin: Origin) -> tuple[Unit | None, str]:
+def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[LaboratoryUnit | None, str]:
     """The unit of a column and its text; None where it has to be asked for."""
     quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
     source = table.mapping.of(column)
     key = f"columns.{column}.unit" if source.unit else f"units.{quantity}"
     text = head.unit or next(filter(None, map(unit_behind, texts)), "")
-    doubtful = DOUBTFUL.get(written(text).lower(), ())
+    doubtful = DOUBTFUL.get(spelled_unit(text).lower(), ())
     stated = None if doubtful else known_unit(text)
     is_raw = stated is not None and stated.raw
     answer = source.unit or table.mapping.units.get(quantity, "")
     if answer not in ("", OPEN):
-        unit = unit_of(answer)
+        unit = scaled_unit(answer)
         if unit is not None and unit.per is not None:
             unit = of_converter(unit, stated if is_raw else None)
         if unit is None or unit.raw or unit.quantity != quantity:
@@ -224,7 +235,10 @@ def _unit(table: Table, column: str, origin: Origin) -> tuple[Unit | None, str]:
         return known_unit("deg"), "deg"
     answers: Sequence[str] = EXAMPLES[quantity][:3]
     if is_raw:
-        answers, why = (sensitivity(quantity, text),), f"{head.text!r} is in {text}: what one {text} is, as here"
+        answers, why = (
+            (example_sensitivity(quantity, text),),
+            f"{head.text!r} is in {text}: what one {text} is, as here",
+        )
     elif doubtful:
         answers, why = doubtful, f"what {text!r} of {head.text!r} is"
     elif text and text != head.text:
@@ -242,16 +256,16 @@ def _unit(table: Table, column: str, origin: Origin) -> tuple[Unit | None, str]:
     return None, ""
 
 
-def sensitivity(quantity: str, text: str) -> str:
+def example_sensitivity(quantity: str, text: str) -> str:
     """An example of one volt or count of a quantity; `text` is the converter's unit."""
     volt, count = SENSITIVITIES[quantity]
     unit = known_unit(text)
     if count and unit is not None and unit.quantity == COUNTS:
-        return count.replace("LSB", written(text))
-    return f"{volt}/{written(text)}"
+        return count.replace("LSB", spelled_unit(text))
+    return f"{volt}/{spelled_unit(text)}"
 
 
-def _size(table: Table) -> str:
+def _size(table: UnderstoodTable) -> str:
     """The median size of the specific forces, by which a person knows their unit."""
     fields = [table.origins[column].field for column in FORCE if column in table.origins]
     squares = []

@@ -19,7 +19,7 @@ DEGREE = math.pi / 180.0
 
 
 @dataclass(frozen=True)
-class Unit:
+class LaboratoryUnit:
     """What a number in a file is in a record: force m/s², rate rad/s, angle degrees, velocity m/s, time s, °C.
 
     `per` is what a sensitivity counts in, volts or counts, with the size of its unit.
@@ -28,7 +28,7 @@ class Unit:
     quantity: str
     factor: float
     offset: float = 0.0
-    per: "Unit | None" = None
+    per: "LaboratoryUnit | None" = None
 
     @property
     def raw(self) -> bool:
@@ -37,48 +37,48 @@ class Unit:
 
 
 _NAMES = {
-    Unit(FORCE, 1.0): "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss м/с2",
-    Unit(FORCE, STANDARD_GRAVITY): "g G g0 gn",
-    Unit(FORCE, 1e-3 * STANDARD_GRAVITY): "mg mG milli-g",
-    Unit(FORCE, 1e-6 * STANDARD_GRAVITY): "ug uG",
-    Unit(FORCE, 1e-2): "cm/s2 Gal",
-    Unit(FORCE, 1e-3): "mm/s2",
-    Unit(FORCE, 1e-5): "mGal",
-    Unit(FORCE, 0.3048): "ft/s2",
-    Unit(RATE, 1.0): "rad/s radps rad/sec rads-1 рад/с",
-    Unit(RATE, 1e-3): "mrad/s",
-    Unit(RATE, DEGREE): "deg/s degps dps degs-1 deg/sec град/с",
-    Unit(RATE, 1e-3 * DEGREE): "mdps mdeg/s",
-    Unit(RATE, DEGREE / 3600.0): "deg/h deg/hr degh-1 dph град/ч",
-    Unit(RATE, 2.0 * math.pi / 60.0): "rpm",
-    Unit(ANGLE, 1.0): "deg degree degrees град",
-    Unit(ANGLE, 1.0 / DEGREE): "rad radian radians рад",
-    Unit(ANGLE, 1e-3 / DEGREE): "mrad",
-    Unit(ANGLE, 1e-6 / DEGREE): "urad",
-    Unit(ANGLE, 1.0 / 60.0): "arcmin ' ′",
-    Unit(ANGLE, 1.0 / 3600.0): "arcsec \" ″ ''",
-    Unit(ANGLE, 0.9): "gon",
-    Unit(ANGLE, 360.0): "turn turns rev",
-    Unit(VELOCITY, 1.0): "m/s ms-1 mps м/с",
-    Unit(VELOCITY, 1e-3): "mm/s",
-    Unit(VELOCITY, 1e-2): "cm/s",
-    Unit(VELOCITY, 0.3048): "ft/s",
-    Unit(TIME, 1.0): "s sec second seconds sek sekunden с",
-    Unit(TIME, 1e-3): "ms msec мс",
-    Unit(TIME, 1e-6): "us usec мкс",
-    Unit(TIME, 1e-9): "ns",
-    Unit(TIME, 60.0): "min minutes minuten мин",
-    Unit(TIME, 3600.0): "h hr hours ч",
-    Unit(TIME, 86400.0): "d day days",
-    Unit(VOLTAGE, 1.0): "V volt volts В",
-    Unit(VOLTAGE, 1e-3): "mV мВ",
-    Unit(VOLTAGE, 1e-6): "uV",
-    Unit(COUNTS, 1.0): "LSB lsb counts count cnt cts digit digits raw inc adc",
-    Unit(TEMPERATURE, 1.0): "degC C celsius degcelsius",
-    Unit(TEMPERATURE, 1.0, -273.15): "K kelvin",
-    Unit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0): "degF F fahrenheit",
+    LaboratoryUnit(FORCE, 1.0): "m/s2 ms-2 mps2 m/s/s m/sec2 ms2 m/ss м/с2",
+    LaboratoryUnit(FORCE, STANDARD_GRAVITY): "g G g0 gn",
+    LaboratoryUnit(FORCE, 1e-3 * STANDARD_GRAVITY): "mg mG milli-g",
+    LaboratoryUnit(FORCE, 1e-6 * STANDARD_GRAVITY): "ug uG",
+    LaboratoryUnit(FORCE, 1e-2): "cm/s2 Gal",
+    LaboratoryUnit(FORCE, 1e-3): "mm/s2",
+    LaboratoryUnit(FORCE, 1e-5): "mGal",
+    LaboratoryUnit(FORCE, 0.3048): "ft/s2",
+    LaboratoryUnit(RATE, 1.0): "rad/s radps rad/sec rads-1 рад/с",
+    LaboratoryUnit(RATE, 1e-3): "mrad/s",
+    LaboratoryUnit(RATE, DEGREE): "deg/s degps dps degs-1 deg/sec град/с",
+    LaboratoryUnit(RATE, 1e-3 * DEGREE): "mdps mdeg/s",
+    LaboratoryUnit(RATE, DEGREE / 3600.0): "deg/h deg/hr degh-1 dph град/ч",
+    LaboratoryUnit(RATE, 2.0 * math.pi / 60.0): "rpm",
+    LaboratoryUnit(ANGLE, 1.0): "deg degree degrees град",
+    LaboratoryUnit(ANGLE, 1.0 / DEGREE): "rad radian radians рад",
+    LaboratoryUnit(ANGLE, 1e-3 / DEGREE): "mrad",
+    LaboratoryUnit(ANGLE, 1e-6 / DEGREE): "urad",
+    LaboratoryUnit(ANGLE, 1.0 / 60.0): "arcmin ' ′",
+    LaboratoryUnit(ANGLE, 1.0 / 3600.0): "arcsec \" ″ ''",
+    LaboratoryUnit(ANGLE, 0.9): "gon",
+    LaboratoryUnit(ANGLE, 360.0): "turn turns rev",
+    LaboratoryUnit(VELOCITY, 1.0): "m/s ms-1 mps м/с",
+    LaboratoryUnit(VELOCITY, 1e-3): "mm/s",
+    LaboratoryUnit(VELOCITY, 1e-2): "cm/s",
+    LaboratoryUnit(VELOCITY, 0.3048): "ft/s",
+    LaboratoryUnit(TIME, 1.0): "s sec second seconds sek sekunden с",
+    LaboratoryUnit(TIME, 1e-3): "ms msec мс",
+    LaboratoryUnit(TIME, 1e-6): "us usec мкс",
+    LaboratoryUnit(TIME, 1e-9): "ns",
+    LaboratoryUnit(TIME, 60.0): "min minutes minuten мин",
+    LaboratoryUnit(TIME, 3600.0): "h hr hours ч",
+    LaboratoryUnit(TIME, 86400.0): "d day days",
+    LaboratoryUnit(VOLTAGE, 1.0): "V volt volts В",
+    LaboratoryUnit(VOLTAGE, 1e-3): "mV мВ",
+    LaboratoryUnit(VOLTAGE, 1e-6): "uV",
+    LaboratoryUnit(COUNTS, 1.0): "LSB lsb counts count cnt cts digit digits raw inc adc",
+    LaboratoryUnit(TEMPERATURE, 1.0): "degC C celsius degcelsius",
+    LaboratoryUnit(TEMPERATURE, 1.0, -273.15): "K kelvin",
+    LaboratoryUnit(TEMPERATURE, 5.0 / 9.0, -160.0 / 9.0): "degF F fahrenheit",
 }
-KNOWN: dict[str, Unit] = {}
+KNOWN: dict[str, LaboratoryUnit] = {}
 """Name of a unit -> the unit."""
 for _unit, _names in _NAMES.items():
     KNOWN |= dict.fromkeys(_names.split(), _unit)
@@ -96,7 +96,7 @@ _FOLDED = {name.lower(): name for name in reversed(KNOWN)}
 _SPLIT = re.compile(r"^(?P<number>[+]?\d[\d.]*(?:e[+-]?\d+)?(?:/\d[\d.]*)?)?[*x]?(?P<unit>.*)$", re.IGNORECASE)
 
 
-def written(text: str) -> str:
+def spelled_unit(text: str) -> str:
     """A unit's text in one spelling: µ as u, ° as deg, no blanks, brackets or signs of powers."""
     text = unicodedata.normalize("NFKC", text.strip())
     for old, new in (("μ", "u"), ("°", "deg"), ("º", "deg"), ("−", "-"), ("·", ""), ("⋅", ""), ("^", ""), ("*", "")):
@@ -107,24 +107,24 @@ def written(text: str) -> str:
     return text
 
 
-def known_unit(text: str) -> Unit | None:
+def known_unit(text: str) -> LaboratoryUnit | None:
     """The unit that a text names, None where it names none."""
-    name = written(text)
+    name = spelled_unit(text)
     return KNOWN.get(name) or KNOWN.get(_FOLDED.get(name.lower(), ""))
 
 
-def unit_of(text: str) -> Unit | None:
+def scaled_unit(text: str) -> LaboratoryUnit | None:
     """The unit of a text that may have a number: "g", "2 mg", "1/16384 g", "0.5 g/V", "131 LSB/(deg/s)", "100 Hz"."""
     simple = known_unit(text)
     if simple is not None:
         return simple
-    split = _SPLIT.match(written(text))
+    split = _SPLIT.match(spelled_unit(text))
     number = _fraction(split["number"]) if split else None
     if split is None or number is None:
         return None
     name = split["unit"]
     if name.lower() == "hz":
-        return Unit(TIME, 1.0 / number)
+        return LaboratoryUnit(TIME, 1.0 / number)
     unit = known_unit(name)
     if unit is not None:
         return None if unit.offset else replace(unit, factor=number * unit.factor)
@@ -133,8 +133,8 @@ def unit_of(text: str) -> Unit | None:
         if above is None or below is None or above.raw == below.raw or above.offset or below.offset:
             continue
         if below.raw:
-            return Unit(above.quantity, number * above.factor / below.factor, per=below)
-        return Unit(below.quantity, below.factor / (number * above.factor), per=above)
+            return LaboratoryUnit(above.quantity, number * above.factor / below.factor, per=below)
+        return LaboratoryUnit(below.quantity, below.factor / (number * above.factor), per=above)
     return None
 
 
@@ -150,7 +150,7 @@ def _fraction(text: str | None) -> float | None:
     return value if 0.0 < value < math.inf else None
 
 
-def of_converter(scale: Unit, stated: Unit | None) -> Unit | None:
+def of_converter(scale: LaboratoryUnit, stated: LaboratoryUnit | None) -> LaboratoryUnit | None:
     """A sensitivity for numbers in a stated unit of a converter (mV, LSB); None where it counts in something else."""
     if scale.per is None:
         return None

@@ -8,6 +8,6 @@ from .compare import compare_algorithms as compare_algorithms
 from .compare import read_increments as read_increments
 from .compare import run_algorithm as run_algorithm
 from .compare import sample_motion as sample_motion
-from .increments import taken_from as taken_from
+from .increments import gyro_input as gyro_input
 from .inspect import Inspection as Inspection
 from .inspect import inspect_record as inspect_record

@@ -27,7 +27,7 @@ from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs, rotation_of
 from .gaps import Bridge
-from .increments import coarser, sampling_period, taken_from
+from .increments import coarser, gyro_input, sampling_period
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""
@@ -216,7 +216,7 @@ def attitude_of_record(
         attitude begins, or turns by more than the algorithm takes in one sample
     """
     chosen = algorithm_named(algorithm)
-    source = taken_from(record, rates, bridge_gaps=bridge_gaps, gyro_bias=gyro_bias)
+    source = gyro_input(record, rates, bridge_gaps=bridge_gaps, gyro_bias=gyro_bias)
     record, first, limited = source.record, source.first, source.limits
     increments = coarser(source.increments, rate_divisor)
     size = np.linalg.norm(increments.angle, axis=1)

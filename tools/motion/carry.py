@@ -183,8 +183,8 @@ def carried_attitude(
     fmus = fmus or {}
     block = {"gravity": gravity, **model.parameters}
     settings = {
-        "compensation": _setting("GyroCompensation", fmus, block, effect_entries(model.effects, "GyroBlock")),
-        "computer": _setting("AttitudeComputer", fmus, {}, effect_entries(model.effects, "AttitudeComputer")),
+        "compensation": _setting("GyroCompensation", fmus, block, _effect_entries(model.effects, "GyroBlock")),
+        "computer": _setting("AttitudeComputer", fmus, {}, _effect_entries(model.effects, "AttitudeComputer")),
     }
     scenario = carried_scenario(motion, model.effects, settings)
     # Files that are given are components' own, which were built for this run.
@@ -197,7 +197,7 @@ def compensated_increments(
 ) -> NDArray[np.float64]:
     """A record's increments (N, 3) [rad] less what effects of the gyros add; at the first row, which has none, zero."""
     settings = {
-        "compensation": _setting("GyroCompensation", {}, {"gravity": gravity}, effect_entries(effects, "GyroBlock")),
+        "compensation": _setting("GyroCompensation", {}, {"gravity": gravity}, _effect_entries(effects, "GyroBlock")),
         "computer": _setting("AttitudeComputer", {}, {}, []),
     }
     columns = {name: f"compensation.increment[{i}]" for i, name in enumerate(INCREMENT, start=1)}
@@ -248,7 +248,7 @@ def _setting(
     return FmuSetting(fmu=str(fmus[component]), parameters=parameters)
 
 
-def effect_entries(effects: Mapping[EffectPlace, tuple[float, ...]], component: str) -> list[dict[str, object]]:
+def _effect_entries(effects: Mapping[EffectPlace, tuple[float, ...]], component: str) -> list[dict[str, object]]:
     """Effects on a component, with their sizes, as a scenario writes them."""
     entries: list[dict[str, object]] = []
     for place, values in effects.items():

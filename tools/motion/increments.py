@@ -135,7 +135,7 @@ def coarser(increments: Increments, divisor: int) -> Increments:
 
 
 @dataclass(frozen=True)
-class Taken:
+class GyroInput:
     """What is taken of a record to carry its attitude from the first row on whose true attitude is known.
 
     Attributes
@@ -178,13 +178,13 @@ class Taken:
         return None if self.worthless_from == np.inf else float(time[time < self.worthless_from][-1])
 
 
-def taken_from(
+def gyro_input(
     record: StrapdownRecord,
     rates: str,
     *,
     bridge_gaps: int = 0,
     gyro_bias: Sequence[float] | np.ndarray | None = None,
-) -> Taken:
+) -> GyroInput:
     """What is taken of a record to carry its attitude; options and errors as of `attitude_of_record`."""
     limits, measured = limits_of(record), record.time_s
     record, bridges = without_gaps(record, bridge_gaps)
@@ -199,7 +199,7 @@ def taken_from(
         # Half a row earlier: logged times are off the grid by a little. The attitude at the start is known.
         worthless = max(float(measured[np.argmax(late)]), increments.time_s[0] + period) - 0.5 * period
     behind = tuple(bridge for bridge in bridges if bridge.time_s >= begin)
-    return Taken(record, first, start, increments, behind, limited, worthless)
+    return GyroInput(record, first, start, increments, behind, limited, worthless)
 
 
 def starting_attitude(record: StrapdownRecord) -> tuple[int, list[float]]:

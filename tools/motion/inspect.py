@@ -16,7 +16,7 @@ from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
 from .norm import calibrate_by_norm, inputs_of, norm_values
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
-from .rests import Rests, Sampling, find_rests, rates_of, sampling_of
+from .rests import Rests, Sampling, quiet_rests, rates_of, sampling_of
 from .turning import TurningCheck, check_turning
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     if not 1.0 <= gravity <= 100.0:
         raise InputError(f"--gravity {gravity!r}: gravity in m/s2 is needed, 1 to 100")
     sampling = sampling_of(record)
-    rests = find_rests(record, sampling)
+    rests = quiet_rests(record, sampling)
     rate = rates_of(record)
     moving = np.ones(len(record), dtype=bool)
     for rows in rests.rows:

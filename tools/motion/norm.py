@@ -61,7 +61,7 @@ def _calibration(
     )
 
 
-def block_of(x: NDArray) -> tuple[NDArray, NDArray]:
+def norm_block(x: NDArray) -> tuple[NDArray, NDArray]:
     """I + Γ (3, 3) and b (3,) [g] of the nine parameters."""
     matrix = np.eye(3)
     matrix[ROWS, COLUMNS] += x[:6]
@@ -70,7 +70,7 @@ def block_of(x: NDArray) -> tuple[NDArray, NDArray]:
 
 def inputs_of(x: NDArray, reading: NDArray) -> NDArray:
     """Inputs n (K, 3) [g] that readings (K, 3) [g] of a block with the nine parameters show."""
-    matrix, bias = block_of(x)
+    matrix, bias = norm_block(x)
     return np.linalg.solve(matrix, (reading - bias).T).T
 
 
@@ -78,7 +78,7 @@ def norm_equations(x: NDArray, reading: NDArray) -> tuple[NDArray, NDArray, NDAr
     """|n| − 1 (K,), its slopes (K, 9) by the parameters and how it takes errors of the readings (K, 3)."""
     n = inputs_of(x, reading)
     norm = np.linalg.norm(n, axis=1)
-    back = np.linalg.solve(block_of(x)[0].T, (n / norm[:, None]).T).T
+    back = np.linalg.solve(norm_block(x)[0].T, (n / norm[:, None]).T).T
     return norm - 1.0, -np.hstack([back[:, ROWS] * n[:, COLUMNS], back]), back
 
 

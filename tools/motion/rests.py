@@ -245,7 +245,7 @@ class Rests(Result):
         return self.count
 
 
-def find_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
+def quiet_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
     """Find the rests of a record and average them.
 
     A window is quiet when each channel scatters in it less than three times as much as its noise, which is taken from

@@ -246,7 +246,7 @@ def dwell_noise(raw: RawRecord, rests: Sequence[slice]) -> DwellNoise | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Trend:
+class LinearTrend:
     """Linear trends: change (m,) from the first to the last row, and whether (m,) the scatter cannot explain it."""
 
     change: np.ndarray
@@ -349,7 +349,7 @@ def scatter_of_mean(values: np.ndarray) -> np.ndarray:
     return np.maximum(np.maximum(white, slow), np.std(eighths - eighths[0], axis=0, ddof=1) / math.sqrt(8))
 
 
-def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> Trend:
+def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> LinearTrend:
     """Linear trend of each column of a rest (n, m) over its times (n,) [s], by least squares.
 
     Changes up to the floor (m,) are never significant: what rounding does.
@@ -363,7 +363,9 @@ def trend_of(time: np.ndarray, values: np.ndarray, floor: np.ndarray) -> Trend:
     error = np.sqrt(np.sum(residual**2, axis=0) / max(freedom, 1) / square)
     duration = float(time[-1] - time[0])
     change = slope * duration
-    return Trend(change, np.abs(change) > np.maximum(student_quantile(freedom, FALSE_ALARM) * error * duration, floor))
+    return LinearTrend(
+        change, np.abs(change) > np.maximum(student_quantile(freedom, FALSE_ALARM) * error * duration, floor)
+    )
 
 
 def scatter_about_line(time: np.ndarray, values: np.ndarray) -> float:

@@ -144,7 +144,7 @@ def read_written(path: Path) -> Record:
     return _parsed(path, KINDS, trusted=True)
 
 
-def table_of(source: object) -> pl.DataFrame:
+def table_in_memory(source: object) -> pl.DataFrame:
     """A table in memory, of whatever library; an InputError for what is none."""
     if isinstance(source, pl.DataFrame):
         return source
@@ -159,7 +159,7 @@ def table_of(source: object) -> pl.DataFrame:
 def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Record:
     if in_memory := not isinstance(source, str | os.PathLike):
         path, written = Path("table"), io.BytesIO()
-        if not (table := table_of(source)).width:
+        if not (table := table_in_memory(source)).width:
             what = "a path, or a table with columns (polars, pandas, a mapping, a structured array)"
             raise InputError(f"a record is {what}, not {type(source).__name__}")
         table.write_parquet(written)
@@ -178,7 +178,7 @@ def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Rec
     except StopIteration as done:
         columns: Columns = done.value
     lines = extra_warning(columns) + warnings(columns)
-    return replace(record_of(columns), warnings=lines, sha256=hashlib.sha256(content).hexdigest())
+    return replace(record_from(columns), warnings=lines, sha256=hashlib.sha256(content).hexdigest())
 
 
 def all_faults(path: Path, content: bytes, kinds: Sequence[Kind] = KINDS, *, trusted: bool = False) -> Faults:
@@ -216,7 +216,7 @@ def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
     return RecordError(path, error.row, error.column, what)
 
 
-def record_of(columns: Columns) -> Record:
+def record_from(columns: Columns) -> Record:
     """The values of columns that have no faults."""
     classes = {POSITION: PositionRecord, RAW: RawRecord, **dict.fromkeys(BENCH, BenchRecord)}
     kind = classes.get(columns.layout.kind, StrapdownRecord)

@@ -12,7 +12,7 @@ from ..rounding import digits
 from .kinds import PositionRecord, RawRecord, Rest
 from .noise import (
     BLOCKS,
-    Trend,
+    LinearTrend,
     dwell_noise,
     mean_of,
     scatter_about_line,
@@ -220,7 +220,7 @@ def reading_floor(raw: RawRecord) -> np.ndarray:
     return np.full(3, max(2.0 * raw.resolution, ROUNDING))
 
 
-def _turning(axis: int | np.integer, trend: Trend) -> str:
+def _turning(axis: int | np.integer, trend: LinearTrend) -> str:
     return f"{_AXES[axis]} axis turns by {digits(float(trend.change[axis] / _ARCSEC), 2)} arcsec"
 
 

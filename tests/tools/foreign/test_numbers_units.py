@@ -6,7 +6,7 @@ import pytest
 
 from trihedron.tools.foreign.names import heading
 from trihedron.tools.foreign.numbers import Marks, clock, moment, number, sexagesimal
-from trihedron.tools.foreign.units import unit_of
+from trihedron.tools.foreign.units import scaled_unit
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_times_and_dates():
     ],
 )
 def test_units(text: str, factor: float | None):
-    unit = unit_of(text)
+    unit = scaled_unit(text)
     assert (None if unit is None else unit.factor) == (None if factor is None else pytest.approx(factor, rel=1e-12))
 
 

@@ -14,7 +14,7 @@ from record_files import measured
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.inspect import inspect_record
-from trihedron.tools.motion.norm import block_of, calibrate_by_norm
+from trihedron.tools.motion.norm import calibrate_by_norm, norm_block
 from trihedron.tools.motion.rests import reading_steps, sampling_of
 from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.reports.pictures.records import allan_curve, allan_picture
@@ -376,7 +376,7 @@ def test_a_record_of_one_rest_is_insufficient():
 def test_twelve_rests_that_determine_all_have_ends_with_the_truth_between_them(seed):
     rng = np.random.default_rng(seed)
     truth, direction, bound = rng.normal(size=9) * 1e-3, rng.normal(size=(12, 3)), np.full((12, 3), 1e-4)
-    matrix, bias = block_of(truth)
+    matrix, bias = norm_block(truth)
     inputs = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     found = calibrate_by_norm(inputs @ matrix.T + bias + rng.uniform(-bound, bound), bound)
     assert found.verdict == "consistent", seed
