@@ -26,9 +26,9 @@ TRUTH = np.concatenate([GAMMA[np.tril_indices(3)], BIAS])
 GYRO_BIAS = np.array([0.01, -0.02, 0.005])
 
 
-def inspected(record: Any, **more: Any) -> Any:
+def inspected(record: Any, **columns: Any) -> Any:
     """The inspection of a record, with other columns; what may be None is asserted by its use."""
-    return inspect_record(replace(record, **more))
+    return inspect_record(replace(record, **columns))
 
 
 def chosen(record: Any, rows: np.ndarray) -> StrapdownRecord:
@@ -37,49 +37,49 @@ def chosen(record: Any, rows: np.ndarray) -> StrapdownRecord:
 
 
 def test_rests_moves_and_excitation_are_those_of_the_motion():
-    found = inspected(strapdown_record(gyro_bias=GYRO_BIAS))
-    assert len(found.rests) == len(POSES)
-    assert found.rests.force == pytest.approx(G * POSES, abs=0.01)
-    assert found.rests.time_s == pytest.approx(1.5 + 4.5 * np.arange(len(POSES)), abs=0.15)
+    inspection = inspected(strapdown_record(gyro_bias=GYRO_BIAS))
+    assert len(inspection.rests) == len(POSES)
+    assert inspection.rests.force == pytest.approx(G * POSES, abs=0.01)
+    assert inspection.rests.time_s == pytest.approx(1.5 + 4.5 * np.arange(len(POSES)), abs=0.15)
     _, rate, _ = true_motion()
     turned = PERIOD * np.linalg.norm(rate, axis=1).sum()
-    assert sum(move.turn_rad for move in found.moves) == pytest.approx(turned, rel=0.02)
-    assert found.turning.matrix == pytest.approx(np.eye(3), abs=0.05)
-    assert found.turning.said == ()
+    assert sum(move.turn_rad for move in inspection.moves) == pytest.approx(turned, rel=0.02)
+    assert inspection.turning.matrix == pytest.approx(np.eye(3), abs=0.05)
+    assert inspection.turning.said == ()
 
 
-def column(found: Any, name: str) -> np.ndarray:
+def column(inspection: Any, name: str) -> np.ndarray:
     """Numbers (9,) of the parameters of a calibration."""
-    return found.to_polars()[name].to_numpy()
+    return inspection.to_polars()[name].to_numpy()
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_accelerometers_are_calibrated_within_their_guaranteed_ends(seed):
-    found = inspected(strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS)).accelerometers
-    assert found.verdict == "consistent"
-    low, high = column(found, "low"), column(found, "high")
+    inspection = inspected(strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS)).accelerometers
+    assert inspection.verdict == "consistent"
+    low, high = column(inspection, "low"), column(inspection, "high")
     assert np.all((low <= TRUTH) & (high >= TRUTH) & (high - low < 0.03))
-    assert np.abs((column(found, "estimate") - TRUTH) / column(found, "standard_error")).max() < 5.0
+    assert np.abs((column(inspection, "estimate") - TRUTH) / column(inspection, "standard_error")).max() < 5.0
 
 
 def test_an_effect_that_nine_parameters_cannot_hold_falsifies_them():
     time, rate, n = true_motion()
     record: Any = strapdown_record((time, rate, n + 0.02 * n**3 * np.array([0.0, 0.0, 1.0]) + 0.02 * n**2))
-    found = inspected(record).accelerometers
-    assert found.verdict == "falsified"
-    assert found.radius > 1.0
-    assert found.to_polars()["low"].null_count() == 9
+    inspection = inspected(record).accelerometers
+    assert inspection.verdict == "falsified"
+    assert inspection.radius > 1.0
+    assert inspection.to_polars()["low"].null_count() == 9
 
 
 def test_missing_poses_are_named_and_mend_it():
     """The block was never turned over: third axis up only, by and large."""
     few = POSES[POSES[:, 2] > 0.5]
-    found = inspected(strapdown_record(true_motion(few))).accelerometers
-    assert found.verdict == "insufficient"
-    assert any("down" in direction.close_by for direction in found.open)
+    inspection = inspected(strapdown_record(true_motion(few))).accelerometers
+    assert inspection.verdict == "insufficient"
+    assert any("down" in direction.close_by for direction in inspection.open)
     signs = {"up": 1.0, "down": -1.0}
     added = []
-    for pose in [direction.close_by for direction in found.open]:
+    for pose in [direction.close_by for direction in inspection.open]:
         words = pose.replace(",", "").split()
         pairs = [(int(words[i + 1]) - 1, signs[words[i + 2]]) for i, word in enumerate(words) if word == "axis"]
         added.append(sum(sign * np.eye(3)[p] for p, sign in pairs) / np.sqrt(len(pairs)))
@@ -124,17 +124,17 @@ def test_biases_that_change_from_rest_to_rest_are_given_no_cause():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "words"),
     [
         (lambda w: w * [1.0, -1.0, 1.0], "gyro 2 has the wrong sign about axis 2"),
         (lambda w: w[:, [1, 0, 2]], "about axis 1 of the accelerometers is read by gyro 2"),
     ],
 )
-def test_wrong_units_signs_and_orders_of_the_gyros_are_said(change, said):
+def test_wrong_units_signs_and_orders_of_the_gyros_are_said(change, words):
     record: Any = strapdown_record()
-    found = inspected(record, rate=change(record.rate))
-    assert any(said in line for line in found.turning.said)
-    assert said in str(found)
+    inspection = inspected(record, rate=change(record.rate))
+    assert any(words in line for line in inspection.turning.said)
+    assert words in str(inspection)
 
 
 def test_gaps_jitter_dead_and_saturated_channels_are_stated():
@@ -145,16 +145,16 @@ def test_gaps_jitter_dead_and_saturated_channels_are_stated():
     rows[1000:1200] = False
     time = record.time_s + np.random.default_rng(1).uniform(-1e-3, 1e-3, len(record))
     hurt = chosen(StrapdownRecord(time, rate, None, record.specific_force), rows)
-    found = inspected(hurt)
-    assert found.sampling.missing == 200
-    gap = found.sampling.gaps[0]
+    inspection = inspected(hurt)
+    assert inspection.sampling.missing == 200
+    gap = inspection.sampling.gaps[0]
     assert (gap.time_s, gap.length_s) == pytest.approx((10.0, 2.01), abs=0.01)
-    assert found.sampling.jitter_rms == pytest.approx(1e-3 * np.sqrt(2.0 / 3.0), rel=0.1)
-    assert found.sampling.dead == ("w3",)
-    assert found.sampling.saturated.keys() == {"w1", "w2"}
+    assert inspection.sampling.jitter_rms == pytest.approx(1e-3 * np.sqrt(2.0 / 3.0), rel=0.1)
+    assert inspection.sampling.dead == ("w3",)
+    assert inspection.sampling.saturated.keys() == {"w1", "w2"}
     clipped = int((np.abs(rate[rows]) == 1.0).sum())
-    assert sum(found.sampling.saturated.values()) == pytest.approx(clipped, abs=4)
-    text = str(found)
+    assert sum(inspection.sampling.saturated.values()) == pytest.approx(clipped, abs=4)
+    text = str(inspection)
     assert "w3: dead" in text
     assert "200 rows missing" in text
 
@@ -163,25 +163,25 @@ def test_a_clean_record_has_no_saturated_rows_and_its_increments_are_as_good_as_
     record: Any = strapdown_record()
     assert sampling_of(record).saturated == {}
     summed = StrapdownRecord(record.time_s, None, record.rate * PERIOD, record.specific_force)
-    one, other = inspected(record), inspected(summed)
-    assert other.rests.rows == one.rests.rows
-    assert other.rests.rate == pytest.approx(one.rests.rate, rel=1e-9, abs=1e-12)
+    first, second = inspected(record), inspected(summed)
+    assert second.rests.rows == first.rests.rows
+    assert second.rests.rate == pytest.approx(first.rests.rate, rel=1e-9, abs=1e-12)
 
 
 def test_with_thirty_percent_of_the_rows_missing_no_wrong_thing_is_named():
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     keep = np.sort(np.random.default_rng(2).permutation(len(record))[: int(0.7 * len(record))])
-    found = inspected(chosen(record, keep))
-    assert found.sampling.missing == pytest.approx(0.3 * len(record), rel=0.02)
-    assert found.gyros is None or found.gyros.verdict in ("constant", "insufficient")
-    assert found.accelerometers is None or found.accelerometers.verdict != "falsified"
+    inspection = inspected(chosen(record, keep))
+    assert inspection.sampling.missing == pytest.approx(0.3 * len(record), rel=0.02)
+    assert inspection.gyros is None or inspection.gyros.verdict in ("constant", "insufficient")
+    assert inspection.accelerometers is None or inspection.accelerometers.verdict != "falsified"
 
 
 def test_a_record_without_noise_and_one_of_few_rows():
     force = np.tile([0.0, 0.0, G], (3000, 1))
-    found = inspected(StrapdownRecord(PERIOD * np.arange(3000), np.zeros((3000, 3)), None, force))
-    assert len(found.sampling.dead) == 6
-    assert found.accelerometers is None or found.accelerometers.verdict == "insufficient"
+    inspection = inspected(StrapdownRecord(PERIOD * np.arange(3000), np.zeros((3000, 3)), None, force))
+    assert len(inspection.sampling.dead) == 6
+    assert inspection.accelerometers is None or inspection.accelerometers.verdict == "insufficient"
     with pytest.raises(InputError, match="at least 16"):
         inspected(chosen(strapdown_record(), np.arange(8)))
 
@@ -190,11 +190,11 @@ def test_rests_without_noise_are_where_nothing_changes():
     exact = strapdown_record(gyro_bias=GYRO_BIAS, force_noise=0.0, rate_noise=0.0)
     # As what computes attitudes leaves it: now and then a last digit is another.
     force = exact.specific_force * np.where(np.arange(len(exact)) % 37 == 0, 1.0 + 2e-16, 1.0)[:, None]
-    found = inspected(replace(exact, specific_force=force))
-    assert found.rests.force == pytest.approx(G * POSES, abs=1e-12)
-    assert len(found.moves) == len(POSES) - 1
-    assert found.accelerometers is not None
-    assert found.accelerometers.verdict == "consistent"
+    inspection = inspected(replace(exact, specific_force=force))
+    assert inspection.rests.force == pytest.approx(G * POSES, abs=1e-12)
+    assert len(inspection.moves) == len(POSES) - 1
+    assert inspection.accelerometers is not None
+    assert inspection.accelerometers.verdict == "consistent"
 
 
 def test_a_single_rest_has_one_length_and_nine_rests_no_standard_errors(tmp_path, capsys):
@@ -222,9 +222,9 @@ def test_the_command_prints_writes_json_and_a_picture(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "14 rests" in printed
     assert "Accelerometers by the norm of gravity: consistent" in printed
-    said = json.loads(text.read_text(encoding="utf-8"))
-    assert said["schema"] == "trihedron.inspection/1"
-    assert said["gyros_at_rest"]["verdict"] == "constant"
+    words = json.loads(text.read_text(encoding="utf-8"))
+    assert words["schema"] == "trihedron.inspection/1"
+    assert words["gyros_at_rest"]["verdict"] == "constant"
     assert ElementTree.fromstring(picture.read_text(encoding="utf-8")).tag.endswith("svg")
     assert main(["inspect", str(path), "--gravity", "0"]) == 2
     assert "gravity" in capsys.readouterr().err
@@ -240,16 +240,16 @@ def test_rests_with_an_accelerometer_at_its_limit_are_left_out(limit):
     """Their means would falsify the norm calibration; the others give the true parameters."""
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS)
     force = np.array(record.specific_force)
-    whole = inspected(record).rests
+    unchanged = inspected(record).rests
     level = limit * force[:, 2].max() if limit > 0.95 else limit * G
     force[:, 2] = np.clip(force[:, 2], -level, level)
-    found = inspected(record, specific_force=force)
-    surely = int((np.abs(whole.force[:, 2]) > level).sum())
-    assert found.rests.clipped >= surely
+    inspection = inspected(record, specific_force=force)
+    surely = int((np.abs(unchanged.force[:, 2]) > level).sum())
+    assert inspection.rests.clipped >= surely
     assert surely > 0 or limit > 0.95
-    assert len(found.rests) == len(POSES) - found.rests.clipped
-    assert (found.rests.clipped > 0) == (f"its limit: {found.rests.clipped}, left out" in str(found))
-    calibration = found.accelerometers
+    assert len(inspection.rests) == len(POSES) - inspection.rests.clipped
+    assert (inspection.rests.clipped > 0) == (f"its limit: {inspection.rests.clipped}, left out" in str(inspection))
+    calibration = inspection.accelerometers
     assert calibration.verdict != "falsified"
 
 
@@ -267,11 +267,11 @@ def test_steps_of_the_readings_count_in_the_bounds_of_their_means(seed, step_g):
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=3e-3, seed=seed)
     force = np.array(record.specific_force)
     force[:, 1] = step_g * G * np.round(force[:, 1] / (step_g * G))
-    found = inspected(record, specific_force=force)
-    assert found.rests.step[1] == pytest.approx(step_g * G, rel=1e-6)
-    assert found.rests.step[[0, 2]] == pytest.approx(0.0, abs=0.0)
-    assert f"f2 reads in steps of {exactly(step_g)} g" in str(found)
-    calibration = found.accelerometers
+    inspection = inspected(record, specific_force=force)
+    assert inspection.rests.step[1] == pytest.approx(step_g * G, rel=1e-6)
+    assert inspection.rests.step[[0, 2]] == pytest.approx(0.0, abs=0.0)
+    assert f"f2 reads in steps of {exactly(step_g)} g" in str(inspection)
+    calibration = inspection.accelerometers
     assert calibration.verdict == "consistent"
     assert np.all((column(calibration, "low") <= TRUTH) & (column(calibration, "high") >= TRUTH))
 
@@ -281,10 +281,10 @@ def test_accelerometers_without_noise_do_not_read_in_steps(decimals):
     """Each rest has one value, as with coarse steps; but the values have no divisor in common."""
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, force_noise=0.0)
     force = record.specific_force if decimals is None else np.round(record.specific_force, decimals)
-    found = inspected(record, specific_force=force)
-    assert len(found.rests) == len(POSES)
-    assert not found.rests.step.any()
-    assert found.rests.force_bound.max() < 1e-5 * G
+    inspection = inspected(record, specific_force=force)
+    assert len(inspection.rests) == len(POSES)
+    assert not inspection.rests.step.any()
+    assert inspection.rests.force_bound.max() < 1e-5 * G
 
 
 def test_a_step_is_found_though_no_two_rests_are_one_apart():
@@ -292,60 +292,60 @@ def test_a_step_is_found_though_no_two_rests_are_one_apart():
     values = step * np.array([0.0, 14.0, 35.0, 41.0, 80.0]).repeat(50)
     channel = np.column_stack([values, values + 0.3 * step, np.zeros_like(values)])
     rests = tuple(slice(k, k + 50) for k in range(0, 250, 50))
-    found, off = reading_steps(channel, rests)
-    assert found == pytest.approx([step, step, 0.0])
+    inspection, off = reading_steps(channel, rests)
+    assert inspection == pytest.approx([step, step, 0.0])
     assert off == pytest.approx([0.5 * step, 0.5 * step, 0.0])
 
 
 def test_noise_wider_than_the_steps_averages_them_out():
     record: Any = strapdown_record(gamma=GAMMA, bias_g=BIAS, seed=4)
     stepped = replace(record, specific_force=0.01 * np.round(record.specific_force / 0.01))
-    plain, found = inspected(record), inspected(stepped)
-    assert not found.rests.step.any()
-    assert found.rests.force_bound == pytest.approx(plain.rests.force_bound, rel=0.25)
+    plain, inspection = inspected(record), inspected(stepped)
+    assert not inspection.rests.step.any()
+    assert inspection.rests.force_bound == pytest.approx(plain.rests.force_bound, rel=0.25)
 
 
 def test_steady_turns_about_the_vertical_are_no_rests_and_gyros_that_depend_on_gravity_turn_nothing():
     """Accelerometers do not see the turns; a sensitivity of 0.02 rad/s/g is 20 times the noise of a sample."""
     sensitivity = np.array([[0.0, 0.02, 0.0], [0.0, 0.0, -0.015], [0.01, 0.0, 0.0]])
     record: Any = strapdown_record(sensitivity=sensitivity, gyro_bias=GYRO_BIAS)
-    whole = inspected(record)
-    assert len(whole.rests) == len(POSES)
-    assert whole.rests.turning == 0
+    unchanged = inspected(record)
+    assert len(unchanged.rests) == len(POSES)
+    assert unchanged.rests.turning == 0
     rate, turned = np.array(record.rate), (4, 9)
     for k in turned:
-        middle = round(whole.rests.time_s[k] / PERIOD)
+        middle = round(unchanged.rests.time_s[k] / PERIOD)
         rate[middle - 170 : middle + 170] += 0.1 * POSES[k] / np.linalg.norm(POSES[k])
-    found = inspected(record, rate=rate)
-    assert found.rests.turning >= len(turned)
-    others = np.delete(whole.rests.time_s, turned)
-    assert found.rests.time_s == pytest.approx(others, abs=0.2)
+    inspection = inspected(record, rate=rate)
+    assert inspection.rests.turning >= len(turned)
+    remaining = np.delete(unchanged.rests.time_s, turned)
+    assert inspection.rests.time_s == pytest.approx(remaining, abs=0.2)
 
 
 @pytest.mark.parametrize(
     "name", ["mpu9150-0", *(pytest.param(f"mpu9150-{k}", marks=pytest.mark.acceptance) for k in (1, 2))]
 )
 def test_nine_parameters_are_enough_for_the_mpu9150_and_no_behaviour_of_the_gyros_is_named(name):
-    found: Any = inspect_record(measured(name))
-    assert 15 <= len(found.rests) <= 25
-    assert found.sampling.period == pytest.approx(0.01)
-    assert found.turning.said == ()
-    assert found.accelerometers.verdict == "consistent"
-    assert max(abs(p.estimate) for p in found.accelerometers.parameters) < 0.05
-    assert found.gyros.verdict in ("constant", "wandering", "insufficient")
+    inspection: Any = inspect_record(measured(name))
+    assert 15 <= len(inspection.rests) <= 25
+    assert inspection.sampling.period == pytest.approx(0.01)
+    assert inspection.turning.said == ()
+    assert inspection.accelerometers.verdict == "consistent"
+    assert max(abs(p.estimate) for p in inspection.accelerometers.parameters) < 0.05
+    assert inspection.gyros.verdict in ("constant", "wandering", "insufficient")
 
 
 def test_the_rests_of_broad_03_are_those_before_and_after_the_motion():
     """Slow rotation from 45.7 to 166.1 s, by the source's description; two poses calibrate nothing."""
-    found: Any = inspect_record(measured("broad-03"))
-    assert len(found.rests) == 2
-    ends = [found.record.time_s[[rows.start, rows.stop - 1]] for rows in found.rests.rows]
+    inspection: Any = inspect_record(measured("broad-03"))
+    assert len(inspection.rests) == 2
+    ends = [inspection.record.time_s[[rows.start, rows.stop - 1]] for rows in inspection.rests.rows]
     assert ends[0][1] < 45.7
     assert ends[1][0] > 166.1
-    assert found.turning.said == ()
-    assert found.accelerometers.verdict == "insufficient"
-    assert len(found.accelerometers.open) >= 5
-    assert found.gyros.verdict == "insufficient"
+    assert inspection.turning.said == ()
+    assert inspection.accelerometers.verdict == "insufficient"
+    assert len(inspection.accelerometers.open) >= 5
+    assert inspection.gyros.verdict == "insufficient"
 
 
 def test_a_record_without_rests_has_none():
@@ -356,20 +356,22 @@ def test_a_record_without_rests_has_none():
         [np.sin(1.1 * t), np.cos(1.1 * t) * np.sin(0.7 * t), np.cos(1.1 * t) * np.cos(0.7 * t)], axis=1
     )
     noisy = force + 0.03 * rng.standard_normal(force.shape)
-    found = inspected(StrapdownRecord(t, rate + 1e-3 * rng.standard_normal(rate.shape), None, noisy))
-    assert len(found.rests) == 0
-    assert found.accelerometers is None
-    assert "no rests" in str(found)
+    inspection = inspected(StrapdownRecord(t, rate + 1e-3 * rng.standard_normal(rate.shape), None, noisy))
+    assert len(inspection.rests) == 0
+    assert inspection.accelerometers is None
+    assert "no rests" in str(inspection)
 
 
 def test_a_record_of_one_rest_is_insufficient():
     rng = np.random.default_rng(0)
     force = np.array([0.0, 0.0, G]) + 0.03 * rng.standard_normal((6000, 3))
-    found = inspected(StrapdownRecord(PERIOD * np.arange(6000), 1e-3 * rng.standard_normal((6000, 3)), None, force))
-    assert len(found.rests) == 1
-    assert found.accelerometers.verdict == "insufficient"
-    assert found.gyros.verdict == "insufficient"
-    assert found.turning.said == ()
+    inspection = inspected(
+        StrapdownRecord(PERIOD * np.arange(6000), 1e-3 * rng.standard_normal((6000, 3)), None, force)
+    )
+    assert len(inspection.rests) == 1
+    assert inspection.accelerometers.verdict == "insufficient"
+    assert inspection.gyros.verdict == "insufficient"
+    assert inspection.turning.said == ()
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
@@ -378,9 +380,9 @@ def test_twelve_rests_that_determine_all_have_ends_with_the_truth_between_them(s
     truth, direction, bound = rng.normal(size=9) * 1e-3, rng.normal(size=(12, 3)), np.full((12, 3), 1e-4)
     matrix, bias = norm_block(truth)
     inputs = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    found = calibrate_by_norm(inputs @ matrix.T + bias + rng.uniform(-bound, bound), bound)
-    assert found.verdict == "consistent", seed
-    low, high = column(found, "low"), column(found, "high")
+    inspection = calibrate_by_norm(inputs @ matrix.T + bias + rng.uniform(-bound, bound), bound)
+    assert inspection.verdict == "consistent", seed
+    low, high = column(inspection, "low"), column(inspection, "high")
     assert low is not None
     assert high is not None
     assert (low <= truth).all()
