@@ -21,7 +21,7 @@ from ..orchestrator import simulate
 from ..records import BenchRecord
 from ..records.rests import without_turns
 from .bench_onsets import SLIP, block_turns
-from .bench_travel import Travel
+from .bench_travel import Travel, interpolated
 from .carried import LATENCY
 from .fit import composed
 
@@ -58,7 +58,7 @@ def simulated_turns(
         elif place.definition.turns_table:
             added = (travel.table.sums(place.definition.turns(place, travel.rows)) @ coefficients) @ travel.to_block.T
             hours = (time - time[0]) / 3600.0
-            turned = turned + np.stack([np.interp(hours, travel.hours, added[:, k]) for k in range(3)], axis=1)
+            turned = turned + interpolated(hours, travel.hours, added)
         elif place == SLIP:
             assert set_in is not None
             later = int(np.searchsorted((time - time[0]) / 3600.0, set_in[place]))
@@ -67,29 +67,32 @@ def simulated_turns(
     rows = np.unique(np.append(np.arange(0, len(time), -(-len(time) // MOST_ROWS)), len(time) - 1))
     period = float(time[-1] - time[0]) / (len(rows) - 1)
     even = time[0] + period * np.arange(len(rows))
-    at = np.stack([np.interp(even, time, turned[:, k]) for k in range(3)], axis=1)
+    at = interpolated(even, time, turned)
     angles = Positions(np.interp(even, time, alpha), np.interp(even, time, beta), np.zeros(len(rows), dtype=int))
     force = STANDARD_GRAVITY * predicted_input(fitted.parametrisation, point[:own], angles)
-    columns = {"time_s": even[1:] - time[0]}
-    columns |= {f"w{k + 1}_rad": np.diff(at[:, k]) for k in range(3)}
-    columns |= {f"f{k + 1}_mps2": 0.5 * (force[1:, k] + force[:-1, k]) for k in range(3)}
+    columns, driven, recorded = {"time_s": even[1:] - time[0]}, {}, {}
+    for k in range(3):
+        columns[f"w{k + 1}_rad"] = np.diff(at[:, k])
+        driven[f"gyros.increment[{k + 1}]"] = f"w{k + 1}_rad"
+        recorded[f"w{k + 1}_rad"] = f"gyros.increment_reading[{k + 1}]"
+    for k in range(3):
+        columns[f"f{k + 1}_mps2"] = 0.5 * (force[1:, k] + force[:-1, k])
+        driven[f"gyros.specific_force[{k + 1}]"] = f"f{k + 1}_mps2"
     warm = np.full(len(time), 20.0) if raw.temperature is None else raw.temperature
     columns["temperature_degC"] = np.interp(even, time, warm)[1:]
+    driven["gyros.temperature"] = "temperature_degC"
     block: dict[str, Any] = {"bias": gyros[BIAS].tolist(), "scale_misalignment": gyros[MATRIX].tolist()}
-    driven = {f"gyros.increment[{k}]": f"w{k}_rad" for k in (1, 2, 3)}
-    driven |= {f"gyros.specific_force[{k}]": f"f{k}_mps2" for k in (1, 2, 3)}
-    driven |= {"gyros.temperature": "temperature_degC"}
     names = [parameters_of(place, values) for place, values in on_gyros]
     scenario = composed(
         "the turns of a bench record, simulated again",
         {"gyros": ("GyroBlock", {"gravity": STANDARD_GRAVITY, **block})},
         names,
-        {f"w{k}_rad": f"gyros.increment_reading[{k}]" for k in (1, 2, 3)},
+        recorded,
         run={"step_s": period, "stop_s": (len(rows) - 1) * period},
         stimuli=[{"table": pl.DataFrame(columns), "stamp": "end", "columns": driven}],
     )
-    sums_read = np.cumsum(simulate(scenario).table.select([f"w{k}_rad" for k in (1, 2, 3)]).to_numpy(), axis=0)
-    sums = np.stack([np.interp(time, even, sums_read[:, k]) for k in range(3)], axis=1)
+    increments = simulate(scenario).table.select(list(recorded)).to_numpy()
+    sums = interpolated(time, even, np.cumsum(increments, axis=0))
     integrals = sums[fitted.turns.last] - sums[fitted.turns.first]
     for place, coefficients in effects.items():
         if place.definition.component == "AttitudeComputer":

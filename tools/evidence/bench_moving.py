@@ -36,21 +36,35 @@ class Moving:
         rests: Bench, record: PositionRecord, more: InMotion, to_block: NDArray, lean: float, encoder_bound: float
     ) -> "Moving":
         """The rests of a record, and what it says between them; more than an encoder's error [rad] is motion."""
-        here, known, raw = rests.here, rests.readings, record.raw
+        linear_rests, readings_at_rest, raw = rests.here, rests.readings, record.raw
         assert isinstance(raw, BenchRecord)
-        hours = (raw.time_s[more.rows] - known.circumstances.began) / 3600.0
-        order = np.argsort(np.append(known.circumstances.hours, hours), kind="stable")
-        still, angles = np.zeros((2, len(known), 2)), np.stack([known.at.alpha, known.at.beta], axis=1)
+        hours = (raw.time_s[more.rows] - readings_at_rest.circumstances.began) / 3600.0
+        order = np.argsort(np.append(readings_at_rest.circumstances.hours, hours), kind="stable")
+        still = np.zeros((2, len(readings_at_rest), 2))
+        angles = np.stack([readings_at_rest.at.alpha, readings_at_rest.at.beta], axis=1)
         moves = moves_of(raw, encoder_bound)
-        kept = [(rest.kept_first - 1, rest.kept_last) for rest in record.rests if rest.refused is None]
-        at_rest = np.full(len(known), -1), np.array(kept), angles, known.reading, here.bound.reshape(-1, 3), *still
+        spans = [(rest.kept_first - 1, rest.kept_last) for rest in record.rests if rest.refused is None]
+        at_rest = (
+            np.full(len(readings_at_rest), -1),
+            np.array(spans),
+            angles,
+            readings_at_rest.reading,
+            linear_rests.bound.reshape(-1, 3),
+            *still,
+        )
         at_rest = *at_rest, _senses_at(rests, raw, moves)
-        both: list[Any] = [np.concatenate(pair)[order] for pair in zip(at_rest, vars(more).values(), strict=True)]
-        seen = InMotion(*both)
-        linear = linearise(here.parametrisation, seen.at(0.0), seen.reading, here.point, seen.bound.ravel())
-        readings = Readings.of(linear, _circumstances(rests, raw, seen, order, moves), known.resolution)
+        fields: list[Any] = [np.concatenate(pair)[order] for pair in zip(at_rest, vars(more).values(), strict=True)]
+        in_motion = InMotion(*fields)
+        linear = linearise(
+            linear_rests.parametrisation,
+            in_motion.at(0.0),
+            in_motion.reading,
+            linear_rests.point,
+            in_motion.bound.ravel(),
+        )
+        readings = Readings.of(linear, _circumstances(rests, raw, in_motion, order, moves), readings_at_rest.resolution)
         numbers = np.append(rests.numbers, np.zeros(len(more.rows), dtype=int))[order]
-        return Moving(replace(rests, here=linear, readings=readings, numbers=numbers), seen, to_block, lean)
+        return Moving(replace(rests, here=linear, readings=readings, numbers=numbers), in_motion, to_block, lean)
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:
@@ -59,9 +73,9 @@ class Moving:
 
     def about(self, point: NDArray) -> "Moving":
         """The readings linearised at other parameters (P,)."""
-        here = self.read.here
-        at = {"residual": here.residual_at(point), "jacobian": here.jacobian_at(point)}
-        return replace(self, read=replace(self.read, here=replace(here, point=point, **at)))
+        linear = self.read.here
+        at = {"residual": linear.residual_at(point), "jacobian": linear.jacobian_at(point)}
+        return replace(self, read=replace(self.read, here=replace(linear, point=point, **at)))
 
     @cached_property
     def motion(self) -> MotionRows:
@@ -78,8 +92,8 @@ class Moving:
 
     def lagging(self, lag: float) -> tuple[Readings, NDArray[np.float64]]:
         """The readings as those of moments that lie a lag [s] earlier, and how they change with it (3 N,) [g/s]."""
-        here = self.read.here
-        slope = self.seen.by_lag(here.parametrisation, here.point, lag)
+        linear = self.read.here
+        slope = self.seen.by_lag(linear.parametrisation, linear.point, lag)
         return replace(self.read.readings, at=self.seen.at(lag)), slope
 
 
@@ -90,10 +104,10 @@ def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.flo
     """
     circumstances, at = rests.readings.circumstances, rests.readings.at
     arrived = np.searchsorted(raw.time_s, circumstances.began + 3600.0 * circumstances.hours)
-    row, gone = np.arange(moves.shape[1]), np.cumsum(np.abs(moves), axis=1)
+    row, turned = np.arange(moves.shape[1]), np.cumsum(np.abs(moves), axis=1)
     last = np.maximum.accumulate(np.where(moves != 0.0, row, 0), axis=1)[:, arrived]
-    later = np.stack([gone[k, arrived] - gone[k, last[1 - k]] for k in (0, 1)]) > FINE
-    senses = np.stack([senses_of_moves(own[1:])[arrived] for own in moves])
+    later = np.stack([turned[k, arrived] - turned[k, last[1 - k]] for k in (0, 1)]) > FINE
+    senses = np.stack([senses_of_moves(moves_of_axis[1:])[arrived] for moves_of_axis in moves])
     grown = senses[:, :, None] * np.moveaxis(slopes_by_angles(rests.here.parametrisation, rests.here.point, at), 2, 0)
     ways = np.where(np.abs(grown) > CERTAIN, np.sign(grown), 0.0)
     together = np.where(ways[0] == ways[1], ways[0], 0.0)
@@ -103,16 +117,16 @@ def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.flo
 
 def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArray, moves: NDArray) -> Circumstances:
     """Circumstances of rests and of rows in motion, in this order; both are `seen`, moves (2, T) are of both axes."""
-    known, rows = rests.readings.circumstances, seen.rows[seen.rows >= 0]
+    at_rest, rows = rests.readings.circumstances, seen.rows[seen.rows >= 0]
     # An axis that came before the other one has the sense of its own last move.
-    going = np.stack([senses_of_moves(own[1:])[rows] for own in moves], axis=1)
-    senses = np.concatenate([np.stack([known.sense_alpha, known.sense_beta], axis=1), going])[order]
+    going = np.stack([senses_of_moves(moves_of_axis[1:])[rows] for moves_of_axis in moves], axis=1)
+    senses = np.concatenate([np.stack([at_rest.sense_alpha, at_rest.sense_beta], axis=1), going])[order]
     warm = None
-    if known.temperature is not None and raw.temperature is not None:
-        warm = np.append(known.temperature, raw.temperature[rows])[order]
+    if at_rest.temperature is not None and raw.temperature is not None:
+        warm = np.append(at_rest.temperature, raw.temperature[rows])[order]
     return replace(
-        known,
-        hours=np.append(known.hours, (raw.time_s[rows] - known.began) / 3600.0)[order],
+        at_rest,
+        hours=np.append(at_rest.hours, (raw.time_s[rows] - at_rest.began) / 3600.0)[order],
         temperature=warm,
         sense_alpha=senses[:, 0],
         sense_beta=senses[:, 1],

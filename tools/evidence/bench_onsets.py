@@ -23,7 +23,7 @@ from ..calibration.turns import WithTurns
 from ..records import BenchRecord
 from ..records.rests import without_turns
 from .bench_moving import Moving
-from .bench_travel import Travel
+from .bench_travel import Travel, interpolated
 from .fit import Fit, estimated
 from .observation import Group
 from .onsets import Acting, Columns, Fading, Onsets
@@ -61,7 +61,7 @@ class SlipOnsets(Onsets):
         finer = int(np.clip(np.ceil(step / FINEST), 1, MOST_FINER))
         time = np.interp(np.arange((len(turned) - 1) * finer + 1) / finer, np.arange(len(turned)), raw.time_s)
         late = time - point[own_count + LAG]
-        fine = np.stack([np.interp(late, raw.time_s, turned[:, k]) for k in range(3)], axis=1)
+        fine = interpolated(late, raw.time_s, turned)
         # Complex steps: derivatives of the frame by the slip.
         slopes = np.imag([small_turn(half + 1e-30j * axis) for axis in np.eye(3)]) / 1e-30
         readings = moving.lagging(float(point[-1]))[0]
@@ -142,8 +142,7 @@ def onsets_of_turns(raw: BenchRecord, whole: WithTurns, travel: Travel) -> Onset
         """What an effect adds to the gyros' integrals up to each row (N, 3, K); no mean at rest is taken out."""
         sums = travel.gyros.sums(place.definition.signature(place, travel.motion))
         # Between the rows that are looked at the table turns by little: rates, and what a bias adds, are even.
-        flat = [np.interp(hours, travel.hours, values) for values in sums.reshape(len(sums), -1).T]
-        integral = np.stack(flat, axis=1).reshape(len(hours), *sums.shape[1:])
+        integral = interpolated(hours, travel.hours, sums.reshape(len(sums), -1)).reshape(len(hours), *sums.shape[1:])
         return integral, np.zeros_like(integral)
 
     pieces = Pieces("turns", "turns", whole.turns.first, whole.turns.last)

@@ -46,14 +46,18 @@ def acts_at_rest(place: EffectPlace) -> bool:
 
 def effects_of_gyros() -> tuple[EffectPlace, ...]:
     """Linear effects that gyros on a table can show beside what their calibration has in it."""
-    return tuple(
-        place
-        for name, effect in STRAPDOWN_EFFECTS.items()
-        if name not in (*IN_THE_MODEL, *CONTAINING)
-        and effect.component in OF_GYROS
-        and not (effect.sets_in or effect.fades or effect.of_law or effect.variants)
-        for place in effect.places
-    )
+    places: list[EffectPlace] = []
+    for name, effect in STRAPDOWN_EFFECTS.items():
+        if name in (*IN_THE_MODEL, *CONTAINING) or effect.component not in OF_GYROS:
+            continue
+        if not (effect.sets_in or effect.fades or effect.of_law or effect.variants):
+            places += effect.places
+    return tuple(places)
+
+
+def interpolated(at: NDArray, time: NDArray, values: NDArray) -> NDArray[np.float64]:
+    """Return values (N, k) at times (N,) interpolated at others (n,)."""
+    return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
 
 
 def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:

@@ -76,29 +76,28 @@ class OwnEffects:
             )
         if several is not None and not isinstance(several, list | tuple):
             raise InputError(f"{self.path}: EFFECTS is a {type(several).__name__}; it is a tuple of effects")
-        fields = {"EFFECT": single} if single is not None else {}
-        fields |= {f"EFFECTS[{k}]": effect for k, effect in enumerate(several or ())}
+        fields = [("EFFECT", single)] if single is not None else []
+        for k, effect in enumerate(several or ()):
+            fields.append((f"EFFECTS[{k}]", effect))
         if not fields:
             raise InputError(f"{self.path}: EFFECTS is empty; it is a tuple of effects")
-        effects: list[Effect] = []
-        for field, effect in fields.items():
+        effects: dict[str, Effect] = {}
+        for field, effect in fields:
             if not isinstance(effect, Effect):
                 what = f"a {type(effect).__name__}"
                 raise InputError(
                     f"{self.path}: {field} is {what}; accelerometer_effect, table_effect and so on give an Effect"
                 )
-            if any(effect is known_effect for known_effect in effects):
-                continue
             if not isinstance(effect.name, str):
                 raise InputError(f"{self.path}: {field}: name is a {type(effect.name).__name__}; it is text")
             if effect.name in BUILT_IN:
                 raise InputError(
                     f"{self.path}: {field}: {effect.name} is an effect of the catalogue; take another name"
                 )
-            if effect.name in [known_effect.name for known_effect in effects]:
+            if effects.get(effect.name, effect) is not effect:
                 raise InputError(f"{self.path}: {field}: {effect.name} stands there twice; give each its own name")
-            effects.append(effect)
-        return effects
+            effects[effect.name] = effect
+        return list(effects.values())
 
     def _run(self) -> ModuleType:
         """The file's module, run from the text that was read."""
@@ -150,8 +149,11 @@ _LOADED: dict[OwnEffects, tuple[Effect, ...]] = {}
 
 def line_of(error: BaseException, origin: str) -> str:
     """The last line of a file that led to an error."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == origin]
-    return f", line {lines[-1]}" if lines else ""
+    line = ""
+    for frame in traceback.extract_tb(error.__traceback__):
+        if frame.filename == origin:
+            line = f", line {frame.lineno}"
+    return line
 
 
 def message_of(error: BaseException) -> str:
@@ -189,13 +191,13 @@ def with_effects_of(file: "str | Path | OwnEffects | None") -> Iterator[OwnEffec
     effects = file_read.effects()
     with _known(effects):
         pass
-    lists: list[tuple[dict[str, Effect], Effect]] = [
-        (STRAPDOWN_EFFECTS if effect.in_motion else POSITION_EFFECTS, effect) for effect in effects
-    ]
-    # Within another such block the same ones are there already.
-    added = [(catalogue, effect) for catalogue, effect in lists if catalogue.get(effect.name) is not effect]
-    for catalogue, effect in added:
-        catalogue[effect.name] = effect
+    added: list[tuple[dict[str, Effect], Effect]] = []
+    for effect in effects:
+        catalogue = STRAPDOWN_EFFECTS if effect.in_motion else POSITION_EFFECTS
+        # Within another such block the same ones are there already.
+        if catalogue.get(effect.name) is not effect:
+            catalogue[effect.name] = effect
+            added.append((catalogue, effect))
     try:
         yield file_read
     finally:
