@@ -10,24 +10,20 @@ import numpy as np
 from pydantic import Field
 
 from ..calibrated import Number
-from ..calibration import Bench
 from ..calibration.calibration import checked_noise_bound
 from ..calibration.targets import Target
 from ..errors import InputError
 from ..progress import progress_bar
 from ..result import Result, finite_or_none
 from .imu_stops import LONG, POOL_DWELL_S, Place, Planned, Pool, Search, Visit, seconds_of, together
-from .positions import DWELL_S, checked_dwell
+from .positions import checked_dwell
 from .targets import Degrees
 from .tour import TABLE_ACCELERATION
 
 if TYPE_CHECKING:
     from polars import DataFrame
 
-RATE_DPS = 100.0
-"""Of the table, where none is given."""
 PRACTICE_DPS = (10.0, 50.0, 100.0)
-EXCHANGES = 4
 LEAST_MINUTES, MOST_MINUTES = 5.0, 240.0
 HELD_TO = 0.1
 """A record of the programme guarantees what is promised, but for this part of it: what the bench's errors change."""
@@ -134,14 +130,7 @@ PRACTICES = {
 
 
 def imu_programme(
-    minutes: float,
-    bench: Bench,
-    *,
-    noise_bound: float = 1e-5,
-    dwell_s: float = DWELL_S,
-    rate_dps: float = RATE_DPS,
-    exchanges: int = EXCHANGES,
-    progress: bool = False,
+    minutes: float, planned: Planned, *, dwell_s: float, rate_dps: float, exchanges: int, progress: bool = False
 ) -> ImuPlan:
     """The programme for so many minutes; arguments as of `library.plan_imu`.
 
@@ -152,9 +141,10 @@ def imu_programme(
     if not 1.0 <= rate_dps <= 360.0:
         raise InputError(f"--rate-dps {rate_dps:g}: must be from 1 to 360 deg/s")
     checked_dwell(dwell_s)
+    bench, seconds = planned.bench, 60.0 * minutes
     if bench.gyro_noise is None:
         raise InputError("--gyro-noise: is needed, the bound of a gyro's mean over one second [rad/s]")
-    planned, seconds = Planned(bench, checked_noise_bound(noise_bound)), 60.0 * minutes
+    checked_noise_bound(planned.noise_bound)
     practices = {name: _in_time(practice, seconds, dwell_s, rate_dps) for name, practice in PRACTICES.items()}
     records = {name: planned.linearised(practice) for name, practice in practices.items()}
     pool = Pool.of(planned, dwell_s, rate_dps, records.values())
@@ -201,7 +191,7 @@ def imu_programme(
         practices=tuple(compared),
         noise_bound=planned.noise_bound,
         gyro_noise=bench.gyro_noise,
-        encoder_bound=bench.encoder_within(noise_bound),
+        encoder_bound=bench.encoder_within(planned.noise_bound),
         rate_dps=rate_dps,
         acceleration_radps2=TABLE_ACCELERATION,
         latitude_deg=bench.latitude_deg,

@@ -249,8 +249,7 @@ def plan_imu(
     bench = calibrations.Bench(latitude_deg, azimuth_deg, gyro_noise, encoder_bound)
     return planning.imu_programme(
         minutes,
-        bench,
-        noise_bound=noise_bound,
+        planning.Planned(bench, noise_bound),
         dwell_s=dwell_s,
         rate_dps=rate_dps,
         exchanges=exchanges,

@@ -8,12 +8,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from importlib import resources
-from itertools import product
 from math import ceil
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from ..calibrated import Number
@@ -25,7 +23,7 @@ from ..rounding import downwards
 from .bounds import Bound, HittingSet, bound_positions, pool_of
 from .check import EffectDistance, detecting, named_effects
 from .request import GOALS, Request
-from .search import drawn, merit, search
+from .search import drawn, rounded, search
 from .targets import Degrees
 from .task import Costs, Places, Task, allowed, costs, task_of
 from .tour import measuring_order, unwound
@@ -35,7 +33,6 @@ if TYPE_CHECKING:
 
 FEWEST, MOST_POSITIONS = 5, 60
 """Fewest of a symmetric block, with fifteen parameters."""
-SWEEPS = 6
 TRIED_SHARE = 6
 """One of so many of the searches is made while the fewest positions are sought."""
 DWELL_S = 20.0
@@ -297,39 +294,6 @@ def _plan_of(task: Task, best: Costs) -> PositionPlan:
         task=task,
         duration=duration,
     )
-
-
-def rounded(task: Task, best: Costs) -> Costs:
-    """The set with every angle a multiple of the table's resolution, chosen so that the cost stays least.
-
-    One position after the other goes to the best of the four multiples around it, while the later ones are still where
-    they were; then each may move by one step, while that helps.
-    """
-    step_deg = task.request.resolution_deg
-    assert step_deg is not None
-    rows = range(len(best.places) - len(task.measured))
-    for row in rows:
-        low = np.floor(np.degrees(best.places.angle[row]) / step_deg)
-        best = _best_of(task, best, row, step_deg * (low + np.array(list(product((0, 1), repeat=2)))))
-    for _ in range(SWEEPS):
-        before = merit(task, best)
-        for row in rows:
-            present = np.round(np.degrees(best.places.angle[row]) / step_deg)
-            best = _best_of(task, best, row, step_deg * (present + np.array(list(product((0, -1, 1), repeat=2)))))
-        if merit(task, best) >= before:
-            break
-    return best
-
-
-def _best_of(task: Task, present: Costs, row: int, trials_deg: NDArray) -> Costs:
-    """The best of the sets with one position at each of some angles (T, 2) [deg] outside the keep-outs."""
-    angles = np.repeat(present.places.angle[None], len(trials_deg), axis=0)
-    angles[:, row] = np.radians(trials_deg)
-    inside = angles[allowed(task, angles[:, row])]
-    if not len(inside):
-        return costs(task, present.places.at(angles[0]))
-    sets = [costs(task, present.places.at(angle)) for angle in inside]
-    return min(sets, key=lambda trial: merit(task, trial))
 
 
 def _starting_positions(task: Task, count: int) -> list[Places]:

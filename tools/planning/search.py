@@ -63,6 +63,8 @@ SOLVER_OPTIONS: dict[str, str | int | bool] = {
 }
 """A step's programme is scaled as it is, and small: without presolve and scaling it takes half the time."""
 MENDINGS = 6
+SWEEPS = 6
+"""So often each position of a rounded set may move by one step."""
 
 
 @dataclass
@@ -384,3 +386,36 @@ def _mended(task: Task, present: Costs, angle: NDArray) -> NDArray:
         for row, matrix in lines.items():
             angle[row] += np.linalg.lstsq(np.array(matrix), np.array(amounts[row]), rcond=1e-8)[0]
     return angle
+
+
+def rounded(task: Task, best: Costs) -> Costs:
+    """The set with every angle a multiple of the table's resolution, chosen so that the cost stays least.
+
+    One position after the other goes to the best of the four multiples around it, while the later ones are still where
+    they were; then each may move by one step, while that helps.
+    """
+    step_deg = task.request.resolution_deg
+    assert step_deg is not None
+    rows = range(len(best.places) - len(task.measured))
+    for row in rows:
+        low = np.floor(np.degrees(best.places.angle[row]) / step_deg)
+        best = _best_of(task, best, row, step_deg * (low + np.array(list(product((0, 1), repeat=2)))))
+    for _ in range(SWEEPS):
+        before = merit(task, best)
+        for row in rows:
+            present = np.round(np.degrees(best.places.angle[row]) / step_deg)
+            best = _best_of(task, best, row, step_deg * (present + np.array(list(product((0, -1, 1), repeat=2)))))
+        if merit(task, best) >= before:
+            break
+    return best
+
+
+def _best_of(task: Task, present: Costs, row: int, trials_deg: NDArray) -> Costs:
+    """The best of the sets with one position at each of some angles (T, 2) [deg] outside the keep-outs."""
+    angles = np.repeat(present.places.angle[None], len(trials_deg), axis=0)
+    angles[:, row] = np.radians(trials_deg)
+    inside = angles[allowed(task, angles[:, row])]
+    if not len(inside):
+        return costs(task, present.places.at(angles[0]))
+    sets = [costs(task, present.places.at(angle)) for angle in inside]
+    return min(sets, key=lambda trial: merit(task, trial))

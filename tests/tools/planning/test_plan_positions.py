@@ -19,9 +19,9 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.planning import Request, read_angles, task_of
 from trihedron.tools.planning.bounds import bound_positions, pool_of, symmetries
 from trihedron.tools.planning.forms import x_from_targets
-from trihedron.tools.planning.positions import rounded, stored_counts
+from trihedron.tools.planning.positions import stored_counts
 from trihedron.tools.planning.request import FACES, parsed_keep_out
-from trihedron.tools.planning.search import drawn, improve, search
+from trihedron.tools.planning.search import drawn, improve, rounded, search
 from trihedron.tools.planning.task import Places, Task, allowed, clearances, costs, freedom
 from trihedron.tools.planning.tour import (
     SAME_PLACE,
