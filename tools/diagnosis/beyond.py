@@ -25,9 +25,9 @@ from .dependence import LARGEST_PART, NEAR
 from .laws import MOST_WORK, Law, Laws, words_of
 
 MOST_LAWS = 8
-"""So many laws are told."""
+"""Number of laws that are stated."""
 MOST_NAMED = 5
-"""So many are named in a sentence."""
+"""Number of laws that a sentence names."""
 NARROW = 0.5
 """A band is narrow where it reaches nowhere farther from a law than this part of the law's own size."""
 TELLS = 0.05
@@ -145,9 +145,11 @@ class Beyond:
     def bands(self) -> tuple[BandOfFunctions, ...]:
         """The band of each place; none where the programmes have no solution."""
         try:
-            return tuple(map(BandOfFunctions.of, self.each))
+            return tuple(BandOfFunctions.of(possible) for possible in self.each)
         except SolverError:
             return ()
+
+    # Tables
 
     @cached_property
     def table(self) -> Fit | None:
@@ -169,14 +171,18 @@ class Beyond:
         pair, form = self.pair, self.form
         if form.kind == "jump":
             law = Table(pair.quantity.replace(" ", "*"), "jumps at", (form.at,), pair.factor).law
-            yield tuple(one.table(law) for one in pair.members or (pair,))
+            yield tuple(member.table(law) for member in pair.members or (pair,))
             return
         around = form.kind == "around" or pair.circle
         counts = [form.count] if form.kind in ("pieces", "around") else []
         most = MOST_PART * len(np.unique(pair.values))
-        for count in [*counts, *(k for k in (*PIECES, *MORE_PIECES) if LEAST_AROUND <= k <= most and k not in counts)]:
-            one = form if counts == [count] else Form("around" if around else "pieces", count)
-            knots = [np.sort(one.knots(own.pair.values)) for own in self.each]
+        for count in (*PIECES, *MORE_PIECES):
+            if LEAST_AROUND <= count <= most and count not in counts:
+                counts.append(count)
+        kind: Literal["around", "pieces"] = "around" if around else "pieces"
+        for count in counts:
+            pieces = form if form.kind in ("pieces", "around") and count == form.count else Form(kind, count)
+            knots = [np.sort(pieces.knots(possible.pair.values)) for possible in self.each]
             if places := self._places_of(knots, around=around):
                 yield places
 
@@ -187,30 +193,37 @@ class Beyond:
         Their knots have about as many values of the quantity between them, so that of each some are left where others
         are left out.
         """
-        circle, found = self.pair.circle, []
-        values = [np.unique(own.pair.values % TURN if circle else own.pair.values) for own in self.each]
-        for count in (count for count in PIECES if LEAST_AROUND <= count <= LARGEST_PART * len(values[0])):
+        circle, fits = self.pair.circle, []
+        values = [np.unique(_on_circle(possible.pair)) for possible in self.each]
+        for count in PIECES:
+            if not LEAST_AROUND <= count <= LARGEST_PART * len(values[0]):
+                continue
             parts = np.arange(count) / count if circle else np.linspace(0.0, 1.0, count + 1)
             places = self._places_of([np.unique(np.quantile(own, parts)) for own in values], around=circle)
-            try:
-                fit = self.evidence.including(places).refit(places) if places else None
-            except ValueError:
-                # The place knows no table, or the fit runs away.
-                continue
+            fit = self._refitted(places)
             if fit is not None and fit.radius < NEAR:
-                found.append(fit)
-        return sorted(found, key=lambda fit: fit.radius)
+                fits.append(fit)
+        return sorted(fits, key=lambda fit: fit.radius)
+
+    def _refitted(self, places: Sequence[EffectPlace]) -> Fit | None:
+        """The model with tables; None where there are none, a place knows no table, or the fit runs away."""
+        try:
+            return self.evidence.including(places).refit(places) if places else None
+        except ValueError:
+            return None
 
     def _places_of(self, every: Sequence[NDArray], *, around: bool) -> tuple[EffectPlace, ...]:
         """The table at each place with these knots (K,); none where it would be nothing."""
-        found, kind = [], "around" if around else "at"
-        for own, knots in zip(self.each, every, strict=True):
-            zero, pair = replace(own, others=()).functions(knots).zero, own.pair
+        places, kind = [], "around" if around else "at"
+        for possible, knots in zip(self.each, every, strict=True):
+            zero, pair = replace(possible, others=()).functions(knots).zero, possible.pair
             if len(zero) == len(knots):
                 return ()
             law = Table(pair.quantity.replace(" ", "*"), kind, tuple(knots.tolist()), pair.factor, zero).law
-            found.append(pair.table(law))
-        return tuple(found)
+            places.append(pair.table(law))
+        return tuple(places)
+
+    # What is said
 
     @property
     def caution(self) -> tuple[str, ...]:
@@ -223,11 +236,10 @@ class Beyond:
         # Laws of several places whose shape a number gives are not tried.
         if len(self.laws) != 1 or not self.bands or self._work.is_done or self.pair.members:
             return False
-        (law,), band = self.laws, self.possible.band
-        own = self.possible.drawn(law.fit)
-        told = own[np.searchsorted(self.possible.knots, band.knots)]
-        apart = np.maximum(band.high - told, told - band.low).max()
-        return bool(apart <= NARROW * np.ptp(own))
+        band, function = self.possible.band, self.possible.drawn(self.laws[0].fit)
+        at_knots = function[np.searchsorted(self.possible.knots, band.knots)]
+        apart = np.maximum(band.high - at_knots, at_knots - band.low).max()
+        return bool(apart <= NARROW * np.ptp(function))
 
     @cached_property
     def readings(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -238,33 +250,34 @@ class Beyond:
         """
         if self.pair.anything:
             return np.zeros(0), np.zeros(0)
-        pair, evidence, shown = self.pair, self.evidence, self.lines_of(self.possible)[0][1]
+        pair, evidence, drawn = self.pair, self.evidence, self.lines_of(self.possible)[0][1]
         spread = self.possible.sign * pair.spread(np.eye(len(pair.values)))
-        left = evidence.residual - self.possible.every.unknown.columns @ shown
-        left = left - evidence.nominal @ np.linalg.lstsq(evidence.nominal, left, rcond=None)[0]
-        told = (spread**2).sum(axis=0)
-        kept = told >= TELLS * told.max()
-        missed = spread.T @ left
-        hats = self.possible.hats(self.possible.knots)
-        says = hats @ shown + missed / np.where(kept, told, 1.0)
-        values = pair.values % TURN if pair.circle else pair.values
-        return values[kept], says[kept]
+        errors = evidence.residual - self.possible.every.unknown.columns @ drawn
+        errors = errors - evidence.nominal @ np.linalg.lstsq(evidence.nominal, errors, rcond=None)[0]
+        weight = (spread**2).sum(axis=0)
+        tells = weight >= TELLS * weight.max()
+        says = self.possible.hats(self.possible.knots) @ drawn + spread.T @ errors / np.where(tells, weight, 1.0)
+        return _on_circle(pair)[tells], says[tells]
 
-    def lines_of(self, own: Possible) -> list[tuple[str, NDArray[np.float64]]]:
+    def lines_of(self, possible: Possible) -> list[tuple[str, NDArray[np.float64]]]:
         """Functions (K,) of a place to be drawn, with names: laws; where none stands, a table, or what bends least."""
-        found = [(law.words, own.drawn(law.fit)) for law in self.laws]
-        if not found and self.table is not None:
-            found.append(("table of knots", own.drawn(self.table)))
-        return found or [("bends least", own.least)]
+        if self.laws:
+            return [(law.words, possible.drawn(law.fit)) for law in self.laws]
+        if self.table is not None:
+            return [("table of knots", possible.drawn(self.table))]
+        return [("bends least", possible.least)]
 
     @property
     def in_words(self) -> str:
         """Place, quantity, and the size of the function that bends least."""
-        pair, in_all = self.pair, max(float(np.ptp(own.least)) for own in self.each)
+        pair, in_all = self.pair, max(float(np.ptp(possible.least)) for possible in self.each)
         times = in_words(pair.factor)
         of = f"{times} times a function" if times else "a function"
-        turns = pair.where.endswith("axis") or pair.where == "base"
-        unit = "rad/s" if pair.where in (*GYROS, GYRO_BLOCK) else "rad" if turns else "g"
+        unit = "g"
+        if pair.where in (*GYROS, GYRO_BLOCK):
+            unit = "rad/s"
+        elif pair.where.endswith("axis") or pair.where == "base":
+            unit = "rad"
         most = " at most" if pair.members else ""
         return (
             f"{pair.where.replace('-', ' ')}: {of} of {in_words(pair.quantity)}, {digits(in_all)} {unit} in all{most}"
@@ -272,54 +285,63 @@ class Beyond:
 
     @property
     def _laws_in_words(self) -> str:
-        names = list(dict.fromkeys(law.words for law in self.laws))
-        names, more = names[:MOST_NAMED], len(names) - MOST_NAMED
-        if more > 0:
-            names.append(f"{more} more")
+        words = list(dict.fromkeys(law.words for law in self.laws))
+        names, further = words[:MOST_NAMED], len(words) - MOST_NAMED
+        if further > 0:
+            names.append(f"{further} more")
         if not names:
             return "no effect of the catalogue and no short formula stands"
         if len(names) == 1:
             return f"{names[0]} stands, and so does any other function within the band"
         return f"{', '.join(names[:-1])} and {names[-1]} stand"
 
+    # What is stated
+
     def stated(self, law: Law) -> StatedLaw:
         """A law with its intervals and what was left out."""
-        fit = law.fit.centred(self.evidence.room(law.fit), self.evidence.most_rows)
-        return StatedLaw(**self._cause(fit), **self._left_out(law.fit), shape=law.shape)
+        first, *others = self._causes(self._centred(law.fit))
+        return StatedLaw(**_keys_of(first, others), **self._left_out(law.fit), shape=law.shape)
 
-    def _cause(self, fit: Fit) -> dict[str, Any]:
-        """The first effect of a centred fit, with intervals, and those beside it, as keys."""
+    def _centred(self, fit: Fit) -> Fit:
+        return fit.centred(self.evidence.room(fit), self.evidence.most_rows)
+
+    def _causes(self, fit: Fit) -> list[Cause]:
+        """The effects of a centred fit, with intervals."""
         more = 0.0 if fit.radius <= self.evidence.limit else (NEAR - 1.0) * float(fit.bound.min())
         intervals = fit.intervals(self.evidence.room(fit) + more, self.evidence.most_rows)
-        found = []
+        causes = []
         for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
             ends = self.evidence.told(place, possible)
             inside = [min(max(value, low), high) for value, (low, high) in zip(values, ends, strict=True)]
-            found.append(Cause.found(place, (), inside, ends))
-        first, *others = found
-        own = {name: getattr(first, name) for name in first.model_fields_set}
-        return own | ({"beside": tuple(others)} if others else {})
+            causes.append(Cause.found(place, (), inside, ends))
+        return causes
 
     def _folds(self, fit: Fit) -> dict[int, float]:
         """Errors of readings that were left out, over their bounds, by their numbers; of those that are predicted."""
         trial = next(iter(self.evidence.including(fit.places).trials(fit)), None)
         if trial is None or trial.folds is None or trial.rows is None:
             return {}
-        return dict(zip(trial.rows.tolist(), np.abs(trial.folds[1]) / float(np.median(fit.bound)), strict=True))
+        errors = np.abs(trial.folds[1]) / float(np.median(fit.bound))
+        return dict(zip(trial.rows.tolist(), errors, strict=True))
 
-    def _left_out(self, fit: Fit) -> dict[str, Any]:
+    def _left_out(self, fit: Fit) -> dict[str, float | None]:
         """Radius, and errors of positions that were left out, over their bounds."""
         errors = np.array(list(self._folds(fit).values()))
-        told: dict[str, Any] = {"radius": fit.radius, "left_out_rms": None, "left_out_max": None}
         if not len(errors):
-            return told
-        return told | {"left_out_rms": _rms(errors), "left_out_max": float(errors.max())}
+            return {"radius": fit.radius, "left_out_rms": None, "left_out_max": None}
+        return {"radius": fit.radius, "left_out_rms": _rms(errors), "left_out_max": float(errors.max())}
 
     def _errors_alike(self, fits: Sequence[Fit]) -> list[float]:
         """Errors, root mean square over their bounds, of the left-out readings that all of some fits predict."""
         folds = [self._folds(fit) for fit in fits]
-        alike = set.intersection(*(set(own) for own in folds if own)) if any(folds) else set()
-        return [_rms(np.array([own[row] for row in sorted(alike)])) if own and alike else np.inf for own in folds]
+        rows: set[int] | None = None
+        for errors in folds:
+            if errors:
+                rows = set(errors) if rows is None else rows & set(errors)
+        in_order, alike = sorted(rows or ()), []
+        for errors in folds:
+            alike.append(_rms(np.array([errors[row] for row in in_order])) if errors and in_order else np.inf)
+        return alike
 
     def extension(self, rerun: bool) -> BeyondCatalogue | None:
         """What extends the model: the formula that predicts best what was left out, or a table where it does so better.
@@ -333,38 +355,49 @@ class Beyond:
         errors = self._errors_alike(fits)
         if not np.isfinite(errors).any():
             near = [fit for fit in self.near_tables if self._folds(fit)]
-            fits, errors = (near, self._errors_alike(near)) if near else (fits, errors)
+            if near:
+                fits, errors = near, self._errors_alike(near)
         if not fits:
             return None
         # Formulas stand before the table: of those that predict about as well the first is the simplest.
         as_good = [fit for fit, error in zip(fits, errors, strict=True) if error <= AS_GOOD * min(errors)]
-        chosen, fit, gain = self._with_gain(as_good, rerun)
-        cause = self._cause(fit)
-        own: dict[str, Any] = {"kind": cause["effect"], "quantity": self.pair.quantity}
+        chosen, gain = self._with_gain(as_good, rerun)
+        fit = self._centred(chosen)
+        first, *others = self._causes(fit)
+        keys: dict[str, Any] = {"kind": first.effect, "quantity": self.pair.quantity}
         if self.pair.factor:
-            own["factor"] = self.pair.factor
+            keys["factor"] = self.pair.factor
         bound = self.evidence.stated_bound
         if fit.radius > self.evidence.limit and bound is not None:
-            own["noise_bound_needed"] = fit.radius * bound
-        if cause["effect"] == "lookup" and (knots := _knots_of(cause["law"], cause["parameters"])):
-            own["knots"] = knots
-        return BeyondCatalogue(**cause, **self._left_out(chosen), **own, gain=gain, fit=fit)
+            keys["noise_bound_needed"] = fit.radius * bound
+        if first.effect == "lookup" and (knots := _knots_of(first.law or "", first.parameters)):
+            keys["knots"] = knots
+        return BeyondCatalogue(**_keys_of(first, others), **self._left_out(chosen), **keys, gain=gain, fit=fit)
 
-    def _with_gain(self, fits: Sequence[Fit], rerun: bool) -> tuple[Fit, Fit, Gain | None]:
-        """Of fits the first, as it is and centred, of which what is held out can be simulated again; else the first."""
-        first: tuple[Fit, Fit, Gain | None] | None = None
-        for fit in fits:
-            centred = fit.centred(self.evidence.room(fit), self.evidence.most_rows)
-            gain = self.evidence.including(fit.places).gain(centred) if rerun else None
-            first = first or (fit, centred, gain)
-            if gain is not None or not rerun:
-                return fit, centred, gain
-        assert first is not None
-        return first
+    def _with_gain(self, fits: Sequence[Fit], rerun: bool) -> tuple[Fit, Gain | None]:
+        """The first of some fits of which what is held out can be simulated again, with its gain; else the first."""
+        for fit in fits if rerun else ():
+            gain = self.evidence.including(fit.places).gain(self._centred(fit))
+            if gain is not None:
+                return fit, gain
+        return fits[0], None
+
+
+def _on_circle(pair: Pair) -> NDArray[np.float64]:
+    """The values (n,) of a quantity, angles within one turn."""
+    return pair.values % TURN if pair.circle else pair.values
 
 
 def _rms(errors: NDArray) -> float:
     return float(np.sqrt(np.mean(errors**2)))
+
+
+def _keys_of(first: Cause, others: Sequence[Cause]) -> dict[str, Any]:
+    """Keys of a law that is made of these effects."""
+    keys: dict[str, Any] = {name: getattr(first, name) for name in first.model_fields_set}
+    if others:
+        keys["beside"] = tuple(others)
+    return keys
 
 
 def _knots_of(law: str, parameters: Sequence[SizedParameter]) -> tuple[FoundKnot, ...]:
@@ -373,12 +406,13 @@ def _knots_of(law: str, parameters: Sequence[SizedParameter]) -> tuple[FoundKnot
     if table.kind == "jumps at":
         return ()
     stated = dict(zip(table.entries, parameters, strict=True))
-    found = []
-    for k, knot in enumerate(table.knots):
-        own = stated.get(k)
-        ends = (0.0, 0.0, 0.0) if own is None else (own.estimate, own.low, own.high)
-        found.append(FoundKnot(at=knot, estimate=ends[0], low=ends[1], high=ends[2]))
-    return tuple(found)
+    knots = []
+    for number, at in enumerate(table.knots):
+        if (sized := stated.get(number)) is None:
+            knots.append(FoundKnot(at=at, estimate=0.0, low=0.0, high=0.0))
+        else:
+            knots.append(FoundKnot(at=at, estimate=sized.estimate, low=sized.low, high=sized.high))
+    return tuple(knots)
 
 
 def keys_of(beyond: Beyond, *, extend: bool, rerun: bool) -> Mapping[str, Any]:
@@ -388,11 +422,18 @@ def keys_of(beyond: Beyond, *, extend: bool, rerun: bool) -> Mapping[str, Any]:
     """
     if not beyond.bands:
         return {}
-    told: dict[str, Any] = {"beyond": beyond, "caution": beyond.caution}
-    told |= {"bands": beyond.bands} if beyond.pair.members else {"band": beyond.bands[0]}
+    keys: dict[str, Any] = {"beyond": beyond}
+    if beyond.pair.members:
+        keys["bands"] = beyond.bands
+    else:
+        keys["band"] = beyond.bands[0]
+    if beyond.caution:
+        keys["caution"] = beyond.caution
     # Several effects of one place that add up to a law are told as causes.
-    several = len(beyond.each)
-    told["laws"] = tuple(beyond.stated(law) for law in beyond.laws if len(law.fit.places) in (1, several))
-    if extend:
-        told["extension"] = beyond.extension(rerun)
-    return {key: value for key, value in told.items() if value not in (None, ())}
+    laws = [beyond.stated(law) for law in beyond.laws if len(law.fit.places) in (1, len(beyond.each))]
+    if laws:
+        keys["laws"] = tuple(laws)
+    extension = beyond.extension(rerun) if extend else None
+    if extension is not None:
+        keys["extension"] = extension
+    return keys

@@ -473,7 +473,7 @@ class Procedure:
         if self.dependence is not None:
             keys["suffices"] = tuple(Suffices.of(standing) for standing in self.dependence.standing)
             keys |= {"dependence": self.beside_catalogue, "proven": self.proven}
-        return {**keys, **evidence.of_misfit(), **self.found.told}
+        return {**keys, **evidence.of_misfit(), **self.found.keys}
 
 
 def _named(places: Sequence[EffectPlace]) -> tuple[NamedEffect, ...]:

@@ -31,7 +31,7 @@ OUTLIER = "outlier"
 TABLES = ("lookup", "bias-wander")
 """Effects of which the law says the knots."""
 MOST_RIVALS = 3
-"""So many rivals are to be told apart by further positions."""
+"""Number of rivals that further positions are to tell apart."""
 FURTHER = 2
 """Place and quantity of each further effect of a set are searched for, too."""
 
@@ -41,9 +41,11 @@ def complexity_of(places: Sequence[EffectPlace]) -> int:
 
     That is an order, the reading of an outlier, and place and quantity of each effect beside the first.
     """
-    own = [len(place.definition.parameters) for place in places]
-    searched = [place.order is not None or place.effect == OUTLIER for place in places]
-    return sum(own) + sum(searched) + FURTHER * (len(places) - 1)
+    complexity = FURTHER * (len(places) - 1)
+    for place in places:
+        complexity += len(place.definition.parameters)
+        complexity += place.order is not None or place.effect == OUTLIER
+    return complexity
 
 
 def _instrument(place: EffectPlace) -> str:
@@ -75,59 +77,60 @@ class Listed:
         if pair.where not in GYROS or any(place.where != GYRO_BLOCK for place in fit.places):
             return False
         columns = fit.jacobian[:, len(fit.point) :]
-        own = columns[:, [self._are_within(columns[:, [k]], pair) for k in range(columns.shape[1])]]
-        count = len(self.evidence.names)
-        free = np.full(count + own.shape[1], np.inf)
-        matrix = np.hstack((self.evidence.nominal, own))
+        within = np.zeros(columns.shape[1], dtype=bool)
+        for k in range(columns.shape[1]):
+            within[k] = self._are_within(columns[:, [k]], pair)
+        matrix = np.hstack((self.evidence.nominal, columns[:, within]))
+        free = np.full(matrix.shape[1], np.inf)
         squares = estimated(matrix, self.evidence.residual)
         return least_radius(matrix, self.evidence.residual, (-free, free), squares)[0] <= self.evidence.limit
 
     def is_wholly_of(self, fit: Fit, pair: Pair) -> bool:
         """Whether all effects of a fit are functions of a pair."""
-        return all(
-            _is_table_of(place, pair) or self._holds(fit, block, pair)
-            if variant is None or variant.adds
-            # What does not only add its columns depends on its accelerometer's own input.
-            else place.where == pair.where and f"n{place.where[-1]}" in pair.depends_on
-            for place, block, variant in fit.ways
-        )
+        columns = fit.jacobian[:, len(fit.point) :]
+        for place, block, variant in fit.ways:
+            if variant is not None and not variant.adds:
+                # What does not only add its columns depends on its accelerometer's own input.
+                is_function = place.where == pair.where and f"n{place.where[-1]}" in pair.depends_on
+            else:
+                is_function = _is_table_of(place, pair) or self._are_within(columns[:, block], pair)
+            if not is_function:
+                return False
+        return True
 
-    def beside(self, found: Dependence, fits: Sequence[Fit]) -> Dependence:
+    def beside(self, dependence: Dependence, fits: Sequence[Fit]) -> Dependence:
         """A dependence of which nothing is proven that a set of the catalogue, as simple, does otherwise.
 
         Sets of several effects are so many that some stand by chance where one function suffices: they have to be no
         more complex than that, single effects no more complex than rivals may be.
         """
-        least = np.inf if found.least is None else found.least
+        least = np.inf if dependence.least is None else dependence.least
         for fit in fits:
             most = most_of_rivals(least) if len(fit.places) == 1 else least
-            if found.listed_elsewhere or complexity_of(fit.places) > most:
+            if dependence.listed_elsewhere or complexity_of(fit.places) > most:
                 continue
             of_readings = all(place.effect == OUTLIER for place in fit.places)
-            if of_readings or not any(self.is_of(fit, one.pair) for one in found.standing):
-                elsewhere = {_instrument(place) for place in fit.places} != {found.place}
-                found = replace(found, listed_elsewhere=elsewhere, listed_otherwise=True)
-        return found
+            if of_readings or not any(self.is_of(fit, standing.pair) for standing in dependence.standing):
+                elsewhere = {_instrument(place) for place in fit.places} != {dependence.place}
+                dependence = replace(dependence, listed_elsewhere=elsewhere, listed_otherwise=True)
+        return dependence
 
     @cached_property
     def base(self) -> NDArray[np.float64]:
         """The space (M, P) of the model."""
         return column_space(self.evidence.nominal / self.evidence.bound[:, None])
 
-    def _left(self, columns: NDArray) -> NDArray[np.float64]:
+    def _beyond_model(self, columns: NDArray) -> NDArray[np.float64]:
         """What columns (M, K) add to the model."""
         columns = columns / self.evidence.bound[:, None]
         return columns - self.base @ (self.base.T @ columns)
 
-    def _holds(self, fit: Fit, block: slice, pair: Pair) -> bool:
-        """Whether functions of a pair hold the columns of an effect, beside the model."""
-        return self._are_within(fit.jacobian[:, len(fit.point) :][:, block], pair)
-
     def _are_within(self, columns: NDArray, pair: Pair) -> bool:
         """Whether functions of a pair hold columns (M, K), beside the model."""
-        own = self._left(columns)
-        size = np.linalg.norm(own)
-        return any(np.linalg.norm(own - space @ (space.T @ own)) <= LIKE * size for space in self._spaces_of(pair))
+        added = self._beyond_model(columns)
+        size = np.linalg.norm(added)
+        beyond = [np.linalg.norm(added - space @ (space.T @ added)) for space in self._spaces_of(pair)]
+        return min(beyond, default=np.inf) <= LIKE * size
 
     def _spaces_of(self, pair: Pair) -> list[NDArray[np.float64]]:
         """What functions of a pair add to the model: those that have most freedom of each form, and each jump."""
@@ -136,8 +139,10 @@ class Listed:
             for ladder in pair.ladders():
                 fine = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
                 forms.append((fine or ladder[:1])[-1])
-            every = [column_space(self._left(pair.columns(form))) for form in (*forms, *pair.single())]
-            self._spaces[id(pair)] = pair, every
+            spaces = []
+            for form in (*forms, *pair.single()):
+                spaces.append(column_space(self._beyond_model(pair.columns(form))))
+            self._spaces[id(pair)] = pair, spaces
         return self._spaces[id(pair)][1]
 
 
@@ -145,12 +150,22 @@ class Listed:
 class Unlisted:
     """What is in no catalogue beside the first set of the catalogue that stands.
 
-    `rivals` are functions of another place or quantity, as simple as the set; `held` the simplest function that holds
-    the set; `same` a function of one quantity that
-    does what several effects of the set do together; `alike`: pairs of several quantities that hold the set, as far as
-    these rows tell; `percent`: by so much a larger noise bound would do without them, where that is little; `compared`:
-    whether functions that are in no catalogue could be compared, `roughly`: by a linear model that may be wrong;
-    `proven`: whether the rival, then one, is the place and quantity that are proven.
+    Attributes
+    ----------
+    rivals : tuple of Standing
+        functions of another place or quantity, as simple as the set
+    same : Standing or None
+        a function of one quantity that does what several effects of the set do together
+    percent : float or None
+        by so much a larger noise bound would do without them, where that is little
+    alike : tuple of Pair
+        pairs of several quantities that hold the set, as far as these rows tell
+    compared, roughly : bool
+        whether functions that are in no catalogue could be compared; whether by a linear model that may be wrong
+    held : Standing or None
+        the simplest function that holds the set
+    proven : bool
+        whether the rival, then one, is the place and quantity that are proven
     """
 
     rivals: tuple[Standing, ...]
@@ -163,66 +178,85 @@ class Unlisted:
     proven: bool = False
 
     @staticmethod
-    def of(found: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
+    def of(dependence: Dependence | None, listed: Listed, fit: Fit) -> "Unlisted":
         """Beside the fit of a set that stands."""
-        # What stands only within what the linear model may be wrong by is no rival, and no proof that there is none.
-        compared = found is not None and listed.evidence.second_order <= SURE_SECOND_ORDER
-        if found is None:
+        if dependence is None:
             # A record without pairs is not compared by its kind, which is no caution of its own.
             return Unlisted((), None, None, compared=not listed.evidence.pairs())
-        several = len(fit.places) > 1
-        own = [one for one in found.standing if listed.is_of(fit, one.pair)]
+        # What stands only within what the linear model may be wrong by is no rival, and no proof that there is none.
+        compared = listed.evidence.second_order <= SURE_SECOND_ORDER
+        holding = [standing for standing in dependence.standing if listed.is_of(fit, standing.pair)]
         # What of a set is needed, if that is less, counts.
-        needed = [one.complexity for one in own if not listed.is_wholly_of(fit, one.pair)]
-        most = min([complexity_of(fit.places), *needed])
-        rivals = tuple(one for one in found.standing if compared and one not in own and one.complexity <= most)
+        most = complexity_of(fit.places)
+        for standing in holding:
+            if not listed.is_wholly_of(fit, standing.pair):
+                most = min(most, standing.complexity)
+        rivals = []
+        for standing in dependence.standing:
+            if compared and standing not in holding and standing.complexity <= most:
+                rivals.append(standing)
         # Where not all sets are tried some stand that are more complex than what is proven, and elsewhere.
-        proven = found.proven is not None and len(fit.places) > listed.evidence.most_known_alone
+        proven = dependence.proven is not None and len(fit.places) > listed.evidence.most_known_alone
         if proven:
             # All that stands is one quantity, as far as the record tells: no rival of itself, one of a set elsewhere.
-            rivals = () if own else rivals[:1]
-        percent = 100.0 * (found.radius - 1.0) if found.is_near else None
-        alike = {one.pair.depends_on: one.pair for one in reversed(own)}
-        pairs = tuple(reversed(alike.values())) if len(alike) > 1 else ()
-        held = own[0] if own else None
-        return Unlisted(rivals, held if several else None, percent, pairs, compared, not compared, held, proven)
+            rivals = [] if holding else rivals[:1]
+        alike: dict[object, Pair] = {}
+        for standing in reversed(holding):
+            alike[standing.pair.depends_on] = standing.pair
+        held = holding[0] if holding else None
+        return Unlisted(
+            rivals=tuple(rivals),
+            same=held if len(fit.places) > 1 else None,
+            percent=100.0 * (dependence.radius - 1.0) if dependence.is_near else None,
+            alike=tuple(reversed(alike.values())) if len(alike) > 1 else (),
+            compared=compared,
+            roughly=not compared,
+            held=held,
+            proven=proven,
+        )
 
     @property
     def caution(self) -> tuple[str, ...]:
         """What is not excluded, in sentences."""
-        said = [
-            f"what is proven does, too, and is no more complex than these effects: {rival.pair.in_words}"
-            if self.proven
-            else f"as simple, and in no catalogue: {rival.pair.in_words} would do"
-            for rival in self.rivals
-        ]
+        sentences = []
+        for rival in self.rivals:
+            text = f"as simple, and in no catalogue: {rival.pair.in_words} would do"
+            if self.proven:
+                text = f"what is proven does, too, and is no more complex than these effects: {rival.pair.in_words}"
+            sentences.append(text)
         if self.same is not None:
-            said.append(
+            sentences.append(
                 f"{self.same.pair.in_words} does what these effects do together: of which laws it is made is not proven"
             )
         if self.alike:
-            said.append(f"this record does not tell {' from '.join(pair.in_words for pair in self.alike)}")
+            sentences.append(f"this record does not tell {' from '.join(pair.in_words for pair in self.alike)}")
         if self.percent is not None:
-            said.append(f"a noise bound that is {digits(self.percent)} % larger would do without any cause")
+            sentences.append(f"a noise bound that is {digits(self.percent)} % larger would do without any cause")
         if not self.compared:
-            said.append(ROUGHLY if self.roughly else NOT_COMPARED)
-        return tuple(said)
+            sentences.append(ROUGHLY if self.roughly else NOT_COMPARED)
+        return tuple(sentences)
 
     def fits(self, evidence: Evidence) -> list[Fit]:
         """The rivals as tables of few knots, fitted: of each the one with fewest knots that stands."""
-        found = []
+        fits = []
         for rival in self.rivals[:MOST_RIVALS]:
-            for law in _tables(rival):
-                try:
-                    place = rival.pair.table(law)
-                    fits = evidence.including([place]).mended([place], Work())
-                except ValueError:
-                    # No component knows such a table.
-                    break
-                if fits:
-                    found.append(fits[0])
-                    break
-        return found
+            fit = _table_fit(evidence, rival)
+            if fit is not None:
+                fits.append(fit)
+        return fits
+
+
+def _table_fit(evidence: Evidence, rival: Standing) -> Fit | None:
+    """The fit of the table with fewest knots that stands; None where none does, or no component knows such a table."""
+    for law in _tables(rival):
+        try:
+            place = rival.pair.table(law)
+            fits = evidence.including([place]).mended([place], Work())
+        except ValueError:
+            return None
+        if fits:
+            return fits[0]
+    return None
 
 
 def _tables(rival: Standing) -> Iterator[str]:
@@ -232,7 +266,8 @@ def _tables(rival: Standing) -> Iterator[str]:
     if form.kind == "jump":
         yield Table(quantity, "jumps at", (form.at,), pair.factor).law
         return
-    kind, least = ("around", LEAST_AROUND) if pair.circle else ("at", 1)
-    for count in (k for k in PIECES if least <= k <= LARGEST_PART * len(pair.values)):
-        pieces = Form("around" if pair.circle else "pieces", count)
-        yield Table(quantity, kind, tuple(np.sort(pieces.knots(pair.values)).tolist()), pair.factor).law
+    kind, pieces, least = ("around", "around", LEAST_AROUND) if pair.circle else ("at", "pieces", 1)
+    for count in PIECES:
+        if least <= count <= LARGEST_PART * len(pair.values):
+            knots = np.sort(Form(pieces, count).knots(pair.values))
+            yield Table(quantity, kind, tuple(knots.tolist()), pair.factor).law

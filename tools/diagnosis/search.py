@@ -16,7 +16,7 @@ from ..evidence.fit import Fit
 from ..progress import tracked
 
 MOST_FOUND = 60
-"""So many sets of one size are enough to say that the record cannot decide."""
+"""Number of sets of one size that show that the record cannot decide."""
 MOST_WORK = 8e6
 """The work of a search, after which it is cut off: some eight seconds of one processor; in a long record more."""
 MOST_COMPARED = 10
@@ -36,14 +36,14 @@ class Found:
 
     @property
     def is_sample(self) -> bool:
-        """Whether work ended the search among sets of several effects: what was found are some of many.
+        """Whether work ended the search among sets of several effects: what it returned are some of many.
 
         Beside a function of one quantity at one place that is as simple they are no answer.
         """
         return not self.complete and self.size > 1 and len(self.fits) < MOST_FOUND
 
     @property
-    def told(self) -> Mapping[str, Any]:
+    def keys(self) -> Mapping[str, Any]:
         """Keys of the result where the search was cut off."""
         return {} if self.complete else {"complete": False, "cut_off_at": self.size}
 
@@ -57,32 +57,42 @@ def search(
 ) -> Found:
     """All sets of effects of the smallest size, up to three, with which the model stands; the least radius first.
 
-    Among so many effects, by default those that can be told apart; with so much work that it ends in any case.
-    A set that does not mend the record is tried with other members of its effects' classes, too: these differ in the
-    second order of their sizes, for which noise at its bound leaves no room.
+    `among` are by default the effects that can be told apart. A set that does not mend the record is tried with other
+    members of its effects' classes, too: these differ in the second order of their sizes, for which noise at its bound
+    leaves no room.
     """
     work = Work(most_work * evidence.length)
     for size in range(1, MAX_SET + 1):
-        found: list[Fit] = []
+        fits: list[Fit] = []
         complete = True
         try:
             for candidate in tracked(evidence.candidates(size, work, among), f"sets of {size}", show=progress):
-                members = product(*(evidence.classes.whole_class(place) for place in candidate))
-                found += next((fits for places in members if (fits := evidence.mended(places, work))), ())
-                if len(found) >= MOST_FOUND:
+                fits += _mended(evidence, candidate, work)
+                if len(fits) >= MOST_FOUND:
                     complete = False
                     break
         except CutOff:
             complete = False
-        if found or not complete:
-            return Found(tuple(sorted(found, key=lambda fit: (round(fit.radius, 9), fit.title))), complete, size)
+        if fits or not complete:
+            fits.sort(key=lambda fit: (round(fit.radius, 9), fit.title))
+            return Found(tuple(fits), complete, size)
     return Found(())
 
 
+def _mended(evidence: Evidence, candidate: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+    """Fits with which the model stands, of the first members of the effects' classes that mend it."""
+    classes = [evidence.classes.whole_class(place) for place in candidate]
+    for places in product(*classes):
+        if fits := evidence.mended(places, work):
+            return fits
+    return ()
+
+
 def single_radii(evidence: Evidence) -> tuple[tuple[str, float], ...]:
-    """What each single effect leaves, the least first."""
-    tried = [(place.title, evidence.alone(place)) for place in evidence.classes.places]
-    return tuple(sorted(tried, key=lambda entry: (round(entry[1], 9), entry[0])))
+    """Radii that single effects leave, with their titles, the least first."""
+    radii = [(place.title, evidence.alone(place)) for place in evidence.classes.places]
+    radii.sort(key=lambda entry: (round(entry[1], 9), entry[0]))
+    return tuple(radii)
 
 
 def equivalence_groups(evidence: Evidence, fits: Sequence[Fit]) -> list[list[Fit]]:
@@ -92,15 +102,16 @@ def equivalence_groups(evidence: Evidence, fits: Sequence[Fit]) -> list[list[Fit
     spaces: list[tuple[object, NDArray]] = []
     for fit in fits:
         # Outliers and effects that are not linear are compared by name: they have no space of their own.
-        apart = frozenset(place for place in fit.places if classes.whole_class(place)[0] not in classes.places)
-        space, named = classes.joint_space([place for place in fit.places if place not in apart]), (apart, fit.signs)
+        by_name = {place for place in fit.places if classes.whole_class(place)[0] not in classes.places}
+        space = classes.joint_space([place for place in fit.places if place not in by_name])
+        names = (frozenset(by_name), fit.signs)
         for group, (others, other) in zip(groups, spaces, strict=True):
-            if named == others and same_space(space, other):
+            if names == others and same_space(space, other):
                 group.append(fit)
                 break
         else:
             groups.append([fit])
-            spaces.append((named, space))
+            spaces.append((names, space))
     return groups
 
 
@@ -108,9 +119,12 @@ def compared_places(
     places: Sequence[EffectPlace], sets: Sequence[Sequence[EffectPlace]], ranked: Sequence[str]
 ) -> tuple[EffectPlace, ...]:
     """The effects of the sets that remain, then others in the order of their titles' rank; ten at most."""
-    named = {place.title: place for place in places}
-    titles = dict.fromkeys([*(place.title for found in sets for place in found), *ranked])
-    return tuple(named[title] for title in titles if title in named)[:MOST_COMPARED]
+    by_title = {place.title: place for place in places}
+    titles: dict[str, None] = {}
+    for chosen in sets:
+        titles |= dict.fromkeys(place.title for place in chosen)
+    titles |= dict.fromkeys(ranked)
+    return tuple(by_title[title] for title in titles if title in by_title)[:MOST_COMPARED]
 
 
 def likeness(evidence: Evidence, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
@@ -120,4 +134,8 @@ def likeness(evidence: Evidence, places: Sequence[EffectPlace]) -> NDArray[np.fl
     adds nothing here.
     """
     spaces = spaces_beyond(evidence.nominal, [evidence.columns_of([place]) for place in places])
-    return np.array([[cosine(a, b) for b in spaces] for a in spaces]).reshape(len(spaces), len(spaces))
+    cosines = np.zeros((len(spaces), len(spaces)))
+    for row, space in enumerate(spaces):
+        for column, other in enumerate(spaces):
+            cosines[row, column] = cosine(space, other)
+    return cosines
