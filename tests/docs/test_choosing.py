@@ -9,13 +9,15 @@ import pytest
 from attitude_motions import operations_per_sample, paper_error, relative_coning_drift
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.models.attitude_algorithms.inputs import INPUT_KINDS, order_with
+from trihedron.tools.cli import main
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.compare import sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.rounding import downwards
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-PAGE = (DOCS / "choose-an-attitude-algorithm.md").read_text(encoding="utf-8")
+PAGE_FILE = DOCS / "choose-an-attitude-algorithm.md"
+PAGE = PAGE_FILE.read_text(encoding="utf-8")
 SITUATIONS = (("1", 100.0), ("first", 2000.0), ("second", 1000.0))
 """Motions of the paper and gyro sample rates [Hz] of the table of accuracy, in the order of its columns."""
 
@@ -77,6 +79,14 @@ def test_orders_in_the_text_of_the_page_are_those_that_were_measured(said, names
     text = " ".join(PAGE.split())
     assert names
     assert set(re.findall(said, text)) == {WORDS[algorithm_named(name).order] for name in names}
+
+
+def test_the_command_that_chose_an_algorithm_names_what_takes_its_place(capsys):
+    assert main(["choose", "vibration"]) == 2
+    message = capsys.readouterr().err
+    assert "--compare" in message
+    assert f"docs/{PAGE_FILE.name}" in message
+    assert message.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", ["accuracy", "coning", "aliasing"])

@@ -63,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @SETTINGS
-@given(data=st.binary(max_size=400), at=st.integers(0, 300))
+@given(content=st.binary(max_size=400), at=st.integers(0, 300))
 def test_random_bytes_anywhere(folder: Path, content: bytes, at: int):
     table = b"\r\n".join([NAMES, *ROWS])
     imported(folder, content)
@@ -115,7 +115,7 @@ def test_mappings_of_anything(folder: Path, lines: list[str]):
 
 
 @settings(SETTINGS, max_examples=20)
-@given(data=st.binary(min_size=1, max_size=40), at=st.floats(0.0, 1.0), old=st.booleans())
+@given(content=st.binary(min_size=1, max_size=40), at=st.floats(0.0, 1.0), old=st.booleans())
 def test_workbooks_with_wrong_bytes(folder: Path, content: bytes, at: float, old: bool):
     pytest.importorskip("python_calamine", reason="python-calamine is not installed")
     pytest.importorskip("xlwt", reason="xlwt is not installed")
