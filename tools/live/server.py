@@ -56,8 +56,8 @@ class PageServer:
         try:
             self._server = _Server((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
-            said = error.strerror if isinstance(error, OSError) and error.strerror else "must be from 0 to 65535"
-            raise InputError(f"--port {port}: {said}") from error
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else "must be from 0 to 65535"
+            raise InputError(f"--port {port}: {reason}") from error
         self._server.of = self
         self.port = int(self._server.server_address[1])
         self.address = f"http://{HOST}:{self.port}/{self.token}/"
@@ -65,16 +65,16 @@ class PageServer:
 
     def show(self, moment: Moment) -> None:
         """Keep the page of a moment for who asks next."""
-        made = page_of(moment).encode()
+        page = page_of(moment).encode()
         with self._lock:
-            self._page = made
+            self._page = page
 
     def words(self) -> Sequence[Mapping[str, Any]]:
         """What was pressed since."""
-        found = []
+        words = []
         while not self._words.empty():
-            found.append(self._words.get_nowait())
-        return found
+            words.append(self._words.get_nowait())
+        return words
 
     @property
     def page(self) -> bytes:
@@ -143,8 +143,8 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get("Host") not in (f"{HOST}:{port}", f"localhost:{port}"):
             self._answer(403, b"another host")
             return False
-        given, slash, name = self.path.removeprefix("/").partition("/")
-        if not secrets.compare_digest(given.encode(), token.encode()) or not slash or name not in names:
+        token_sent, slash, name = self.path.removeprefix("/").partition("/")
+        if not secrets.compare_digest(token_sent.encode(), token.encode()) or not slash or name not in names:
             self._answer(404, b"nothing is here")
             return False
         return True
@@ -237,11 +237,11 @@ def _row(session: Session, setting: Setting) -> tuple[str, str, str, int | None]
 
 def _picture(session: Session) -> dict[str, Any]:
     """Lines of the 18 errors over what is promised against the positions that count, in a logarithmic scale."""
-    width, height, left, below = PLOT
+    width, height, margin, below = PLOT
     count = max(len(session.programme.settings), len(session.history), 2)
 
     def x(position: int) -> float:
-        return round(left + (width - left - ABOVE) * (position - 1) / (count - 1), 1)
+        return round(margin + (width - margin - ABOVE) * (position - 1) / (count - 1), 1)
 
     def y(share: float) -> float:
         part = log(min(max(share, LOWEST), HIGHEST) / LOWEST) / log(HIGHEST / LOWEST)
@@ -264,7 +264,7 @@ def _picture(session: Session) -> dict[str, Any]:
     return {
         "width": width,
         "height": height,
-        "left": left,
+        "left": margin,
         "promise": y(1.0),
         "lines": lines,
         "dots": dots,

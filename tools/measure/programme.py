@@ -78,17 +78,19 @@ def read_programme(path: Path, mounting: str = "identity") -> Programme:
     try:
         plan = PositionPlan.model_validate_json(bytes_of(path, most=LARGEST_RESULT))
     except ValidationError as error:
-        said = field_problems(error, PositionPlan)[0][1]
-        raise InputError(f"{path}: is no plan of positions ({said}); `trihedron plan positions` makes one") from error
+        problem = field_problems(error, PositionPlan)[0][1]
+        raise InputError(
+            f"{path}: is no plan of positions ({problem}); `trihedron plan positions` makes one"
+        ) from error
     if len(plan.mountings) != 1:
         names = ", ".join(plan.mountings)
         raise InputError(f"{path}: is for {len(plan.mountings)} mountings ({names}); plan and measure each by itself")
     if wrong := next((at for at in plan.programme if not 1 <= at <= len(plan.positions)), None):
         raise InputError(f"{path}: programme: {wrong} is no position of the plan")
     rows = [plan.positions[at - 1] for at in plan.programme]
-    asked = {name: getattr(plan, name) for name in ("admissible", "bounds", "convention", "baseline")}
-    angles = np.array([[one.alpha_deg, one.beta_deg] for one in rows])
-    return _promising(path, angles, Request(mountings=(plan.mountings,), **asked))
+    options = {name: getattr(plan, name) for name in ("admissible", "bounds", "convention", "baseline")}
+    angles = np.array([[position.alpha_deg, position.beta_deg] for position in rows])
+    return _promising(path, angles, Request(mountings=(plan.mountings,), **options))
 
 
 def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
@@ -102,8 +104,8 @@ def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
     cost = costs(task, Places(np.radians(angles), np.zeros(len(angles), dtype=int))).ratio
     targets = [target.symbol for target in task.targets]
     if missing := [name for name, value in zip(targets, cost, strict=True) if value >= NOT_DETERMINED]:
-        said = f"its {len(angles)} positions do not determine {', '.join(missing)}"
-        raise InputError(f"{path}: {said}; `trihedron plan positions 12 --out plan12` gives some that do")
+        reason = f"its {len(angles)} positions do not determine {', '.join(missing)}"
+        raise InputError(f"{path}: {reason}; `trihedron plan positions 12 --out plan12` gives some that do")
     matrices = {n: q.tolist() for n, q in zip(parametrisation.mountings, parametrisation.matrices, strict=True)}
     return Programme(
         settings,

@@ -84,26 +84,26 @@ class Lines:
 
         An InputError for a header that is none of a raw record.
         """
-        whole, newline, self._open = (self._open + data).rpartition(b"\n")
-        lines = (whole + newline).splitlines(keepends=True) if newline else []
+        lines_come, newline, self._open = (self._open + data).rpartition(b"\n")
+        lines = (lines_come + newline).splitlines(keepends=True) if newline else []
         if ended and self._open:
             lines.append(self._open + b"\n")
             self._open = b""
-        said = []
+        refused = []
         if self._overlong and lines:
             lines, self._overlong = lines[1:], False
         if len(self._open) > LONGEST_LINE:
-            said, self._open, self._overlong = ["a line without end"], b"", True
-        kept, rows = [], []
+            refused, self._open, self._overlong = ["a line without end"], b"", True
+        written, rows = [], []
         if self.layout is None:
             head, lines = self._header_of(lines)
-            kept += self._counted(head)
+            written += self._counted(head)
         for start in range(0, len(lines), PART):
             part, numbers, faulty = self._checked(lines[start : start + PART])
-            kept += part
+            written += part
             rows.append(numbers)
-            said += faulty
-        return Taken(b"".join(kept), np.concatenate(rows) if rows else NOTHING.rows, tuple(said))
+            refused += faulty
+        return Taken(b"".join(written), np.concatenate(rows) if rows else NOTHING.rows, tuple(refused))
 
     def _header_of(self, lines: list[bytes]) -> tuple[list[bytes], list[bytes]]:
         """What is kept of the lines up to the header, and the lines after it; numbers alone have the usual columns."""
@@ -141,23 +141,23 @@ class Lines:
         # a header that comes again, as after a restart, is no row and no remark
         texts, lines = _without(self.header[0], texts, lines)
         is_row = [bool(text.strip()) and not text.startswith("#") for text in texts]
-        rows = [k for k, one in enumerate(is_row) if one]
+        rows = [k for k, row in enumerate(is_row) if row]
         width = len(self.header)
-        said: list[str] = []
+        refused: list[str] = []
         if rows and taken_of([texts[k] for k in rows], width, self._place) is None:
             faulty = {k: next(iter(faults_of_line(self.path, 0, texts[k], width, self._place)), None) for k in rows}
-            said = [_without_row(fault) for fault in faulty.values() if fault is not None]
+            refused = [_without_row(fault) for fault in faulty.values() if fault is not None]
             rows = [k for k, fault in faulty.items() if fault is None]
-        found = taken_of([texts[k] for k in rows], width, self._place) if rows else None
-        numbers = found[1] if found else {name: np.zeros(0) for name in self._place}
+        fields = taken_of([texts[k] for k in rows], width, self._place) if rows else None
+        numbers = fields[1] if fields else {name: np.zeros(0) for name in self._place}
         good, faulty_numbers = self._good(numbers)
-        said += faulty_numbers
-        if found and self.rows < PART:
-            self._digits = max([self._digits, *(significant_digits(t) for name in FORCE for t in found[0][name])])
+        refused += faulty_numbers
+        if fields and self.rows < PART:
+            self._digits = max([self._digits, *(significant_digits(t) for name in FORCE for t in fields[0][name])])
         chosen = {rows[k] for k in np.flatnonzero(good).tolist()}
-        kept = [k for k, one in enumerate(is_row) if (k in chosen if one else self._before is None)]
-        line_of = {k: self.count + at for at, k in enumerate(kept, start=1)}
-        self._counted([lines[k] for k in kept])
+        written = [k for k, row in enumerate(is_row) if (k in chosen if row else self._before is None)]
+        line_of = {k: self.count + at for at, k in enumerate(written, start=1)}
+        self._counted([lines[k] for k in written])
         force = np.column_stack([numbers[name][good] for name in FORCE])
         self.rows += len(force)
         self._largest = max(self._largest, float(np.abs(force).max(initial=0.0)))
@@ -166,7 +166,11 @@ class Lines:
         angles = [np.radians(numbers[name][good]) for name in ANGLES]
         warmth = numbers[TEMPERATURE][good] if TEMPERATURE in numbers else np.full(len(force), np.nan)
         at = np.array([line_of[k] for k in sorted(chosen)], dtype=float)
-        return [lines[k] for k in kept], np.column_stack([numbers["time_s"][good], *angles, force, at, warmth]), said
+        return (
+            [lines[k] for k in written],
+            np.column_stack([numbers["time_s"][good], *angles, force, at, warmth]),
+            refused,
+        )
 
     def _counted(self, lines: list[bytes]) -> list[bytes]:
         self.count += len(lines)
@@ -180,28 +184,28 @@ class Lines:
             return good, []
         assert self.layout is not None
         columns = Columns(self.path, self.layout, numbers, None, np.arange(len(time)), 0.0)
-        said = []
+        refused = []
         for fault in faults(columns):
             # times are looked at below, beside all that came before; a unit that is wrong is said of a rest
             if fault.row is not None and fault.column != "time_s" and good[fault.row]:
                 good[fault.row] = False
-                said.append(_without_row(fault))
+                refused.append(_without_row(fault))
         for k in np.flatnonzero(good).tolist():
             before, now = self.last_s, float(time[k])
             if self._before is not None and now <= self._before:
                 good[k] = False
             elif now - before < SHORTEST or (np.isfinite(before) and now - before > LONGEST_GAP_S):
                 good[k] = False
-                said.append(f"time_s: {now:.12g} after {before:.12g}; it must grow from row to row")
+                refused.append(f"time_s: {now:.12g} after {before:.12g}; it must grow from row to row")
             else:
                 self.last_s = now
-        return good, said
+        return good, refused
 
 
 def _without(name: str, texts: list[str], lines: list[bytes]) -> tuple[list[str], list[bytes]]:
     """Texts and lines that do not begin with a column's name."""
-    kept = [k for k, text in enumerate(texts) if text.partition(",")[0].strip() != name]
-    return [texts[k] for k in kept], [lines[k] for k in kept]
+    remaining = [k for k, text in enumerate(texts) if text.partition(",")[0].strip() != name]
+    return [texts[k] for k in remaining], [lines[k] for k in remaining]
 
 
 def _is_number(text: str) -> bool:

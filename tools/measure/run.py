@@ -56,8 +56,8 @@ class Files:
     def _take_up(self) -> None:
         if not self.words_file.exists():
             raise InputError(f"{self.words_file}: no such file: {self.record} is of no session; give another --out")
-        data = bytes_of(self.words_file, most=LARGEST_TEXT)
-        lines = data[: data.rfind(b"\n") + 1].decode("utf-8", "replace").splitlines()
+        content = bytes_of(self.words_file, most=LARGEST_TEXT)
+        lines = content[: content.rfind(b"\n") + 1].decode("utf-8", "replace").splitlines()
         try:
             header, *self.words = map(json.loads, lines)
             if not all(isinstance(word, dict) and isinstance(word["rows"], int) for word in self.words):
@@ -233,8 +233,8 @@ class Measurement:
         """Follow what the files hold: rows, and words where they came between them."""
         words, rows = list(self.files.words), 0
         for piece in self.files.replayed():
-            read = self.lines.feed(piece)
-            for part in by_count(read.rows, rows, [word["rows"] for word in words]):
+            taken_in = self.lines.feed(piece)
+            for part in by_count(taken_in.rows, rows, [word["rows"] for word in words]):
                 self._visited(self.watch.take(part, self.lines.resolution))
                 rows += len(part)
                 while words and words[0]["rows"] <= rows:
@@ -255,14 +255,14 @@ class Measurement:
 
     def feed(self, data: bytes, *, ended: bool = False) -> None:
         """Take what came from the source: keep it first, then judge it."""
-        read = self.lines.feed(data, ended=ended)
-        if read.kept:
-            self.files.append(read.kept)
-        if read.left_out:
-            self.left_out += len(read.left_out)
-            self.trouble = f"{self.left_out} lines were left out, the last: {read.left_out[-1]}"
-            self.news.append(("refused", read.left_out[-1]))
-        visits = self.watch.take(read.rows, self.lines.resolution)
+        taken_in = self.lines.feed(data, ended=ended)
+        if taken_in.kept:
+            self.files.append(taken_in.kept)
+        if taken_in.left_out:
+            self.left_out += len(taken_in.left_out)
+            self.trouble = f"{self.left_out} lines were left out, the last: {taken_in.left_out[-1]}"
+            self.news.append(("refused", taken_in.left_out[-1]))
+        visits = self.watch.take(taken_in.rows, self.lines.resolution)
         if ended:
             visits += self.watch.end()
         self._visited(visits)
@@ -312,12 +312,12 @@ class Measurement:
         """Diagnose the positions and write the page beside the record; None where a target is open."""
         if self.session.worst is None:
             return None
-        asked, programme = self.session.asked, self.session.programme
-        record = read_record(self.files.positions_file, PositionRecord, channels=asked.channels)
+        options, programme = self.session.asked, self.session.programme
+        record = read_record(self.files.positions_file, PositionRecord, channels=options.channels)
         diagnosis = diagnose(
             record,
-            noise_bound=asked.noise_bound,
-            gravity=asked.gravity,
+            noise_bound=options.noise_bound,
+            gravity=options.gravity,
             baseline=programme.baseline,
             bounds=programme.bounds,
             mounting=dict(programme.mounting),
@@ -362,22 +362,22 @@ def _measure(measurement: Measurement, source: Source, views: Sequence[View]) ->
     last, patience_s = monotonic(), measurement.session.asked.patience_s
     ending: Ending | None = None
     while ending is None:
-        data = source.read()
-        if data is None:
+        content = source.read()
+        if content is None:
             measurement.feed(b"", ended=True)
             ending = "source"
-        elif data:
-            measurement.feed(data)
+        elif content:
+            measurement.feed(content)
             last = monotonic()
         silent_s = monotonic() - last
         for view in views:
             for word in view.words():
                 if measurement.hear(word):
                     ending = "operator"
-        if ending is None and patience_s is not None and not data and silent_s >= patience_s:
+        if ending is None and patience_s is not None and not content and silent_s >= patience_s:
             ending = "patience"
         _show(measurement.moment(source, silent_s, ended=ending is not None), views)
-        if not data and ending is None:
+        if not content and ending is None:
             sleep(PAUSE_S)
     return ending
 

@@ -224,12 +224,12 @@ class Session:
 
 def standing_of(session: Session, record: PositionRecord) -> Standing:
     """What `trihedron calibrate` finds in the positions so far."""
-    programme, asked = session.programme, session.asked
+    programme, options = session.programme, session.asked
     try:
         calibration = calibrate(
-            record.read_with(asked.channels_read) if asked.channels else record,
-            noise_bound=asked.noise_bound,
-            gravity=asked.gravity,
+            record.read_with(options.channels_read) if options.channels else record,
+            noise_bound=options.noise_bound,
+            gravity=options.gravity,
             baseline=programme.baseline,
             convention=programme.convention,
             bounds=programme.bounds,
@@ -240,9 +240,9 @@ def standing_of(session: Session, record: PositionRecord) -> Standing:
     errors: dict[str, float | None] = dict.fromkeys(programme.promised)
     for estimate in calibration.parameters:
         if estimate.symbol in errors and estimate.guaranteed_error is not None:
-            errors[estimate.symbol] = estimate.guaranteed_error / asked.noise_bound
+            errors[estimate.symbol] = estimate.guaranteed_error / options.noise_bound
     witness = tuple((reading.position, reading.accelerometer) for reading in calibration.witness)
-    return Standing(errors, calibration.radius, witness)
+    return Standing(errors, calibration.radius or 0.0, witness)
 
 
 class MeasuredPosition(Result):

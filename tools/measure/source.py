@@ -80,8 +80,8 @@ class Stream:
                 return
 
     def read(self) -> bytes | None:
-        found: list[bytes] = []
-        while not self._ended and len(found) < WAITING:
+        pieces: list[bytes] = []
+        while not self._ended and len(pieces) < WAITING:
             try:
                 piece = self._pieces.get_nowait()
             except queue.Empty:
@@ -89,8 +89,8 @@ class Stream:
             if piece is None:
                 self._ended = True
             else:
-                found.append(piece)
-        return None if self._ended and not found else b"".join(found)
+                pieces.append(piece)
+        return None if self._ended and not pieces else b"".join(pieces)
 
     def close(self) -> None:
         """Standard input is the process's, and what still waits for its writer ends with it."""
@@ -110,6 +110,6 @@ def source_of(name: str) -> Source:
             raise InputError(f"--from {name}: there is no folder {path.parent}") from None
         return GrowingFile(path)
     if stat.S_ISCHR(mode):
-        said = "is a device; pipe what it sends into `trihedron measure ... --from -`, or let a logger write a file"
-        raise InputError(f"--from {name}: {said}")
+        advice = "is a device; pipe what it sends into `trihedron measure ... --from -`, or let a logger write a file"
+        raise InputError(f"--from {name}: {advice}")
     return Stream(path.open("rb", buffering=0), name) if stat.S_ISFIFO(mode) else GrowingFile(path)

@@ -116,15 +116,15 @@ class Watch:
     def take(self, rows: NDArray, resolution: float = 0.0) -> list[Visit]:
         """The visits that end within rows (n, 8); the readings are written to half a digit of `resolution` [m/s²]."""
         self._resolution = resolution
-        found: list[Visit] = []
+        visits: list[Visit] = []
         for piece in np.array_split(rows, len(rows) // 65536 + 1):
             self._append(piece)
-            while (left := self._leaves()) is not None:
-                if left - self._anchor >= WINDOW:
-                    found += self._over(left + 1)
+            while (departure := self._leaves()) is not None:
+                if departure - self._anchor >= WINDOW:
+                    visits += self._over(departure + 1)
                 else:
-                    self._anchor = left
-        return found
+                    self._anchor = departure
+        return visits
 
     def end(self) -> list[Visit]:
         """The rest that is going on, where the source ends in one."""
@@ -198,7 +198,7 @@ class Watch:
         raw = self._raw(end)
         angles, tolerance, stops = self._stops(raw)
         self._anchor = end - 1
-        found, last = [], None
+        visits, last = [], None
         for first, stop in stops:
             if stop >= end - 1 and not ended:
                 break
@@ -207,12 +207,12 @@ class Watch:
             usual = float(np.median(self._lasted)) if self._lasted else self.dwell_s
             if lasted > SHORTEST * min(usual, self.dwell_s):
                 self._lasted.append(lasted)
-                found.append(self._visit(raw, tested(raw, angles, tolerance, first, stop)))
+                visits.append(self._visit(raw, tested(raw, angles, tolerance, first, stop)))
             last = (first, stop)
             self._done = stop + 1
         if last is not None:
             self._cut(max(last[0], last[1] + 1 - TAIL))
-        return found
+        return visits
 
     def _visit(self, raw: RawRecord, rest: Rest) -> Visit:
         average = average_rests(raw, [replace(rest, refused=None)])
@@ -254,8 +254,8 @@ class Watch:
         half = np.where(drift.significant, 0.5 * np.abs(drift.change), 0.0) / self.gravity
         axis = int(half.argmax())
         if half[axis] > self.noise_bound:
-            said = f"f{axis + 1} drifts by {digits(2.0 * half[axis], 2)} g over the rest"
-            return f"{said}, half of it more than the {upwards(self.noise_bound, 2)} g that are promised", scatter
+            drifting = f"f{axis + 1} drifts by {digits(2.0 * half[axis], 2)} g over the rest"
+            return f"{drifting}, half of it more than the {upwards(self.noise_bound, 2)} g that are promised", scatter
         if scatter > 1.0:
             promised = (
                 f"{upwards(errors[axis], 2)} g by its scatter, where {upwards(self.noise_bound, 2)} g is promised"
@@ -268,19 +268,19 @@ class Watch:
             return Present()
         raw = self._raw(self._count)
         angles, tolerance, stops = self._stops(raw)
-        here = Present("moving", float(raw.alpha[-1]), float(raw.beta[-1]), time_s=float(raw.time_s[-1]))
+        present = Present("moving", float(raw.alpha[-1]), float(raw.beta[-1]), time_s=float(raw.time_s[-1]))
         if not stops or stops[-1][1] < self._count - 1:
-            return here
+            return present
         first = max(stops[-1][0], self._done)
         lasted = float(raw.time_s[-1] - raw.time_s[first])
         if self._count - first < 2 * WINDOW:
-            return replace(here, state="settling", lasted_s=lasted)
+            return replace(present, state="settling", lasted_s=lasted)
         rest = tested(raw, angles, tolerance, first, self._count - 1)
         average = average_rests(raw, [replace(rest, refused=None)])
         why, scatter = self.judged(raw, rest, average)
-        kept = float(raw.time_s[rest.kept_last] - raw.time_s[rest.kept_first])
-        state = "settling" if "settled" in why else "resting" if why or kept < self.dwell_s else "enough"
-        return replace(here, state=state, lasted_s=lasted, kept_s=kept, scatter=scatter, why=why)
+        kept_s = float(raw.time_s[rest.kept_last] - raw.time_s[rest.kept_first])
+        state = "settling" if "settled" in why else "resting" if why or kept_s < self.dwell_s else "enough"
+        return replace(present, state=state, lasted_s=lasted, kept_s=kept_s, scatter=scatter, why=why)
 
 
 def record_of(visits: Sequence[Visit], path: Path) -> PositionRecord:
@@ -289,17 +289,17 @@ def record_of(visits: Sequence[Visit], path: Path) -> PositionRecord:
     first = averages[0]
 
     def joined(name: str) -> NDArray:
-        return np.concatenate([getattr(one, name) for one in averages])
+        return np.concatenate([getattr(average, name) for average in averages])
 
     senses = np.array([visit.sense for visit in visits], dtype=float)
-    known = [bool(np.all(senses[:, k] != 0)) for k in range(2)]
+    known_senses = [bool(np.all(senses[:, k] != 0)) for k in range(2)]
     return replace(
         first,
         position=np.arange(1, len(visits) + 1),
         **{name: joined(name) for name in ("time_s", "alpha", "beta", "specific_force", "scatter", "row")},
         temperature=None if first.temperature is None else joined("temperature"),
-        approach_alpha=senses[:, 0] if known[0] else None,
-        approach_beta=senses[:, 1] if known[1] else None,
-        resolution=max(one.resolution for one in averages),
+        approach_alpha=senses[:, 0] if known_senses[0] else None,
+        approach_beta=senses[:, 1] if known_senses[1] else None,
+        resolution=max(average.resolution for average in averages),
         path=path,
     )

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,7 +106,7 @@ class Bench:
     azimuth: float = 0.0
     step_s: float = WHOLE_STEP_S
 
-    reference = None
+    reference: ClassVar[None] = None
     """What a record of a block in the hand is held against; a bench needs nothing."""
 
     @property
@@ -120,7 +120,7 @@ class Bench:
         return None if self.whole else RECORD_DECIMALS
 
     @property
-    def baseline(self) -> str:
+    def baseline(self) -> Literal["asymmetric", "symmetric"]:
         """The model that the bench is diagnosed with."""
         return "symmetric" if self.symmetric else "asymmetric"
 
@@ -133,8 +133,8 @@ class Bench:
     @property
     def asked(self) -> dict[str, Any]:
         """What is known beside the record: σ, the mountings, the kind of block, and where a whole bench stands."""
-        known = {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
-        return known | {"bench": self.place} if self.whole else known
+        options = {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
+        return options | {"bench": self.place} if self.whole else options
 
     @property
     def matrices(self) -> dict[str, NDArray]:
@@ -159,16 +159,16 @@ class Bench:
         What changes within a rest may take a part of it away. What gyros do counts from the record's first row, as the
         run does.
         """
-        seen = evidence.readings.circumstances
+        circumstances = evidence.readings.circumstances
         warm = None
-        if seen.temperature is not None:
-            warm = (float(temperature_at(np.zeros(1))[0]), float(seen.temperature[0]))
+        if circumstances.temperature is not None:
+            warm = (float(temperature_at(np.zeros(1))[0]), float(circumstances.temperature[0]))
         recorded = []
         for effect in hidden:
             if self.whole and effect.place.definition.component in OF_GYROS:
                 recorded.append(effect)
             else:
-                recorded.append(effect.since(seen.began / 3600.0, warm))
+                recorded.append(effect.since(circumstances.began / 3600.0, warm))
         return tuple(recorded)
 
     def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
@@ -333,16 +333,16 @@ def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> Bench:
     symmetric = bool(rng.random() < SYMMETRIC_SHARE)
     truth = draw_truth(rng, symmetric=symmetric)
     count = int(rng.integers(positions[0], positions[1] + 1))
-    both = count >= FEWEST_FOR_TWO and rng.random() < TWO_MOUNTINGS_SHARE
-    others = [name for name in PRESETS if name != "identity"]
-    first = "identity" if rng.random() < 0.5 else others[rng.integers(len(others))]
+    two = count >= FEWEST_FOR_TWO and rng.random() < TWO_MOUNTINGS_SHARE
+    rotated = [name for name in PRESETS if name != "identity"]
+    first = "identity" if rng.random() < 0.5 else rotated[rng.integers(len(rotated))]
     names = (first,)
-    if both:
+    if two:
         rest = [name for name in PRESETS if name != first]
         names = (first, rest[rng.integers(len(rest))])
     errors = tuple(tuple(rng.uniform(-STAND_BOUND, STAND_BOUND, 3).tolist()) for _ in names)
     alpha, beta = draw_positions(rng, count)
-    mounting = (np.arange(count) >= count // 2).astype(int) if both else np.zeros(count, dtype=int)
+    mounting = (np.arange(count) >= count // 2).astype(int) if two else np.zeros(count, dtype=int)
     return Bench(truth, symmetric, names, errors, alpha, beta, mounting)
 
 

@@ -166,10 +166,10 @@ class Block:
             raise ValueError(f"stamps may jitter by {FURTHEST_STAMP} periods, not {self.jitter}")
         motion, instruments, increments = self.motion, self.instruments, self.instruments.increments
         # Rates know nothing of the time stamps: only what is made of both is wrong.
-        effects = [one for one in hidden if one.place.effect != STAMPS or increments]
-        for one in effects:
-            if one.place.effect == UNDERSAMPLING:
-                motion = replace(motion, increment=without_coning(motion.increment, one.values[0]))
+        effects = [effect for effect in hidden if effect.place.effect != STAMPS or increments]
+        for effect in effects:
+            if effect.place.effect == UNDERSAMPLING:
+                motion = replace(motion, increment=without_coning(motion.increment, effect.values[0]))
                 effects = []
         seed = seed * 100_003 + (index or 0)
         rng = np.random.default_rng([seed, ERRORS])
@@ -177,9 +177,9 @@ class Block:
         slow_rate = flicker_noise(rng, rows, period, instruments.gyro_noise.flicker)
         slow_force = flicker_noise(rng, rows, period, instruments.accelerometer_noise.flicker)
         if increments:
-            given = np.vstack([np.zeros((1, 3)), motion.increment]) + period * slow_rate
+            true_turns = np.vstack([np.zeros((1, 3)), motion.increment]) + period * slow_rate
         else:
-            given = motion.rate + slow_rate
+            true_turns = motion.rate + slow_rate
         force = STANDARD_GRAVITY * (motion.force + slow_force)
         warm = np.full(rows, 20.0) if self.temperature is None else self.temperature
         stamps = np.round(period * (np.arange(rows) + self.jitter * rng.uniform(-1.0, 1.0, rows)), 9)
@@ -187,26 +187,26 @@ class Block:
         table = pl.DataFrame(
             {
                 "time_s": period * np.arange(1, rows),
-                **dict(zip(turns, given[1:].T, strict=True)),
+                **dict(zip(turns, true_turns[1:].T, strict=True)),
                 **dict(zip(forces, force[1:].T, strict=True)),
                 "temperature_degC": warm[1:],
                 "interval_s": np.diff(stamps),
             }
         )
-        shown = simulate(reading_scenario(table, period, instruments, effects, seed % 2**31), progress=progress).table[
-            1:
-        ]
-        gyros = shown.select(turns).to_numpy()
+        readings = simulate(
+            reading_scenario(table, period, instruments, effects, seed % 2**31), progress=progress
+        ).table[1:]
+        gyros = readings.select(turns).to_numpy()
         attitude = None
         if self.reference == "truth":
             wrong = Rotation.from_rotvec(rng.uniform(-1.0, 1.0, (rows, 3)) * instruments.truth_noise)
-            seen = Rotation.from_quat(np.roll(motion.attitude, -1, axis=1)) * wrong
-            attitude = np.roll(seen.as_quat(), 1, axis=1)[1:]
+            observed = Rotation.from_quat(np.roll(motion.attitude, -1, axis=1)) * wrong
+            attitude = np.roll(observed.as_quat(), 1, axis=1)[1:]
         return StrapdownRecord(
             time_s=stamps[1:],
             rate=None if increments else gyros,
             increment=gyros if increments else None,
-            specific_force=shown.select(forces).to_numpy(),
+            specific_force=readings.select(forces).to_numpy(),
             attitude=attitude,
             temperature=None if self.temperature is None else self.temperature[1:],
         )
@@ -233,7 +233,7 @@ def reading_scenario(
             "gyros": ("GyroBlock", {**instruments.gyros, **gyros}),
             "accelerometers": ("AccelerometerBlock", {**instruments.accelerometers, **accelerometers}),
         },
-        [one.entry for one in hidden],
+        [effect.entry for effect in hidden],
         {
             **{name: f"gyros.{output}[{p}]" for p, name in enumerate(turns, start=1)},
             **{name: f"accelerometers.reading[{p}]" for p, name in enumerate(forces, start=1)},
@@ -352,13 +352,13 @@ def flicker_noise(rng: np.random.Generator, rows: int, period: float, coefficien
     """
     total = np.zeros((rows, 3))
     # Flicker noise has as much mean square in each octave of time; its Allan variance is 2 ln 2 of that in e-folds.
-    each = coefficient * math.sqrt(math.log(OCTAVES) / (2.0 * math.log(2.0)))
+    amplitude = coefficient * math.sqrt(math.log(OCTAVES) / (2.0 * math.log(2.0)))
     time = 2.0 * period
     while time < 2.0 * rows * period:
-        kept = math.exp(-period / time)
-        drive = rng.uniform(-1.0, 1.0, (rows, 3)) * math.sqrt(3.0 * (1.0 - kept**2))
+        decay = math.exp(-period / time)
+        drive = rng.uniform(-1.0, 1.0, (rows, 3)) * math.sqrt(3.0 * (1.0 - decay**2))
         # The state at the start is drawn as the process has it at any time.
         drive[0] = rng.uniform(-math.sqrt(3.0), math.sqrt(3.0), 3)
-        total += each * np.asarray(lfilter([1.0], [1.0, -kept], drive, axis=0))
+        total += amplitude * np.asarray(lfilter([1.0], [1.0, -decay], drive, axis=0))
         time *= OCTAVES
     return total

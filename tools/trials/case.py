@@ -98,8 +98,8 @@ class Options:
         if not 1 <= self.records <= MOST_RECORDS:
             raise InputError(f"--records {self.records}: must be a whole number from 1 to {MOST_RECORDS}")
         if self.records > 1 and (self.mode not in OF_SEVERAL or self.size is not None):
-            given = f"--mode {self.mode}" if self.size is None else "--size"
-            raise InputError(f"{given}: is of one record; of several there is --mode {' or '.join(OF_SEVERAL)}")
+            option = f"--mode {self.mode}" if self.size is None else "--size"
+            raise InputError(f"{option}: is of one record; of several there is --mode {' or '.join(OF_SEVERAL)}")
         low, high = self.positions
         if not 6 <= low <= high <= 1000:
             raise InputError(f"--positions {low} {high}: must be two whole numbers from 6 to 1000, the lesser first")
@@ -132,8 +132,8 @@ def hidden_effects() -> tuple[str, ...]:
 def hideable_in_block() -> tuple[str, ...]:
     """Names of effects that some record of a moved block can hide."""
     forces = [e.name for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock" and e.variants is None]
-    own = [e.name for e in STRAPDOWN_EFFECTS.values() if e.variants is None and e.name not in TAKEN_OUT]
-    return (*own, *forces)
+    turns = [e.name for e in STRAPDOWN_EFFECTS.values() if e.variants is None and e.name not in TAKEN_OUT]
+    return (*turns, *forces)
 
 
 def check_seed(seed: int) -> None:

@@ -151,20 +151,20 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     order = rng.permutation(len(alpha))
     alpha, beta = alpha[order], beta[order]
     bench = plain_bench(truth, alpha, beta, symmetric=symmetric)
-    here = faultless_model({"identity": np.eye(3)}, alpha, beta, symmetric=symmetric)
+    model = faultless_model({"identity": np.eye(3)}, alpha, beta, symmetric=symmetric)
     hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
     # About as the bench will run.
     circumstances = Circumstances(hours, temperature_at(hours), senses_of(alpha), senses_of(beta), True)
-    rows = Visits.of(here, circumstances).rows(here.point)
-    basis, _ = np.linalg.qr(here.jacobian)
+    rows = Visits.of(model, circumstances).rows(model.point)
+    basis, _ = np.linalg.qr(model.jacobian)
     visible = []
     for effect in POSITION_EFFECTS.values():
         for place in effect.places if effect.within != bench.baseline and effect.variants is None else ():
             columns = signature_columns([place], rows)
             if np.linalg.norm(columns - basis @ (basis.T @ columns)) > 1e-9:
                 visible.append(place)
-    seen = {place.effect for place in visible}
-    usable = [name for name in POSITION_EFFECTS if name == "outlier" or name in seen]
+    visible_names = {place.effect for place in visible}
+    usable = [name for name in POSITION_EFFECTS if name == "outlier" or name in visible_names]
     for name in effects or ():
         if name not in usable:
             raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")
@@ -173,7 +173,7 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
         return Case(seed, None, bench)
     place, direction = draw_place(rng, names[rng.integers(len(names))], visible, len(alpha))
     unit = signature_columns([place], rows) @ direction
-    size = rng.uniform(*ALONE_SIZES) * _sure_size(here.jacobian, unit, NOISE_BOUND)
+    size = rng.uniform(*ALONE_SIZES) * _sure_size(model.jacobian, unit, NOISE_BOUND)
     effect = place.definition
     values = effect.from_coefficients(min(size, effect.parameters[0].largest) * direction)
     return Case(seed, None, bench, (Hidden(place, values),))
@@ -216,39 +216,39 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
     unseen = (*TAKEN_OUT, *(UNSEEN_BETWEEN_RESTS if block.reference == "gravity" else ()))
     every = (*evidence.places, *evidence.starting)
-    shown = {place.effect for place in every if not options.effects or place.effect in options.effects}
-    names = sorted(shown - set(unseen))
+    possible = {place.effect for place in every if not options.effects or place.effect in options.effects}
+    names = sorted(possible - set(unseen))
     for redrawn in range(BLOCK_TRIES if names else 0):
         name = names[rng.integers(len(names))]
         places = [place for place in every if place.effect == name]
         place = places[rng.integers(len(places))]
-        here = evidence
+        at_time = evidence
         if place in evidence.starting:
-            here = evidence.with_onset(place, drawn_time(rng, evidence, place))
-        wanted = float(rng.uniform(*options.sizes))
+            at_time = evidence.with_onset(place, drawn_time(rng, evidence, place))
+        relative = float(rng.uniform(*options.sizes))
         effect = place.definition
         if effect.component == "AttitudeComputer" and not block.instruments.increments:
             continue
         if place.effect == STAMPS:
-            jitter = _jitter_of(clean, place, wanted)
+            jitter = _jitter_of(clean, place, relative)
             if jitter is not None:
-                hidden = (Hidden(place, (1.0,), wanted),)
+                hidden = (Hidden(place, (1.0,), relative),)
                 return Case(clean.seed, index, replace(block, jitter=jitter), hidden, redrawn)
             continue
         direction = draw_direction(rng, place)
-        coefficients = wanted * size_in_block(here, place, direction) * direction
-        values = here.values_of([place], np.append(np.zeros(len(here.names)), coefficients))[place]
+        coefficients = relative * size_in_block(at_time, place, direction) * direction
+        values = at_time.values_of([place], np.append(np.zeros(len(at_time.names)), coefficients))[place]
         if all(np.isfinite(v) and p.possible(v) for v, p in zip(values, effect.parameters, strict=True)):
-            return replace(clean, hidden=(Hidden(place, values, wanted),), redrawn=redrawn)
+            return replace(clean, hidden=(Hidden(place, values, relative),), redrawn=redrawn)
     raise InputError(f"case {index}: a record with {block.reference} for its reference cannot show such an effect")
 
 
 def evidence_of(case: Case) -> Carried | None:
     """The evidence that a diagnosis makes of the record of a moved block; None where it can make none."""
-    found, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
-    if reference == "gravity" and norm_values(found.accelerometers) is None:
+    inspection, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
+    if reference == "gravity" and norm_values(inspection.accelerometers) is None:
         return None
-    return linear_evidence(found, BASELINE[reference])
+    return linear_evidence(inspection, BASELINE[reference])
 
 
 def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) -> float:

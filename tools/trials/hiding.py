@@ -91,8 +91,8 @@ def faultless_record(bench: Bench) -> PositionRecord:
 def expected(bench: Bench) -> tuple[Linearisation, Circumstances]:
     """The model at the truth, with the bounds of the readings, and the circumstances of the rows."""
     record = faultless_record(bench)
-    here = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
-    return here, circumstances_of(record)
+    model = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
+    return model, circumstances_of(record)
 
 
 def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDArray, *, symmetric: bool):
@@ -135,8 +135,8 @@ class Drawing:
     @staticmethod
     def of(rng: np.random.Generator, options: Options, bench: Bench) -> "Drawing":
         """The drawing of effects for a bench."""
-        here, circumstances = expected(bench)
-        return Drawing(rng, options, here, circumstances, classes_with(bench.mountings, symmetric=bench.symmetric))
+        model, circumstances = expected(bench)
+        return Drawing(rng, options, model, circumstances, classes_with(bench.mountings, symmetric=bench.symmetric))
 
     @cached_property
     def linear(self) -> list[EffectPlace]:
@@ -146,12 +146,12 @@ class Drawing:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of effects that this bench can hide."""
-        shown = {place.effect for place in self.linear} | {"outlier"}
+        hideable = {place.effect for place in self.linear} | {"outlier"}
         if self.options.mode != "pairs":
-            shown |= {name for name in hidden_effects() if POSITION_EFFECTS[name].variants is not None}
+            hideable |= {name for name in hidden_effects() if POSITION_EFFECTS[name].variants is not None}
         if self.options.effects:
-            shown &= set(self.options.effects)
-        return tuple(name for name in hidden_effects() if name in shown)
+            hideable &= set(self.options.effects)
+        return tuple(name for name in hidden_effects() if name in hideable)
 
     def drawn(self) -> tuple[EffectPlace, NDArray]:
         """One of the effects at one of its places, and a direction of its coefficients."""
@@ -164,7 +164,7 @@ class Drawing:
         """The sizes of an effect against one rival of each class that is that of none of some effects."""
         rivals, ways = [], []
         if apart:
-            rivals = [other for other in self.classes.places if not set(self.classes.whole_class(other)) & set(apart)]
+            rivals = [rival for rival in self.classes.places if not set(self.classes.whole_class(rival)) & set(apart)]
             ways = self.other_ways(place)
         return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside, ways=ways)
 
@@ -186,7 +186,7 @@ class Drawing:
 
     def in_way(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
         """An effect that is not linear in one of its ways, at a size of the mode."""
-        ways, options = [way for other, way in self.ways if other == place], self.options
+        ways, options = [way for nonlinear, way in self.ways if nonlinear == place], self.options
         way = ways[self.rng.integers(len(ways))]
         unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
         if way.sizes is not None and len(way.sizes) > 1:
@@ -224,7 +224,7 @@ class Drawing:
     def single(self) -> tuple[Hidden, ...] | None:
         """One effect at a size of the mode."""
         place, direction = self.drawn()
-        if any(other == place for other, _ in self.ways):
+        if any(nonlinear == place for nonlinear, _ in self.ways):
             return self.in_way(place)
         if place.definition.variants is not None:
             return self.level(place)
@@ -247,8 +247,8 @@ class Drawing:
         if self.classes.whole_class(first)[0] == self.classes.whole_class(second)[0]:
             return None
         pair: list[Hidden] = []
-        for place, direction, other in ((first, along, second), (second, across, first)):
-            sizes = self.sizes(place, direction, [first, second], [other])
+        for place, direction, companion in ((first, along, second), (second, across, first)):
+            sizes = self.sizes(place, direction, [first, second], [companion])
             hidden = hidden_at(place, direction, ABOVE * sizes.excluded, sizes)
             if hidden is None:
                 return None
@@ -261,7 +261,7 @@ class Drawing:
         largest = min(parameter.largest, float(np.abs(self.here.prediction[:, place.index]).max()))
         low = max(parameter.smallest or 0.0, 1e-3 * largest)
         levels = np.exp(self.rng.uniform(np.log(low), np.log(max(largest, low)), TRIES)).tolist()
-        rivals = [other for other in self.classes.places if place not in self.classes.whole_class(other)]
+        rivals = [rival for rival in self.classes.places if place not in self.classes.whole_class(rival)]
         margins = level_margins(self.here, self.circumstances, place, levels, rivals)
         for level, sizes in zip(levels, margins, strict=True):
             fits = ABOVE * sizes.excluded <= 1.0
@@ -314,8 +314,8 @@ def draw_shared_and_own(
     first, second = common[rng.integers(len(common))], alone[rng.integers(len(alone))]
     if (first.where, first.effect) == (second.where, second.effect):
         return None
-    shared, own = _beside(rng, joint, first, second), _beside(rng, joint, second, first)
-    return None if shared is None or own is None else (shared, own)
+    shared, single = _beside(rng, joint, first, second), _beside(rng, joint, second, first)
+    return None if shared is None or single is None else (shared, single)
 
 
 def _beside(rng: np.random.Generator, joint: Joint, place: EffectPlace, other: EffectPlace) -> Hidden | None:
@@ -335,18 +335,18 @@ def hidden_in(rng: np.random.Generator, bench: Bench, clean: PositionRecord, opt
     """
     evidence = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND)
     classes = evidence.classes
-    shown = [place for first in classes.places for place in classes.whole_class(first)]
-    shown += evidence.starting
-    names = sorted({place.effect for place in shown if not options.effects or place.effect in options.effects})
+    hideable = [place for first in classes.places for place in classes.whole_class(first)]
+    hideable += evidence.starting
+    names = sorted({place.effect for place in hideable if not options.effects or place.effect in options.effects})
     if not names:
         return None
     name = names[rng.integers(len(names))]
-    possible = [place for place in shown if place.effect == name]
+    possible = [place for place in hideable if place.effect == name]
     place = possible[rng.integers(len(possible))]
     in_time = place in evidence.starting
-    here = evidence.with_onset(place, drawn_time(rng, evidence, place)) if in_time else evidence
+    at_time = evidence.with_onset(place, drawn_time(rng, evidence, place)) if in_time else evidence
     direction = draw_direction(rng, place)
-    change = here.columns_of([place]) @ direction
+    change = at_time.columns_of([place]) @ direction
     columns = {}
     if options.size is None:
         for rival in classes.places:
@@ -362,7 +362,7 @@ def hidden_in(rng: np.random.Generator, bench: Bench, clean: PositionRecord, opt
         size = relative_size(rng, sizes, options.size)
     if not np.isfinite(size) or size > largest_size(place, direction):
         return None
-    values = here.values_of([place], np.append(np.zeros(len(here.names)), size * direction))[place]
+    values = at_time.values_of([place], np.append(np.zeros(len(at_time.names)), size * direction))[place]
     hidden = Hidden(place, values, float(size), sizes)
     # What acts at rest counts from the first rest on.
     began = evidence.readings.circumstances.began / 3600.0

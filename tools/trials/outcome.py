@@ -130,7 +130,7 @@ def _names(effects: Iterable[EffectPlace | NamedInRecord]) -> str:
 def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis:
     """The diagnosis of a case's record, or records; of a bench σ, the mountings and the kind of block are known."""
     if case.days:
-        alone = {label: diagnose(one, rerun=rerun, noise_bound=NOISE_BOUND) for label, one in record.items()}
+        alone = {label: diagnose(day, rerun=rerun, noise_bound=NOISE_BOUND) for label, day in record.items()}
         return diagnosed_together(alone, rerun=rerun)
     return diagnose(record, rerun=rerun, **case.instrument.asked)
 
@@ -145,16 +145,16 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
         kind = kind_of(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
         secrets = instrument.as_recorded(case.hidden, result.evidence)
     inside, errors = _held_against(secrets, kind, sets, instrument.table)
-    told = instrument.told(case.seed, case.index or 0, secrets)
+    fields = instrument.told(case.seed, case.index or 0, secrets)
     if case.days:
-        told["records"] = len(result.records or ())
+        fields["records"] = len(result.records or ())
     if instrument.reference is None:
-        told["errors"] = errors
+        fields["errors"] = errors
     else:
         why = "; ".join((*(result.not_named or ()), *map(str, result.missing or ())))
-        told |= {"error": errors[0] if errors else None, "why": why}
+        fields |= {"error": errors[0] if errors else None, "why": why}
     return Outcome(
-        **told,
+        **fields,
         redrawn=case.redrawn,
         radius=result.radius,
         verdict=result.verdict,

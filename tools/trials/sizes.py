@@ -110,8 +110,8 @@ class Hidden:
             # What the lag is ahead at the later beginning fades from there on, too.
             times, constant = np.array([0.0, abs(hours)]), np.array([values["time_constant"]])
             ahead = float(lagged(times, np.array(temperature), constant)[0][1, 0]) - temperature[1]
-            both, left = values["coefficient"] * ahead, math.exp(-hours / constant[0])
-            values["settling"] = values["settling"] * left + both * (1.0 if hours > 0.0 else -left)
+            offset, decay = values["coefficient"] * ahead, math.exp(-hours / constant[0])
+            values["settling"] = values["settling"] * decay + offset * (1.0 if hours > 0.0 else -decay)
         return replace(self, values=tuple(values.values()))
 
 
@@ -124,8 +124,8 @@ class NamedInRecord(NamedEffect):
     def of(place: EffectPlace) -> "NamedInRecord":
         """The effect at a place."""
         record = place.record if isinstance(place, InRecord) else None
-        own: dict[str, Any] = {} if record is None else {"record": record}
-        return NamedInRecord(**NamedEffect.keys(place), **own)
+        alone: dict[str, Any] = {} if record is None else {"record": record}
+        return NamedInRecord(**NamedEffect.keys(place), **alone)
 
     @property
     def place(self) -> EffectPlace:
@@ -195,14 +195,16 @@ def sure_sizes(
     columns = signature_columns([place], rows)
     # Readings on which the effect acts in a way that the record does not tell prove nothing.
     nominal = np.hstack(
-        (here.jacobian, _untold_columns([place], rows), *(_freed_columns(other, rows) for other in beside))
+        (here.jacobian, _untold_columns([place], rows), *(_freed_columns(companion, rows) for companion in beside))
     )
-    others = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
-    own = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
+    possible = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
+    reading = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
     directions = spread_directions(columns.shape[1], DIRECTIONS) if direction is None else [direction]
-    found = [_sizes_of_change(nominal, columns @ d, here.bound, others, own_reading=own) for d in directions]
-    worst = max(found, key=lambda sizes: sizes.excluded)
-    return SureSizes(max(sizes.detected for sizes in found), worst.excluded, worst.rival)
+    by_direction = [
+        _sizes_of_change(nominal, columns @ d, here.bound, possible, own_reading=reading) for d in directions
+    ]
+    worst = max(by_direction, key=lambda sizes: sizes.excluded)
+    return SureSizes(max(sizes.detected for sizes in by_direction), worst.excluded, worst.rival)
 
 
 def sizes_of_way(
@@ -214,8 +216,8 @@ def sizes_of_way(
 ) -> SureSizes:
     """As `sure_sizes` of what an effect that is not linear adds to the readings (N, 3) [g] in one of its ways."""
     rows = Visits.of(here, circumstances).rows(here.point)
-    others = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
-    return _sizes_of_change(here.jacobian, change.ravel(), here.bound, others)
+    possible = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
+    return _sizes_of_change(here.jacobian, change.ravel(), here.bound, possible)
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,8 +279,8 @@ def _sizes_of_change(
     if alone < NOTHING_LEFT:
         return SureSizes(math.inf, math.inf, None)
     least, nearest = alone, None
-    own = [rival.columns / bound[:, None] for rival in rivals]
-    bounds, candidates = _least_square_bounds(model, target, own, own_reading)
+    scaled = [rival.columns / bound[:, None] for rival in rivals]
+    bounds, candidates = _least_square_bounds(model, target, scaled, own_reading)
     # The others prove what is left without a reading that the proof does not use.
     bounds[len(rivals) :] = np.maximum(bounds[len(rivals) :], np.where(duals == 0.0, alone, 0.0))
     for k in np.argsort(bounds, kind="stable"):
@@ -304,8 +306,8 @@ def _sizes_of_change(
 
 def sizes_of_change(nominal: NDArray, change: NDArray, rivals: Mapping[str, NDArray]) -> SureSizes:
     """Factors of a change (M,) of rows in units of their bounds that surely detect it, and exclude rivals by title."""
-    others = [_Rival(title, columns) for title, columns in rivals.items()]
-    return _sizes_of_change(nominal, change, np.ones(len(change)), others)
+    possible = [_Rival(title, columns) for title, columns in rivals.items()]
+    return _sizes_of_change(nominal, change, np.ones(len(change)), possible)
 
 
 def _least_square_bounds(
@@ -314,17 +316,17 @@ def _least_square_bounds(
     """Lower bounds of the distances with each rival's columns, then with each reading's own column, and the columns."""
     count = len(target)
     basis = column_space(model)
-    left = target - basis @ (basis.T @ target)
+    remainder = target - basis @ (basis.T @ target)
     bounds = []
     for columns in rivals:
         scale = np.abs(columns).max(initial=0.0) or 1.0
         u, values, _ = np.linalg.svd((columns - basis @ (basis.T @ columns)) / scale, full_matrices=False)
-        more = u[:, values > 1e-9 * max(values.max(initial=0.0), 1.0)]
-        bounds.append(np.linalg.norm(left - more @ (more.T @ left)) / math.sqrt(count))
+        directions = u[:, values > 1e-9 * max(values.max(initial=0.0), 1.0)]
+        bounds.append(np.linalg.norm(remainder - directions @ (directions.T @ remainder)) / math.sqrt(count))
     free = 1.0 - np.sum(basis**2, axis=1)
-    taken = np.where(free > 1e-9, left**2 / np.maximum(free, 1e-9), 0.0)
+    by_reading = np.where(free > 1e-9, remainder**2 / np.maximum(free, 1e-9), 0.0)
     # One reading less: the others' mean square is over one fewer.
-    alone = np.sqrt(np.maximum(left @ left - taken, 0.0) / (count - 1))
+    alone = np.sqrt(np.maximum(remainder @ remainder - by_reading, 0.0) / (count - 1))
     if own_reading is not None:
         alone[own_reading] = math.inf
     readings = [np.eye(count, 1, -k) for k in range(count)]
@@ -338,10 +340,10 @@ def _is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray)
         root = np.sqrt(weights)
         basis = column_space(columns * root[:, None])
         weighted = root * target
-        left = weighted - basis @ (basis.T @ weighted)
-        if left @ left >= least**2:
+        remainder = weighted - basis @ (basis.T @ weighted)
+        if remainder @ remainder >= least**2:
             return True
-        weights = sharpened(weights, left / root)
+        weights = sharpened(weights, remainder / root)
     return False
 
 
@@ -363,9 +365,9 @@ def level_margins(
     surely detected, or every linear rival surely excluded. Arguments as for `sure_sizes`.
     """
     rows = Visits.of(here, circumstances).rows(here.point)
-    others = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals]
+    possible = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals]
     changes = [level_change(place, level, rows).ravel() for level in levels]
-    return [_sizes_of_change(here.jacobian, change, here.bound, others) for change in changes]
+    return [_sizes_of_change(here.jacobian, change, here.bound, possible) for change in changes]
 
 
 def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
@@ -394,15 +396,15 @@ def most_alike(evidence: SettingIn, place: EffectPlace, change: NDArray) -> NDAr
     acting = evidence.acting[place]
     onsets = evidence.onsets_of(place)
     every = onsets.edges_of(acting)
-    tried = [np.nan_to_num(evidence.over_bounds(onsets.columns(acting, row)[0])) for row in every]
+    candidates = [np.nan_to_num(evidence.over_bounds(onsets.columns(acting, row)[0])) for row in every]
     base = column_space(evidence.nominal)
-    left = change - base @ (base.T @ change)
+    remainder = change - base @ (base.T @ change)
 
     def told(columns: NDArray) -> float:
-        own = column_space(columns - base @ (base.T @ columns))
-        return float(np.sum((own.T @ left) ** 2))
+        directions = column_space(columns - base @ (base.T @ columns))
+        return float(np.sum((directions.T @ remainder) ** 2))
 
-    return max(tried, key=told)
+    return max(candidates, key=told)
 
 
 def largest_size(place: EffectPlace, direction: NDArray) -> float:

@@ -80,8 +80,8 @@ def write_hidden_record(case: Case, path: Path, answer: Path | None, *, progress
     if answer is not None:
         write_text(answer, json.dumps(case.answer(), indent=2) + "\n")
     try:
-        own = case.instrument
-        write_record(own.as_measured(record), path, decimals=own.decimals)
+        instrument = case.instrument
+        write_record(instrument.as_measured(record), path, decimals=instrument.decimals)
     except InputError:
         if answer is not None:
             answer.unlink(missing_ok=True)
@@ -206,26 +206,26 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
         record = case.measured()
         if records is not None:
             several = record if isinstance(record, dict) else {"": record}
-            for label, one in several.items():
+            for label, day in several.items():
                 name = f"case-{index:05d}{label and '-'}{label}.csv"
-                write_record(case.instrument.as_measured(one), records / name)
+                write_record(case.instrument.as_measured(day), records / name)
         return judged(case, diagnosed(case, record))
 
 
 def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     """A suite from the outcomes of its cases, in their order."""
     clean = [outcome for outcome in outcomes if not outcome.places]
-    found = np.array([error for outcome in outcomes for error in outcome.size_errors])
+    errors_found = np.array([error for outcome in outcomes for error in outcome.size_errors])
     inside = [outcome.inside for outcome in outcomes if outcome.inside is not None]
     errors = {
-        "estimates": len(found),
-        "mean": float(found.mean()) if len(found) else None,
-        "rms": float(np.sqrt(np.mean(found**2))) if len(found) else None,
-        "largest": float(np.abs(found).max()) if len(found) else None,
+        "estimates": len(errors_found),
+        "mean": float(errors_found.mean()) if len(errors_found) else None,
+        "rms": float(np.sqrt(np.mean(errors_found**2))) if len(errors_found) else None,
+        "largest": float(np.abs(errors_found).max()) if len(errors_found) else None,
         "cases_with_intervals": len(inside),
         "inside_intervals": sum(inside),
     }
-    own: dict[str, Any] = {
+    of_kind: dict[str, Any] = {
         "schema": "trihedron.hidden-suite/1",
         "mode": options.mode,
         **({"records": options.records} if options.records > 1 else {}),
@@ -238,14 +238,14 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     if options.strapdown:
         del errors["mean"]
         of = {name: [one for one in outcomes if one.reference == name] for name in ("gravity", "truth")}
-        own = {
+        of_kind = {
             "schema": "trihedron.hidden-strapdown-suite/1",
             "clean": options.mode == "clean",
             "size": None if options.mode == "clean" else options.sizes,
             "by_reference": {reference: kinds(those) for reference, those in of.items() if those},
         }
     return Suite(
-        **own,
+        **of_kind,
         effects=options.effects,
         seed=seed,
         cases=len(outcomes),
@@ -274,15 +274,15 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
 def detection(outcomes: Sequence[Outcome]) -> list[Detection]:
     """Single effects counted by their size relative to that of sure detection; ranges without cases are left out."""
     singles = [outcome for outcome in outcomes if len(outcome.secrets) == 1]
-    found = []
+    ranges = []
     for low, high in pairwise(BINS):
-        own = [outcome for outcome in singles if low <= outcome.secrets[0].relative_size < high]
-        if own:
-            detected = sum(outcome.verdict not in ("consistent", "insufficient") for outcome in own)
-            named = sum(outcome.outcome == "right" for outcome in own)
+        within = [outcome for outcome in singles if low <= outcome.secrets[0].relative_size < high]
+        if within:
+            detected = sum(outcome.verdict not in ("consistent", "insufficient") for outcome in within)
+            right = sum(outcome.outcome == "right" for outcome in within)
             top = high if math.isfinite(high) else None
-            found.append(Detection(low=low, high=top, cases=len(own), detected=detected, named=named))
-    return found
+            ranges.append(Detection(low=low, high=top, cases=len(within), detected=detected, named=right))
+    return ranges
 
 
 def cases_csv(suite: Suite) -> str:
