@@ -300,15 +300,22 @@ class Guest:
 
     def _getter(self, name: str) -> Callable[..., int]:
         kind = _kind(name)
+        calls: dict[int, tuple[str, tuple[Any, ...]]] = {}
 
-        def getter(_: int, references: int, several: int, values: int, *counts: int) -> int:
+        def call_of(references: int, several: int, counts: Sequence[int]) -> tuple[str, tuple[Any, ...]]:
+            """The call for a port, whose references stay where they are."""
             count = (several, *counts)[-1]
             output: tuple[Any, ...] = (bytes(VALUE_TYPES[kind].dtype().itemsize * count),)
             if kind == "String":
                 output = ("texts", count)
             elif kind == "Binary":
                 output = ("binaries", count)
-            call = name, (ctypes.string_at(references, 4 * several), several, output, *counts)
+            return name, (ctypes.string_at(references, 4 * several), several, output, *counts)
+
+        def getter(_: int, references: int, several: int, values: int, *counts: int) -> int:
+            if references not in calls:
+                calls[references] = call_of(references, several, counts)
+            call = calls[references]
             answer = self._fetched.pop(call, None)
             if answer is None:
                 answer = self._ask("call", *call)

@@ -321,7 +321,8 @@ class Host:
     def __init__(self, log: Log) -> None:
         self.log = log
         HOSTS[id(self)] = self
-        self.follows: list[tuple[str, Sequence[Any]]] = []
+        self.follows: list[tuple[str, Sequence[Any], list[Any]]] = []
+        """Name, arguments and memory of the calls that follow each step."""
         self.progress: Any = bytearray(1)
         """Which operation of a request is being made."""
         self._events: Events | None = None
@@ -404,9 +405,7 @@ class Host:
         """Call a function."""
         if self._events is not None and name.endswith(("DoStep", "Status")):
             return self._events.answer(name, arguments)
-        memory: list[Any] = []
-        for argument in arguments:
-            memory += _of_c(argument)
+        memory = _memory(arguments)
         if name.endswith("FreeInstance"):
             self._plain_call(name, *memory)
             return OK, []
@@ -419,7 +418,7 @@ class Host:
 
     def follow(self, calls: list[tuple[str, Sequence[Any]]]) -> tuple[int, None]:
         """Make these calls after each step from now on."""
-        self.follows = calls
+        self.follows = [(name, arguments, _memory(arguments)) for name, arguments in calls]
         return OK, None
 
     def answer(self, request: Sequence[tuple[Any, ...]]) -> list[tuple[int, Any]]:
@@ -431,10 +430,19 @@ class Host:
             if answers[-1][0] > WARNING:
                 return answers
             if verb == "call" and arguments[0].endswith("DoStep"):
-                for following, call in enumerate(self.follows, at + 1):
+                for following, (name, outputs, memory) in enumerate(self.follows, at + 1):
                     self.progress[0] = following
-                    answers.append(self.call(*call))
+                    status = self._plain_call(name, *memory)
+                    answers.append((status, _written(outputs, memory, status)))
         return answers
+
+
+def _memory(arguments: Sequence[Any]) -> list[Any]:
+    """Arguments as C takes them."""
+    memory: list[Any] = []
+    for argument in arguments:
+        memory += _of_c(argument)
+    return memory
 
 
 def _of_c(argument: Any) -> list[Any]:
