@@ -70,7 +70,7 @@ def api_page() -> str:
 def result_classes() -> list[Any]:
     """Every class of results that has a document, and its parts behind it."""
     from trihedron import tools
-    from trihedron.tools.reports import MAKERS
+    from trihedron.tools.reports import PAGES
     from trihedron.tools.result import Result
 
     for module in walk_packages(tools.__path__, f"{tools.__name__}."):
@@ -86,7 +86,7 @@ def result_classes() -> list[Any]:
                 if issubclass(part, Result) and part.__name__ not in found:
                     add(part)
 
-    for name in MAKERS:
+    for name in PAGES:
         add(known[name])
     return list(found.values())
 

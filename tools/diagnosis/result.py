@@ -536,3 +536,7 @@ def _places_of(sets: tuple[tuple[NamedEffect, ...], ...] | None) -> tuple[tuple[
     for named in sets or ():
         places.append(tuple(effect.place for effect in named))
     return tuple(places)
+
+
+# The diagnosis of one record is a part of that of several: its type is known only here.
+OneRecord.model_rebuild(force=True)
