@@ -406,9 +406,15 @@ def _determines(information: NDArray, weights: NDArray) -> bool:
 
 
 def channels_advice(record: PositionRecord, reading: NDArray, p: Parametrisation, at: Positions) -> str:
-    """One line where another way of reading a record fits far better than the one it is read in; else nothing.
+    """Return one line where another way of reading a record fits far better than the present one; else nothing.
 
-    The readings (N, 3) are over g. Nothing is said where a person has said that the file stands as it is.
+    The readings (N, 3) are over g. There is no advice where a person has said that the file stands as it is.
+
+    Notes
+    -----
+    A way of reading is right where reading = (1 + E) P Q up(α, β) + b, with P a signed permutation and E, b of usual
+    size. In each way the penalised least squares of E and b have a closed form, and the cost of P is a sum of three
+    numbers out of eighteen.
     """
     if len(reading) < FEWEST or record.channels == Channels():
         return ""

@@ -163,9 +163,11 @@ def _steady_rows(
 
 def _one_sign(linearised: Linearisation, angles: NDArray, rows: NDArray, half: int) -> NDArray[np.bool_]:
     """Whether (W, 3) inputs have one sign, surely, over the rows that readings at rows (W,) are of."""
-    over = angles[rows + np.array([[-half - 1], [0], [half]])]
-    at = [Positions(pair[:, 0], pair[:, 1], np.zeros(len(rows), dtype=int)) for pair in over]
-    inputs = np.stack([predicted_input(linearised.parametrisation, linearised.point, pair) for pair in at])
+    inputs = np.zeros((3, len(rows), 3))
+    for number, shift in enumerate((-half - 1, 0, half)):
+        alpha, beta = angles[rows + shift].T
+        at = Positions(alpha, beta, np.zeros(len(rows), dtype=int))
+        inputs[number] = predicted_input(linearised.parametrisation, linearised.point, at)
     return np.all(inputs > SURE, axis=0) | np.all(inputs < -SURE, axis=0)
 
 
@@ -179,16 +181,16 @@ def _parabola(reading: NDArray, rows: NDArray, half: int) -> tuple[NDArray, NDAr
 
 def _scatter(reading: NDArray, record: PositionRecord) -> NDArray[np.float64]:
     """Standard deviation (3,) of single readings about the means of their rests."""
-    at_rest = [reading[rest.kept] for rest in record.rests if rest.refused is None]
-    return np.sqrt(np.median([np.var(of_rest, axis=0) for of_rest in at_rest], axis=0))
+    variances = [np.var(reading[rest.kept], axis=0) for rest in record.rests if rest.refused is None]
+    return np.sqrt(np.median(variances, axis=0))
 
 
 def slopes_by_angles(parametrisation: Parametrisation, point: NDArray, at: Positions) -> NDArray[np.float64]:
     """Derivatives (N, 3, 2) of readings by the angles, at a point (P,)."""
-    from_angles = [replace(at, **{name: getattr(at, name) + 1j * 1e-30}) for name in ("alpha", "beta")]
-    return np.stack(
-        [np.imag(predicted_reading(parametrisation, point, moved)) / 1e-30 for moved in from_angles], axis=2
-    )
+    step = 1j * 1e-30
+    by_alpha = predicted_reading(parametrisation, point, replace(at, alpha=at.alpha + step))
+    by_beta = predicted_reading(parametrisation, point, replace(at, beta=at.beta + step))
+    return np.stack([np.imag(by_alpha) / 1e-30, np.imag(by_beta) / 1e-30], axis=2)
 
 
 @dataclass(frozen=True)
@@ -218,7 +220,7 @@ class WithMotion(WithTurns):
         x, lag = point[: self.own], float(point[-len(FURTHER)])
         at, sign, arms = self._moved(point)
         by_bench = reading_jacobian(self.parametrisation, x, at, sign).reshape(-1, self.own)
-        later, before = (self._moved(point, side * NEAR)[2] for side in (1.0, -1.0))
+        later, before = self._moved(point, NEAR)[2], self._moved(point, -NEAR)[2]
         by_lag = self.moving.by_lag(self.parametrisation, x, lag) + (later - before) @ point[-9:] / (2.0 * NEAR)
         none = np.zeros((len(by_bench), len(GYRO_PARAMETERS)))
         rows = np.hstack([by_bench, none, by_lag[:, None], arms])

@@ -1,8 +1,9 @@
-"""The bench's exact model: its mountings, its parameters, its linearisation at a point.
+"""The bench model of `models.bench` as a fit needs it: mountings, parameters, predicted readings, linearisation.
 
-With several mountings the mounting error is another one for each and everything else is common; the symmetric baseline
-has one scale factor for each accelerometer. The parameters are the targets of case (A1) themselves, so that a target's
-weights are unit vectors and any other linear combination is a short sum.
+The formulas of the model live in `models.bench` alone. The parameters are the targets of case (A1) themselves, so that
+the weights of a target are unit vectors and any other linear combination is a short sum. With several mountings each
+has a mounting error of its own and everything else is common. The symmetric baseline has one scale factor for each
+accelerometer.
 """
 
 import tomllib

@@ -140,8 +140,8 @@ def expression_weights(expression: str, p: Parametrisation, option: str = "--tar
     where = f"{option} {expression[:60]!r}"
     if len(expression) > MAX_EXPRESSION:
         raise InputError(f"{where}: longer than {MAX_EXPRESSION} characters")
-    results = [_Expression(expression, where, p, k).weights() for k in range(len(p.mountings))]
-    if any(not np.allclose(weights, results[0], rtol=1e-12, atol=0.0) for weights in results[1:]):
+    results = np.array([_Expression(expression, where, p, k).weights() for k in range(len(p.mountings))])
+    if not np.allclose(results, results[0], rtol=1e-12, atol=0.0):
         raise InputError(
             f"{where}: X6, X7, X8, X11, X12 and X13 differ by mounting; write X8@{p.mountings[0]} "
             f"(mountings: {', '.join(p.mountings)})"
@@ -342,7 +342,7 @@ def asked_priors(texts: Sequence[str], p: Parametrisation, bounds: tuple[float, 
 
 def parameter_limits(symbols: Sequence[str], bounds: tuple[float, float], priors: Sequence[Prior] = ()) -> NDArray:
     """How large each parameter (P,) may be: u^max or v^0max of (1.7), or what a prior on it alone says."""
-    limits = np.array([bounds[0] if symbol in ("X1", "X2", "X3") else bounds[1] for symbol in symbols])
+    limits = np.where(np.isin(symbols, ("X1", "X2", "X3")), float(bounds[0]), float(bounds[1]))
     by_prior: dict[int, float] = {}
     for prior in priors:
         if np.count_nonzero(prior.weights) == 1:
@@ -357,12 +357,12 @@ def with_priors(linearised: Linearisation, priors: Sequence[Prior]) -> Linearisa
     """The linearisation with the priors' rows; itself when there are none."""
     if not priors:
         return linearised
-    rows = np.array([prior.weights for prior in priors])
+    rows, prior_limits = np.array([prior.weights for prior in priors]), [prior.limit for prior in priors]
     jacobian = np.vstack([linearised.jacobian, rows])
     values = {field.name: getattr(linearised, field.name) for field in fields(linearised)} | {
         "residual": np.append(linearised.residual, -rows @ linearised.point),
         "jacobian": jacobian,
-        "bound": np.append(linearised.bound, [prior.limit for prior in priors]),
+        "bound": np.append(linearised.bound, prior_limits),
         # a direction that a prior bounds is bounded, however loosely
         "span": determined(jacobian, float(linearised.bound.min())),
     }
