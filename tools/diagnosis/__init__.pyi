@@ -2,12 +2,12 @@ from .applied import Applied as Applied
 from .applied import applied_to as applied_to
 from .applied import export_extended as export_extended
 from .applied import read_diagnosis as read_diagnosis
-from .calibrated import calibrated_together as calibrated_together
 from .cause import Cause as Cause
 from .kinds import evidence_of as evidence_of
 from .kinds import evidence_options as evidence_options
 from .procedure import diagnose as diagnose
 from .result import Diagnosis as Diagnosis
+from .several import calibrated_together as calibrated_together
 from .several import diagnosed_together as diagnosed_together
 from .several import labels_of as labels_of
 from .several import members_of as members_of

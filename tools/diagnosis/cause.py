@@ -221,6 +221,19 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
     return tuple(causes)
 
 
+def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:
+    """The first of a group of sets whose effects cannot be nothing; where each can, the first."""
+    first: Finding | None = None
+    for fit in group:
+        middle = centred(evidence, fit)
+        finding = Finding(causes_of(evidence, middle), middle)
+        if finding.acts:
+            return finding
+        first = first or finding
+    assert first is not None
+    return first
+
+
 def _stated(name: str, value: float, ends: Interval) -> float:
     """A value within its interval: a phase up to whole turns, a size that is just at its end up to rounding."""
     low, high = ends

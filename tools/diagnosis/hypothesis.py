@@ -8,11 +8,13 @@ from pydantic import Field
 from ...models.effects import EffectPlace
 from ...models.effects.formula import OF_TABLE, Formula
 from ..bounded.programmes import same_space, spaces_beyond
+from ..bounded.sets import Work
 from ..errors import InputError, one_line
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Gain
 from ..result import Told
-from .cause import Finding, NamedEffect, Number, SizedParameter
+from .cause import Finding, NamedEffect, Number, SizedParameter, finding_of
+from .witness import judgement_of, objections_of
 
 Answer = Literal["stands", "refuted", "not needed", "cannot be told"]
 
@@ -62,70 +64,92 @@ def places_of(formulas: Sequence[str], *, at_table: bool, with_gyros: bool) -> t
 
     A record is of a table, of gyros, or of both.
     """
-    found = []
+    places: dict[EffectPlace, None] = {}
     for text in formulas:
-        where = f"--hypothesis '{one_line(str(text))[:60]}'"
         try:
             formula = Formula.of(str(text))
-            place, component = formula.place, formula.target.component
+            place = formula.place
             place.definition  # noqa: B018  (a formula that has no kernel is refused here)
         except ValueError as error:
-            raise InputError(f"{where}: {error}") from error
-        if component == "GyroBlock" and not with_gyros:
-            other = (
-                "strapdown record, or of a bench record whose place is given (--latitude-deg, --azimuth-deg); of "
-                "positions of a table f1, f2, f3, alpha, beta, kappa and epsilon can err"
-            )
-            raise InputError(f"{where}: {formula.name} is of a {other}")
-        if component == "TurntableMotion" and not at_table:
-            other = "record of a table; of a block that is carried w1, w2, w3, f1, f2 and f3 can err"
-            raise InputError(f"{where}: {formula.name} is of a {other}")
-        if not at_table and (missing := [name for name in formula.quantities if name in OF_TABLE]):
-            raise InputError(f"{where}: {missing[0]} is of a record of a table; a block that is carried has n1, n2, n3")
-        found.append(place)
-    return tuple(dict.fromkeys(found))
+            raise InputError(f"--hypothesis '{one_line(str(text))[:60]}': {error}") from error
+        if why := _foreign(formula, at_table, with_gyros):
+            raise InputError(f"--hypothesis '{one_line(str(text))[:60]}': {why}")
+        places[place] = None
+    return tuple(places)
 
 
-def answer_of(place: EffectPlace, before: float, answer: Answer, **more: Any) -> Hypothesis:
-    """The hypothesis with an answer, the radius `before` it, and nothing else but `more`."""
-    nothing: dict[str, Any] = dict.fromkeys(("parameters", "objections", "equivalents", "as_well"), ())
-    told = {"formula": place.law, "where": place.where, "answer": answer, "radius_before": before, "radius": before}
-    return Hypothesis.model_validate({**nothing, **told, "gain": None, **more})
+def _foreign(formula: Formula, at_table: bool, with_gyros: bool) -> str:
+    """Why a formula is none of a record of a table, or of gyros; empty where it is."""
+    component = formula.target.component
+    if component == "GyroBlock" and not with_gyros:
+        return (
+            f"{formula.name} is of a strapdown record, or of a bench record whose place is given (--latitude-deg, "
+            "--azimuth-deg); of positions of a table f1, f2, f3, alpha, beta, kappa and epsilon can err"
+        )
+    if component == "TurntableMotion" and not at_table:
+        return f"{formula.name} is of a record of a table; of a block that is carried w1, w2, w3, f1, f2 and f3 can err"
+    for name in formula.quantities:
+        if name in OF_TABLE and not at_table:
+            return f"{name} is of a record of a table; a block that is carried has n1, n2, n3"
+    return ""
 
 
-def same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPlace, ...]:
+def answered(
+    evidence: Evidence, place: EffectPlace, findings: Sequence[Finding] = (), *, rerun: bool = True
+) -> Hypothesis:
+    """What a record says of a formula, beside the smallest sets of the catalogue that were found to stand."""
+    before = 0.0 if evidence.missing() else evidence.refit(()).radius
+    keys: dict[str, Any] = {"formula": place.law, "where": place.where, "radius_before": before, "radius": before}
+    keys |= {**dict.fromkeys(("parameters", "objections", "equivalents", "as_well"), ()), "gain": None}
+    if evidence.missing() or _adds_nothing(evidence, place):
+        return Hypothesis(answer="cannot be told", **keys)
+    same = _same_in_catalogue(evidence, place)
+    keys["equivalents"] = tuple(NamedEffect.of(other) for other in same)
+    fits = evidence.mended([place], Work())
+    if not fits:
+        return Hypothesis(answer="refuted", **{**keys, "radius": _radius_with(evidence, place)})
+    finding = finding_of(evidence, fits)
+    keys |= {"radius": finding.fit.radius, "parameters": finding.causes[-1].parameters}
+    if not evidence.falsified:
+        return Hypothesis(answer="not needed", **keys)
+    objections = [] if finding.acts else ["it may be zero"]
+    objections += evidence.objections()
+    objections += objections_of(judgement_of(evidence, finding.fit))
+    as_well = []
+    for other in findings:
+        # The formula by another name is no other set.
+        if len(other.places) > 1 or other.places[0] not in same:
+            as_well.append(tuple(NamedEffect.of(effect) for effect in other.places))
+    keys |= {"objections": tuple(objections), "as_well": tuple(as_well), "finding": finding}
+    keys["gain"] = evidence.gain(finding.fit) if rerun else None
+    return Hypothesis(answer="stands", **keys)
+
+
+def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPlace, ...]:
     """Effects of the catalogue that add the same to the model wherever it is measured."""
     try:
-        own = evidence.space_of(place)
+        space = evidence.space_of(place)
     except ValueError:
         # Somewhere it is no number.
         return ()
     classes = evidence.classes
-    of_classes = zip(classes.places, classes.spaces, strict=True)
-    same = next((classes.whole_class(first) for first, space in of_classes if same_space(own, space)), ())
-    # Where they are run beside the catalogue, formulas have classes too.
-    return tuple(other for other in same if not other.law)
+    for first, other in zip(classes.places, classes.spaces, strict=True):
+        if same_space(space, other):
+            # Where they are run beside the catalogue, formulas have classes too.
+            return tuple(effect for effect in classes.whole_class(first) if not effect.law)
+    return ()
 
 
-def adds_nothing(evidence: Evidence, place: EffectPlace) -> bool:
+def _adds_nothing(evidence: Evidence, place: EffectPlace) -> bool:
     """Whether the model without effects does all that a formula does at the rows of the record."""
     (space,) = spaces_beyond(evidence.nominal, [evidence.columns_of([place])])
     return space.shape[1] == 0
 
 
-def radius_with(evidence: Evidence, place: EffectPlace) -> float:
+def _radius_with(evidence: Evidence, place: EffectPlace) -> float:
     """Radius of the model with a formula."""
     try:
         return evidence.refit([place]).radius
     except ValueError:
         # The exact fit runs away: that of the linear model.
         return evidence.alone(place)
-
-
-def others_that_stand(findings: Sequence[Finding], same: Sequence[EffectPlace]) -> tuple[tuple[NamedEffect, ...], ...]:
-    """The smallest sets that a search found, but for those that are the formula by another name."""
-    return tuple(
-        tuple(NamedEffect.of(place) for place in finding.places)
-        for finding in findings
-        if not (len(finding.places) == 1 and finding.places[0] in same)
-    )

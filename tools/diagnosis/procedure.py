@@ -11,24 +11,15 @@ from typing import Any
 
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
-from ..bounded.sets import Work
 from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..evidence.fit import Fit
 from ..records import PositionRecord, StrapdownRecord
 from .beyond import Beyond, keys_of
-from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes
+from .cause import Finding, NamedEffect, causes_of, centred, excluded_sizes, finding_of
 from .dependence import Dependence, Proven, Suffices, dependence, residual_structure
 from .helps import of_lengths, only_at_one_length, what_helps
-from .hypothesis import (
-    Hypothesis,
-    adds_nothing,
-    answer_of,
-    others_that_stand,
-    places_of,
-    radius_with,
-    same_in_catalogue,
-)
+from .hypothesis import answered, places_of
 from .kinds import evidence_of, evidence_with_formulas, kind_of
 from .result import Diagnosis, Explanation
 from .rivals import Listed, Unlisted
@@ -484,49 +475,3 @@ def _as_simple(finding: Finding, unlisted: Unlisted) -> str:
     """Why a set that was found before the search was cut off is not named."""
     rival = unlisted.rivals[0].pair.in_words
     return f"{finding.title} would do; others may that were not tried, and, as simple, {rival} would"
-
-
-def finding_of(evidence: Evidence, group: Sequence[Fit]) -> Finding:
-    """The first of a group of sets whose effects cannot be nothing; where each can, the first."""
-    first: Finding | None = None
-    for fit in group:
-        middle = centred(evidence, fit)
-        finding = Finding(causes_of(evidence, middle), middle)
-        if finding.acts:
-            return finding
-        first = first or finding
-    assert first is not None
-    return first
-
-
-def answered(
-    evidence: Evidence, place: EffectPlace, findings: Sequence[Finding] = (), *, rerun: bool = True
-) -> Hypothesis:
-    """What a record says of a formula, beside the smallest sets of the catalogue that were found to stand."""
-    before = 0.0 if evidence.missing() else evidence.refit(()).radius
-    if evidence.missing() or adds_nothing(evidence, place):
-        return answer_of(place, before, "cannot be told")
-    same = same_in_catalogue(evidence, place)
-    equivalents = _named(same)
-    fits = evidence.mended([place], Work())
-    if not fits:
-        return answer_of(place, before, "refuted", radius=radius_with(evidence, place), equivalents=equivalents)
-    finding = finding_of(evidence, fits)
-    found: dict[str, Any] = {"radius": finding.fit.radius, "parameters": finding.causes[-1].parameters}
-    found["equivalents"] = equivalents
-    if not evidence.falsified:
-        return answer_of(place, before, "not needed", **found)
-    objections = list(evidence.objections())
-    if not finding.acts:
-        objections.insert(0, "it may be zero")
-    objections += objections_of(judgement_of(evidence, finding.fit))
-    return answer_of(
-        place,
-        before,
-        "stands",
-        objections=tuple(objections),
-        as_well=others_that_stand(findings, same),
-        finding=finding,
-        gain=evidence.gain(finding.fit) if rerun else None,
-        **found,
-    )

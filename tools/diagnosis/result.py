@@ -22,7 +22,7 @@ from .witness import EffectWitness, Witness
 if TYPE_CHECKING:
     from polars import DataFrame
 
-Open = Literal["yes", "no", "open"]
+Whose = Literal["yes", "no", "open"]
 KindOfExplanation = Literal["sigma", "rows", "stretch", "break", "effect", "formula", "function"]
 OF_EFFECTS: dict[str, KindOfExplanation] = {"outlier": "rows", "formula": "formula", "lookup": "function"}
 """Kinds of explanations that are of such effects alone."""
@@ -392,8 +392,8 @@ class Diagnosis(Told):
     records: tuple[OneRecord, ...] | None = None
     shared: tuple[str, ...] | None = None
     own: tuple[str, ...] | None = None
-    instrument: Open | None = None
-    runs: Mapping[str, Open] | None = None
+    instrument: Whose | None = None
+    runs: Mapping[str, Whose] | None = None
     repeatability: tuple[Repeated, ...] | None = None
     cross_gain: tuple[CrossGain, ...] | None = None
     helps: tuple[Helps, ...] | None = None

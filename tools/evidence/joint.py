@@ -27,7 +27,7 @@ from .of_record import Differs, InRecord, differs, in_record, is_of_instrument, 
 
 OPEN = 0.01
 """An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
-OF_EACH = Sigma.model_validate({"value": None, "kind": "unknown", "from": "each record has its own"})
+OF_EACH = Sigma.of(None, "each record has its own")
 LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
 """What the linear model of a search may be wrong by, in bounds: at least, and at most."""
 LEAST_PART = 1e-3

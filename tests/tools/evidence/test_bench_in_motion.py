@@ -20,8 +20,7 @@ from trihedron.tools.calibration.in_motion import UNTOLD
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Diagnosis
 from trihedron.tools.diagnosis.dependence import dependence
-from trihedron.tools.diagnosis.hypothesis import places_of
-from trihedron.tools.diagnosis.procedure import answered
+from trihedron.tools.diagnosis.hypothesis import answered, places_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence import bench_in_motion
 from trihedron.tools.evidence.bench_again import simulated_turns
