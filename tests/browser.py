@@ -86,7 +86,7 @@ class Window:
 def chromium() -> Iterator[Browser]:
     """The installed browser; where there is none, the test is skipped and says so."""
     sync_api = pytest.importorskip("playwright.sync_api")
-    program = next((found for name in PROGRAMS if (found := shutil.which(name))), None)
+    program = next((result for name in PROGRAMS if (result := shutil.which(name))), None)
     if program is None:
         pytest.skip(f"no browser on the path: {', '.join(PROGRAMS)}")
     with sync_api.sync_playwright() as playwright:

@@ -30,12 +30,12 @@ settings.load_profile("no deadlines")
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Of a test's cases that are `first(n)`, those after the first n are of the long suites."""
-    taken = Counter[str]()
+    counts = Counter[str]()
     for item in items:
         for marker in item.iter_markers("first"):
             name = item.nodeid.partition("[")[0]
-            taken[name] += 1
-            if taken[name] > marker.args[0]:
+            counts[name] += 1
+            if counts[name] > marker.args[0]:
                 item.add_marker(pytest.mark.acceptance)
 
 

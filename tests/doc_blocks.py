@@ -56,11 +56,11 @@ def blocks_of(page: Path) -> list[Block]:
     text = page.read_text(encoding="utf-8")
     fences = list(FENCE.finditer(text))
     inside = [(match.start(), match.end()) for match in fences]
-    found = [*fences, *(m for m in COMMENT.finditer(text) if not any(a <= m.start() < b for a, b in inside))]
+    result = [*fences, *(m for m in COMMENT.finditer(text) if not any(a <= m.start() < b for a, b in inside))]
     marks: dict[str, str] = {}
     blocks = []
     end = 0
-    for match in sorted(found, key=lambda match: match.start()):
+    for match in sorted(result, key=lambda match: match.start()):
         line = text.count("\n", 0, match.start()) + 1
         if match.re is COMMENT:
             if match["word"] == "given":
@@ -149,7 +149,7 @@ class Reader:
         if block.fragment:
             self._known_options(block, where)
             return
-        done = subprocess.run(
+        process = subprocess.run(
             ["bash", "-euo", "pipefail", "-c", block.text],
             cwd=self._folder,
             env=self._environment,
@@ -159,8 +159,10 @@ class Reader:
             stdin=subprocess.DEVNULL,
             check=False,
         )
-        assert done.returncode == block.status, f"{where}: exit status {done.returncode}: {done.stderr.strip()}"
-        self._printed = done.stdout if block.status == 0 else done.stderr
+        assert process.returncode == block.status, (
+            f"{where}: exit status {process.returncode}: {process.stderr.strip()}"
+        )
+        self._printed = process.stdout if block.status == 0 else process.stderr
 
     def _known_options(self, block: Block, where: str) -> None:
         """Of commands that take too long even for a long test: the command and its options exist."""
@@ -168,10 +170,10 @@ class Reader:
             words = line.split()
             if words[:1] != ["trihedron"]:
                 continue
-            told = subprocess.run(
+            content = subprocess.run(
                 [*words[:2], "--help"], env=self._environment, capture_output=True, text=True, check=True
             )
-            missing = [word for word in words if word.startswith("--") and word not in told.stdout]
+            missing = [word for word in words if word.startswith("--") and word not in content.stdout]
             assert missing == [], f"{where}: no such options: {missing}"
         self._printed = None
 
@@ -180,17 +182,17 @@ class Reader:
         if block.title:
             self._file(block)
             return
-        told = io.StringIO()
+        content = io.StringIO()
         before = Path.cwd()
         os.chdir(self._folder)
         try:
-            with contextlib.redirect_stdout(told):
+            with contextlib.redirect_stdout(content):
                 exec(code, self._names)
         except Exception as error:
             raise AssertionError(f"{where}: {type(error).__name__}: {error}") from error
         finally:
             os.chdir(before)
-        self._printed = told.getvalue()
+        self._printed = content.getvalue()
 
     def _text(self, block: Block, where: str) -> None:
         """What the block directly above printed, or a file where it has a title; elsewhere it is text."""

@@ -37,8 +37,8 @@ WOBBLES = {
 
 def extended_instance(name: str, effects: Effects, **settings: ArrayLike) -> Named:
     """A component of the true bench, with those effects that belong to it, not yet initialised."""
-    own = {place: values for place, values in effects.items() if place.definition.component == name}
-    return Named(name, own, **(PARAMETERS.get(name, {}) | settings))
+    belonging = {place: values for place, values in effects.items() if place.definition.component == name}
+    return Named(name, belonging, **(PARAMETERS.get(name, {}) | settings))
 
 
 def forces(effects: Effects, row: int) -> np.ndarray:
@@ -46,14 +46,14 @@ def forces(effects: Effects, row: int) -> np.ndarray:
 
     The command is sought at which the encoders show the angles that are asked for.
     """
-    wanted = np.array([ALPHA[row], BETA[row]])
-    command, force = wanted.copy(), np.zeros((2, 3))
+    expected = np.array([ALPHA[row], BETA[row]])
+    command, force = expected.copy(), np.zeros((2, 3))
     for _ in range(16):
         begin = command - APPROACH * SENSES[row]
         table = extended_instance("TurntableMotion", effects, encoder_fluctuation_bound=0.0, initial_angle=begin)
         force[0] = table.put(temperature=TEMPERATURE[row]).begin()["specific_force"]
         force[1] = table.put(command=command).step(0.0, 3600.0 * HOURS[row])["specific_force"]
-        miss = wanted - table["angle_reading"]
+        miss = expected - table["angle_reading"]
         command = command + miss
         if np.abs(miss).max() < 1e-15:
             break
@@ -69,14 +69,14 @@ def nominal_forces(row: int) -> np.ndarray:
 def readings(effects: Effects, **settings: ArrayLike) -> np.ndarray:
     """Readings (7, 3) [g] of table and block, with effects composed in; the components themselves read."""
     on_table = any(place.definition.component == "TurntableMotion" for place in effects)
-    shown = np.zeros((ROWS, 3))
+    readings_of_rows = np.zeros((ROWS, 3))
     for row in range(ROWS):
         before, force = forces(effects, row) if on_table else nominal_forces(row)
         block = extended_instance("AccelerometerBlock", effects, **settings)
         angle = ALPHA[row] - TRUTH[TARGETS.index("X2")], BETA[row]
         block.put(temperature=TEMPERATURE[row], specific_force=before, angle=angle).begin()
-        shown[row] = block.put(specific_force=force).step(0.0, 3600.0 * HOURS[row])["reading"] / G
-    return shown
+        readings_of_rows[row] = block.put(specific_force=force).step(0.0, 3600.0 * HOURS[row])["reading"] / G
+    return readings_of_rows
 
 
 def true_bench() -> tuple[Linearisation, Rows]:
@@ -85,6 +85,6 @@ def true_bench() -> tuple[Linearisation, Rows]:
     at = Positions(ALPHA, BETA, np.zeros(ROWS, dtype=int))
     values = dict(zip(TARGETS, TRUTH, strict=True))
     point = np.array([values[symbol] for symbol in p.symbols])
-    here = linearise(p, at, np.zeros((ROWS, 3)), point, np.full(3 * ROWS, 1e-5))
+    linearised = linearise(p, at, np.zeros((ROWS, 3)), point, np.full(3 * ROWS, 1e-5))
     circumstances = Circumstances(HOURS, TEMPERATURE, SENSES[:, 0], SENSES[:, 1], True)
-    return here, Visits.of(here, circumstances).rows(point)
+    return linearised, Visits.of(linearised, circumstances).rows(point)

@@ -98,7 +98,7 @@ class ForkedCommands:
 
         It is ended after so many seconds by the clock, or of the processor; 0 is no limit.
         """
-        said = {
+        output = {
             "arguments": list(arguments),
             "folder": str(folder),
             "scratch": str(self._scratch),
@@ -109,13 +109,13 @@ class ForkedCommands:
         }
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._process.stdin.write(json.dumps(said) + "\n")
+        self._process.stdin.write(json.dumps(output) + "\n")
         self._process.stdin.flush()
         came: dict[str, Any] = json.loads(self._process.stdout.readline())
         came |= {name: (self._scratch / name).read_text(encoding="utf-8", errors="replace") for name in ("out", "err")}
         calls = self._scratch / "calls"
-        told = json.loads(calls.read_text(encoding="utf-8")) if calls.exists() else {}
-        return Done(**came, struck=bool(told.get("struck")), calls=told.get("calls", {}))
+        content = json.loads(calls.read_text(encoding="utf-8")) if calls.exists() else {}
+        return Done(**came, struck=bool(content.get("struck")), calls=content.get("calls", {}))
 
 
 def with_temporary_folder(folder: Path) -> ForkedCommands:
@@ -132,16 +132,16 @@ def serve() -> None:
     import_all()
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     for line in sys.stdin:
-        said = json.loads(line)
-        scratch = Path(said["scratch"])
+        output = json.loads(line)
+        scratch = Path(output["scratch"])
         scratch.mkdir(exist_ok=True)
         (scratch / "calls").unlink(missing_ok=True)
         began = time.perf_counter()
         child = os.fork()
         if child == 0:
             answers.close()
-            _be_the_command(said, scratch)
-        status, usage = _waited_for(child, began + said["seconds"])
+            _be_the_command(output, scratch)
+        status, usage = _waited_for(child, began + output["seconds"])
         came = {
             "status": status,
             "seconds": time.perf_counter() - began,

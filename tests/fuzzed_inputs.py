@@ -90,8 +90,8 @@ ANY: tuple[Bytes, ...] = (flipped, cut, spliced, strewn, recoded)
 
 def other_number(text: str, rng: random.Random) -> str:
     """Numbers are something else."""
-    found = list(re.finditer(r"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?", text))
-    for match in sorted(rng.sample(found, min(len(found), rng.choice([1, 1, 3, 20]))), key=lambda m: -m.start()):
+    result = list(re.finditer(r"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?", text))
+    for match in sorted(rng.sample(result, min(len(result), rng.choice([1, 1, 3, 20]))), key=lambda m: -m.start()):
         text = text[: match.start()] + rng.choice(NUMBERS) + text[match.end() :]
     return text
 
@@ -101,8 +101,8 @@ NEAR = (1.0 + 1e-9, 1.0 - 1e-6, 1.0001, 1.0001, 1.01, 2.0, -1.0, 0.0)
 
 def near_number(text: str, rng: random.Random) -> str:
     """Numbers are a little different: what is read goes through, and is computed with."""
-    found = list(re.finditer(r"-?\d+\.\d+(?:[eE][-+]?\d+)?", text))
-    for match in sorted(rng.sample(found, min(len(found), rng.choice([1, 3, 20]))), key=lambda m: -m.start()):
+    result = list(re.finditer(r"-?\d+\.\d+(?:[eE][-+]?\d+)?", text))
+    for match in sorted(rng.sample(result, min(len(result), rng.choice([1, 3, 20]))), key=lambda m: -m.start()):
         text = text[: match.start()] + repr(float(match[0]) * rng.choice(NEAR)) + text[match.end() :]
     return text
 
@@ -186,10 +186,10 @@ def other_separator(text: str, rng: random.Random) -> str:
 
 def nested(text: str, rng: random.Random) -> str:
     """Brackets within brackets."""
-    depth, (left, right) = rng.choice([5, 900, 100_000]), rng.choice(["[]", "{}", "()"])
+    depth, (remaining, right) = rng.choice([5, 900, 100_000]), rng.choice(["[]", "{}", "()"])
     at = rng.randrange(len(text) + 1)
-    key = '"a":' if left == "{" else ""
-    return text[:at] + (left + key) * depth + "1" + right * depth + text[at:]
+    key = '"a":' if remaining == "{" else ""
+    return text[:at] + (remaining + key) * depth + "1" + right * depth + text[at:]
 
 
 LINES: tuple[Text, ...] = (
@@ -204,7 +204,7 @@ WORDS: tuple[Text, ...] = (
 
 def other_value(value: Any, rng: random.Random) -> Any:
     """What could stand in place of a value of a file of JSON."""
-    others: list[Any] = [
+    variants: list[Any] = [
         None,
         True,
         0,
@@ -222,10 +222,10 @@ def other_value(value: Any, rng: random.Random) -> Any:
         10**400,
     ]
     if isinstance(value, list):
-        others += [value[:-1], value + value, value[::-1]]
+        variants += [value[:-1], value + value, value[::-1]]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        others += [-value, value * 1e9, str(value), float(value)]
-    return rng.choice(others)
+        variants += [-value, value * 1e9, str(value), float(value)]
+    return rng.choice(variants)
 
 
 def other_json(text: str, rng: random.Random) -> str:
@@ -299,11 +299,11 @@ def other_member(data: bytes, rng: random.Random) -> bytes:
         members.pop(name)
     else:
         members[name] = changed("x.xml", members[name], rng)
-    held = io.BytesIO()
-    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for member, content in members.items():
             archive.writestr(zipfile.ZipInfo(member), content)
-    return held.getvalue()
+    return buffer.getvalue()
 
 
 def changed(name: str, data: bytes, rng: random.Random) -> bytes:

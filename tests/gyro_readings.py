@@ -54,19 +54,19 @@ def gyro_readings(
         of the component's parameters
     """
     model = Named(name, {place: list(values) for place, values in effects}, **settings)
-    shown = np.zeros_like(rows.rate)
-    given, out = ("increment", "rate_reading") if name == "GyroBlock" else ("increment_reading", "rate")
+    rates = np.zeros_like(rows.rate)
+    source, out = ("increment", "rate_reading") if name == "GyroBlock" else ("increment_reading", "rate")
     steps = np.full_like(rows.step, rows.period) if regular else rows.step
     warm = np.full_like(steps, 20.0) if rows.temperature is None else rows.temperature
     time = 0.0
-    for k in range(-1, len(shown)):
+    for k in range(-1, len(rates)):
         n = max(k, 0)
-        model.put(**{given: rows.rate[n] * steps[n]}, interval=rows.step[n], temperature=warm[n])
+        model.put(**{source: rows.rate[n] * steps[n]}, interval=rows.step[n], temperature=warm[n])
         model.put(specific_force=G * rows.specific_force[n])
         if k < 0:
             model.begin()
             continue
         model.step(time, steps[k])
         time += steps[k]
-        shown[k] = model[out]
-    return shown
+        rates[k] = model[out]
+    return rates

@@ -54,8 +54,8 @@ class Named:
 
     def __getitem__(self, name: str) -> Any:
         """A number, or an array (N,)."""
-        found = [self.model.get(self.at[element]) for element in self.elements[name]]
-        return found[0] if name in self.at else np.array(found)
+        result = [self.model.get(self.at[element]) for element in self.elements[name]]
+        return result[0] if name in self.at else np.array(result)
 
     def begin(self, time: float = 0.0) -> "Named":
         """Initialise it."""
@@ -82,5 +82,5 @@ class Named:
 
     def outputs(self) -> list[float]:
         """Every output, element by element."""
-        shown = [e for v in self.component.interface if v.causality == "output" for e in v.elements]
-        return [float(self.model.get(self.at[element])) for element in shown]
+        text = [e for v in self.component.interface if v.causality == "output" for e in v.elements]
+        return [float(self.model.get(self.at[element])) for element in text]

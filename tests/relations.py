@@ -59,9 +59,9 @@ def doubled(table: pl.DataFrame) -> Changed:
 
 def another_order(table: pl.DataFrame) -> Changed:
     """The positions were measured in another order, with nothing that depends on order or time."""
-    kept = table.select("position", "time_s")
+    retained = table.select("position", "time_s")
     mixed = table.drop("position", "time_s").sample(fraction=1.0, shuffle=True, seed=1)
-    return Changed(kept.hstack(mixed.select(c for c in mixed.columns if not c.startswith("approach"))))
+    return Changed(retained.hstack(mixed.select(c for c in mixed.columns if not c.startswith("approach"))))
 
 
 def axes_renamed(table: pl.DataFrame) -> Changed:
@@ -84,8 +84,8 @@ def base_turned(table: pl.DataFrame) -> Changed:
 def two_mountings(table: pl.DataFrame) -> Changed:
     """One record joined of two: the block was taken off and put back between them."""
     half = pl.when(pl.int_range(pl.len()) < pl.len() // 2).then(pl.lit("a")).otherwise(pl.lit("b"))
-    both = {"a": np.eye(3).tolist(), "b": np.eye(3).tolist()}
-    return Changed(table.with_columns(half.alias("mounting")), {"mounting": both})
+    pair = {"a": np.eye(3).tolist(), "b": np.eye(3).tolist()}
+    return Changed(table.with_columns(half.alias("mounting")), {"mounting": pair})
 
 
 def _inner_turn(degrees: float) -> np.ndarray:

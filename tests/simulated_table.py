@@ -70,12 +70,12 @@ class SimulatedTable:
                 ],
             )
         )
-        found = np.column_stack([run[name] for name in ("time_s", *names)])
-        found = found if self._first else found[1:]
-        found[:, 0] += self.time_s
-        self._first, self.time_s = False, float(found[-1, 0])
+        result = np.column_stack([run[name] for name in ("time_s", *names)])
+        result = result if self._first else result[1:]
+        result[:, 0] += self.time_s
+        self._first, self.time_s = False, float(result[-1, 0])
         self._angle = (math.radians(alpha_deg), math.radians(beta_deg))
-        return found
+        return result
 
     def go(self, alpha_deg: float, beta_deg: float, dwell_s: float = 6.0, *, knocked: bool = False) -> None:
         """Go to a position, rest there, and append what is read; a knock spoils one row of the rest."""

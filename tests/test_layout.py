@@ -14,21 +14,21 @@ PARTS = ("models", "fmus", "tools", "scenarios")
 
 def names() -> list[str]:
     """Import names of all modules of the product."""
-    found = pkgutil.walk_packages([str(ROOT)], "trihedron.")
-    parts = [module.name.split(".") for module in found]
+    result = pkgutil.walk_packages([str(ROOT)], "trihedron.")
+    parts = [module.name.split(".") for module in result]
     # What is run is not imported.
     return [".".join(p) for p in parts if p[1] in PARTS and p[-1] != "__main__"]
 
 
 def loaded_twice() -> list[str]:
     """Files of the product that are loaded under two names."""
-    seen: dict[Path, str] = {}
+    observed: dict[Path, str] = {}
     twice = []
     for name, module in sorted(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if file is None or (not any(ROOT / part in Path(file).parents for part in PARTS) and Path(file) != FACE):
             continue
-        first = seen.setdefault(Path(file).resolve(), name)
+        first = observed.setdefault(Path(file).resolve(), name)
         if first != name:
             twice.append(f"{file}: {first} and {name}")
     return twice

@@ -19,8 +19,8 @@ NOT_SHIPPED = ("__pycache__", "prebuilt")
 
 def packages() -> dict[str, Path]:
     """Import names of the folders that have an __init__.py."""
-    found = [ROOT, *(file.parent for folder in FOLDERS for file in (ROOT / folder).rglob("__init__.py"))]
-    return {".".join(["trihedron", *folder.relative_to(ROOT).parts]): folder for folder in found}
+    result = [ROOT, *(file.parent for folder in FOLDERS for file in (ROOT / folder).rglob("__init__.py"))]
+    return {".".join(["trihedron", *folder.relative_to(ROOT).parts]): folder for folder in result}
 
 
 def test_every_package_is_declared():
@@ -29,16 +29,16 @@ def test_every_package_is_declared():
 
 
 def test_every_file_that_is_read_is_declared():
-    known = packages()
+    catalogue = packages()
     missing = []
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*")):
             if path.is_dir() or path.suffix in (".py", ".pyc") or set(path.parts) & set(NOT_SHIPPED):
                 continue
-            inside = [name for name, at in known.items() if at in path.parents]
-            name = max(inside, key=lambda name: len(known[name].parts))
+            inside = [name for name, at in catalogue.items() if at in path.parents]
+            name = max(inside, key=lambda name: len(catalogue[name].parts))
             patterns = [*SETTINGS["package-data"]["*"], *SETTINGS["package-data"].get(name, [])]
-            relative = path.relative_to(known[name]).as_posix()
+            relative = path.relative_to(catalogue[name]).as_posix()
             if not any(fnmatch(relative, p) and relative.count("/") == p.count("/") for p in patterns):
                 missing.append(f"{name}: {relative}")
     assert missing == []

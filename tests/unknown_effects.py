@@ -115,8 +115,8 @@ def draw_unknown(seed: int, index: int, positions: tuple[int, int]) -> UnknownCa
         clean = case.measured()
         p = int(rng.integers(3))
         bench = case.instrument
-        here = fit_record(clean, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
-        rows = Visits.of(here, circumstances_of(clean)).rows(here.point)
+        fit = fit_record(clean, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
+        rows = Visits.of(fit, circumstances_of(clean)).rows(fit.point)
         change = effect(p, rows)
         far = nearest_triple(case, clean, change)
         if far < 1e-3:
@@ -146,29 +146,29 @@ def nearest_triple(case: Case, record: PositionRecord, change: NDArray | None = 
     triples judged by the Chebyshev programme. What it finds is no more than the best; the best may be better.
     """
     bench = case.instrument
-    here = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
-    rows = Visits.of(here, circumstances_of(record)).rows(here.point)
-    residual = here.residual if change is None else change.ravel()
+    fit = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
+    rows = Visits.of(fit, circumstances_of(record)).rows(fit.point)
+    residual = fit.residual if change is None else change.ravel()
     effects = [signature_columns([p], rows) for p in classes_with(bench.mountings, symmetric=bench.symmetric).places]
     columns = effects + [np.eye(len(residual), 1, -k) for k in range(len(residual))]
-    q = np.linalg.qr(here.jacobian / np.abs(here.jacobian).max(axis=0))[0]
+    q = np.linalg.qr(fit.jacobian / np.abs(fit.jacobian).max(axis=0))[0]
     beam: list[tuple[int, ...]] = [()]
     for size in range(3):
         grown = {}
         for chosen in beam:
             with_chosen = np.hstack([q, *(columns[i] for i in chosen)])
             basis = np.linalg.svd(with_chosen / np.linalg.norm(with_chosen, axis=0), full_matrices=False)[0]
-            left = residual - basis @ (basis.T @ residual)
+            remaining = residual - basis @ (basis.T @ residual)
             free = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-9)
-            taken = [taken_by(c - basis @ (basis.T @ c), left) for c in effects] + list(left**2 / free)
-            for i, off in enumerate(taken):
+            gains = [taken_by(c - basis @ (basis.T @ c), remaining) for c in effects] + list(remaining**2 / free)
+            for i, off in enumerate(gains):
                 many = sum(k >= len(effects) for k in (*chosen, i)) > 2
                 if i not in chosen and not many:
-                    grown[tuple(sorted((*chosen, i)))] = left @ left - off
+                    grown[tuple(sorted((*chosen, i)))] = remaining @ remaining - off
         beam = sorted(grown, key=lambda key: grown[key])[: BEAM if size < 2 else EXACT]
     bound = np.full(len(residual), 1.0)
     return min(
-        chebyshev_radius(np.hstack([here.jacobian, *(columns[i] for i in chosen)]), residual, bound)[0]
+        chebyshev_radius(np.hstack([fit.jacobian, *(columns[i] for i in chosen)]), residual, bound)[0]
         for chosen in beam
     )
 
@@ -176,5 +176,5 @@ def nearest_triple(case: Case, record: PositionRecord, change: NDArray | None = 
 def taken_by(columns: NDArray, left: NDArray) -> float:
     """What columns take off a sum of squares."""
     u, values, _ = np.linalg.svd(columns, full_matrices=False)
-    kept = u[:, values > 1e-6 * max(float(values.max(initial=0.0)), 1e-3)]
-    return float(np.sum((kept.T @ left) ** 2))
+    retained = u[:, values > 1e-6 * max(float(values.max(initial=0.0)), 1e-3)]
+    return float(np.sum((retained.T @ left) ** 2))

@@ -64,9 +64,9 @@ def warm_commands(folder: Path, environment: Mapping[str, str]) -> Iterator[Path
 def import_all() -> None:
     """Import the product, and what it imports where it needs it."""
     package = importlib.import_module("trihedron")
-    own = [found.name for found in pkgutil.walk_packages(package.__path__, "trihedron.")]
+    product_modules = [result.name for result in pkgutil.walk_packages(package.__path__, "trihedron.")]
     product = ("trihedron.models", "trihedron.fmus", "trihedron.tools")
-    for name in (*OTHERS, *(n for n in own if n.startswith(product) and not n.endswith("__main__"))):
+    for name in (*OTHERS, *(n for n in product_modules if n.startswith(product) and not n.endswith("__main__"))):
         importlib.import_module(name)
 
 
@@ -81,10 +81,10 @@ def serve(path: Path) -> None:
         while sys.stdin not in select.select([door, sys.stdin], [], [])[0]:
             caller, _ = door.accept()
             with caller:
-                said, streams, _, _ = socket.recv_fds(caller, LONGEST, 3)
+                output, streams, _, _ = socket.recv_fds(caller, LONGEST, 3)
                 if os.fork() == 0:
                     door.close()
-                    answer(caller, json.loads(said), streams)
+                    answer(caller, json.loads(output), streams)
                 for stream in streams:
                     os.close(stream)
 

@@ -52,14 +52,14 @@ class Newcomer:
     def step(self, command: str, where: Path) -> None:
         """A command of a shell, as it is typed."""
         began = time.monotonic()
-        done = subprocess.run(
+        process = subprocess.run(
             ["bash", "-ec", command], cwd=where, env=self.own, capture_output=True, text=True, check=False
         )
-        shown = command.strip().splitlines()[0] + (" ..." if "\n" in command.strip() else "")
-        print(f"  {time.monotonic() - began:7.1f} s  status {done.returncode}  {shown[:100]}", flush=True)
-        if done.returncode:
-            self.failed.append(shown)
-            print((done.stdout + done.stderr)[-800:], flush=True)
+        text = command.strip().splitlines()[0] + (" ..." if "\n" in command.strip() else "")
+        print(f"  {time.monotonic() - began:7.1f} s  status {process.returncode}  {text[:100]}", flush=True)
+        if process.returncode:
+            self.failed.append(text)
+            print((process.stdout + process.stderr)[-800:], flush=True)
 
     def commands(self, checkout: Path, without: list[str]) -> None:
         """Every command of the README, then the tutorial in a folder of its own."""

@@ -36,8 +36,8 @@ def waited(seen: Callable[[], object], what: str) -> object:
     """What is seen at last."""
     ends = time.monotonic() + SECONDS
     while time.monotonic() < ends:
-        if found := seen():
-            return found
+        if result := seen():
+            return result
         time.sleep(0.05)
     raise AssertionError(f"not seen: {what}")
 
@@ -99,8 +99,8 @@ class Terminal:
         return self.program.said()
 
     def next(self) -> str:
-        said = re.findall(r"(?:next|repeat) position [^\r\n]*|all positions are measured", self.text())
-        return said[-1].strip() if said else ""
+        output = re.findall(r"(?:next|repeat) position [^\r\n]*|all positions are measured", self.text())
+        return output[-1].strip() if output else ""
 
     def end(self) -> None:
         self.program.typed("end\n")
@@ -116,8 +116,8 @@ class Page:
 
     def __init__(self, program: Program, window: Window) -> None:
         self.program, self.page = program, window.page
-        found = waited(lambda: re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.said()), "the address")
-        window.open(found[0], 1280)  # type: ignore[index]
+        result = waited(lambda: re.search(r"http://127\.0\.0\.1:\d+/[\w-]+/", program.said()), "the address")
+        window.open(result[0], 1280)  # type: ignore[index]
         window.page.wait_for_selector("#next")
 
     def text(self) -> str:
@@ -155,27 +155,27 @@ def operator(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callabl
 
 def measured(operator: Terminal | Page, table: SimulatedTable, count: int, *, knocked: int | None = None) -> list[str]:
     """Go where it is said, so many times; gives where that was."""
-    gone: list[str] = []
+    missing: list[str] = []
     for _ in range(count):
-        said = str(waited(lambda: NEXT.match(operator.next()) and operator.next(), "where to go"))
-        to = NEXT.match(said)
+        output = str(waited(lambda: NEXT.match(operator.next()) and operator.next(), "where to go"))
+        to = NEXT.match(output)
         assert to is not None
-        table.go(float(to[4]), float(to[5]), knocked=len(gone) == knocked)
-        gone.append(said)
+        table.go(float(to[4]), float(to[5]), knocked=len(missing) == knocked)
+        missing.append(output)
         # the rest is over when the table leaves it
-        left = float(to[4]) + 4.0
-        table.go(left, float(to[5]), 0.5)
-        waited(lambda before=said: operator.next() != before, f"another than {said}")
-    return gone
+        remaining = float(to[4]) + 4.0
+        table.go(remaining, float(to[5]), 0.5)
+        waited(lambda before=output: operator.next() != before, f"another than {output}")
+    return missing
 
 
 def test_24_positions_with_a_bad_rest_and_a_kill(operator, tmp_path: Path):
     table = SimulatedTable(tmp_path / "growing.csv", seed=3)
     first = operator()
-    gone = measured(first, table, 9, knocked=5)
-    assert gone[6].startswith("repeat position 6 of 24")
+    missing = measured(first, table, 9, knocked=5)
+    assert missing[6].startswith("repeat position 6 of 24")
     assert "a knock in row" in first.text()
-    assert not gone[7].startswith("repeat")
+    assert not missing[7].startswith("repeat")
     first.program.killed()
     waited(first.sees_the_loss, "the loss")
     table.go(*(200.0, 25.0))
@@ -185,9 +185,14 @@ def test_24_positions_with_a_bad_rest_and_a_kill(operator, tmp_path: Path):
     assert second.next() == "all positions are measured"
     second.end()
     assert second.program.ended() == 0
-    done = json.loads((tmp_path / "done.json").read_text(encoding="utf-8"))
-    assert (done["done"], done["planned"], done["promise_reached"], done["verdict"]) == (24, 24, True, "consistent")
-    assert [rest["rest"] for rest in done["rests"] if not rest["counts"]] == [6]
+    process = json.loads((tmp_path / "done.json").read_text(encoding="utf-8"))
+    assert (process["done"], process["planned"], process["promise_reached"], process["verdict"]) == (
+        24,
+        24,
+        True,
+        "consistent",
+    )
+    assert [rest["rest"] for rest in process["rests"] if not rest["counts"]] == [6]
     assert (tmp_path / "monday.csv").read_bytes() == table.file.read_bytes()
     ours = read_record(tmp_path / "monday.positions.csv", PositionRecord)
     usual = read_record(table.file, PositionRecord)
@@ -208,6 +213,6 @@ def test_a_hidden_effect_is_noticed_and_named_at_the_table(operator, tmp_path: P
     assert "trihedron diagnose monday.positions.csv" in view.text()
     view.end()
     assert view.program.ended() == 0
-    done = json.loads((tmp_path / "done.json").read_text(encoding="utf-8"))
-    assert (done["verdict"], done["falsified"], done["diagnosed"]) == ("ambiguous", True, 24)
+    process = json.loads((tmp_path / "done.json").read_text(encoding="utf-8"))
+    assert (process["verdict"], process["falsified"], process["diagnosed"]) == ("ambiguous", True, 24)
     assert "encoder-harmonic inner-axis order 2" in (tmp_path / "monday.diagnosis.html").read_text(encoding="utf-8")

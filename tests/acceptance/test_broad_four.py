@@ -18,19 +18,19 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "case-study-broad-four.md"
 
 def test_figures_of_the_page_are_those_of_the_records():
     """Two of four records, both ways: without, with its own, with the other's."""
-    known = {n: carried_evidence(measured(f"broad-{n}")) for n in ("06", "21")}
+    catalogue = {n: carried_evidence(measured(f"broad-{n}")) for n in ("06", "21")}
     sizes = {}
-    for label, evidence in known.items():
+    for label, evidence in catalogue.items():
         order = order_of_effects(evidence.of_length(len(evidence.scored) // 2), evidence.classes.places)
         places = [step.place for step in order.steps]
-        found = evidence.estimate(places)[len(evidence.names) :]
-        sizes[label] = {place: found[block] for place, block in zip(places, blocks_of(places), strict=True)}
+        result = evidence.estimate(places)[len(evidence.names) :]
+        sizes[label] = {place: result[block] for place, block in zip(places, blocks_of(places), strict=True)}
     table = re.findall(r"^\| (\d\d) \| ([\d.| ]+) \|$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)[:4]
     page = {
         on: dict(zip(("without", "03", "06", "08", "21"), map(float, row.split(" | ")), strict=True))
         for on, row in table
     }
-    for on, evidence in known.items():
+    for on, evidence in catalogue.items():
         assert rms_size(np.array(evidence.applied({}))) / ARCMIN == pytest.approx(page[on]["without"], rel=5e-3)
-        for source, found in sizes.items():
-            assert rms_size(np.array(evidence.applied(found))) / ARCMIN == pytest.approx(page[on][source], rel=5e-3)
+        for source, result in sizes.items():
+            assert rms_size(np.array(evidence.applied(result))) / ARCMIN == pytest.approx(page[on][source], rel=5e-3)

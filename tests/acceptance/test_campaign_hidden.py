@@ -19,14 +19,14 @@ def test_the_campaign_of_hidden_effects_counts_as_the_suite_does(tmp_path, capsy
     (tmp_path / "c.toml").write_text(ready.read_text(encoding="utf-8").replace("repeats = 200", f"repeats = {CASES}"))
     assert cli.main(["campaign", str(tmp_path / "c.toml"), "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
     suite = named_suite("detection")
-    done = run_suite(suite.options, CASES, suite.seed)
-    assert isinstance(done, Suite)
+    process = run_suite(suite.options, CASES, suite.seed)
+    assert isinstance(process, Suite)
     computed = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["computed"]
     falsified, right, confusion, inside = (item["result"] for item in computed)
-    expected = {b.low: (b.cases, b.detected, b.named) for b in done.detection}
-    found = {
+    expected = {b.low: (b.cases, b.detected, b.named) for b in process.detection}
+    result = {
         f["low"]: (f["cases"], f["count"], r["count"]) for f, r in zip(falsified, right, strict=True) if f["cases"]
     }
-    assert found == expected
-    assert confusion == done.confusion
-    assert inside[0]["count"] == done.size_errors["inside_intervals"]
+    assert result == expected
+    assert confusion == process.confusion
+    assert inside[0]["count"] == process.size_errors["inside_intervals"]

@@ -98,8 +98,8 @@ def test_ctrl_c_leaves_a_whole_folder(tmp_path, unbroken):
     assert main.returncode == 130
     assert re.fullmatch(r"trihedron: interrupted; \d+ of 120 runs are in \S+; --resume goes on\n", complaints)
     wait_for(lambda: not any(command_of(pid) for pid in workers))
-    there = content(out)
-    assert_begun(there, unbroken)
+    present = content(out)
+    assert_begun(present, unbroken)
     run_campaign(path, out, jobs=2, resume=True)
     assert content(out) == unbroken
 
@@ -150,9 +150,9 @@ def test_a_disk_that_is_full(tmp_path, unbroken, engine):
         assert "No space left on device" in complaints
         assert "--resume goes on" in complaints
         assert complaints.count("\n") == 1
-        there = content(out)
+        present = content(out)
         assert 0 < files_done(out) < 60
-        assert_begun(there, unbroken)
+        assert_begun(present, unbroken)
         subprocess.run(["mount", "-o", "remount,size=8m", str(small)], check=True)
         main = started(path, out, "--jobs", "2", "--engine", engine, "--resume")
         _, complaints = main.communicate(timeout=MOST_SECONDS)

@@ -27,10 +27,10 @@ def advised(record: PositionRecord) -> str:
 
 def is_spotted(record: PositionRecord, matrix: np.ndarray) -> bool:
     """Whether the order that reads the record right is among those that are listed."""
-    found = re.findall(r'--channels (?:"([^"]*)"|([^\s;)]+))', re.sub(r"--mounting[^;]*", "", advised(record)))
-    listed = [Channels.given([quoted or plain]) for quoted, plain in found]
-    orders = [one for one in listed if one.alpha == one.beta == 1 and not one.radians]
-    return any(np.array_equal(one.of_accelerometers, matrix) for one in orders)
+    result = re.findall(r'--channels (?:"([^"]*)"|([^\s;)]+))', re.sub(r"--mounting[^;]*", "", advised(record)))
+    listed = [Channels.given([quoted or plain]) for quoted, plain in result]
+    orders = [entry for entry in listed if entry.alpha == entry.beta == 1 and not entry.radians]
+    return any(np.array_equal(entry.of_accelerometers, matrix) for entry in orders)
 
 
 def test_all_47_ways_are_spotted_twice_on_clean_records() -> None:
@@ -52,8 +52,8 @@ def test_no_right_record_is_advised_anything() -> None:
 def is_mended(record: StrapdownRecord, matrix: np.ndarray) -> bool:
     """Whether gyros exchanged by a signed permutation are said with the order that reads them right, first of all."""
     assert record.rate is not None
-    said = " ".join(wrong_channels(inspect_record(replace(record, rate=record.rate @ matrix.T))))
-    return f"read it with --channels w={','.join(map(str, reading_of(matrix)))}" in said
+    output = " ".join(wrong_channels(inspect_record(replace(record, rate=record.rate @ matrix.T))))
+    return f"read it with --channels w={','.join(map(str, reading_of(matrix)))}" in output
 
 
 def test_all_47_ways_of_gyros_are_spotted_twice_beside_a_true_attitude() -> None:
@@ -75,7 +75,7 @@ def test_nearly_all_ways_of_gyros_are_spotted_beside_an_effect() -> None:
 
 def test_no_right_gyros_are_advised_anything() -> None:
     effects = ("", "", *GYRO_EFFECTS)
-    seen = [
+    observed = [
         (seed, wrong_channels(inspect_record(filmed_record(100 + seed, effects[seed % 10])))) for seed in range(RIGHT)
     ]
-    assert [(seed, said) for seed, said in seen if said] == []
+    assert [(seed, output) for seed, output in observed if output] == []

@@ -49,10 +49,10 @@ class Said:
     untrue: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        said = f"{self.fresh.kind} {self.seed}: {self.verdict}, {self.seconds:.1f} s, {self.named}"
+        output = f"{self.fresh.kind} {self.seed}: {self.verdict}, {self.seconds:.1f} s, {self.named}"
         for name in ("zero", "outside", "rounded", "untrue"):
-            said += f"; {name}: {', '.join(getattr(self, name))}" if getattr(self, name) else ""
-        return said
+            output += f"; {name}: {', '.join(getattr(self, name))}" if getattr(self, name) else ""
+        return output
 
 
 def judged(fresh: Fresh, seed: int) -> Said:
@@ -66,40 +66,40 @@ def judged(fresh: Fresh, seed: int) -> Said:
     began = time.process_time()
     result = diagnose(record, **options)
     seconds = time.process_time() - began
-    told = result.to_json()
-    sets = [one["causes"] for one in told["explanations"] if result.best and not one.get("extension")]
-    found = Said(fresh, seed, told["verdict"], "", seconds, len(record))
+    content = result.to_json()
+    sets = [first["causes"] for first in content["explanations"] if result.best and not first.get("extension")]
+    outcome = Said(fresh, seed, content["verdict"], "", seconds, len(record))
     right = [any((c["effect"], c["where"]) in fresh.hidden for c in causes) for causes in sets if causes]
-    if told["verdict"] == "explained":
-        found.named = "right" if right[0] and len(sets[0]) == 1 else "wrong"
+    if content["verdict"] == "explained":
+        outcome.named = "right" if right[0] and len(sets[0]) == 1 else "wrong"
         if right[0]:
-            found.untrue += untrue_sizes(fresh, sets[0])
-    elif told["verdict"] == "ambiguous":
-        found.named = "among" if any(right) else "not among"
+            outcome.untrue += untrue_sizes(fresh, sets[0])
+    elif content["verdict"] == "ambiguous":
+        outcome.named = "among" if any(right) else "not among"
     for cause in (cause for causes in sets for cause in causes):
         title = f"{cause['effect']} {cause['where']}"
         if may_be_zero(cause["parameters"]):
-            found.zero.append(title)
-        found.outside += [f"{title} {name}" for name in outside(cause["parameters"])]
-    found.outside += outside(result.stated.to_json()["parameters"])
-    targets = [{**entry, "name": entry["symbol"], "estimate": entry["after"]} for entry in told.get("targets") or []]
-    found.outside += outside(targets)
-    found.rounded += rounded_inwards(
-        str(result), [p for cause in told["causes"] or next(iter(sets), []) for p in cause["parameters"]]
+            outcome.zero.append(title)
+        outcome.outside += [f"{title} {name}" for name in outside(cause["parameters"])]
+    outcome.outside += outside(result.stated.to_json()["parameters"])
+    targets = [{**entry, "name": entry["symbol"], "estimate": entry["after"]} for entry in content.get("targets") or []]
+    outcome.outside += outside(targets)
+    outcome.rounded += rounded_inwards(
+        str(result), [p for cause in content["causes"] or next(iter(sets), []) for p in cause["parameters"]]
     )
     if seed % PAGES == 0:
         page = page_of(result, record)
         assert page is not None
-        found.rounded += wrong_on_page(html(page), told)
+        outcome.rounded += wrong_on_page(html(page), content)
     if positions:
         calibration = calibrate(record, noise_bound=SIGMA).to_json()
         if calibration["verdict"] == "consistent":
             parameters = [{**entry, "name": entry["symbol"]} for entry in calibration["parameters"]]
-            found.outside += [f"calibration {name}" for name in outside(parameters)]
+            outcome.outside += [f"calibration {name}" for name in outside(parameters)]
             if fresh.kind == "clean":
                 truth = [{**p, "estimate": fresh.targets[p["name"]]} for p in parameters]
-                found.untrue += [f"calibration {name}" for name in outside(truth)]
-    return found
+                outcome.untrue += [f"calibration {name}" for name in outside(truth)]
+    return outcome
 
 
 def may_be_zero(parameters: list[dict[str, Any]]) -> bool:
@@ -127,9 +127,9 @@ def outside(parameters: list[dict[str, Any]]) -> list[str]:
 
 def untrue_sizes(fresh: Fresh, causes: list[dict[str, Any]]) -> list[str]:
     """Names of true sizes that are outside the intervals of what was named rightly."""
-    mine = next(c for c in causes if (c["effect"], c["where"]) in fresh.hidden)
-    known = [{**p, "estimate": fresh.values[p["name"]]} for p in mine["parameters"] if p["name"] in fresh.values]
-    return [f"true {name}" for name in outside(known)]
+    cause = next(c for c in causes if (c["effect"], c["where"]) in fresh.hidden)
+    sizes = [{**p, "estimate": fresh.values[p["name"]]} for p in cause["parameters"] if p["name"] in fresh.values]
+    return [f"true {name}" for name in outside(sizes)]
 
 
 def rounded_inwards(text: str, parameters: list[dict[str, Any]]) -> list[str]:
@@ -149,12 +149,12 @@ def table(every: list[Said]) -> str:
     """Verdicts by kind, processor seconds, and each record that misleads."""
     heads = ("right", "wrong", "among", "not among", "unexplained", "consistent", "insufficient")
     lines = [f"{'kind':<15}" + "".join(f"{head:>13}" for head in heads) + f"{'most s':>9}"]
-    for kind in dict.fromkeys(said.fresh.kind for said in every):
-        mine = [said for said in every if said.fresh.kind == kind]
-        counts = Counter(said.named or said.verdict for said in mine)
-        most = max(said.seconds for said in mine)
+    for kind in dict.fromkeys(judgement.fresh.kind for judgement in every):
+        group = [judgement for judgement in every if judgement.fresh.kind == kind]
+        counts = Counter(judgement.named or judgement.verdict for judgement in group)
+        most = max(judgement.seconds for judgement in group)
         lines.append(f"{kind:<15}" + "".join(f"{counts[head]:>13}" for head in heads) + f"{most:>9.1f}")
-    large = max((said.seconds for said in every if said.rows == 100), default=0.0)
+    large = max((judgement.seconds for judgement in every if judgement.rows == 100), default=0.0)
     lines.append(f"{len(every)} records; processor seconds of a diagnosis of 100 positions at most {large:.1f}")
     lines += [
         str(s) for s in every if s.named in ("wrong", "not among") or s.zero or s.outside or s.rounded or s.untrue
@@ -178,7 +178,7 @@ def test_fresh_records_do_not_mislead(tmp_path: Path, capsys: pytest.CaptureFixt
                 fresh.path.unlink()
     with capsys.disabled():
         print(f"\n{table(every)}", file=sys.stderr, flush=True)
-    assert [str(said) for said in every if said.zero] == []
-    assert [str(said) for said in every if said.outside] == []
-    assert [str(said) for said in every if said.rounded] == []
-    assert [str(said) for said in every if said.untrue] == []
+    assert [str(judgement) for judgement in every if judgement.zero] == []
+    assert [str(judgement) for judgement in every if judgement.outside] == []
+    assert [str(judgement) for judgement in every if judgement.rounded] == []
+    assert [str(judgement) for judgement in every if judgement.untrue] == []

@@ -155,11 +155,11 @@ class Input:
 def drawn(seed: int, inputs: Path) -> Input:
     """The input of a seed."""
     rng = random.Random(seed)
-    tried, draw = TRIED, rng
+    candidates, draw = TRIED, rng
     if seed not in FOUND and (later := random.Random(-1 - seed)).random() < PART_SINCE:
-        tried, draw = SINCE, later
-    line = draw.choices([*tried], [weight for weight, _ in tried.values()])[0]
-    names = tried[line][1].split()
+        candidates, draw = SINCE, later
+    line = draw.choices([*candidates], [weight for weight, _ in candidates.values()])[0]
+    names = candidates[line][1].split()
     words = line.split()
     name, content = "", b""
     if names and rng.random() < 0.85:
@@ -173,10 +173,10 @@ def drawn(seed: int, inputs: Path) -> Input:
             else:
                 words[k] = option(words[k - 1], words[k], rng)
     # A file that another one names is changed beside that one.
-    beside = {"bench-positions.csv": "bench.toml", **dict.fromkeys(FINISHED.split(), "campaign.toml")}
-    named = beside.get(name, name or "".join(names[:1]))
-    given = iter(names if words.count("{}") > 1 else [named])
-    return Input([next(given) if word == "{}" else word for word in words], name, content)
+    owners = {"bench-positions.csv": "bench.toml", **dict.fromkeys(FINISHED.split(), "campaign.toml")}
+    owner = owners.get(name, name or "".join(names[:1]))
+    arguments = iter(names if words.count("{}") > 1 else [owner])
+    return Input([next(arguments) if word == "{}" else word for word in words], name, content)
 
 
 def _is_value(words: list[str], k: int) -> bool:
@@ -189,7 +189,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All files that are right."""
     folder = tmp_path_factory.mktemp("inputs")
     make_inputs(folder)
-    here = Path.cwd()
+    before = Path.cwd()
     os.chdir(folder)
     try:
         for line in (
@@ -204,14 +204,14 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ):
             assert cli.main([*line.split(), "--quiet"]) == 0, line
     finally:
-        os.chdir(here)
+        os.chdir(before)
     shutil.copy(folder / "made" / "AccelerometerBlock.fmu", folder / "block.fmu")
     shutil.copy(folder / "imported.import.toml", folder / "mapping.toml")
     shutil.copy(folder / "planned" / "programme.csv", folder / "programme.csv")
     shutil.copytree(folder / "finished", folder / "other")
     pl.read_parquet(folder / "raw" / "run.parquet").head(3000).write_csv(folder / "raw.csv")
-    for made in ("made", "planned", "raw"):
-        shutil.rmtree(folder / made)
+    for name in ("made", "planned", "raw"):
+        shutil.rmtree(folder / name)
     place = EffectPlace("cross-product", "accelerometer-3", axes=(1, 2))
     write_hidden_record(folder / "second.csv", 6, place, (6e-4,))
     clean = (folder / "clean.csv").read_text(encoding="utf-8")
@@ -291,18 +291,18 @@ class Counts:
     def show(self) -> None:
         print(f"\n{'command':18}refused   done  mean [s]  most [s]  most [MiB]", file=sys.stderr)
         for title, all_done in [*sorted(self._done.items()), ("all", [*chain(*self._done.values())])]:
-            refused = sum(done.status == 2 for done in all_done)
-            seconds = [done.cpu_seconds for done in all_done]
+            refused = sum(process.status == 2 for process in all_done)
+            seconds = [process.cpu_seconds for process in all_done]
             numbers = f"{sum(seconds) / len(seconds):10.2f}{max(seconds):10.2f}"
-            peak = max(done.peak_bytes for done in all_done) / 2**20
+            peak = max(process.peak_bytes for process in all_done) / 2**20
             print(f"{title:18}{refused:7}{len(all_done) - refused:7}{numbers}{peak:12.0f}", file=sys.stderr)
 
 
 @pytest.fixture(scope="session")
 def counts() -> Iterator[Counts]:
-    kept = Counts()
-    yield kept
-    kept.show()
+    retained = Counts()
+    yield retained
+    retained.show()
 
 
 @pytest.mark.parametrize("seeds", BATCHES, ids=lambda seeds: f"{seeds[0]}-{seeds[-1]}")
@@ -312,11 +312,11 @@ def test_inputs_that_are_almost_right(
     faults = []
     before = files(inputs)
     for seed in seeds:
-        given = drawn(seed, inputs)
-        done = done_with(given, inputs, tmp_path / "here", commands)
-        counts.add(given.arguments[0], done)
-        if wrong := fault(done, not {"--gate", "--within"}.isdisjoint(given.arguments)):
-            faults.append(f"seed {seed}, {given.name or 'options'}, {' '.join(given.arguments)[:200]}: {wrong}")
+        arguments = drawn(seed, inputs)
+        process = done_with(arguments, inputs, tmp_path / "here", commands)
+        counts.add(arguments.arguments[0], process)
+        if wrong := fault(process, not {"--gate", "--within"}.isdisjoint(arguments.arguments)):
+            faults.append(f"seed {seed}, {arguments.name or 'options'}, {' '.join(arguments.arguments)[:200]}: {wrong}")
             print(faults[-1], file=sys.stderr, flush=True)
     assert files(inputs) == before
     assert not faults, "\n".join(faults)

@@ -45,11 +45,11 @@ def test_no_fault_in_the_master_nor_when_the_process_ends(tmp_path: Path) -> Non
     log = tmp_path / "valgrind.log"
     quiet = {"PYTHONMALLOC": "malloc", "POLARS_MAX_THREADS": "1"}
     command = ["valgrind", "--error-limit=no", "--num-callers=40", f"--log-file={log}", sys.executable, "-c", RUN]
-    done = subprocess.run(
+    process = subprocess.run(
         [*command, tmp_path], capture_output=True, text=True, env={**os.environ, **quiet}, timeout=900
     )
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert "done" in done.stdout
+    assert process.returncode == 0, process.stderr[-3000:]
+    assert "done" in process.stdout
     blocks = re.split(r"\n==\d+== \n", log.read_text())
     # glibc's strncmp, reading a library's path, reads whole words.
     faults = [block for block in blocks if FAULT.search(block) and "expand_dynamic_string_token" not in block]

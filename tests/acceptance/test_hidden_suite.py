@@ -25,9 +25,9 @@ SHARE = float(os.environ.get("TRIHEDRON_SUITE_SHARE", "1"))
 
 def run(name: str, capsys: pytest.CaptureFixture[str]) -> tuple[Sequence[Outcome], Counter[str]]:
     suite = named_suite(name)
-    done: Any = run_suite(suite.options, max(1, round(SHARE * suite.cases)), suite.seed)
-    say(capsys, str(done))
-    return done.results, Counter(done.outcomes)
+    process: Any = run_suite(suite.options, max(1, round(SHARE * suite.cases)), suite.seed)
+    say(capsys, str(process))
+    return process.results, Counter(process.outcomes)
 
 
 def say(capsys: pytest.CaptureFixture[str], text: str) -> None:
@@ -100,7 +100,7 @@ def measured_too(case: Case, positions: Sequence[Any]) -> Case:
             errors.append(tuple(rng.uniform(-STAND_BOUND, STAND_BOUND, 3).tolist()))
             assert name in PRESETS
         mounting.append(names.index(name))
-    more = replace(
+    further = replace(
         bench,
         mountings=tuple(names),
         mounting_errors=tuple(errors),
@@ -108,15 +108,15 @@ def measured_too(case: Case, positions: Sequence[Any]) -> Case:
         beta=np.append(bench.beta, beta),
         mounting=np.append(bench.mounting, np.array(mounting, dtype=int)),
     )
-    return replace(case, instrument=more)
+    return replace(case, instrument=further)
 
 
 def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
     suite = named_suite("between")
     counts: Counter[str] = Counter()
-    asked = max(3, round(SHARE * 40))
+    options = max(3, round(SHARE * 40))
     for index in range(1000):
-        if counts.total() == asked:
+        if counts.total() == options:
             break
         case = draw_case(suite.options, suite.seed + 1, index)
         first: Any = diagnosed(case, case.measured())
@@ -125,7 +125,7 @@ def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
         longer = measured_too(case, first.next_positions)
         counts[judged(longer, diagnosed(longer, longer.measured())).outcome] += 1
     say(capsys, f"ambiguous, then measured where it was proposed: {dict(counts)}")
-    assert counts["right"] + counts["candidate"] >= 0.95 * asked
+    assert counts["right"] + counts["candidate"] >= 0.95 * options
 
 
 def test_held_out_errors_fall_to_the_noise(capsys):

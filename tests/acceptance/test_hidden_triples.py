@@ -19,10 +19,10 @@ LET_GO = 1
 
 def run(name: str, count: int, capsys: pytest.CaptureFixture[str]) -> Suite:
     suite = named_suite(name)
-    done = run_suite(suite.options, count, suite.seed if SEED is None else int(SEED))
+    process = run_suite(suite.options, count, suite.seed if SEED is None else int(SEED))
     with capsys.disabled():
-        print(f"\n{done}")
-    return done
+        print(f"\n{process}")
+    return process
 
 
 def wrong(outcomes: Mapping[str, int]) -> int:
@@ -30,10 +30,10 @@ def wrong(outcomes: Mapping[str, int]) -> int:
 
 
 def test_what_is_the_instruments_and_what_a_runs_is_attributed_rightly(capsys):
-    done = run("triples", COUNT, capsys)
-    assert wrong(done.outcomes) <= WRONG * COUNT
-    assert done.outcomes["right"] >= RIGHT * COUNT - LET_GO
-    assert [one.case for one in done.results if one.inside is False] == []
+    process = run("triples", COUNT, capsys)
+    assert wrong(process.outcomes) <= WRONG * COUNT
+    assert process.outcomes["right"] >= RIGHT * COUNT - LET_GO
+    assert [entry.case for entry in process.results if entry.inside is False] == []
 
 
 def test_of_clean_triples_nothing_is_named(capsys):

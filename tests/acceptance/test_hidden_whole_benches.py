@@ -16,5 +16,5 @@ SLIPS = ("single", ("mounting-slip",), 6)
 @pytest.mark.parametrize(("mode", "effects", "cases"), [("single", (), CASES), ("clean", (), CASES), SLIPS])
 def test_secrets_of_whole_benches_are_named(mode, effects, cases):
     suite = run_suite(Options(mode, effects, whole=True), cases, 2)
-    assert not [one.case for one in suite.results if one.outcome == "wrong"], suite.confusion
-    assert sum(one.outcome == "right" for one in suite.results) >= 0.97 * cases, suite.confusion
+    assert not [entry.case for entry in suite.results if entry.outcome == "wrong"], suite.confusion
+    assert sum(entry.outcome == "right" for entry in suite.results) >= 0.97 * cases, suite.confusion

@@ -31,9 +31,9 @@ def test_each_behaviour(hostile: Path, tmp_path: Path, call: str, way: str) -> N
 
 def test_it_ends_with_us(hostile: Path, tmp_path: Path) -> None:
     """Whoever kills us while an FMU hangs leaves no process behind."""
-    given = hostile_scenario(hostile, "hang_DoStep")
-    del given["run"]["call_limit_s"]
-    write_scenario(scenario(hostile, **given), hostile / "forever.toml")
+    arguments = hostile_scenario(hostile, "hang_DoStep")
+    del arguments["run"]["call_limit_s"]
+    write_scenario(scenario(hostile, **arguments), hostile / "forever.toml")
     command = [sys.executable, "-m", "trihedron.tools.cli", "simulate", str(hostile / "forever.toml")]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as ours:
 
@@ -42,9 +42,9 @@ def test_it_ends_with_us(hostile: Path, tmp_path: Path) -> None:
 
         wait_for(lambda: len(guests()) == 2)
         time.sleep(1.0)
-        left = guests()
+        remaining = guests()
         ours.send_signal(signal.SIGKILL)
-    wait_for(lambda: not any(_is_alive(pid) for pid in left))
+    wait_for(lambda: not any(_is_alive(pid) for pid in remaining))
 
 
 def _is_alive(pid: int) -> bool:

@@ -28,8 +28,8 @@ def test_verdict_radius_and_cause_are_those_of_the_clean_record(tmp_path: Path):
         path = tmp_path / f"lab{file.suffix}"
         path.write_bytes(file.content)
         imported = th.import_record(path, answers=file.needs).record
-        found = th.calibrate(imported, noise_bound=1e-5)
-        assert (found.verdict, found.radius) == (calibrated.verdict, pytest.approx(calibrated.radius, rel=1e-5)), (
+        result = th.calibrate(imported, noise_bound=1e-5)
+        assert (result.verdict, result.radius) == (calibrated.verdict, pytest.approx(calibrated.radius, rel=1e-5)), (
             file.name
         )
         if file.name in ("German Windows", "sexagesimal", "volts"):

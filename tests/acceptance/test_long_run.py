@@ -36,8 +36,10 @@ print(seconds, before, after)
 def test_a_day_at_1_khz_needs_no_more_memory_than_a_quarter_of_it(tmp_path: Path) -> None:
     pytest.importorskip("resource")
     steps = 86_400_000
-    done = subprocess.run([sys.executable, "-c", DAY, tmp_path, str(steps)], capture_output=True, text=True, check=True)
-    seconds, before, after = (float(word) for word in done.stdout.split())
+    process = subprocess.run(
+        [sys.executable, "-c", DAY, tmp_path, str(steps)], capture_output=True, text=True, check=True
+    )
+    seconds, before, after = (float(word) for word in process.stdout.split())
     print(
         f"\n{steps} steps in {seconds:.0f} s; memory {before:.0f} MB after 20 million steps, {after:.0f} MB after all"
     )

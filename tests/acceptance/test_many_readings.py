@@ -26,8 +26,8 @@ def test_ten_thousand_positions(capsys: pytest.CaptureFixture[str]) -> None:
     estimate, a_priori, squares = (
         np.array([getattr(e, key) for e in result.parameters]) for key in ("estimate", "a_priori", "least_squares")
     )
-    left = measured.specific_force / GRAVITY - target_reading(estimate, alpha, beta, np.eye(3))
-    assert np.abs(left).max() <= SIGMA * (1.0 + 1e-8)
+    remaining = measured.specific_force / GRAVITY - target_reading(estimate, alpha, beta, np.eye(3))
+    assert np.abs(remaining).max() <= SIGMA * (1.0 + 1e-8)
     errors = [float(np.sqrt(np.mean((x - truth) ** 2))) / SIGMA for x in (estimate, a_priori, squares)]
     tilt = np.degrees(tilt_left(correction_of(result.to_json(), "here"), truth)) * 3600.0
     with capsys.disabled():

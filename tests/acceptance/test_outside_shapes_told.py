@@ -38,8 +38,8 @@ class Said:
     def named_alone(self) -> bool:
         """Whether a law of the catalogue stands alone and without caution that does not hold the fault."""
         causes = [(cause["effect"], cause["where"]) for cause in self.told["causes"]]
-        held = all(cause in self.case.also for cause in causes)
-        return self.told["verdict"] == "explained" and not self.told.get("caution") and not held
+        explains = all(cause in self.case.also for cause in causes)
+        return self.told["verdict"] == "explained" and not self.told.get("caution") and not explains
 
     @property
     def pairs(self) -> set[tuple[str, str, str | None]]:
@@ -51,17 +51,17 @@ class Said:
         for text in proven.get("same") or ():
             factor, _, quantity = text.rpartition(" times ")
             names.append((quantity, factor or None))
-        found = set()
+        result = set()
         for quantity, factor in names:
             times = {"hours": "time"}.get(factor or "", factor)
-            found.add((proven["place"], {"hours": "time"}.get(quantity, quantity), None if times in TILTS else times))
-        return found
+            result.add((proven["place"], {"hours": "time"}.get(quantity, quantity), None if times in TILTS else times))
+        return result
 
     @property
     def wrong(self) -> bool:
         """Whether a place or a quantity is said to be proven that the true one can be told from."""
         place = (self.told.get("proven") or {}).get("place")
-        places = {one for one, *_ in self.case.same}
+        places = {entry for entry, *_ in self.case.same}
         return (place is not None and place not in places) or (bool(self.pairs) and not self.right)
 
     @property
@@ -110,12 +110,12 @@ def table(every: list[Said]) -> str:
     lines = [f"{'':<16}{'cases':>7}" + "".join(f"{head:>13}" for head in heads)]
     groups: dict[str, list[Said]] = {"all": every}
     groups |= {shape.__name__: [] for shape in SHAPES} | {f"{count} positions": [] for count in COUNTS}
-    for said in every:
-        groups[said.case.shape].append(said)
-        groups[f"{said.case.positions} positions"].append(said)
-    for name, mine in groups.items():
-        counts = [sum(getattr(said, head) for said in mine) for head in heads]
-        lines.append(f"{name:<16}{len(mine):>7}" + "".join(f"{count:>13}" for count in counts))
+    for judgement in every:
+        groups[judgement.case.shape].append(judgement)
+        groups[f"{judgement.case.positions} positions"].append(judgement)
+    for name, group in groups.items():
+        counts = [sum(getattr(judgement, head) for judgement in group) for head in heads]
+        lines.append(f"{name:<16}{len(group):>7}" + "".join(f"{count:>13}" for count in counts))
     return "\n".join(lines)
 
 
@@ -131,8 +131,8 @@ def test_outside_the_catalogue(tmp_path: Path, capsys: pytest.CaptureFixture[str
             print(every[-1], file=sys.stderr, flush=True)
     with capsys.disabled():
         print(f"\n{table(every)}", file=sys.stderr, flush=True)
-    assert sum(said.named_alone for said in every) < 0.02 * len(every)
-    assert sum(said.wrong for said in every) < 0.01 * len(every)
-    expected = sum(said.expected for said in every)
-    assert sum(said.found for said in every) >= 0.85 * expected
-    assert sum(said.predicted for said in every) >= 0.9 * expected
+    assert sum(judgement.named_alone for judgement in every) < 0.02 * len(every)
+    assert sum(judgement.wrong for judgement in every) < 0.01 * len(every)
+    expected = sum(judgement.expected for judgement in every)
+    assert sum(judgement.found for judgement in every) >= 0.85 * expected
+    assert sum(judgement.predicted for judgement in every) >= 0.9 * expected

@@ -37,16 +37,16 @@ def written(folder: Path) -> Path:
 def test_it_is_hidden_found_shown_and_exported(tmp_path, monkeypatch, capsys):
     """From a "measured" record to FMUs that give it again, by its name all along."""
     monkeypatch.chdir(tmp_path)
-    own = ["--effects-from", str(written(tmp_path))]
-    assert cli.main(["hidden", "r.csv", "--effect", "half-scale", "--seed", "3", "--answer", "a.json", *own]) == 0
+    options = ["--effects-from", str(written(tmp_path))]
+    assert cli.main(["hidden", "r.csv", "--effect", "half-scale", "--seed", "3", "--answer", "a.json", *options]) == 0
     hidden = json.loads(Path("a.json").read_text())["hidden"]
     assert hidden["effect"] == "half-scale"
-    found = ["diagnose", "r.csv", "--noise-bound", "1e-5", "--json", "d.json", "--export", "x", "--report", "d.html"]
+    result = ["diagnose", "r.csv", "--noise-bound", "1e-5", "--json", "d.json", "--export", "x", "--report", "d.html"]
     capsys.readouterr()
-    assert cli.main([*found, *own]) == 0
-    said = json.loads(Path("d.json").read_text())
-    assert said["verdict"] == "explained"
-    (cause,) = said["causes"]
+    assert cli.main([*result, *options]) == 0
+    output = json.loads(Path("d.json").read_text())
+    assert output["verdict"] == "explained"
+    (cause,) = output["causes"]
     assert (cause["effect"], cause["where"]) == ("half-scale", hidden["where"])
     (parameter,) = cause["parameters"]
     assert parameter["low"] <= hidden["parameters"]["coefficient"] <= parameter["high"]
@@ -77,6 +77,6 @@ def test_the_processes_of_a_suite_know_it(tmp_path, monkeypatch):
     command += ["--effects-from", str(written(tmp_path))]
     for jobs in ("1", "2"):
         assert cli.main([*command, "--jobs", jobs, "--json", f"suite-{jobs}.json"]) == 0
-    one, two = (json.loads(Path(f"suite-{jobs}.json").read_text()) for jobs in ("1", "2"))
-    assert one == two
-    assert one["outcomes"] == {"right": 2}
+    entry, two = (json.loads(Path(f"suite-{jobs}.json").read_text()) for jobs in ("1", "2"))
+    assert entry == two
+    assert entry["outcomes"] == {"right": 2}

@@ -72,12 +72,12 @@ def test_a_diagnosis_names_the_same(name, case):
     if effect in IN_ORDER and name in ("positions permuted", "a position doubled"):
         pytest.skip(f"{effect} is of an order in time, which the change undoes")
     changed = SAME[name](table)
-    other = stated(changed.table, **changed.options)
-    assert other["verdict"] == first["verdict"]
-    assert other.get("level") == first.get("level")
-    assert other.get("proven") == first.get("proven") or name == "positions permuted"
-    assert causes(other) == causes(first)
-    assert other["calibration"]["radius"] == pytest.approx(first["calibration"]["radius"], rel=1e-5)
+    second = stated(changed.table, **changed.options)
+    assert second["verdict"] == first["verdict"]
+    assert second.get("level") == first.get("level")
+    assert second.get("proven") == first.get("proven") or name == "positions permuted"
+    assert causes(second) == causes(first)
+    assert second["calibration"]["radius"] == pytest.approx(first["calibration"]["radius"], rel=1e-5)
 
 
 @pytest.mark.parametrize("effect", ["quadratic", "none"])
@@ -87,11 +87,11 @@ def test_axes_renamed_with_the_mounting_name_the_renamed_accelerometer(effect, t
     table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
     changed = axes_renamed(table)
     first = stated(table, baseline="symmetric")
-    other = stated(changed.table, baseline="symmetric", **changed.options)
-    assert other["verdict"] == first["verdict"] == ("consistent" if effect == "none" else "explained")
+    second = stated(changed.table, baseline="symmetric", **changed.options)
+    assert second["verdict"] == first["verdict"] == ("consistent" if effect == "none" else "explained")
     renamed = {f"accelerometer-{k}": f"accelerometer-{new}" for k, new in enumerate(changed.accelerometers, 1)}
-    named = [(cause["effect"], renamed[cause["where"]]) for cause in first["causes"]]
-    assert [(cause["effect"], cause["where"]) for cause in other["causes"]] == named
+    titles = [(cause["effect"], renamed[cause["where"]]) for cause in first["causes"]]
+    assert [(cause["effect"], cause["where"]) for cause in second["causes"]] == titles
 
 
 def test_a_diagnosis_of_csv_and_of_parquet_names_the_same(case, tmp_path):
@@ -99,10 +99,10 @@ def test_a_diagnosis_of_csv_and_of_parquet_names_the_same(case, tmp_path):
     table.write_parquet(tmp_path / "r.parquet")
     table.write_csv(tmp_path / "r.csv")
     for form in ("csv", "parquet"):
-        other = measured.diagnose(tmp_path / f"r.{form}", noise_bound=SIGMA).to_json()
-        assert other["verdict"] == first["verdict"]
-        assert causes(other) == causes(first)
-        assert other["calibration"]["radius"] == pytest.approx(first["calibration"]["radius"], rel=1e-3)
+        second = measured.diagnose(tmp_path / f"r.{form}", noise_bound=SIGMA).to_json()
+        assert second["verdict"] == first["verdict"]
+        assert causes(second) == causes(first)
+        assert second["calibration"]["radius"] == pytest.approx(first["calibration"]["radius"], rel=1e-3)
 
 
 def test_a_part_of_a_record_contradicts_no_more_than_the_whole(case):
@@ -116,9 +116,9 @@ SEVERAL = [(EffectPlace("quadratic", "accelerometer-2"), (4e-4,))]
 
 def together(tables: Sequence[Any], **options: Any) -> dict:
     """What several records say together: verdict, causes with whose they are, what is the instrument's, radius."""
-    found = th.diagnose_together(*tables, noise_bound=SIGMA, **options)
-    named = sorted((cause.title, cause.is_of_instrument) for cause in found.causes)
-    return {"verdict": found.verdict, "causes": named, "instrument": found.instrument, "radius": found.radius}
+    result = th.diagnose_together(*tables, noise_bound=SIGMA, **options)
+    titles = sorted((cause.title, cause.is_of_instrument) for cause in result.causes)
+    return {"verdict": result.verdict, "causes": titles, "instrument": result.instrument, "radius": result.radius}
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def assert_together(other: dict, first: dict) -> None:
 def test_several_records_say_the_same(name, several):
     tables, first = several
     changed = [(EXACT | SAME)[name](table) for table in tables]
-    assert_together(together([one.table for one in changed], **changed[0].options), first)
+    assert_together(together([entry.table for entry in changed], **changed[0].options), first)
 
 
 def test_several_records_of_renamed_axes_name_the_renamed_accelerometer(tmp_path):
@@ -152,11 +152,11 @@ def test_several_records_of_renamed_axes_name_the_renamed_accelerometer(tmp_path
         tables.append(pl.read_csv(tmp_path / "s.csv", comment_prefix="#"))
     changed = [axes_renamed(table) for table in tables]
     first = together(tables, baseline="symmetric")
-    other = together([one.table for one in changed], baseline="symmetric", **changed[0].options)
-    assert other["verdict"] == first["verdict"]
+    second = together([entry.table for entry in changed], baseline="symmetric", **changed[0].options)
+    assert second["verdict"] == first["verdict"]
     renamed = {f"accelerometer-{k}": f"accelerometer-{new}" for k, new in enumerate(changed[0].accelerometers, 1)}
     titles = [" ".join(renamed.get(word, word) for word in str(title).split()) for title, _ in first["causes"]]
-    assert sorted(str(title) for title, _ in other["causes"]) == sorted(titles)
+    assert sorted(str(title) for title, _ in second["causes"]) == sorted(titles)
 
 
 def test_several_records_have_no_order_and_no_kind_of_file(several, tmp_path):
@@ -178,11 +178,11 @@ def test_a_record_split_in_two_contradicts_no_more_than_the_whole(several):
 def test_a_run_read_from_memory_and_from_its_files_is_one_record(tmp_path):
     run = library.simulate("scenarios/static-calibration.toml", out=tmp_path / "run")
     direct = measured.calibrate(run, noise_bound=SIGMA).to_json()
-    read = measured.calibrate(tmp_path / "run" / "positions.csv", noise_bound=SIGMA).to_json()
-    assert direct["verdict"] == read["verdict"] == "consistent"
-    for one, other in zip(direct["parameters"], read["parameters"], strict=True):
-        width = other["high"] - other["low"]
-        assert [one["low"], one["high"]] == pytest.approx([other["low"], other["high"]], abs=1e-3 * width)
+    loaded = measured.calibrate(tmp_path / "run" / "positions.csv", noise_bound=SIGMA).to_json()
+    assert direct["verdict"] == loaded["verdict"] == "consistent"
+    for entry, second in zip(direct["parameters"], loaded["parameters"], strict=True):
+        width = second["high"] - second["low"]
+        assert [entry["low"], entry["high"]] == pytest.approx([second["low"], second["high"]], abs=1e-3 * width)
 
 
 def test_a_diagnosis_of_a_run_and_of_its_file_is_one(tmp_path):
@@ -190,21 +190,21 @@ def test_a_diagnosis_of_a_run_and_of_its_file_is_one(tmp_path):
     run = library.simulate("scenarios/static-calibration.toml", out=tmp_path / "run")
     file = tmp_path / "run" / "positions.csv"
     assert run.positions is not None
-    direct, read = (measured.diagnose(one, noise_bound=SIGMA).to_json() for one in (run.positions, file))
-    assert direct["verdict"] == read["verdict"] == "consistent"
-    assert causes(direct) == causes(read) == []
-    assert direct["calibration"]["radius"] == pytest.approx(read["calibration"]["radius"], rel=1e-3)
-    other = hidden(tmp_path, "none")
-    assert_together(together([run.positions, other]), together([file, other]))
+    direct, loaded = (measured.diagnose(entry, noise_bound=SIGMA).to_json() for entry in (run.positions, file))
+    assert direct["verdict"] == loaded["verdict"] == "consistent"
+    assert causes(direct) == causes(loaded) == []
+    assert direct["calibration"]["radius"] == pytest.approx(loaded["calibration"]["radius"], rel=1e-3)
+    second = hidden(tmp_path, "none")
+    assert_together(together([run.positions, second]), together([file, second]))
 
 
 def test_a_run_split_in_time_is_the_first_rows_of_the_whole_run(tmp_path):
     path = tmp_path / "s.toml"
     path.write_text(SCENARIO, encoding="utf-8")
-    whole = library.simulate(path).table
+    complete = library.simulate(path).table
     path.write_text(SCENARIO.replace("stop_s = 2.0", "stop_s = 1.0"), encoding="utf-8")
     half = library.simulate(path).table
-    assert half.equals(whole.head(half.height))
+    assert half.equals(complete.head(half.height))
 
 
 @pytest.fixture(scope="module")
@@ -230,25 +230,25 @@ def test_attitude_of_renamed_axes_turns_about_renamed_axes(moved):
     rates, forces = ([f"{q}{k}_{unit}" for k in (1, 2, 3)] for q, unit in (("w", "radps"), ("f", "mps2")))
     new = [pl.col(group[(k + 1) % 3]).alias(group[k]) for group in (rates, forces) for k in range(3)]
     first = measured.attitude_of_record(moved).to_polars()
-    other = measured.attitude_of_record(moved.with_columns(new)).to_polars()
+    second = measured.attitude_of_record(moved.with_columns(new)).to_polars()
     quaternion = [name for name in first.columns if name in ("q0", "q1", "q2", "q3")]
     assert len(quaternion) == 4
-    before, after = first.select(quaternion).to_numpy(), other.select(quaternion).to_numpy()
+    before, after = first.select(quaternion).to_numpy(), second.select(quaternion).to_numpy()
     assert after[:, [0, 3, 1, 2]] == pytest.approx(before, abs=1e-9)
 
 
 def test_a_plan_of_renamed_axes_has_the_same_costs():
     """Of one set for all targets: the worst ratio of cost to optimum; the targets are those of other accelerometers."""
-    one = th.plan("X16", grid=15.0, baseline="symmetric")[0].optimum.cost
-    other = th.plan("X17", grid=15.0, baseline="symmetric", mounting=named(CYCLE.T))[0].optimum.cost
-    assert other == pytest.approx(one, rel=1e-6)
+    entry = th.plan("X16", grid=15.0, baseline="symmetric")[0].optimum.cost
+    second = th.plan("X17", grid=15.0, baseline="symmetric", mounting=named(CYCLE.T))[0].optimum.cost
+    assert second == pytest.approx(entry, rel=1e-6)
 
 
 def test_a_plan_for_a_base_that_is_turned_has_the_same_cost():
     """The inner axis counts from another mark, and the grid of positions is the same."""
-    one = th.plan("X4", grid=15.0)[0].optimum.cost
-    other = th.plan("X4", grid=15.0, mounting=named(QUARTER))[0].optimum.cost
-    assert other == pytest.approx(one, rel=1e-6)
+    entry = th.plan("X4", grid=15.0)[0].optimum.cost
+    second = th.plan("X4", grid=15.0, mounting=named(QUARTER))[0].optimum.cost
+    assert second == pytest.approx(entry, rel=1e-6)
 
 
 @pytest.mark.parametrize("unit", ["g", "mg", "m/s2"])
@@ -259,8 +259,8 @@ def test_an_imported_record_is_the_same_in_every_unit(unit, tmp_path):
     scaled = table.with_columns(pl.col(list(names)) * factor).rename(names)
     scaled.write_csv(tmp_path / "foreign.csv")
     answers = {"units.force": unit, "decimal": "."}
-    made = measured.import_record(tmp_path / "foreign.csv", out=tmp_path / "record.csv", answers=answers)
-    assert made is not None
+    imported = measured.import_record(tmp_path / "foreign.csv", out=tmp_path / "record.csv", answers=answers)
+    assert imported is not None
     back = pl.read_csv(tmp_path / "record.csv", comment_prefix="#")
     for name in names:
         assert back[name].to_numpy() == pytest.approx(table[name].to_numpy(), rel=1e-9)
@@ -279,9 +279,9 @@ def test_settings_in_another_order_and_of_whole_turns_more_are_the_same_settings
     turned = table.with_columns(pl.col("alpha_deg", "planned_alpha_deg") + 360.0)
     turned.select(pl.all().gather(order.tolist())).write_csv(tmp_path / "other.csv")
     planned, actual = planning.read_angles(tmp_path / "other.csv")
-    other = planning.check_settings(planning.task_of(planning.Request()), planned, actual, SIGMA).to_json()
-    assert other["advice"] == first["advice"]
-    assert other["lost_readings"] == first["lost_readings"]
-    for one, same in zip(first["targets"], other["targets"], strict=True):
-        assert same["planned"] == pytest.approx(one["planned"], rel=1e-6)
-        assert same["solved"] == pytest.approx(one["solved"], rel=1e-6)
+    second = planning.check_settings(planning.task_of(planning.Request()), planned, actual, SIGMA).to_json()
+    assert second["advice"] == first["advice"]
+    assert second["lost_readings"] == first["lost_readings"]
+    for entry, same in zip(first["targets"], second["targets"], strict=True):
+        assert same["planned"] == pytest.approx(entry["planned"], rel=1e-6)
+        assert same["solved"] == pytest.approx(entry["solved"], rel=1e-6)

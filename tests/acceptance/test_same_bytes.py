@@ -39,21 +39,21 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_one_thread_and_two_give_the_same_bytes(line: str, inputs: Path) -> None:
-    said = []
+    output = []
     for threads in ("1", "2", "2"):
         environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
         command = [sys.executable, "-m", "trihedron.tools.cli", *line.split(), "--quiet", "--json", "-"]
-        done = subprocess.run(command, cwd=inputs, env=environment, capture_output=True, check=True)
-        said.append(done.stdout)
-    assert said[0]
-    assert said[0] == said[1] == said[2]
+        process = subprocess.run(command, cwd=inputs, env=environment, capture_output=True, check=True)
+        output.append(process.stdout)
+    assert output[0]
+    assert output[0] == output[1] == output[2]
 
 
 @pytest.mark.parametrize("least", [1e-310, 5e-324, 2.2250738585072014e-308])
 def test_denormal_numbers_are_zeros(least: float, inputs: Path, tmp_path: Path) -> None:
     """An angle, a time and a temperature that are all but nothing."""
     table = pl.read_csv(inputs / "clean.csv", comment_prefix="#")
-    said = []
+    output = []
     for value in (0.0, least):
         first = pl.int_range(pl.len()) == 0
         names = ["alpha_deg", "beta_deg", "time_s"]
@@ -63,8 +63,8 @@ def test_denormal_numbers_are_zeros(least: float, inputs: Path, tmp_path: Path) 
         )
         out = tmp_path / "out.json"
         assert cli.main(["calibrate", str(path), "--noise-bound", "1e-2", "--json", str(out), "--quiet"]) == 0
-        said.append([line for line in out.read_text().splitlines() if "sha256" not in line])
-    assert said[0] == said[1]
+        output.append([line for line in out.read_text().splitlines() if "sha256" not in line])
+    assert output[0] == output[1]
 
 
 def said_by(program: Sequence[str | Path], line: str, inputs: Path, **more: str) -> bytes:
@@ -93,11 +93,13 @@ def test_another_python_gives_the_same_bytes(one: str, other: str, inputs: Path)
 
 def test_another_installation_gives_the_same_bytes(inputs: Path, tmp_path: Path) -> None:
     """A copy of the product elsewhere, with nothing compiled yet."""
-    kept = {"__pycache__", *(path.name for path in ROOT.iterdir() if path.name not in PRODUCT)}
-    shutil.copytree(ROOT, tmp_path / "trihedron", ignore=lambda folder, names: kept & {*names}, symlinks=True)
-    more = {"PYTHONPATH": str(tmp_path), "TRIHEDRON_CACHE": str(tmp_path / "cache")}
+    retained = {"__pycache__", *(path.name for path in ROOT.iterdir() if path.name not in PRODUCT)}
+    shutil.copytree(ROOT, tmp_path / "trihedron", ignore=lambda folder, names: retained & {*names}, symlinks=True)
+    further = {"PYTHONPATH": str(tmp_path), "TRIHEDRON_CACHE": str(tmp_path / "cache")}
     where = [sys.executable, "-c", "import trihedron; print(trihedron.__file__)"]
-    found = subprocess.run(where, cwd=inputs, env={**os.environ, **more}, capture_output=True, check=True, text=True)
-    assert found.stdout.startswith(str(tmp_path))
+    result = subprocess.run(
+        where, cwd=inputs, env={**os.environ, **further}, capture_output=True, check=True, text=True
+    )
+    assert result.stdout.startswith(str(tmp_path))
     for line in HANDFUL:
-        assert said_by([sys.executable], line, inputs, **more) == said_by([sys.executable], line, inputs), line
+        assert said_by([sys.executable], line, inputs, **further) == said_by([sys.executable], line, inputs), line

@@ -41,15 +41,15 @@ def test_an_hour_at_a_kilohertz_is_diagnosed_in_two_minutes_and_two_gigabytes(tm
     columns |= {f"f{p + 1}_mps2": np.round(record.specific_force[:, p], 7) for p in range(3)}
     path, out = tmp_path / "hour.csv", tmp_path / "hour.json"
     pl.DataFrame(columns).write_csv(path)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(path), str(out)], capture_output=True, text=True, check=True
     )
-    used = json.loads(done.stdout.strip().split("\n")[-1])
-    found = json.loads(out.read_text(encoding="utf-8"))
-    print(f"\nan hour at 1 kHz: {used['seconds']:.0f} s of a processor, {used['bytes'] / 1e9:.2f} GB")
-    assert used["status"] == 0
-    assert found["verdict"] == "explained"
-    assert [cause["effect"] for cause in found["causes"]] == ["gyro-g-sensitivity"]
-    assert found["gain"]["held_out_rms_after"] < found["gain"]["held_out_rms_before"]
-    assert used["bytes"] < GIGABYTES * 1e9
-    assert used["seconds"] < SECONDS
+    peak = json.loads(process.stdout.strip().split("\n")[-1])
+    result = json.loads(out.read_text(encoding="utf-8"))
+    print(f"\nan hour at 1 kHz: {peak['seconds']:.0f} s of a processor, {peak['bytes'] / 1e9:.2f} GB")
+    assert peak["status"] == 0
+    assert result["verdict"] == "explained"
+    assert [cause["effect"] for cause in result["causes"]] == ["gyro-g-sensitivity"]
+    assert result["gain"]["held_out_rms_after"] < result["gain"]["held_out_rms_before"]
+    assert peak["bytes"] < GIGABYTES * 1e9
+    assert peak["seconds"] < SECONDS

@@ -24,10 +24,10 @@ def resident() -> float:
 def test_memory_is_flat_over_720_000_readings(tmp_path: Path):
     (tmp_path / "plan.csv").write_text("alpha_deg,beta_deg\n" + "".join(f"{a},{b}\n" for a, b in POSITIONS))
     programme = read_programme(tmp_path / "plan.csv")
-    asked, rng = Asked(1e-5), np.random.default_rng(1)
-    one = Measurement.begun(programme, asked, tmp_path / "m.csv", "the table", resume=False)
-    one.feed(HEADER.encode())
-    used, last, time_s = [], np.zeros(2), 0.0
+    options, rng = Asked(1e-5), np.random.default_rng(1)
+    entry = Measurement.begun(programme, options, tmp_path / "m.csv", "the table", resume=False)
+    entry.feed(HEADER.encode())
+    peak, last, time_s = [], np.zeros(2), 0.0
     way = np.minimum(np.arange(DWELL_ROWS) / MOVE_ROWS, 1.0)[:, None]
     for k in range(60):
         to = np.array(POSITIONS[k % 12], dtype=float)
@@ -37,16 +37,16 @@ def test_memory_is_flat_over_720_000_readings(tmp_path: Path):
         )
         times = time_s + 0.01 * np.arange(1, DWELL_ROWS + 1)
         last, time_s = to, float(times[-1])
-        data = text_of(np.column_stack([times, angles, force])).encode()
-        for start in range(0, len(data), 50_000):
-            one.feed(data[start : start + 50_000])
-            one.watch.present()
-        used.append(resident())
-    assert one.lines.rows == 720_000
-    assert len(one.session.good) == 59
-    assert max(used[12:]) < used[11] + 15.0, used
-    one.files.close()
-    again = Measurement.begun(programme, asked, tmp_path / "m.csv", "the table", resume=True)
-    assert again.session.standing == one.session.standing
-    assert resident() < used[11] + 40.0
+        payload = text_of(np.column_stack([times, angles, force])).encode()
+        for start in range(0, len(payload), 50_000):
+            entry.feed(payload[start : start + 50_000])
+            entry.watch.present()
+        peak.append(resident())
+    assert entry.lines.rows == 720_000
+    assert len(entry.session.good) == 59
+    assert max(peak[12:]) < peak[11] + 15.0, peak
+    entry.files.close()
+    again = Measurement.begun(programme, options, tmp_path / "m.csv", "the table", resume=True)
+    assert again.session.standing == entry.session.standing
+    assert resident() < peak[11] + 40.0
     again.files.close()

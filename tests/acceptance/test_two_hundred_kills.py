@@ -77,9 +77,9 @@ class Campaign:
     def __init__(self, folder: Path, commands: ForkedCommands) -> None:
         self._commands, self._folder = commands, folder
         self.path, self._begun = written(folder, CALIBRATION), 0
-        done = self.run(None)
-        assert done.status == 0, done.err
-        self.whole, self.seconds = content(self.out), done.seconds
+        process = self.run(None)
+        assert process.status == 0, process.err
+        self.whole, self.seconds = content(self.out), process.seconds
         # How many calls there are within each function, from the beginning and when all is there.
         self.calls = self.run(Strike("", PARTS)).calls
         self.anew()
@@ -129,13 +129,13 @@ def test_strikes_of_a_campaign(tmp_path: Path, commands: ForkedCommands, fell: C
             if rng.random() < 0.4 and before < FILES:
                 part = f"{campaign.out.name}/runs/part-{before:05}*"
                 strike = Strike("", (), 0, blow, stored=part, delay=rng.uniform(0.0, campaign.seconds))
-            done = campaign.run(strike)
-            if done.struck and (done.status or not strike.stored):
-                expected(done, blow)
+            process = campaign.run(strike)
+            if process.struck and (process.status or not strike.stored):
+                expected(process, blow)
                 hit += 1
                 where = "after a part" if strike.stored else strike.within or "elsewhere"
                 fell[f"campaign {blow:14}{where:14}{before} -> {campaign.stored()} of {FILES} stored"] += 1
-            if done.status == 0:
+            if process.status == 0:
                 campaign.anew()
             else:
                 assert_begun(content(campaign.out), campaign.whole)
@@ -149,7 +149,7 @@ def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands, fell:
     path.write_text(SCENARIO, encoding="utf-8")
     first = commands.run(["simulate", str(path), "--out", "whole"], tmp_path, strike=Strike("", JOURNAL))
     assert first.status == 0, first.err
-    whole = content(tmp_path / "whole")
+    complete = content(tmp_path / "whole")
     rows = pl.read_parquet(tmp_path / "whole" / "run.parquet")
     rng, begun = random.Random(21), 0
     for kind, blow in SHARES:
@@ -160,13 +160,13 @@ def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands, fell:
             else:
                 within = rng.choice([name for name in JOURNAL if first.calls.get(name)])
                 strike = Strike(within, JOURNAL, rng.randint(1, first.calls[within]), blow)
-            done = commands.run(["simulate", str(path), "--out", "out"], tmp_path, strike=strike)
+            process = commands.run(["simulate", str(path), "--out", "out"], tmp_path, strike=strike)
             saved = sorted((tmp_path / "out").rglob("*.parquet"))
             saved = [part for part in saved if not part.name.startswith(".")]
             table = pl.concat(map(pl.read_parquet, saved)) if saved else rows.clear()
             assert table.equals(rows.head(table.height)), strike
-            if done.struck and (done.status or blow == "ctrl-c"):
-                expected(done, blow)
+            if process.struck and (process.status or blow == "ctrl-c"):
+                expected(process, blow)
                 hit += 1
                 begun += 0 < table.height < rows.height
                 share = "all" if table.height == rows.height else f"{100 * table.height // rows.height:2} %"
@@ -176,7 +176,7 @@ def test_strikes_of_a_simulation(tmp_path: Path, commands: ForkedCommands, fell:
             subprocess.run(["rm", "-rf", str(tmp_path / "out")], check=True)
     again = commands.run(["simulate", str(path), "--out", "out"], tmp_path)
     assert again.status == 0
-    assert content(tmp_path / "out") == whole
+    assert content(tmp_path / "out") == complete
     assert begun > fell.total() // 4
 
 
@@ -187,7 +187,7 @@ def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
     assert commands.run([*command[:3], "whole", *command[4:]], tmp_path).status == 0
     working = threading.Event()
     came: list[Done] = []
-    with ForkedCommands(os.environ, tmp_path / "other") as others:
+    with ForkedCommands(os.environ, tmp_path / "other") as commands:
 
         def work() -> None:
             came.append(commands.run(command, tmp_path))
@@ -199,10 +199,10 @@ def test_two_resumes_at_once(tmp_path: Path, commands: ForkedCommands) -> None:
         while not (tmp_path / "out" / "campaign.json").exists():
             assert not working.wait(0.01)
         while not working.is_set():
-            done = others.run(command, tmp_path)
-            if done.status != 0:
-                assert done.status == 2
-                assert done.err == "trihedron: --out out: another process works there\n"
+            process = commands.run(command, tmp_path)
+            if process.status != 0:
+                assert process.status == 2
+                assert process.err == "trihedron: --out out: another process works there\n"
                 refused += 1
         first.join()
     assert came[0].status == 0
@@ -216,13 +216,13 @@ def test_files_that_may_not_be_larger_stop_a_campaign_in_one_line(tmp_path: Path
     path = written(tmp_path, CALIBRATION)
     command = ["campaign", str(path), "--out", "out", "--jobs", "1", "--resume"]
     assert commands.run([*command[:3], "whole", *command[4:]], tmp_path).status == 0
-    whole = content(tmp_path / "whole")
-    for size in sorted({len(data) for name, data in whole.items() if len(data) > 500}):
-        done = commands.run(command, tmp_path, most_bytes=size - 1)
-        assert done.status in (0, 2), done.err
-        if done.status == 2:
-            assert done.err.count("\n") == 1
-            assert "File too large" in done.err
-        assert_begun(content(tmp_path / "out"), whole)
+    complete = content(tmp_path / "whole")
+    for size in sorted({len(payload) for name, payload in complete.items() if len(payload) > 500}):
+        process = commands.run(command, tmp_path, most_bytes=size - 1)
+        assert process.status in (0, 2), process.err
+        if process.status == 2:
+            assert process.err.count("\n") == 1
+            assert "File too large" in process.err
+        assert_begun(content(tmp_path / "out"), complete)
     assert commands.run(command, tmp_path).status == 0
-    assert content(tmp_path / "out") == whole
+    assert content(tmp_path / "out") == complete

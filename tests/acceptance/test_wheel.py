@@ -27,15 +27,15 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=True, symlinks=True)
     python = folder / "bin" / "python"
-    done = subprocess.run(
+    process = subprocess.run(
         [python, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", str(WHEELS[-1])],
         capture_output=True, text=True, check=False, timeout=300,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     libraries = next(path for path in sys.path if path.endswith("site-packages"))
-    own = next(folder.glob("lib/python*/site-packages"))
+    packages = next(folder.glob("lib/python*/site-packages"))
     # Of a folder that is named in a .pth no .pth is read, so an editable install is not found there.
-    (own / "libraries.pth").write_text(libraries + "\n", encoding="utf-8")
+    (packages / "libraries.pth").write_text(libraries + "\n", encoding="utf-8")
     return folder / "bin" / "trihedron"
 
 
@@ -49,12 +49,12 @@ def run(program: Path, here: Path, *arguments: str) -> str:
     environment = {"PATH": str(program.parent), "HOME": str(here.parent / "home")}
     environment |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     environment["TRIHEDRON_CACHE"] = str(here.parent / "cache")
-    done = subprocess.run(
+    process = subprocess.run(
         [program, *arguments], cwd=here, env=environment, capture_output=True, text=True, check=False, timeout=600
     )
-    assert done.returncode == 0, done.stderr
-    assert os.fspath(ROOT) not in done.stdout + done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stderr
+    assert os.fspath(ROOT) not in process.stdout + process.stderr
+    return process.stdout
 
 
 def test_the_whole_way_with_no_checkout_near(program: Path, here: Path):
@@ -62,11 +62,11 @@ def test_the_whole_way_with_no_checkout_near(program: Path, here: Path):
     run(program, here, "new", "scenario", "bench.toml")
     assert "nothing is wrong" in run(program, here, "check", "bench.toml")
     run(program, here, "simulate", "bench.toml", "--out", "run")
-    said = run(program, here, "calibrate", "run/positions.csv", "--noise-bound", "1e-5", "--report", "c.html")
-    assert said.startswith("consistent")
+    output = run(program, here, "calibrate", "run/positions.csv", "--noise-bound", "1e-5", "--report", "c.html")
+    assert output.startswith("consistent")
     run(program, here, "hidden", "m.csv", "--seed", "7", "--effect", "quadratic")
-    said = run(program, here, "diagnose", "m.csv", "--noise-bound", "1e-5", "--export", "extended")
-    assert said.startswith("explained")
+    output = run(program, here, "diagnose", "m.csv", "--noise-bound", "1e-5", "--export", "extended")
+    assert output.startswith("explained")
     assert (here / "extended" / "AccelerometerBlock.fmu").is_file()
 
 
@@ -75,9 +75,9 @@ def test_every_component_comes_for_every_platform(fmi: str, program: Path, here:
     from trihedron.fmus import component_names
 
     out = ("--flavour", "native", "--platform", "all", "--fmi", fmi, "--out", f"fmus{fmi}", "--json", "-")
-    said = json.loads(run(program, here, "export", *out))
-    assert [fmu["component"] for fmu in said["fmus"]] == list(component_names())
-    for fmu in said["fmus"]:
+    output = json.loads(run(program, here, "export", *out))
+    assert [fmu["component"] for fmu in output["fmus"]] == list(component_names())
+    for fmu in output["fmus"]:
         assert len(fmu["platforms"]) == 5
         with zipfile.ZipFile(here / fmu["file"]) as archive:
             binaries = [name for name in archive.namelist() if name.startswith("binaries/")]

@@ -24,23 +24,23 @@ def test_every_parameter_of_two_hundred_benches_is_inside_its_interval():
         programme = replace(PROGRAMME, step=0.01, rate=(1.2, 2.0)[seed % 2])
         rests = position_record_of(bench_record(truth, programme, errors))
         alone = calibrate(rests, noise_bound=SIGMA)
-        both = calibrate_whole(rests, place, noise_bound=SIGMA)
-        assert both.verdict == "consistent", seed
-        assert both.gyros is not None
-        estimates = both.parameters
+        calibration = calibrate_whole(rests, place, noise_bound=SIGMA)
+        assert calibration.verdict == "consistent", seed
+        assert calibration.gyros is not None
+        estimates = calibration.parameters
         for e, x in zip(estimates, [*truth.targets, *truth.gyros, *truth.lags], strict=True):
             assert e.low is not None
             assert e.high is not None
             if not e.low <= x <= e.high:
                 outside.append((seed, e.symbol))
-        for e, before in zip(both.parameters, alone.parameters, strict=True):
+        for e, before in zip(calibration.parameters, alone.parameters, strict=True):
             assert e.low is not None
             assert e.high is not None
             assert before.low is not None
             assert before.high is not None
             if e.low < before.low or e.high > before.high:
                 wider.append((seed, e.symbol))
-        if "X3" not in {gain.symbol for gain in both.gyros.gains}:
+        if "X3" not in {gain.symbol for gain in calibration.gyros.gains}:
             not_better.append(seed)
     assert outside == []
     assert wider == []

@@ -49,11 +49,11 @@ Run = Callable[[np.ndarray], np.ndarray]
 def scipy_one_by_one(increments: np.ndarray) -> np.ndarray:
     """One product for each sample."""
     attitude = Rotation.identity()
-    found = np.empty((len(increments), 4))
+    result = np.empty((len(increments), 4))
     for k, turned in enumerate(Rotation.from_rotvec(increments)):
         attitude = attitude * turned
-        found[k] = attitude.as_quat()
-    return np.roll(found, 1, axis=1)
+        result[k] = attitude.as_quat()
+    return np.roll(result, 1, axis=1)
 
 
 def scipy_in_blocks(increments: np.ndarray) -> np.ndarray:
@@ -117,7 +117,7 @@ def native_fmu(algorithm: str, folder: Path) -> Run:
     host, at = compiled("fmu_samples.c", folder), numbering(component, 2)
     assert host is not None
     functions = (ctypes.cast(fmu.dll[f"fmi2{name}"], ctypes.c_void_p) for name in ("SetReal", "DoStep", "GetReal"))
-    known = (*functions, at["increment"][0], at["attitude"][0])
+    handles = (*functions, at["increment"][0], at["attitude"][0])
     host.run.argtypes = [*[ctypes.c_void_p] * 4, ctypes.c_uint, ctypes.c_uint, ctypes.c_double, POINTER]
     host.run.argtypes += [ctypes.c_long, POINTER]
 
@@ -126,7 +126,7 @@ def native_fmu(algorithm: str, folder: Path) -> Run:
         assert fmu.set(instance, "enumeration", at["algorithm"], [number]) == 0
         fmu.start(instance)
         attitudes = np.empty((len(increments), 4))
-        assert host.run(instance, *known, 1.0 / RATE, increments, len(increments), attitudes) == 0
+        assert host.run(instance, *handles, 1.0 / RATE, increments, len(increments), attitudes) == 0
         fmu.free(instance)
         return attitudes
 
@@ -169,14 +169,14 @@ def test_ratio_to_scipy_ahrs_and_c(tmp_path: Path, capsys: pytest.CaptureFixture
         assert np.abs(attitudes["(22) in C, cc -O3"] - attitudes["two-sample-rodrigues"]).max() < 1e-13
     measure("SciPy Rotation, in blocks", scipy_in_blocks)
     measure("SciPy Rotation, one by one", scipy_one_by_one, samples.increments[:FEW], 2)
-    said = ""
+    output = ""
     try:
         measure("ahrs AngularRate, closed form", ahrs_closed_form, samples.increments[:FEW], 2)
     except ImportError:
-        said = "\nahrs is not installed: left out"
+        output = "\nahrs is not installed: left out"
     ours = rows["two-sample-rodrigues"][0]
     with capsys.disabled():
-        print(f"\n{COUNT} gyro samples at {RATE:g} Hz, ±15° at 1 Hz, best of {ROUNDS}{said}")
+        print(f"\n{COUNT} gyro samples at {RATE:g} Hz, ±15° at 1 Hz, best of {ROUNDS}{output}")
         print(f"{'':<32} {'ns a sample':>12} {'of (22)':>9} {'error in 40 s [deg]':>20}")
         for name, (cost, error) in rows.items():
             print(f"{name:<32} {cost:>12.1f} {cost / ours:>9.2f} {error:>20.1e}")

@@ -25,7 +25,7 @@ def test_two_workers_do_nearly_twice_the_work_of_one(tmp_path):
     """Static calibrations, from the first files of both to the end of the faster one; at least 0.85 of linear."""
     (tmp_path / "c.toml").write_text(CAMPAIGN, encoding="utf-8")
     command = [sys.executable, "-m", "trihedron.tools.cli", "campaign", str(tmp_path / "c.toml")]
-    alone, both = tmp_path / "alone", tmp_path / "both"
+    alone, pair = tmp_path / "alone", tmp_path / "both"
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     started = [
         subprocess.Popen(
@@ -34,17 +34,17 @@ def test_two_workers_do_nearly_twice_the_work_of_one(tmp_path):
             stderr=subprocess.DEVNULL,
             env=environment,
         )
-        for jobs, out in (("1", alone), ("2", both))
+        for jobs, out in (("1", alone), ("2", pair))
     ]
     try:
-        while done(alone) < 1 or done(both) < 2:
+        while done(alone) < 1 or done(pair) < 2:
             assert all(process.poll() is None for process in started)
             time.sleep(0.05)
-        before = done(alone), done(both)
+        before = done(alone), done(pair)
         # At the end one of the two workers has nothing left to do.
-        while done(both) < FILES - 2:
+        while done(pair) < FILES - 2:
             time.sleep(0.05)
-        ratio = (done(both) - before[1]) / (done(alone) - before[0])
+        ratio = (done(pair) - before[1]) / (done(alone) - before[0])
     finally:
         for process in started:
             process.kill()

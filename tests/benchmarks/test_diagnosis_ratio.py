@@ -52,19 +52,19 @@ def test_proof_against_a_programme_for_each_set(capsys):
     effects, readings = len(places), len(evidence.residual)
     count = math.comb(effects, 3) + math.comb(effects, 2) * readings + effects * math.comb(readings, 2)
     begun = time.perf_counter()
-    found = list(sets_of_size(problem, 3, evidence.search.slack(evidence.search.centre)))
+    outcome = list(sets_of_size(problem, 3, evidence.search.slack(evidence.search.centre)))
     searched = time.perf_counter() - begun
     some = list(combinations(range(effects), 3))[:: max(1, math.comb(effects, 3) // 20)]
     begun = time.perf_counter()
     for effects_of_one in some:
         linear_radius(problem, EffectSet(effects_of_one))
-    one = (time.perf_counter() - begun) / len(some)
+    entry = (time.perf_counter() - begun) / len(some)
     with capsys.disabled():
         print(
-            f"\n{count} sets of three on 100 positions: {searched:.2f} s with proof, {len(found)} left; "
-            f"a programme for each: {one * count:.0f} s ({one * count / searched:.0f} times)"
+            f"\n{count} sets of three on 100 positions: {searched:.2f} s with proof, {len(outcome)} left; "
+            f"a programme for each: {entry * count:.0f} s ({entry * count / searched:.0f} times)"
         )
-    assert one * count > LEAST_RATIO * searched
+    assert entry * count > LEAST_RATIO * searched
 
 
 @pytest.mark.parametrize("positions", [100, 1000])
@@ -97,7 +97,7 @@ def test_how_far_a_set_goes_against_the_solver(capsys):
     ones, ends = np.ones(len(matrix)), np.vstack((np.eye(matrix.shape[1]), -np.eye(matrix.shape[1])))
     span = np.linalg.svd(matrix, full_matrices=False)
     directions = ends @ span[2][span[1] > 1e-8 * span[1][0]].T
-    reached, taken = [], []
+    reached, durations = [], []
     for by_solver in (False, True):
         polytope = Polytope(matrix @ span[2][span[1] > 1e-8 * span[1][0]].T, ones)
         polytope.confine(-ones, ones)
@@ -106,12 +106,12 @@ def test_how_far_a_set_goes_against_the_solver(capsys):
         polytope.maximise(directions[0])
         begun = time.process_time()
         reached.append([polytope.maximise(direction)[0] for direction in directions[1:]])
-        taken.append((time.process_time() - begun) / (len(directions) - 1))
+        durations.append((time.process_time() - begun) / (len(directions) - 1))
     with capsys.disabled():
-        ours, theirs = (1e3 * each for each in taken)
+        ours, theirs = (1e3 * share for share in durations)
         print(f"\n100 positions, one end: solver {theirs:.2f} ms, exchange {ours:.2f} ms ({theirs / ours:.1f} times)")
     assert reached[0] == pytest.approx(reached[1], rel=1e-8)
-    assert taken[1] > LEAST_RATIO_OF_ENDS * taken[0]
+    assert durations[1] > LEAST_RATIO_OF_ENDS * durations[0]
 
 
 def least_radius_of_programme(matrix: NDArray, target: NDArray) -> float:
@@ -120,13 +120,13 @@ def least_radius_of_programme(matrix: NDArray, target: NDArray) -> float:
     free, ones = np.full(columns, np.inf), np.ones((rows, 1))
     size = np.abs(matrix).max(axis=0)
     size[size == 0.0] = 1.0
-    both = csc_matrix(np.block([[matrix / size, ones], [matrix / size, -ones]]))
+    pair = csc_matrix(np.block([[matrix / size, ones], [matrix / size, -ones]]))
     infinite = np.full(rows, np.inf)
     highs = solver()
     ends = np.append(-free, 0.0), np.append(free, np.inf)
     sides = np.append(target, -infinite), np.append(infinite, target)
-    own = both.indptr, both.indices, both.data
-    highs.passModel(linear_programme(np.append(np.zeros(columns), 1.0), ends, own, sides))
+    sparse = pair.indptr, pair.indices, pair.data
+    highs.passModel(linear_programme(np.append(np.zeros(columns), 1.0), ends, sparse, sides))
     return float(highs_solved(highs).col_value[-1])
 
 
@@ -148,19 +148,19 @@ def test_a_whole_diagnosis(positions, capsys):
     record = case.measured()
     begun = time.process_time()
     result: Any = diagnose(record, **options_of(case), rerun=False)
-    taken = time.process_time() - begun
+    durations = time.process_time() - begun
     evidence = result.evidence
     places, ways = evidence.classes.places, len(evidence.search.ways)
     pairs = math.comb(len(places), 2) + len(places) * ways
     matrix = np.hstack((evidence.nominal, evidence.columns_of(places[:2])))
     begun = time.process_time()
     least_radius_of_programme(matrix / evidence.bound[:, None], evidence.residual / evidence.bound)
-    each = time.process_time() - begun
+    share = time.process_time() - begun
     with capsys.disabled():
         print(
-            f"\n{positions} positions, three effects: {result.verdict} after {taken:.1f} s of processor; "
-            f"{pairs} sets of two by a programme each: {pairs * each:.0f} s ({pairs * each / taken:.0f} times)"
+            f"\n{positions} positions, three effects: {result.verdict} after {durations:.1f} s of processor; "
+            f"{pairs} sets of two by a programme each: {pairs * share:.0f} s ({pairs * share / durations:.0f} times)"
         )
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     assert result.verdict == "explained"
-    assert pairs * each > LEAST_RATIO_OF_ALL * taken
+    assert pairs * share > LEAST_RATIO_OF_ALL * durations

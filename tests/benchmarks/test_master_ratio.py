@@ -104,8 +104,8 @@ def test_the_master_against_fmpys_list_api(folder: Path, tmp_path: Path, capsys:
     simulate(scenario(folder, 1))
     elapsed, rows = plain_loop(folder, tmp_path / "unpacked")
     plain = 1e6 * elapsed / PLAIN_STEPS
-    found = simulate(scenario(folder, PLAIN_STEPS)).table.drop("time_s").to_numpy()
-    assert (found == rows).all()
+    result = simulate(scenario(folder, PLAIN_STEPS)).table.drop("time_s").to_numpy()
+    assert (result == rows).all()
     ours = 1e6 * min(seconds(folder, STEPS, None) for _ in range(3)) / STEPS
     disk = 1e6 * min(seconds(folder, STEPS, tmp_path / f"out-{turn}") for turn in range(3)) / STEPS
     with capsys.disabled():

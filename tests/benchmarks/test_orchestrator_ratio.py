@@ -65,7 +65,7 @@ def plain_loop(folder: Path, work: Path, steps: int) -> tuple[float, np.ndarray]
     force, increment = ([refs[NAMES[0]][v] for v in elements(b)] for b in ("specific_force", "increment"))
     force_in = [refs[NAMES[1]][v] for v in elements("specific_force")]
     increment_in = [refs[NAMES[2]][v] for v in elements("increment")]
-    reading, attitude = ([refs[name][v] for v in found] for name, found in RECORDED.items())
+    reading, attitude = ([refs[name][v] for v in result] for name, result in RECORDED.items())
     for initialise in ("enterInitializationMode", "exitInitializationMode"):
         for slave in slaves.values():
             getattr(slave, initialise)()
@@ -95,7 +95,7 @@ def bare_program(folder: Path, work: Path) -> Path:
         "#define STOP 1e9",
         f"static const double command[2] = {{{COMMAND[0]}, {COMMAND[1]}}};",
     ]
-    wanted = {
+    expected = {
         "TurntableMotion": {
             "COMMAND": ["command[1]", "command[2]"],
             "MOVED": elements("specific_force") + elements("increment"),
@@ -109,7 +109,7 @@ def bare_program(folder: Path, work: Path) -> Path:
         library = next((unpacked / "binaries" / fmpy.platform).iterdir())
         lines += [f'#define {short}_LIBRARY "{library}"', f'#define {short}_GUID "{description.guid}"']
         references = {v.name: v.valueReference for v in description.modelVariables}
-        for array, variables in wanted[name].items():
+        for array, variables in expected[name].items():
             numbers = ", ".join(str(references[v]) for v in variables)
             lines.append(f"static const fmi2ValueReference {array}[{len(variables)}] = {{{numbers}}};")
     (work / "calls.h").write_text("\n".join(lines) + "\n")
@@ -190,8 +190,8 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path,
 def test_ten_minutes_of_table_block_and_computer_at_2_khz(folder: Path, tmp_path: Path, capsys) -> None:
     run = {"stop_s": 600.0, "step_s": 0.0005, "in_process": True}
     began = time.perf_counter()
-    found = simulate(scenario(folder, 1, run=run), tmp_path / "out")
+    result = simulate(scenario(folder, 1, run=run), tmp_path / "out")
     elapsed = time.perf_counter() - began
-    assert found.height == 1_200_001
+    assert result.height == 1_200_001
     with capsys.disabled():
         print(f"\n600 s at 2 kHz, recorded: {elapsed:.2f} s, {600.0 / elapsed:.0f} times real time")

@@ -18,23 +18,23 @@ def full_columns() -> np.ndarray:
     """F (K, 18) in the paper's X of every admissible reading of the 1° grid over [0°, 360°]², as the tables."""
     angle = np.radians(np.arange(361))
     alpha, beta = (g.ravel() for g in np.meshgrid(angle, angle, indexing="ij"))
-    kept = admissible(alpha, beta, np.eye(3), rule="tables")
-    return regressors(alpha, beta, np.eye(3))[kept]
+    retained = admissible(alpha, beta, np.eye(3), rule="tables")
+    return regressors(alpha, beta, np.eye(3))[retained]
 
 
 def full_cost(columns: np.ndarray, target: np.ndarray) -> tuple[float, float]:
     """min Σ|Φ| with Σ Φ F = a over all columns, in HiGHS with its own choices; the cost and the seconds."""
     began = time.perf_counter()
-    both = np.vstack([columns, -columns])
-    which, rows = np.nonzero(both)
+    pair = np.vstack([columns, -columns])
+    which, rows = np.nonzero(pair)
     lp = highspy.HighsLp()
-    lp.num_col_, lp.num_row_ = both.shape
-    lp.col_cost_, lp.col_lower_ = np.ones(len(both)), np.zeros(len(both))
-    lp.col_upper_ = np.full(len(both), highspy.kHighsInf)
+    lp.num_col_, lp.num_row_ = pair.shape
+    lp.col_cost_, lp.col_lower_ = np.ones(len(pair)), np.zeros(len(pair))
+    lp.col_upper_ = np.full(len(pair), highspy.kHighsInf)
     lp.row_lower_ = lp.row_upper_ = target
     lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
-    lp.a_matrix_.start_ = np.searchsorted(which, np.arange(len(both) + 1)).astype(np.int32)
-    lp.a_matrix_.index_, lp.a_matrix_.value_ = rows.astype(np.int32), both[which, rows]
+    lp.a_matrix_.start_ = np.searchsorted(which, np.arange(len(pair) + 1)).astype(np.int32)
+    lp.a_matrix_.index_, lp.a_matrix_.value_ = rows.astype(np.int32), pair[which, rows]
     highs = highspy.Highs()
     for name, option in (("output_flag", False), ("primal_feasibility_tolerance", 1e-10)):
         highs.setOptionValue(name, option)

@@ -18,11 +18,11 @@ DATA = Path(os.environ.get("TRIHEDRON_DATA", ROOT / ".." / "shared" / "data"))
 
 @pytest.mark.parametrize("name", [pytest.param(MPU[0], marks=pytest.mark.acceptance), *MPU[1:]])
 def test_no_effect_is_named_in_the_logs_of_the_mpu9150(name):
-    found = diagnose(measured(name), rerun=False)
-    assert found.verdict == "consistent"
-    assert found.causes == ()
-    assert "No effect is named" in str(found)
-    assert {entry["effect"] for entry in found.excluded or ()} >= {"gyro-bias-drift", "gyro-g-sensitivity"}
+    result = diagnose(measured(name), rerun=False)
+    assert result.verdict == "consistent"
+    assert result.causes == ()
+    assert "No effect is named" in str(result)
+    assert {entry["effect"] for entry in result.excluded or ()} >= {"gyro-bias-drift", "gyro-g-sensitivity"}
 
 
 def latency_first(found: Diagnosis) -> None:
@@ -51,18 +51,18 @@ def test_the_first_ninety_seconds_of_broad_03_show_latency_and_scale_and_misalig
 
 @pytest.mark.acceptance
 def test_latency_comes_first_in_broad_03_then_scale_and_misalignment():
-    found = diagnose(measured(BROAD))
-    latency_first(found)
-    assert found.order_stable is False
-    for length in found.lengths or ():
+    result = diagnose(measured(BROAD))
+    latency_first(result)
+    assert result.order_stable is False
+    for length in result.lengths or ():
         assert length.order is not None
         assert length.order_as_measured is not None
         # Over the longest windows a low-pass of each gyro predicts better what was left out than one latency of all.
         late = "lag" if length.over == "8 s" else "latency"
         assert [step.effect for step in length.order.steps][:2] == [late, "gyro-scale-misalignment"]
         assert {step.effect for step in length.order_as_measured.steps} >= {"gyro-bias", late}
-    assert found.gain is not None
-    for gain in (found.gain, *(found.gain.others or ())):
+    assert result.gain is not None
+    for gain in (result.gain, *(result.gain.others or ())):
         assert (gain.after**2).sum() < 0.3 * (gain.before**2).sum()
 
 
@@ -77,12 +77,12 @@ def test_a_lag_and_scale_factors_remain_in_broad_03_by_what_is_stated_of_the_cam
     ]
     assert needed == sorted(needed)
     every, helping = needed
-    found = diagnose(record, rerun=False, reference_bound=helping)
-    sets = [{cause.effect for cause in finding.causes} for finding in found.findings]
-    assert (found.verdict, found.complete) == ("ambiguous", True)
+    result = diagnose(record, rerun=False, reference_bound=helping)
+    sets = [{cause.effect for cause in finding.causes} for finding in result.findings]
+    assert (result.verdict, result.complete) == ("ambiguous", True)
     assert {"latency", "gyro-scale-misalignment"} in sets
     assert all(names & {"latency", "lag"} and names & {"gyro-scale-misalignment", "gyro-scale-drift"} for names in sets)
-    assert "as stated" in str(found).splitlines()[0]
+    assert "as stated" in str(result).splitlines()[0]
     less = diagnose(record, rerun=False, reference_bound=0.9 * every)
     assert (less.verdict, less.causes) == ("unexplained", ())
     assert "is stated" in (less.not_named or ("",))[0]
@@ -91,12 +91,12 @@ def test_a_lag_and_scale_factors_remain_in_broad_03_by_what_is_stated_of_the_cam
 @pytest.mark.acceptance
 def test_the_gyros_of_the_xsens_unit_feel_gravity():
     """Found blind; and the means at rest, without any move, say the same sizes."""
-    found = diagnose(measured(XSENS), rerun=False)
-    assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-g-sensitivity"])
-    (at_rest,) = found.evidence.found.gyros.standing
+    result = diagnose(measured(XSENS), rerun=False)
+    assert (result.verdict, [cause.effect for cause in result.causes]) == ("explained", ["gyro-g-sensitivity"])
+    (at_rest,) = result.evidence.found.gyros.standing
     assert at_rest.terms == ("gravity",)
-    sizes = np.array([p.estimate for p in found.causes[0].parameters]).reshape(3, 3)
-    ends = np.array(found.causes[0].intervals).reshape(3, 3, 2)
+    sizes = np.array([p.estimate for p in result.causes[0].parameters]).reshape(3, 3)
+    ends = np.array(result.causes[0].intervals).reshape(3, 3, 2)
     alone = np.array([of_gyro[1:] for of_gyro in at_rest.coefficients])
     assert ((ends[..., 0] <= alone) & (alone <= ends[..., 1])).all()
     assert np.abs(sizes - alone).max() < 0.2 * np.abs(sizes).max()
@@ -107,7 +107,7 @@ def test_the_pages_are_what_the_records_say(tmp_path):
     if not (DATA / f"{BROAD}.strapdown.csv").exists():
         pytest.skip("the real records are not there; set TRIHEDRON_DATA to their folder")
     assert main([str(DATA), str(tmp_path)]) == 0
-    made = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
-    assert len(made) == 14
-    for path in made:
+    generated = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file())
+    assert len(generated) == 14
+    for path in generated:
         assert (tmp_path / path).read_bytes() == (ROOT / "docs" / path).read_bytes(), f"{path}: run `make case-studies`"

@@ -45,8 +45,8 @@ def test_operations_of_22_by_hand():
 @pytest.mark.parametrize("phase", [0.05, 0.2, 0.4])
 @pytest.mark.parametrize("name", ["two-sample-rodrigues", "one-sample-rodrigues"])
 def test_coning_drift_is_the_fourth_power_over_thirty(name, phase):
-    found = relative_coning_drift(algorithm_named(name), phase)
-    assert found == pytest.approx(phase**4 / 30.0, rel=0.3 * phase**2 + 1e-3)
+    result = relative_coning_drift(algorithm_named(name), phase)
+    assert result == pytest.approx(phase**4 / 30.0, rel=0.3 * phase**2 + 1e-3)
 
 
 def test_coning_drift_of_the_mean_rate_is_exact():

@@ -62,10 +62,10 @@ def test_long_blocks_do_what_the_page_says_too(page, read):
 
 def test_no_code_hides_in_indented_blocks():
     """An indented block would not be run."""
-    made = {"reference.md", "api.md"}
+    generated = {"reference.md", "api.md"}
     wrong = []
     for page in PAGES:
-        if page.name in made or page.parent == ROOT:
+        if page.name in generated or page.parent == ROOT:
             continue
         text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
         wrong += [f"{page.name}: {line}" for line in re.findall(r"(?<=\n\n)    \S.*", text)]
@@ -86,8 +86,8 @@ def site(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("site") / "site"
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
     quick = {**os.environ, "TRIHEDRON_SITE": "quick"}
-    done = subprocess.run(command, cwd=ROOT, env=quick, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    process = subprocess.run(command, cwd=ROOT, env=quick, capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stdout + process.stderr
     return folder
 
 
@@ -104,25 +104,27 @@ def test_every_page_is_in_the_navigation(site):
 
 
 def test_the_site_asks_nothing_of_the_network(site):
-    asked = []
+    options = []
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
-        asked += re.findall(r'<(?:script|img|iframe|source)[^>]*\bsrc="(?:https?:)?//[^"]*"', text)
-        asked += [
+        options += re.findall(r'<(?:script|img|iframe|source)[^>]*\bsrc="(?:https?:)?//[^"]*"', text)
+        options += [
             tag for tag in re.findall(r'<link[^>]*href="(?:https?:)?//[^"]*"[^>]*>', text) if "canonical" not in tag
         ]
     for sheet in site.rglob("*.css"):
-        asked += re.findall(
+        options += re.findall(
             r"(?:url\(|@import\s+[\"'])\s*[\"']?(?:https?:)?//[^)\"']*", sheet.read_text(encoding="utf-8")
         )
-    assert asked == []
+    assert options == []
 
 
 def test_pages_of_the_site_open_in_a_browser_from_the_disk(site, window: Window):
     for name in ("index", "tutorial", "falsified", "commands", "reference"):
         for width in (1280, 400):
-            seen = window.open(site / f"{name}.html", width)
-            assert (seen["scroll"], seen["outside"], seen["images"]) == (width, [], []), f"{name} at {width}"
+            observed = window.open(site / f"{name}.html", width)
+            assert (observed["scroll"], observed["outside"], observed["images"]) == (width, [], []), (
+                f"{name} at {width}"
+            )
     assert window.complaints == []
 
 
@@ -130,9 +132,9 @@ def test_the_site_is_searched_from_the_disk_and_read_from_page_to_page(site, win
     window.open(site / "index.html", 1280)
     window.page.click("[data-md-component=search-query]")
     window.page.keyboard.type("hysteresis", delay=20)
-    found = window.page.locator(".md-search-result__link").first
-    found.wait_for()
-    found.click()
+    result = window.page.locator(".md-search-result__link").first
+    result.wait_for()
+    result.click()
     window.page.wait_for_load_state()
     assert "hysteresis" in window.page.inner_text("body").lower()
     window.open(site / "index.html", 1280)
@@ -161,9 +163,9 @@ def test_every_page_of_the_gallery_has_its_verdict_and_the_notebook_what_its_cel
     import gallery
     import notebooks
 
-    made = {**dict(gallery.pages())}
-    assert len(made) == len(gallery.SAID)
-    assert all(name in gallery.gallery_page() for name in made)
+    drawn = {**dict(gallery.pages())}
+    assert len(drawn) == len(gallery.SAID)
+    assert all(name in gallery.gallery_page() for name in drawn)
     page = notebooks.page_of(ROOT / "docs" / "first-look.ipynb")
     assert page.count("<img ") == 2
     assert "same: bench and bench" in page
@@ -173,8 +175,8 @@ def test_every_command_answers_a_question():
     from trihedron.tools.cli import app
 
     table = (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8").partition("## Begin")[0]
-    named = {word for cell in re.findall(r"`([^`]+)`", table) for word in cell.split()}
-    assert [name for name in app if not name.startswith("-") and name not in named] == []
+    documented = {word for cell in re.findall(r"`([^`]+)`", table) for word in cell.split()}
+    assert [name for name in app if not name.startswith("-") and name not in documented] == []
 
 
 def test_commands_and_library_are_described_from_the_code(site):

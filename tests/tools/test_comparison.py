@@ -25,9 +25,9 @@ def moved(row: int, by: float) -> pl.DataFrame:
 
 def test_what_is_the_same_is_the_same_and_what_is_not_is_found_where_it_is():
     assert th.compare(run(), run()).verdict == "same"
-    found = th.compare(run(), moved(77, -1e-3))
-    assert (found.verdict, found.matched, found.rows) == ("different", "rows", 501)
-    by_name = {d.column: d for d in found.columns}
+    result = th.compare(run(), moved(77, -1e-3))
+    assert (result.verdict, result.matched, result.rows) == ("different", "rows", 501)
+    by_name = {d.column: d for d in result.columns}
     assert by_name["a_deg"].largest == 0.0
     spike = by_name["f1_mps2"]
     assert (spike.time_s, spike.first) == (TIME[77], 9.8)
@@ -40,32 +40,32 @@ def test_what_is_the_same_is_the_same_and_what_is_not_is_found_where_it_is():
 
 def test_other_times_are_interpolated_and_only_what_both_have_counts():
     finer = np.linspace(5.0, 20.0, 15001)
-    found = th.compare(run(), pl.DataFrame({"time_s": finer, "a_deg": np.sin(finer), "b": finer}), within=["1e-6"])
-    assert (found.matched, found.rows) == ("time", 251)
-    assert found.columns[0].largest < 1e-6
-    assert (found.only_first, found.only_second, found.verdict) == (["f1_mps2"], ["b"], "different")
+    result = th.compare(run(), pl.DataFrame({"time_s": finer, "a_deg": np.sin(finer), "b": finer}), within=["1e-6"])
+    assert (result.matched, result.rows) == ("time", 251)
+    assert result.columns[0].largest < 1e-6
+    assert (result.only_first, result.only_second, result.verdict) == (["f1_mps2"], ["b"], "different")
 
 
 def test_rows_that_are_missing_and_values_that_are_not_known_are_differences():
     assert th.compare(run(), run()[:400], within=["1"]).verdict == "different"
     values = run()["a_deg"].to_numpy().copy()
     values[3] = np.nan
-    found = th.compare(run(), run(a_deg=values), within=["1"])
-    assert (found.verdict, found.columns[0].one_only) == ("different", 1)
+    result = th.compare(run(), run(a_deg=values), within=["1"])
+    assert (result.verdict, result.columns[0].one_only) == ("different", 1)
     assert th.compare(run(a_deg=values), run(a_deg=values)).verdict == "same"
 
 
 def test_numbers_near_the_largest_have_a_largest_difference():
     values = np.where(TIME == 0.0, 1.5e308, 0.0)
-    found = th.compare(run(f1_mps2=values), run(f1_mps2=-values)).columns[1]
-    assert found.largest == np.finfo(float).max
-    assert found.rms == pytest.approx(found.largest / np.sqrt(501), rel=1e-9)
+    result = th.compare(run(f1_mps2=values), run(f1_mps2=-values)).columns[1]
+    assert result.largest == np.finfo(float).max
+    assert result.rms == pytest.approx(result.largest / np.sqrt(501), rel=1e-9)
 
 
 def test_positions_belong_together_by_their_numbers():
     table = th.hide(1).record.to_polars()
-    found = th.compare(table, table[::-1].with_columns(table["time_s"]))
-    assert (found.matched, found.verdict) == ("position", "same")
+    result = th.compare(table, table[::-1].with_columns(table["time_s"]))
+    assert (result.matched, result.verdict) == ("position", "same")
 
 
 @pytest.mark.parametrize(
@@ -89,16 +89,16 @@ def test_the_gate_of_the_command_and_its_page(tmp_path: Path, capsys, window: Wi
     for name, table in (("before", run()), ("after", moved(77, -1e-3))):
         (tmp_path / name).mkdir()
         table.write_parquet(tmp_path / name / "run.parquet")
-    both = ["compare", str(tmp_path / "before"), str(tmp_path / "after")]
+    pair = ["compare", str(tmp_path / "before"), str(tmp_path / "after")]
     page = tmp_path / "page.html"
-    assert cli.main([*both, "--report", str(page)]) == 0
+    assert cli.main([*pair, "--report", str(page)]) == 0
     assert "different: " in capsys.readouterr().out
-    assert cli.main([*both, "--within", "0.1"]) == 0
-    assert cli.main([*both, "--within", "1e-6"]) == 3
+    assert cli.main([*pair, "--within", "0.1"]) == 0
+    assert cli.main([*pair, "--within", "1e-6"]) == 3
     assert "1 of 2 columns" in capsys.readouterr().err
     for width in (1280, 400):
-        seen = window.open(page, width, dark=width == 400)
-        assert (seen["scroll"], seen["outside"]) == (width, [])
+        observed = window.open(page, width, dark=width == 400)
+        assert (observed["scroll"], observed["outside"]) == (width, [])
     assert window.complaints == []
 
 
@@ -106,7 +106,7 @@ def test_a_stretch_of_time_that_is_drawn_over_a_picture_is_shown_in_all(tmp_path
     window.open(th.plot(run(), tmp_path / "page.html"), 1280)
     ticks = "[...document.querySelectorAll('svg text')].map(text => text.textContent.trim())"
     lines = "[...document.querySelectorAll('svg path[clip-path]')].map(path => path.getAttribute('d'))"
-    whole, drawn = window.page.evaluate(ticks), window.page.evaluate(lines)
+    complete, drawn = window.page.evaluate(ticks), window.page.evaluate(lines)
     box = window.page.locator(".trihedron-picture").first.bounding_box()
     assert box is not None
     at = box["y"] + box["height"] / 2
@@ -119,7 +119,7 @@ def test_a_stretch_of_time_that_is_drawn_over_a_picture_is_shown_in_all(tmp_path
     assert "10" not in window.page.evaluate(ticks)
     assert window.page.evaluate(lines) != drawn
     window.page.mouse.dblclick(box["x"] + 0.5 * box["width"], at)
-    assert (window.page.evaluate(ticks), window.page.evaluate(lines)) == (whole, drawn)
+    assert (window.page.evaluate(ticks), window.page.evaluate(lines)) == (complete, drawn)
     assert window.complaints == []
 
 
@@ -128,4 +128,4 @@ def test_no_other_script_runs_in_a_page_of_lines(tmp_path: Path, window: Window)
     page.write_text(page.read_text(encoding="utf-8") + "<script>document.title = 'run'</script>", encoding="utf-8")
     window.open(page, 1280)
     assert window.page.title() != "run"
-    assert any("Content Security Policy" in said for said in window.complaints)
+    assert any("Content Security Policy" in output for output in window.complaints)

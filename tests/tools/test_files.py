@@ -81,10 +81,10 @@ def refusal(name: str, file: Path, folder: Path, capsys: pytest.CaptureFixture[s
     """The one line in which it is refused; nothing is written."""
     before = {path.name for path in folder.iterdir()}
     assert cli.main(command(name, file, folder)) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1, said
+    output = capsys.readouterr().err
+    assert output.count("\n") == 1, output
     assert {path.name for path in folder.iterdir()} <= before | {"s.toml", "c.toml"}
-    return said
+    return output
 
 
 @pytest.fixture
@@ -113,8 +113,8 @@ def test_what_is_too_large_is_refused_before_it_is_read(
     name: str, giant: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(giant.parent)
-    said = refusal(name, giant, giant.parent, capsys)
-    assert re.search(r"giant: is larger than (2 GiB|(1|16|256) MiB); not read", said), said
+    output = refusal(name, giant, giant.parent, capsys)
+    assert re.search(r"giant: is larger than (2 GiB|(1|16|256) MiB); not read", output), output
 
 
 def test_the_limit_is_the_largest_that_is_read(tmp_path: Path) -> None:
@@ -131,10 +131,10 @@ def test_a_small_file_of_too_many_rows_is_refused_before_they_are_unpacked(tmp_p
     path = tmp_path / "packed.parquet"
     pl.DataFrame({"alpha_deg": pl.repeat(True, MOST_NUMBERS + 1, eager=True)}).write_parquet(path)
     assert path.stat().st_size < 1 << 20
-    said = f"has {MOST_NUMBERS + 1} rows of 1 columns; at most {MOST_NUMBERS} numbers are read"
-    assert fault_of_parquet(path.read_bytes()) == said
+    output = f"has {MOST_NUMBERS + 1} rows of 1 columns; at most {MOST_NUMBERS} numbers are read"
+    assert fault_of_parquet(path.read_bytes()) == output
     assert cli.main(["calibrate", str(path)]) == 2
-    assert said in capsys.readouterr().err
+    assert output in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
@@ -146,8 +146,8 @@ def test_more_positions_than_a_bench_measures_are_refused_before_they_are_read(
     path = tmp_path / f"many.{ending}"
     table.write_csv(path) if ending == "csv" else table.write_parquet(path)
     assert cli.main(["calibrate", str(path), "--noise-bound", "1e-5"]) == 2
-    said = f"has {POSITION.most_rows + 1} rows; at most {POSITION.most_rows} are read of a position record"
-    assert capsys.readouterr().err == f"trihedron: {path}: {said}\n"
+    output = f"has {POSITION.most_rows + 1} rows; at most {POSITION.most_rows} are read of a position record"
+    assert capsys.readouterr().err == f"trihedron: {path}: {output}\n"
     # One row less is read, and refused for what it holds.
     table = table.head(POSITION.most_rows)
     table.write_csv(path) if ending == "csv" else table.write_parquet(path)
@@ -204,9 +204,9 @@ def test_where_one_file_cannot_be_moved_into_its_place_all_are_as_before(
             for name in ("a", "b"):
                 write_text(tmp_path / name, "new")
             for folder, names in (("c", ("x", "y")), ("d", ("new",))):
-                with whole_folder(tmp_path / folder) as beside:
+                with whole_folder(tmp_path / folder) as neighbour:
                     for name in names:
-                        write_text(beside / name, "new")
+                        write_text(neighbour / name, "new")
             write_text(tmp_path / "e", "new")
 
     replace, link = Path.replace, Path.hardlink_to
@@ -224,12 +224,12 @@ def test_where_one_file_cannot_be_moved_into_its_place_all_are_as_before(
         patched.setattr(Path, "replace", refused)
         with pytest.raises(InputError, match="cannot be written"):
             write()
-    there = {p.relative_to(tmp_path).as_posix(): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
-    assert there == before
+    present = {p.relative_to(tmp_path).as_posix(): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
+    assert present == before
     assert not (tmp_path / "d").exists()
     write()
-    there = {p.relative_to(tmp_path).as_posix(): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
-    assert there == {**dict.fromkeys(["a", "b", "c/x", "c/y", "d/new", "e"], "new"), "c/kept": "kept"}
+    present = {p.relative_to(tmp_path).as_posix(): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
+    assert present == {**dict.fromkeys(["a", "b", "c/x", "c/y", "d/new", "e"], "new"), "c/kept": "kept"}
 
 
 def test_where_one_output_fails_none_stays(
@@ -237,22 +237,22 @@ def test_where_one_output_fails_none_stays(
 ) -> None:
     """The disk is full when one of three files has been written."""
     monkeypatch.chdir(tmp_path)
-    whole = Path.chmod
+    complete = Path.chmod
     command = ["plan", "target", "X4", "--grid", "15", "--json", "p.json", "--picture", "p.svg", "--report", "p.html"]
     for ending in (".json", ".svg", ".html"):
 
         def full(self: Path, *rest: Any, ending: str = ending, **more: Any) -> None:
             if self.suffix == ending:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self))
-            whole(self, *rest, **more)
+            complete(self, *rest, **more)
 
         monkeypatch.setattr(Path, "chmod", full)
         assert cli.main(command) == 2
-        said = capsys.readouterr().err
-        assert "No space left on device" in said
-        assert said.count("\n") == 1
+        output = capsys.readouterr().err
+        assert "No space left on device" in output
+        assert output.count("\n") == 1
         assert list(tmp_path.iterdir()) == []
-    monkeypatch.setattr(Path, "chmod", whole)
+    monkeypatch.setattr(Path, "chmod", complete)
     assert cli.main(command) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "p.svg"]
 

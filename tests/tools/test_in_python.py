@@ -46,9 +46,9 @@ def test_a_table_of_any_library_gives_the_same_record(record):
     columns = record.to_polars().to_dict(as_series=False)
     rows = np.array(list(zip(*columns.values(), strict=True)), dtype=[(name, float) for name in columns])
     for source in (columns, Pandas(columns), rows):
-        read = th.read_record(source)
-        assert np.array_equal(read.specific_force, record.specific_force)
-        assert np.allclose(read.alpha, record.alpha, rtol=0, atol=1e-15)
+        loaded = th.read_record(source)
+        assert np.array_equal(loaded.specific_force, record.specific_force)
+        assert np.allclose(loaded.alpha, record.alpha, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -117,9 +117,9 @@ def test_a_target_is_had_by_its_symbol_or_its_name(calibration):
 @pytest.mark.acceptance
 def test_the_page_and_its_pictures(record, calibration, tmp_path):
     page = calibration.report(tmp_path / "page.html").read_text(encoding="utf-8")
-    known = calibration.figures()
-    assert all(isinstance(figure, Figure) for figure in known.values())
-    assert len(known) == page.count('class="trihedron-picture"')
+    catalogue = calibration.figures()
+    assert all(isinstance(figure, Figure) for figure in catalogue.values())
+    assert len(catalogue) == page.count('class="trihedron-picture"')
     assert calibration.figure("residuals").axes[0].lines
     with pytest.raises(InputError, match=r"^nothing: no picture has this name alone; known: "):
         calibration.figure("nothing")
@@ -134,8 +134,8 @@ def test_the_page_and_its_pictures(record, calibration, tmp_path):
 def test_a_notebook_of_a_record_runs_from_its_first_cell_to_its_last(record, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_record(record, Path("monday.csv"))
-    made = th.export_notebook("monday.csv", noise_bound=SIGMA)
-    cells = json.loads(made.read_text(encoding="utf-8"))["cells"]
+    written = th.export_notebook("monday.csv", noise_bound=SIGMA)
+    cells = json.loads(written.read_text(encoding="utf-8"))["cells"]
     assert [cell["id"] for cell in cells] == [f"cell-{k}" for k in range(len(cells))]
     names: dict[str, Any] = {}
     for cell in cells:

@@ -7,9 +7,9 @@ from trihedron.tools import cli
 
 def test_doctor_tries_a_run(capsys):
     assert cli.main(["doctor", "--json", "-"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert said["works"] is True
-    subjects = {finding["subject"]: finding["state"] for finding in said["findings"]}
+    output = json.loads(capsys.readouterr().out)
+    assert output["works"] is True
+    subjects = {finding["subject"]: finding["state"] for finding in output["findings"]}
     assert "consistent" in subjects["a run"]
     assert {"extra native", "extra docs", "extra cluster", "native FMUs for aarch64-darwin"} <= set(subjects)
 
@@ -17,7 +17,7 @@ def test_doctor_tries_a_run(capsys):
 def test_doctor_says_what_does_not_work(monkeypatch, capsys):
     monkeypatch.setattr("trihedron.tools.installation.simulate_table", lambda *_, **__: 1 / 0)
     assert cli.main(["doctor"]) == 1
-    said = capsys.readouterr()
-    assert "NO  a run" in said.out
-    assert "ZeroDivisionError" in said.out
-    assert said.err == "trihedron: does not work: a run\n"
+    output = capsys.readouterr()
+    assert "NO  a run" in output.out
+    assert "ZeroDivisionError" in output.out
+    assert output.err == "trihedron: does not work: a run\n"

@@ -38,23 +38,23 @@ def found(hidden):
 
 def test_importing_it_imports_nothing():
     """No library, and of our own modules the one that knows how results are shown: all else comes when it is used."""
-    said = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-c", "import sys; before = set(sys.modules); import trihedron; "
          "print(*(set(sys.modules) - before))"],
         capture_output=True, text=True, check=True, timeout=300,
     ).stdout.split()  # fmt: skip
-    assert [name for name in said if name.partition(".")[0] not in {"trihedron", *sys.stdlib_module_names}] == []
-    assert {name for name in said if name.startswith("trihedron.")} == {"trihedron.tools"}
+    assert [name for name in output if name.partition(".")[0] not in {"trihedron", *sys.stdlib_module_names}] == []
+    assert {name for name in output if name.startswith("trihedron.")} == {"trihedron.tools"}
 
 
 def test_python_and_the_command_line_say_the_same_words_of_a_shared_option(capsys):
     """The words stand once, with the type; a function's own words go before them."""
     documented = " ".join((th.calibrate.__doc__ or "").split())
     assert cli.main(["calibrate", "--help"]) == 0
-    shown = " ".join(capsys.readouterr().out.replace("│", "").split())
+    text = " ".join(capsys.readouterr().out.replace("│", "").split())
     for words in ("Model value of gravity [m/s²].", "as a fraction of g; without it the record must tell."):
         assert words in documented
-        assert words in shown
+        assert words in text
     assert "mounting : str | " in documented
     assert "bounds of a strapdown record come from the record." in " ".join((th.diagnose.__doc__ or "").split())
     for function in (th.calibrate, th.diagnose, th.calibrate_together, th.inspect, th.simulate, th.run_campaign):
@@ -131,9 +131,9 @@ def test_results_show_themselves(run, hidden, tmp_path):
         assert isinstance(result, Result)
         table = result.to_polars()  # type: ignore[attr-defined]
         assert isinstance(table, pl.DataFrame)
-        said = str(result)
-        assert repr(result) == said
-        assert said
+        output = str(result)
+        assert repr(result) == output
+        assert output
         page = result._repr_html_() or ""
         assert page.count("<table>") == page.count("</table>") == 1
         assert all(f"<th>{name}</th>" in page for name in table.columns)
@@ -142,11 +142,11 @@ def test_results_show_themselves(run, hidden, tmp_path):
 def test_a_part_of_a_result_shows_its_fields(found):
     cause = found.causes[0]
     (parameter,) = cause.parameters
-    said = repr(parameter)
-    assert said == str(parameter)
-    assert said.startswith("SizedParameter(name=")
-    assert repr(parameter.low) in said
-    assert said in repr(cause)
+    output = repr(parameter)
+    assert output == str(parameter)
+    assert output.startswith("SizedParameter(name=")
+    assert repr(parameter.low) in output
+    assert output in repr(cause)
     assert parameter._repr_html_() is None
 
 

@@ -47,12 +47,12 @@ def first_line(process: subprocess.Popen[str]) -> Path:
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_lock_keeps_others_out_until_its_process_is_killed_and_its_file_stays(tmp_path: Path) -> None:
     path = tmp_path / "here.lock"
-    with holder(f"locked(Path({str(path)!r}))") as other:
-        first_line(other)
+    with holder(f"locked(Path({str(path)!r}))") as second:
+        first_line(second)
         file = path.stat().st_ino
         with pytest.raises(Taken), locked(path):
             pass
-        other.send_signal(signal.SIGKILL)
+        second.send_signal(signal.SIGKILL)
     for _ in range(2):
         with locked(path):
             pass
@@ -62,15 +62,15 @@ def test_a_lock_keeps_others_out_until_its_process_is_killed_and_its_file_stays(
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_the_folder_of_a_killed_process_is_taken_away_by_the_next(base: Path) -> None:
     with holder("own_folder()") as living, holder("own_folder()") as killed:
-        kept, left = first_line(living), first_line(killed)
-        (left / "file").write_text("large")
+        retained, remaining = first_line(living), first_line(killed)
+        (remaining / "file").write_text("large")
         killed.send_signal(signal.SIGKILL)
         killed.wait()
-        assert left.exists()
-        with own_folder() as mine:
-            assert sorted(base.iterdir()) == sorted([kept.parent, mine.parent])
-            (mine / "file").write_text("mine")
-        assert kept.exists()
+        assert remaining.exists()
+        with own_folder() as group:
+            assert sorted(base.iterdir()) == sorted([retained.parent, group.parent])
+            (group / "file").write_text("mine")
+        assert retained.exists()
         living.send_signal(signal.SIGKILL)
     with own_folder():
         pass
@@ -79,32 +79,32 @@ def test_the_folder_of_a_killed_process_is_taken_away_by_the_next(base: Path) ->
 
 def test_what_is_not_left_by_such_a_process_is_let_alone(base: Path) -> None:
     """A user's own folder with that beginning has no lock; one whose process did not get so far is empty, and goes."""
-    mine = base / f"{PREFIX}results"
-    mine.mkdir()
-    (mine / "result.json").write_text("{}")
-    other = base / "trihedron-results"
-    other.mkdir()
-    (other / LOCK).write_text("")
+    group = base / f"{PREFIX}results"
+    group.mkdir()
+    (group / "result.json").write_text("{}")
+    second = base / "trihedron-results"
+    second.mkdir()
+    (second / LOCK).write_text("")
     (base / f"{PREFIX}unborn").mkdir()
     with own_folder():
         pass
-    assert sorted(path.name for path in base.iterdir()) == sorted([mine.name, other.name])
-    assert (mine / "result.json").exists()
+    assert sorted(path.name for path in base.iterdir()) == sorted([group.name, second.name])
+    assert (group / "result.json").exists()
 
 
 def test_a_folder_taken_away_before_it_is_locked_is_made_again(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another process takes the new folder for one that was left."""
-    make, made = tempfile.mkdtemp, []
+    make, written = tempfile.mkdtemp, []
 
     def robbed(**named: str) -> str:
-        made.append(make(**named))
-        if len(made) == 1:
-            Path(made[0]).rmdir()
-        return made[-1]
+        written.append(make(**named))
+        if len(written) == 1:
+            Path(written[0]).rmdir()
+        return written[-1]
 
     monkeypatch.setattr(tempfile, "mkdtemp", robbed)
     with own_folder() as folder:
-        assert str(folder.parent) == made[1]
+        assert str(folder.parent) == written[1]
     assert list(base.iterdir()) == []
 
 

@@ -43,11 +43,11 @@ def test_every_effect_of_the_catalogue_passes_what_is_asked_of_others(effect):
 
 def test_it_is_tried_within_the_block_and_not_behind_it(tmp_path):
     before = dict(POSITION_EFFECTS), dict(STRAPDOWN_EFFECTS)
-    with with_effects_of(written(tmp_path)) as own:
-        assert own is not None
+    with with_effects_of(written(tmp_path)) as effects:
+        assert effects is not None
         assert "half-scale" in POSITION_EFFECTS
         assert CATALOGUE["half-scale"] is POSITION_EFFECTS["half-scale"]
-        with with_effects_of(own):
+        with with_effects_of(effects):
             assert "half-scale" in POSITION_EFFECTS
         assert "half-scale" in POSITION_EFFECTS
     assert (dict(POSITION_EFFECTS), dict(STRAPDOWN_EFFECTS)) == before
@@ -62,13 +62,13 @@ def test_it_is_among_what_a_record_is_tried_with(tmp_path):
     hidden = record.secret["hidden"]
     with with_effects_of(path):
         evidence = bench_evidence(record.record, noise_bound=1e-5)
-        own = [place for place in evidence.places if place.effect == "half-scale"]
-        assert len(own) == 3
-        assert set(own) <= set(evidence.classes.places)
-        (right,) = [place for place in own if place.where == hidden["where"]]
+        effects = [place for place in evidence.places if place.effect == "half-scale"]
+        assert len(effects) == 3
+        assert set(effects) <= set(evidence.classes.places)
+        (right,) = [place for place in effects if place.where == hidden["where"]]
         (fit,) = evidence.mended([right], Work())
         assert fit.values()[0][0] == pytest.approx(hidden["parameters"]["coefficient"], rel=0.2)
-        assert not any(evidence.mended([place], Work()) for place in own if place != right)
+        assert not any(evidence.mended([place], Work()) for place in effects if place != right)
 
 
 SCENARIO = """
@@ -104,8 +104,8 @@ def test_it_is_exported_as_part_of_a_component(flavour, tmp_path):
     if flavour == "native" and host_compiler() is None:
         pytest.skip("no C compiler")
     path, out = written(tmp_path), tmp_path / "out"
-    done = th.export(effects=["half-scale accelerometer-3"], effects_from=path, flavour=flavour, out=out)
-    assert [fmu.component for fmu in done.fmus] == ["AccelerometerBlock"]
+    process = th.export(effects=["half-scale accelerometer-3"], effects_from=path, flavour=flavour, out=out)
+    assert [fmu.component for fmu in process.fmus] == ["AccelerometerBlock"]
 
 
 def changed(old: str, new: str) -> str:
@@ -162,13 +162,13 @@ WRONG = {
 @pytest.mark.parametrize("text", WRONG, ids=range(len(WRONG)))
 def test_what_is_wrong_is_said_in_one_line(text, tmp_path):
     path, before = written(tmp_path, text), dict(CATALOGUE)
-    own = OwnEffects.read(path)
-    assert own is not None
+    effects = OwnEffects.read(path)
+    assert effects is not None
     with pytest.raises(InputError, match=WRONG[text]) as refusal:
-        own.effects()
-    said = str(refusal.value)
-    assert said.isprintable()
-    assert "half_scale.py" in said
+        effects.effects()
+    output = str(refusal.value)
+    assert output.isprintable()
+    assert "half_scale.py" in output
     assert dict(CATALOGUE) == before
 
 
@@ -186,9 +186,9 @@ def test_what_is_no_file_of_effects_is_refused_too(tmp_path, capsys):
     with pytest.raises(InputError, match="is not UTF-8 text"):
         OwnEffects.read(tmp_path / "b.py")
     assert cli.main(["export", "--effects-from", str(tmp_path / "half_scal.py")]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "no such file; did you mean" in said
+    output = capsys.readouterr().err
+    assert output.count("\n") == 1
+    assert "no such file; did you mean" in output
 
 
 def test_an_unknown_way_of_acting_is_checked(tmp_path):

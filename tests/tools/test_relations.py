@@ -62,23 +62,23 @@ def test_a_calibration_is_the_same(name, clean, first):
 def test_a_calibration_is_the_same_but_for_names(name, clean, first):
     """Verdict, radius and every interval."""
     changed = SAME[name](clean)
-    other = found(changed.table, **changed.options)
-    assert other["verdict"] == first["verdict"] == "consistent"
-    assert other["radius"] == pytest.approx(first["radius"], rel=1e-6)
-    for one, same in zip(first["parameters"], other["parameters"], strict=True):
-        ends = [one["low"], one["high"]]
-        assert [same["low"], same["high"]] == pytest.approx(ends, rel=1e-5, abs=1e-9), one["symbol"]
+    second = found(changed.table, **changed.options)
+    assert second["verdict"] == first["verdict"] == "consistent"
+    assert second["radius"] == pytest.approx(first["radius"], rel=1e-6)
+    for entry, same in zip(first["parameters"], second["parameters"], strict=True):
+        ends = [entry["low"], entry["high"]]
+        assert [same["low"], same["high"]] == pytest.approx(ends, rel=1e-5, abs=1e-9), entry["symbol"]
 
 
 def test_a_block_taken_off_and_put_back_leaves_more_possible(clean, first):
     """The mounting's own errors are free twice."""
     changed = two_mountings(clean)
-    other = found(changed.table, **changed.options)
-    assert other["radius"] <= first["radius"]
-    ends = {p["symbol"]: (p["low"], p["high"]) for p in other["parameters"]}
-    both = [p for p in first["parameters"] if p["symbol"] in ends]
-    assert len(both) == 15
-    for p in both:
+    second = found(changed.table, **changed.options)
+    assert second["radius"] <= first["radius"]
+    ends = {p["symbol"]: (p["low"], p["high"]) for p in second["parameters"]}
+    common = [p for p in first["parameters"] if p["symbol"] in ends]
+    assert len(common) == 15
+    for p in common:
         low, high = ends[p["symbol"]]
         assert low <= p["low"] + 1e-10
         assert high >= p["high"] - 1e-10
@@ -89,9 +89,9 @@ def test_axes_renamed_with_the_mounting_are_the_same_block(tmp_path):
     write_hidden_record(tmp_path / "s.csv", 5, symmetric=True)
     table = pl.read_csv(tmp_path / "s.csv", comment_prefix="#")
     changed = axes_renamed(table)
-    first, other = found(table, baseline="symmetric"), found(changed.table, baseline="symmetric", **changed.options)
-    assert other["verdict"] == first["verdict"] == "consistent"
-    assert other["radius"] == pytest.approx(first["radius"], rel=1e-5)
+    first, second = found(table, baseline="symmetric"), found(changed.table, baseline="symmetric", **changed.options)
+    assert second["verdict"] == first["verdict"] == "consistent"
+    assert second["radius"] == pytest.approx(first["radius"], rel=1e-5)
     # The frame of corrected readings is the convention's own; how long they are is the block's.
     before = corrected(table, tmp_path, baseline="symmetric")
     after = corrected(changed.table, tmp_path, baseline="symmetric", **changed.options)
@@ -127,18 +127,18 @@ def applied(calibration: Any, table: pl.DataFrame, path: Path) -> np.ndarray:
 
 def test_a_correction_is_of_each_row_alone(clean, calibration, tmp_path):
     """In whatever order rows and columns stand, on which turn of the table, in how many files, of which kind."""
-    whole = applied(calibration, clean, tmp_path / "r.csv")
+    complete = applied(calibration, clean, tmp_path / "r.csv")
     for table in (clean.select(clean.columns[::-1]), whole_turns(clean).table):
-        assert applied(calibration, table, tmp_path / "o.csv") == pytest.approx(whole, rel=1e-12)
-    assert np.array_equal(applied(calibration, clean, tmp_path / "r.parquet"), whole)
+        assert applied(calibration, table, tmp_path / "o.csv") == pytest.approx(complete, rel=1e-12)
+    assert np.array_equal(applied(calibration, clean, tmp_path / "r.parquet"), complete)
     parts = [clean.head(17), clean.tail(clean.height - 17)]
     joined = np.vstack([applied(calibration, part, tmp_path / "part.csv") for part in parts])
-    assert np.array_equal(joined, whole)
+    assert np.array_equal(joined, complete)
     twice = applied(calibration, doubled(clean).table, tmp_path / "o.csv")
-    assert np.array_equal(twice, np.vstack([whole, whole[-1:]]))
+    assert np.array_equal(twice, np.vstack([complete, complete[-1:]]))
     mixed = applied(calibration, another_order(clean).table, tmp_path / "o.csv")
-    assert not np.array_equal(mixed, whole)
-    assert np.array_equal(mixed[np.argsort(mixed[:, 0])], whole[np.argsort(whole[:, 0])])
+    assert not np.array_equal(mixed, complete)
+    assert np.array_equal(mixed[np.argsort(mixed[:, 0])], complete[np.argsort(complete[:, 0])])
 
 
 def test_csv_and_parquet_are_the_same_record(clean, tmp_path):
@@ -147,11 +147,11 @@ def test_csv_and_parquet_are_the_same_record(clean, tmp_path):
     clean.write_parquet(tmp_path / "r.parquet")
     csv, parquet = (measured.calibrate(tmp_path / f"r.{form}", noise_bound=SIGMA) for form in ("csv", "parquet"))
     assert csv.verdict == parquet.verdict
-    for one, other in zip(csv.to_json()["parameters"], parquet.to_json()["parameters"], strict=True):
-        width = other["high"] - other["low"]
-        assert [one["low"], one["high"]] == pytest.approx([other["low"], other["high"]], abs=1e-4 * width)
-        assert one["low"] <= other["low"] + 1e-6 * width
-        assert one["high"] >= other["high"] - 1e-6 * width
+    for entry, second in zip(csv.to_json()["parameters"], parquet.to_json()["parameters"], strict=True):
+        width = second["high"] - second["low"]
+        assert [entry["low"], entry["high"]] == pytest.approx([second["low"], second["high"]], abs=1e-4 * width)
+        assert entry["low"] <= second["low"] + 1e-6 * width
+        assert entry["high"] >= second["high"] - 1e-6 * width
 
 
 def test_a_record_split_and_joined_is_the_record(clean, tmp_path, first):
@@ -165,9 +165,9 @@ def test_a_part_of_a_record_leaves_more_possible_and_no_less(clean, first):
     fewer = found(clean.head(30))
     assert fewer["verdict"] == "consistent"
     assert fewer["radius"] <= first["radius"] * (1.0 + 1e-9)
-    for whole, part in zip(first["parameters"], fewer["parameters"], strict=True):
-        assert part["low"] <= whole["low"] + 1e-10
-        assert part["high"] >= whole["high"] - 1e-10
+    for complete, part in zip(first["parameters"], fewer["parameters"], strict=True):
+        assert part["low"] <= complete["low"] + 1e-10
+        assert part["high"] >= complete["high"] - 1e-10
 
 
 @pytest.fixture(scope="module")
@@ -192,12 +192,12 @@ def test_an_inspection_knows_no_zero_of_time_and_no_order_of_columns(moved):
 def test_rates_in_degrees_that_are_said_are_the_same_rates(moved):
     rates = [f"w{k}_radps" for k in (1, 2, 3)]
     degrees = moved.with_columns(pl.col(rates) * (180.0 / np.pi))
-    first, other = inspected(moved), inspected(degrees, channels=("w=deg",))
+    first, second = inspected(moved), inspected(degrees, channels=("w=deg",))
     for name in first.keys() - {"warnings", "turning"}:
-        assert differences(first[name], other[name], 1e-9) == [], name
+        assert differences(first[name], second[name], 1e-9) == [], name
     # Found step by step, until a step is small beside what noise leaves open.
     matrix = np.array(first["turning"]["matrix"])
-    assert np.array(other["turning"]["matrix"]) == pytest.approx(matrix, abs=1e-3)
+    assert np.array(second["turning"]["matrix"]) == pytest.approx(matrix, abs=1e-3)
 
 
 def test_an_inspection_of_csv_and_of_parquet_are_the_same(moved, tmp_path):
@@ -211,16 +211,16 @@ def test_an_inspection_of_renamed_axes_says_the_same_of_renamed_axes(moved):
     """Axes 1, 2, 3 are called 3, 1, 2, of gyros and accelerometers alike."""
     groups = (["w1_radps", "w2_radps", "w3_radps"], READINGS)
     new = [pl.col(group[(k + 1) % 3]).alias(group[k]) for group in groups for k in range(3)]
-    first, other = inspected(moved), inspected(moved.with_columns(new))
+    first, second = inspected(moved), inspected(moved.with_columns(new))
     order = [1, 2, 0]
     for name in ("count", "time_s", "length_s"):
-        assert other["rests"][name] == first["rests"][name]
-    before, after = (np.array(found["rests"]["force_bound_mps2"]) for found in (first, other))
+        assert second["rests"][name] == first["rests"][name]
+    before, after = (np.array(result["rests"]["force_bound_mps2"]) for result in (first, second))
     assert after == pytest.approx(before[:, order], rel=1e-9)
-    assert other["rate_rms_radps"] == pytest.approx([first["rate_rms_radps"][k] for k in order], rel=1e-9)
-    before, after = (np.array(found["turning"]["matrix"]) for found in (first, other))
+    assert second["rate_rms_radps"] == pytest.approx([first["rate_rms_radps"][k] for k in order], rel=1e-9)
+    before, after = (np.array(result["turning"]["matrix"]) for result in (first, second))
     assert after == pytest.approx(before[np.ix_(order, order)], abs=1e-3)
-    assert other["gyros_at_rest"]["verdict"] == first["gyros_at_rest"]["verdict"]
+    assert second["gyros_at_rest"]["verdict"] == first["gyros_at_rest"]["verdict"]
 
 
 def attitude(table: pl.DataFrame | Path, **options: Any) -> np.ndarray:
@@ -248,18 +248,18 @@ def test_attitude_is_the_same_of_another_table_of_the_same_motion(moved, tmp_pat
 
 
 def test_attitude_of_a_record_that_ends_early_is_the_beginning_of_the_whole(moved):
-    whole = attitude(moved)
+    complete = attitude(moved)
     part = attitude(moved.head(moved.height // 2))
-    assert 100 < len(part) < len(whole)
-    assert np.array_equal(part, whole[: len(part)])
+    assert 100 < len(part) < len(complete)
+    assert np.array_equal(part, complete[: len(part)])
 
 
 def imported(table: pl.DataFrame, path: Path, write: Callable[[pl.DataFrame, Path], object]) -> pl.DataFrame:
     """The record that an import makes of a laboratory's table."""
     write(table, path)
     out = path.parent / "record.csv"
-    made = measured.import_record(path, out=out, answers={"units.force": "mg", "decimal": "."})
-    assert made is not None
+    written = measured.import_record(path, out=out, answers={"units.force": "mg", "decimal": "."})
+    assert written is not None
     return pl.read_csv(out, comment_prefix="#")
 
 
@@ -301,8 +301,8 @@ def simulated(folder: Path, fmus: str, wires: str, form: str) -> pl.DataFrame:
 def test_a_run_knows_no_order_of_components_and_connections_and_no_kind_of_file(tmp_path):
     first = simulated(tmp_path, "".join(FMUS), "".join(WIRES), "parquet")
     assert first.height == 21
-    other = simulated(tmp_path, "".join(FMUS[::-1]), "".join(WIRES[::-1]), "parquet")
-    assert other.select(first.columns).equals(first)
+    second = simulated(tmp_path, "".join(FMUS[::-1]), "".join(WIRES[::-1]), "parquet")
+    assert second.select(first.columns).equals(first)
     assert simulated(tmp_path, "".join(FMUS), "".join(WIRES), "csv").equals(first)
 
 
@@ -312,8 +312,8 @@ def test_settings_in_other_columns_are_the_same_settings(tmp_path):
     table = pl.DataFrame(angles)
     table.write_csv(tmp_path / "a.csv")
     table.select(table.columns[::-1]).write_csv(tmp_path / "b.csv")
-    for one, other in zip(read_angles(tmp_path / "a.csv"), read_angles(tmp_path / "b.csv"), strict=True):
-        assert np.array_equal(one.angle, other.angle)
+    for entry, second in zip(read_angles(tmp_path / "a.csv"), read_angles(tmp_path / "b.csv"), strict=True):
+        assert np.array_equal(entry.angle, second.angle)
 
 
 def test_an_imported_record_is_of_its_rows(clean, tmp_path):
@@ -322,19 +322,19 @@ def test_an_imported_record_is_of_its_rows(clean, tmp_path):
     force = pl.col(list(names)) * (1000.0 / 9.80665)
     table = clean.select("position", "time_s", "alpha_deg", "beta_deg", *names).with_columns(force).rename(names)
     csv = pl.DataFrame.write_csv
-    whole = imported(table, tmp_path / "lab.csv", csv)
-    assert imported(table.select(table.columns[::-1]), tmp_path / "lab.csv", csv).equals(whole)
-    assert imported(table, tmp_path / "lab.csv", semicolons).equals(whole)
-    assert imported(table, tmp_path / "lab.csv.gz", packed).equals(whole)
+    complete = imported(table, tmp_path / "lab.csv", csv)
+    assert imported(table.select(table.columns[::-1]), tmp_path / "lab.csv", csv).equals(complete)
+    assert imported(table, tmp_path / "lab.csv", semicolons).equals(complete)
+    assert imported(table, tmp_path / "lab.csv.gz", packed).equals(complete)
     parts = [imported(part, tmp_path / "lab.csv", csv) for part in (table.head(17), table.tail(table.height - 17))]
-    assert pl.concat(parts, how="vertical_relaxed").equals(whole)
+    assert pl.concat(parts, how="vertical_relaxed").equals(complete)
     later = imported(table.with_columns(pl.col("time_s") + 4096.0), tmp_path / "lab.csv", csv)
-    assert later.drop("time_s").equals(whole.drop("time_s"))
-    assert later["time_s"].to_numpy() == pytest.approx(whole["time_s"].to_numpy() + 4096.0, rel=1e-12)
-    kept = [name for name in whole.columns if name not in ("position", "time_s")]
+    assert later.drop("time_s").equals(complete.drop("time_s"))
+    assert later["time_s"].to_numpy() == pytest.approx(complete["time_s"].to_numpy() + 4096.0, rel=1e-12)
+    retained = [name for name in complete.columns if name not in ("position", "time_s")]
     mixed = imported(another_order(table).table, tmp_path / "lab.csv", csv)
-    assert not mixed.equals(whole)
-    assert mixed.select(kept).sort(kept).equals(whole.select(kept).sort(kept))
+    assert not mixed.equals(complete)
+    assert mixed.select(retained).sort(retained).equals(complete.select(retained).sort(retained))
     twice = imported(doubled(table).table, tmp_path / "lab.csv", csv)
-    assert twice.head(whole.height).equals(whole)
-    assert twice.tail(1).select(kept).equals(whole.tail(1).select(kept))
+    assert twice.head(complete.height).equals(complete)
+    assert twice.tail(1).select(retained).equals(complete.tail(1).select(retained))

@@ -86,11 +86,11 @@ def test_an_interval_is_shown_outwards_and_an_estimate_within(low, width, part):
 @example(9.995, 10.01)
 def test_an_estimate_is_shown_within_an_interval_that_is_open(one, other):
     low, value = sorted((one, other))
-    shown, below, above = interval(value, low, math.inf)
-    assert Decimal(below) <= min(Decimal(shown), stored(low))
+    text, below, above = interval(value, low, math.inf)
+    assert Decimal(below) <= min(Decimal(text), stored(low))
     assert above == "inf"
-    shown, below, above = interval(low, -math.inf, value)
-    assert Decimal(above) >= max(Decimal(shown), stored(value))
+    text, below, above = interval(low, -math.inf, value)
+    assert Decimal(above) >= max(Decimal(text), stored(value))
     assert below == "-inf"
 
 
@@ -100,9 +100,9 @@ def test_an_estimate_is_shown_within_an_interval_that_is_open(one, other):
 @example(0.99996)
 @example(1.00004)
 def test_a_radius_is_shown_on_its_side_of_one(radius):
-    shown = Decimal(residual(radius))
-    assert (shown > 1) == (radius > 1.0)
-    assert shown <= stored(radius) if radius > 1.0 else shown >= stored(radius)
+    text = Decimal(residual(radius))
+    assert (text > 1) == (radius > 1.0)
+    assert text <= stored(radius) if radius > 1.0 else text >= stored(radius)
 
 
 @pytest.mark.parametrize(

@@ -32,16 +32,16 @@ def test_a_search_and_a_record_that_moves_are_the_same_bytes(tmp_path, monkeypat
     for folder in folders:
         folder.mkdir()
         write_record(replace(clean, specific_force=force), folder / "measured.csv")
-    for made, *command in (
+    for written, *command in (
         ("moved.csv", "hidden", "moved.csv", "--strapdown", "--seed", "2", "--quiet"),
         ("found.json", "diagnose", "measured.csv", "--noise-bound", "1e-5", "--json", "found.json", "--quiet"),
     ):
         run = [sys.executable, "-c", WITHOUT, *command]
-        done = subprocess.run(run, cwd=folders[1], capture_output=True, text=True, check=False)
-        assert (done.returncode, done.stderr) == (0, "")
+        process = subprocess.run(run, cwd=folders[1], capture_output=True, text=True, check=False)
+        assert (process.returncode, process.stderr) == (0, "")
         monkeypatch.chdir(folders[0])
         assert main(command) == 0
-        assert (folders[0] / made).read_bytes() == (folders[1] / made).read_bytes()
+        assert (folders[0] / written).read_bytes() == (folders[1] / written).read_bytes()
 
 
 def test_what_is_not_compiled_is_the_function_itself(monkeypatch: pytest.MonkeyPatch):
@@ -53,9 +53,9 @@ def test_what_is_not_compiled_is_the_function_itself(monkeypatch: pytest.MonkeyP
 
 
 def test_the_doctor_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
-    there = installation._package
-    monkeypatch.setattr(installation, "_package", lambda name: None if name == "numba" else there(name))
-    said = {finding.subject: finding for finding in installation._packages()}
-    assert said["libraries"].good
-    assert said["extra fast"].state.endswith('; pip install "trihedron[fast]"')
-    assert said["extra fast"].good is None
+    version = installation._version
+    monkeypatch.setattr(installation, "_version", lambda name: None if name == "numba" else version(name))
+    output = {finding.subject: finding for finding in installation._packages()}
+    assert output["libraries"].good
+    assert output["extra fast"].state.endswith('; pip install "trihedron[fast]"')
+    assert output["extra fast"].good is None

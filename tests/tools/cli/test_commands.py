@@ -27,8 +27,8 @@ def record(tmp_path_factory) -> Path:
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
     status = cli.main([str(a) for a in arguments])
-    said = capsys.readouterr()
-    return status, said.out, said.err
+    output = capsys.readouterr()
+    return status, output.out, output.err
 
 
 @pytest.mark.usefixtures("no_pictures")
@@ -41,9 +41,9 @@ def test_from_record_to_named_cause_by_commands(record, tmp_path, monkeypatch, c
     assert (status, err) == (0, "")
     assert out.startswith("The simulation lacked this: ")
     assert "The gain on what was not used" in out
-    named = json.loads(Path("d.json").read_text())["causes"][0]
+    titles = json.loads(Path("d.json").read_text())["causes"][0]
     hidden = json.loads(record.with_name("answer.json").read_text())["hidden"]
-    assert (named["effect"], named["where"]) == (hidden["effect"], hidden["where"])
+    assert (titles["effect"], titles["where"]) == (hidden["effect"], hidden["where"])
     written = {path.name for path in Path("extended").iterdir()}
     assert written >= {"AccelerometerBlock.fmu", "AccelerometerBlock.ssv", "TurntableMotion.fmu", "scenario.toml"}
     # As it was written it gives the record again.
@@ -99,7 +99,7 @@ def test_a_fault_of_the_program_is_one_line_and_status_one(capsys, monkeypatch):
 def test_the_program_is_found_under_its_name():
     """As installed, from another folder, with nothing of the checkout on the path."""
     program = Path(sys.executable).with_name("trihedron")
-    said = subprocess.run(
+    output = subprocess.run(
         [program, "--version"], capture_output=True, text=True, check=True, cwd=os.sep, timeout=300
     ).stdout
-    assert said.strip() == trihedron.__version__
+    assert output.strip() == trihedron.__version__

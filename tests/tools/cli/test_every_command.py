@@ -27,12 +27,12 @@ WRONG_INPUTS = {
 
 
 def check_refused(status: int, capsys: pytest.CaptureFixture[str], *names: str) -> str:
-    said = capsys.readouterr()
-    assert status == 2, said.err
-    lines = said.err.splitlines()
-    assert len(lines) == 1, said.err
+    output = capsys.readouterr()
+    assert status == 2, output.err
+    lines = output.err.splitlines()
+    assert len(lines) == 1, output.err
     assert lines[0].startswith("trihedron: ")
-    assert "Traceback" not in said.err
+    assert "Traceback" not in output.err
     assert len(lines[0]) < 600
     for name in names:
         assert name in lines[0]
@@ -71,36 +71,36 @@ def wrong_options(command: Command) -> Iterator[tuple[str, ...]]:
         name = argument.names[0] if argument.names else ""
         if not name.startswith("--") or not argument.parse or argument.token_count()[0] == 0:
             continue
-        found, count = kinds(argument.hint), argument.token_count()[0]
+        result, count = kinds(argument.hint), argument.token_count()[0]
         yield (name,)
-        if isinstance(found[0], tuple):
+        if isinstance(result[0], tuple):
             yield (name, "no-such-choice")
-        elif found[0] in (int, float):
+        elif result[0] in (int, float):
             yield (name, *["1.5.2"] * count)
             yield (name, *["nan"] * count)
             yield (name, *["inf"] * count)
             if count > 1:
                 yield (name, "1")
-        elif found[0] is Path:
+        elif result[0] is Path:
             yield (name, "measured.csv/below-a-file/x.json")
 
 
 def test_the_table_has_every_command():
     """A new command is tested like all others as soon as it is in the table; this says when it is not."""
-    named = {" ".join(command.arguments[: of_app(command)[1]]) for command in COMMANDS}
-    assert named == set(names_of_commands())
+    titles = {" ".join(command.arguments[: of_app(command)[1]]) for command in COMMANDS}
+    assert titles == set(names_of_commands())
 
 
 @pytest.mark.parametrize("name", sorted(names_of_commands()))
 def test_help_has_a_sentence_and_an_example_and_every_command_has_json(name: str, capsys):
     assert cli.main([*name.split(), "--help"]) == 0
-    said = capsys.readouterr()
-    text = " ".join(said.out.replace("│", " ").split())
+    output = capsys.readouterr()
+    text = " ".join(output.out.replace("│", " ").split())
     assert f"Example: trihedron {name}" in text
     assert "--json" in text
     assert "--quiet" in text
-    assert said.err == ""
-    sentence = said.out.split("\n\n")[1]
+    assert output.err == ""
+    sentence = output.out.split("\n\n")[1]
     assert 0 < len(sentence) < 300
 
 
@@ -109,11 +109,11 @@ def test_wrong_options(command: Command, here: Path, capsys):
     before = files(here)
     for added in wrong_options(command):
         # An option may be given once only: the right one makes room for the wrong one.
-        kept = without(command.arguments, added[0])
-        status = cli.main([*kept, *added])
+        retained = without(command.arguments, added[0])
+        status = cli.main([*retained, *added])
         check_refused(status, capsys)
-        left = {name: content for name, content in files(here).items() if name not in before}
-        assert left == {}, added
+        remaining = {name: content for name, content in files(here).items() if name not in before}
+        assert remaining == {}, added
 
 
 def without(arguments: tuple[str, ...], option: str) -> list[str]:
@@ -151,8 +151,8 @@ def test_wrong_inputs(command: Command, kind: str, here: Path, monkeypatch, caps
             # Half a file may be a whole one.
             capsys.readouterr()
         else:
-            said = check_refused(status, capsys)
-            assert name in said
+            output = check_refused(status, capsys)
+            assert name in output
             # `check` has done its work: its findings are a file.
             assert written <= ({"out.json"} if command.arguments[0] == "check" else set())
         for leftover in written:

@@ -21,8 +21,8 @@ def can_mount() -> bool:
     if shutil.which("unshare") is None:
         return False
     with tempfile.TemporaryDirectory() as folder:
-        tried = ["unshare", "-rm", "mount", "-t", "tmpfs", "-o", "size=4k", "tmpfs", folder]
-        return subprocess.run(tried, capture_output=True, check=False, timeout=300).returncode == 0
+        candidates = ["unshare", "-rm", "mount", "-t", "tmpfs", "-o", "size=4k", "tmpfs", folder]
+        return subprocess.run(candidates, capture_output=True, check=False, timeout=300).returncode == 0
 
 
 LOCK = "campaign.lock"
@@ -118,21 +118,23 @@ def test_a_disk_that_ends_in_the_middle(command: Command, here: Path, tmp_path: 
     before = files(folder)
     arguments = [*command.arguments]
     assert commands.run(arguments, folder).status == 0
-    written = {name: data for name, data in files(folder).items() if before.get(name) != data}
+    written = {name: payload for name, payload in files(folder).items() if before.get(name) != payload}
     assert written
-    for size in sorted({len(data) for data in written.values() if len(data) > 500}):
+    for size in sorted({len(payload) for payload in written.values() if len(payload) > 500}):
         shutil.rmtree(folder)
         shutil.copytree(here, folder)
-        done = commands.run(arguments, folder, most_bytes=size - 1)
-        assert done.status == 2, done.err
-        assert done.err.splitlines()[-1].startswith("trihedron: ")
-        assert "File too large" in done.err.splitlines()[-1]
-        assert "Traceback" not in done.err
-        left = {name: data for name, data in files(folder).items() if name in before or not name.endswith(LOCK)}
-        if command.arguments[0] == "campaign" and left != before:
+        process = commands.run(arguments, folder, most_bytes=size - 1)
+        assert process.status == 2, process.err
+        assert process.err.splitlines()[-1].startswith("trihedron: ")
+        assert "File too large" in process.err.splitlines()[-1]
+        assert "Traceback" not in process.err
+        remaining = {
+            name: payload for name, payload in files(folder).items() if name in before or not name.endswith(LOCK)
+        }
+        if command.arguments[0] == "campaign" and remaining != before:
             # What was kept is whole, and the rest is made.
             assert commands.run([*arguments, "--resume"], folder).status == 0
-            left = {name: data for name, data in files(folder).items() if name in written}
-            assert left.keys() == written.keys()
+            remaining = {name: payload for name, payload in files(folder).items() if name in written}
+            assert remaining.keys() == written.keys()
             continue
-        assert left == before
+        assert remaining == before

@@ -93,23 +93,23 @@ def test_ctrl_c_in_the_middle(command: Command, here: Path, capsys):
             path = here / Path(name).parts[0]
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
         status = interrupted_at(command, max(1, int(part * calls)))
-        said = capsys.readouterr()
-        left = {name: content for name, content in files(here).items() if name not in before}
+        output = capsys.readouterr()
+        remaining = {name: content for name, content in files(here).items() if name not in before}
         assert {name: content for name, content in files(here).items() if name in before} == before
-        assert "Traceback" not in said.err
+        assert "Traceback" not in output.err
         if status == 0:
             # A search that is stopped gives the best that it has found, and says so.
-            assert "interrupted" in said.out or left == complete, (part, said)
+            assert "interrupted" in output.out or remaining == complete, (part, output)
             continue
-        assert status == 130, said.err
-        assert said.err.count("\n") == 1
-        assert said.err.startswith("trihedron: interrupted")
-        assert whole(here), (part, sorted(left))
-        for name, content in left.items():
+        assert status == 130, output.err
+        assert output.err.count("\n") == 1
+        assert output.err.startswith("trihedron: interrupted")
+        assert whole(here), (part, sorted(remaining))
+        for name, content in remaining.items():
             if command.arguments[0] in ("simulate", "campaign"):
                 continue
             assert content == complete[name], (part, name)
-        if command.arguments[0] == "simulate" and left:
-            said_complete = json.loads(left["out/run.json"]).get("complete", True)
-            assert said_complete is False or left["out/run.csv"] == complete["out/run.csv"]
+        if command.arguments[0] == "simulate" and remaining:
+            said_complete = json.loads(remaining["out/run.json"]).get("complete", True)
+            assert said_complete is False or remaining["out/run.csv"] == complete["out/run.csv"]
     assert not list(Path(tempfile.gettempdir()).iterdir())

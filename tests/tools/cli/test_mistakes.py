@@ -84,8 +84,8 @@ def folder(tmp_path: Path, command_inputs: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_command_with_a_mistake(arguments: list[str], said: str, folder: Path, capsys):
     before = files(folder)
     Path("loop").symlink_to("loop")
-    given = [a.replace("RECORD", "measured.csv").replace("FOLDER", folder.name) for a in arguments]
-    assert cli.main(given) == 2
+    options = [a.replace("RECORD", "measured.csv").replace("FOLDER", folder.name) for a in arguments]
+    assert cli.main(options) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
     assert err.startswith("trihedron: ")

@@ -41,9 +41,9 @@ def test_a_device_is_not_replaced_by_a_file(arguments, record, capsys):
     """A pipe stands for /dev/null: as root, a rename would put a file in its place for the whole machine."""
     os.mkfifo("pipe")
     assert cli.main(arguments) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err == "trihedron: pipe: is not a regular file; give the name of a file\n"
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err == "trihedron: pipe: is not a regular file; give the name of a file\n"
     assert stat.S_ISFIFO(Path("pipe").stat().st_mode)
     assert sorted(p.name for p in Path().iterdir()) == ["pipe", "record.csv"]
 
@@ -57,19 +57,19 @@ def test_a_target_may_begin_with_a_minus(record, capsys):
 @pytest.mark.parametrize("arguments", [["calibrate", "record.csv", "--noise-bound", "1e-5"], ["--help"]], ids=" ".join)
 def test_a_full_disk_behind_standard_output_is_one_line(arguments, record):
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run([*PROGRAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=300)
-    assert done.returncode == 2
-    assert done.stderr == "trihedron: standard output: cannot be written (No space left on device)\n"
+        process = subprocess.run([*PROGRAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=300)
+    assert process.returncode == 2
+    assert process.stderr == "trihedron: standard output: cannot be written (No space left on device)\n"
 
 
 def test_an_output_without_greek_letters_gets_the_result_all_the_same(record):
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
-    done = subprocess.run(
+    process = subprocess.run(
         [*PROGRAM, "calibrate", "record.csv", "--noise-bound", "1e-5"],
         env=environment, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "\\u03c3 1e-5 g" in done.stdout
+    assert (process.returncode, process.stderr) == (0, "")
+    assert "\\u03c3 1e-5 g" in process.stdout
 
 
 def test_quiet_prints_what_was_asked_for_by_name_and_errors_alone(tmp_path: Path, monkeypatch, capsys):
@@ -78,12 +78,12 @@ def test_quiet_prints_what_was_asked_for_by_name_and_errors_alone(tmp_path: Path
         assert cli.main(arguments) == 0
         assert capsys.readouterr() == ("", "")
     assert cli.main(["check", "record.csv", "--quiet"]) == 2
-    said = capsys.readouterr()
-    assert (said.out, said.err.count("\n")) == ("", 1)
+    output = capsys.readouterr()
+    assert (output.out, output.err.count("\n")) == ("", 1)
     assert cli.main(["check", "scenario.toml", "--quiet", "--json", "-"]) == 0
-    said = capsys.readouterr()
-    assert json.loads(said.out)["good"] is True
-    assert said.err == ""
+    output = capsys.readouterr()
+    assert json.loads(output.out)["good"] is True
+    assert output.err == ""
 
 
 def test_json_on_standard_output_is_the_whole_output(tmp_path: Path, monkeypatch, capsys):
@@ -91,10 +91,10 @@ def test_json_on_standard_output_is_the_whole_output(tmp_path: Path, monkeypatch
     cli.main(["new", "scenario", "bench.toml", "--json", "-"])
     assert json.loads(capsys.readouterr().out)["files"] == ["bench.toml", "bench-positions.csv"]
     assert cli.main(["simulate", "bench.toml", "--out", "run", "--json", "-"]) == 0
-    done = json.loads(capsys.readouterr().out)
-    assert done["files"][-1] == "run/positions.csv"
+    process = json.loads(capsys.readouterr().out)
+    assert process["files"][-1] == "run/positions.csv"
     assert cli.main(["simulate", "bench.toml", "--out", "run", "--json", "simulated.json"]) == 0
-    assert capsys.readouterr().out.split() == done["files"]
-    assert json.loads(Path("simulated.json").read_text(encoding="utf-8")) == done
+    assert capsys.readouterr().out.split() == process["files"]
+    assert json.loads(Path("simulated.json").read_text(encoding="utf-8")) == process
     assert cli.main(["export", "AccelerometerBlock", "--json", "--out", "x"]) == 2
     assert "--json --out: is an option" in capsys.readouterr().err

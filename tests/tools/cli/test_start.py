@@ -20,10 +20,10 @@ HEAVY = ("numpy", "scipy", "polars", "numba", "llvmlite", "matplotlib", "fmpy", 
 def imported_by(*arguments: str) -> set[str]:
     """Modules that a command has imported when it ends."""
     code = "import sys; from trihedron.tools import cli; cli.main(sys.argv[1:]); print('\\n', *sorted(sys.modules))"
-    said = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True, timeout=300
     )
-    return set(said.stdout.splitlines()[-1].split())
+    return set(output.stdout.splitlines()[-1].split())
 
 
 @pytest.mark.parametrize(
@@ -45,31 +45,32 @@ def test_starting_imports_nothing_that_takes_its_time(arguments: list[str]):
 @pytest.mark.acceptance
 def test_the_list_of_heavy_modules_is_one_of_modules_that_are_used():
     """A name that nothing ever imports would prove nothing: a real command imports them."""
-    there = imported_by("check", str(SCENARIOS / "static-calibration.toml"))
-    assert {"numpy", "polars", "fmpy", "pydantic", "trihedron.models", "trihedron.fmus"} <= there
+    present = imported_by("check", str(SCENARIOS / "static-calibration.toml"))
+    assert {"numpy", "polars", "fmpy", "pydantic", "trihedron.models", "trihedron.fmus"} <= present
 
 
 @pytest.mark.parametrize("name", ["x.fmu", "x.ssp"])
 def test_an_archive_is_refused_before_what_reads_records_is_imported(name: str, tmp_path: Path):
     (tmp_path / name).write_bytes(b"PK")
-    there = imported_by("check", str(tmp_path / name))
-    assert "fmpy" in there
-    assert there & {"scipy", "numba", "highspy", "matplotlib", "trihedron.tools.records.read"} == set()
+    present = imported_by("check", str(tmp_path / name))
+    assert "fmpy" in present
+    assert present & {"scipy", "numba", "highspy", "matplotlib", "trihedron.tools.records.read"} == set()
 
 
 def test_a_plan_imports_nothing_that_reads_records_or_makes_components():
-    there = imported_by("plan", "target", "X4", "--quiet")
-    assert "highspy" in there
+    present = imported_by("plan", "target", "X4", "--quiet")
+    assert "highspy" in present
     assert (
-        there & {"polars", "fmpy", "matplotlib", "trihedron.tools.records.read", "trihedron.fmus.instruments"} == set()
+        present & {"polars", "fmpy", "matplotlib", "trihedron.tools.records.read", "trihedron.fmus.instruments"}
+        == set()
     )
 
 
 def test_a_diagnosis_needs_no_library_of_distributions():
     """It takes as long to import as a small record to diagnose; the few functions that are needed are special ones."""
     code = "import sys, trihedron.tools.diagnosis.procedure; print('scipy.stats' in sys.modules)"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
-    assert said.stdout.strip() == "False"
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    assert output.stdout.strip() == "False"
 
 
 @pytest.mark.acceptance
@@ -79,11 +80,11 @@ def test_plain_text_where_there_is_no_terminal():
     for variables in ({}, {"TERM": "xterm-256color", "NO_COLOR": "1"}):
         environment = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "CLICOLOR_FORCE")} | variables
         for arguments in commands:
-            done = subprocess.run(
+            process = subprocess.run(
                 [sys.executable, "-m", "trihedron.tools.cli", *arguments], capture_output=True, text=True, check=False,
                 env=environment, timeout=300,
             )  # fmt: skip
-            assert "\x1b" not in done.stdout + done.stderr
+            assert "\x1b" not in process.stdout + process.stderr
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -97,10 +98,10 @@ def test_completion_knows_every_command_and_its_options(shell: str, capsys):
 def test_powershell_completes_what_every_command_takes(capsys):
     assert cli.main(["completion", "powershell"]) == 0
     script = capsys.readouterr().out
-    known = json.loads(script.partition("@'")[2].partition("'@")[0])["commands"]
-    assert set(known) == {name for name in cli.app if not name.startswith("-")}
-    assert {"--noise-bound", "--sheet", "--about"} <= set(known["calibrate"]["options"])
-    assert "--date" in known["instrument"]["commands"]["add"]["options"]
+    catalogue = json.loads(script.partition("@'")[2].partition("'@")[0])["commands"]
+    assert set(catalogue) == {name for name in cli.app if not name.startswith("-")}
+    assert {"--noise-bound", "--sheet", "--about"} <= set(catalogue["calibrate"]["options"])
+    assert "--date" in catalogue["instrument"]["commands"]["add"]["options"]
     assert script.count("{") == script.count("}")
 
 
@@ -112,9 +113,9 @@ def test_bash_reads_its_completion(capsys, tmp_path: Path):
     assert cli.main(["completion", "bash"]) == 0
     script = tmp_path / "completion.bash"
     script.write_text(capsys.readouterr().out, encoding="utf-8")
-    asked = (
+    options = (
         f"source {script}; COMP_WORDS=(trihedron cal); COMP_CWORD=1; COMP_LINE='trihedron cal'; COMP_POINT=13; "
         "_trihedron; echo ${COMPREPLY[@]}"
     )
-    done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=False, timeout=300)
-    assert done.stdout.split() == ["calibrate"]
+    process = subprocess.run(["bash", "-c", options], capture_output=True, text=True, check=False, timeout=300)
+    assert process.stdout.split() == ["calibrate"]
