@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,8 @@ class OfRecord:
     def sizes(self) -> Sizes:
         """These effects with their sizes."""
         places = [step.place for step in self.order.steps]
-        found = self.evidence.estimate(places)[len(self.evidence.names) :]
-        return {place: found[block] for place, block in zip(places, blocks_of(places), strict=True)}
+        numbers = self.evidence.estimate(places)[len(self.evidence.names) :]
+        return {place: numbers[block] for place, block in zip(places, blocks_of(places), strict=True)}
 
     @cached_property
     def latency(self) -> Sizes:
@@ -79,15 +80,15 @@ class OfRecord:
         numbers = self.evidence.numbers_of([LATENCY, SCALE])
         return part.columns[..., numbers].reshape(part.error.size, -1) / ARCMIN, part.error.ravel() / ARCMIN
 
-    def left(self, solution: NDArray) -> float:
+    def residual(self, solution: NDArray) -> float:
         """Errors, rms, with a latency and misalignments (10,), to first order [arcmin]."""
         columns, error = self.linear
         return rms_size((error - columns @ solution).reshape(-1, 3))
 
 
-def quoted(found: Sequence[NDArray]) -> list[str]:
+def quoted(errors: Sequence[NDArray]) -> list[str]:
     """Sizes of errors (S, 3), over all windows, root mean square."""
-    return [digits(rms_size(error)) for error in found]
+    return [digits(rms_size(error)) for error in errors]
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -104,8 +105,8 @@ def with_own_frame(record: OfRecord, solution: NDArray) -> float:
         turns[3 * i + j, k], turns[3 * j + i, k] = 1.0, -1.0
     matrix = solution[1:].reshape(3, 3)
     symmetric = np.append(solution[0], 0.5 * (matrix + matrix.T).ravel())
-    left, own = error - columns @ symmetric, columns[:, 1:] @ turns
-    return rms_size((left - own @ estimated(own, left)).reshape(-1, 3))
+    remaining, turning = error - columns @ symmetric, columns[:, 1:] @ turns
+    return rms_size((remaining - turning @ estimated(turning, remaining)).reshape(-1, 3))
 
 
 def needed(radii: tuple[float, float]) -> str:
@@ -116,19 +117,17 @@ def needed(radii: tuple[float, float]) -> str:
 
 def stated(records: Mapping[str, StrapdownRecord]) -> str:
     """Whether latency and misalignments can be the same in all records, by what the cameras would have to err."""
-    made = [
-        {name: carried_evidence(record, reference_bound=bound) for name, record in records.items()}
-        for bound in (TRIED, STATED)
-    ]
-    tried = [
-        *((name, [members[name] for members in made]) for name in records),
-        ("all four, with one value for each", [join(members) for members in made]),
-    ]
-    rows = [
-        [name, *(needed((one.refit(places).radius, other.refit(places).radius)) for places in ([LATENCY], BOTH))]
-        for name, (one, other) in tried
-    ]
-    joint = tried[-1][1][1]
+    lower = {name: carried_evidence(record, reference_bound=TRIED) for name, record in records.items()}
+    upper = {name: carried_evidence(record, reference_bound=STATED) for name, record in records.items()}
+    pairs: dict[str, tuple[Any, Any]] = {name: (lower[name], upper[name]) for name in records}
+    pairs["all four, with one value for each"] = join(lower), join(upper)
+    rows = []
+    for name, (at_lower, at_upper) in pairs.items():
+        row = [name]
+        for places in ([LATENCY], BOTH):
+            row.append(needed((at_lower.refit(places).radius, at_upper.refit(places).radius)))
+        rows.append(row)
+    joint = join(upper)
     fit = joint.refit(BOTH)
     (delay,), nine = fit.intervals(joint.room(fit), joint.most_rows)
     open_nine = sum(low <= 0.0 <= high for low, high in nine)
@@ -153,54 +152,62 @@ it is, cameras that err or misalignments that change, these records do not tell;
 
 def page(records: Mapping[str, StrapdownRecord]) -> str:
     """The case study."""
-    known: dict[str, OfRecord] = {}
+    entries: dict[str, OfRecord] = {}
     for name, record in records.items():
         evidence = carried_evidence(record)
         assert isinstance(evidence, Carried)
-        known[name] = OfRecord(evidence)
-    own = {name: np.concatenate([one.sizes[LATENCY], one.sizes[SCALE]]) for name, one in known.items()}
+        entries[name] = OfRecord(evidence)
+    solutions = {name: np.concatenate([entry.sizes[LATENCY], entry.sizes[SCALE]]) for name, entry in entries.items()}
     alone = [
         [
             name,
-            f"{digits(one.order.held_out_rms_arcmin)} arcmin",
-            *(digits(step.held_out_rms_arcmin) for step in one.order.steps[:2]),
-            f"{digits(1e3 * own[name][0])} ms",
-            digits(own[name][1 + ELEMENT], 2),
+            f"{digits(entry.order.held_out_rms_arcmin)} arcmin",
+            *(digits(step.held_out_rms_arcmin) for step in entry.order.steps[:2]),
+            f"{digits(1e3 * solutions[name][0])} ms",
+            digits(solutions[name][1 + ELEMENT], 2),
         ]
-        for name, one in known.items()
+        for name, entry in entries.items()
     ]
-    errors = {on: {"": one.errors({})} | {of: one.errors(known[of].sizes) for of in known} for on, one in known.items()}
-    late = {on: {of: one.errors(known[of].latency) for of in known} for on, one in known.items()}
-    header = ["on", "without", *(f"of {name}" for name in known)]
-    beside, bigger, most_apart = [], [], 0.0
-    for on, one in known.items():
+    errors = {
+        on: {"": entry.errors({})} | {of: entry.errors(entries[of].sizes) for of in entries}
+        for on, entry in entries.items()
+    }
+    late = {on: {of: entry.errors(entries[of].latency) for of in entries} for on, entry in entries.items()}
+    header = ["on", "without", *(f"of {name}" for name in entries)]
+    compared, bigger, most_apart = [], [], 0.0
+    for on, entry in entries.items():
         chosen = [errors[on][""], errors[on]["03"], late[on]["06"], errors[on]["08"]]
-        moving = [float(np.sqrt(np.mean(error[one.in_motion] ** 2))) for error in chosen]
-        ratios = [mine / theirs for mine, theirs in zip(moving, INDEPENDENT[on], strict=True)]
-        said = ("; ".join(map(digits, values)) for values in (INDEPENDENT[on], moving, [round(r, 2) for r in ratios]))
-        beside.append([on, *said, f"{100.0 * one.in_motion.mean():.0f} %"])
+        moving = [float(np.sqrt(np.mean(error[entry.in_motion] ** 2))) for error in chosen]
+        ratios = [rms / theirs for rms, theirs in zip(moving, INDEPENDENT[on], strict=True)]
+        cells = ("; ".join(map(digits, values)) for values in (INDEPENDENT[on], moving, [round(r, 2) for r in ratios]))
+        compared.append([on, *cells, f"{100.0 * entry.in_motion.mean():.0f} %"])
         bigger += [rms_size(error) / value for error, value in zip(chosen, INDEPENDENT[on], strict=True)]
         most_apart = max(most_apart, *(abs(ratio - 1.0) for ratio in ratios))
     columns, errors_of_all = (
-        np.concatenate(own_) for own_ in zip(*(one.linear for one in known.values()), strict=True)
+        np.concatenate(own_) for own_ in zip(*(entry.linear for entry in entries.values()), strict=True)
     )
     shared = estimated(columns, errors_of_all)
     halves = []
-    for name, one in known.items():
-        matrix, error = one.linear
+    for name, entry in entries.items():
+        matrix, error = entry.linear
         middle = 3 * (len(error) // 6)
         parts = [estimated(matrix[rows], error[rows]) for rows in (slice(middle), slice(middle, None))]
-        halves.append([name, *(digits(1e3 * part[1 + ELEMENT], 2) for part in parts), digits(one.left(own[name]))])
-    for row, one in zip(halves, known.values(), strict=True):
-        row.append(digits(one.left(shared)))
-    matrix, _ = known["21"].linear
-    differ = own["08"] - own["21"]
+        halves.append(
+            [name, *(digits(1e3 * part[1 + ELEMENT], 2) for part in parts), digits(entry.residual(solutions[name]))]
+        )
+    for row, entry in zip(halves, entries.values(), strict=True):
+        row.append(digits(entry.residual(shared)))
+    matrix, _ = entries["21"].linear
+    differ = solutions["08"] - solutions["21"]
     every, alone_32 = (
         digits(rms_size((matrix[:, chosen] @ differ[chosen]).reshape(-1, 3)))
         for chosen in (slice(1, None), [1 + ELEMENT])
     )
-    carried, frame = digits(known["21"].left(own["08"])), digits(with_own_frame(known["21"], own["08"]))
-    latencies = sorted(1e3 * values[0] for values in own.values())
+    carried, frame = (
+        digits(entries["21"].residual(solutions["08"])),
+        digits(with_own_frame(entries["21"], solutions["08"])),
+    )
+    latencies = sorted(1e3 * values[0] for values in solutions.values())
     least, most = digits(latencies[0], 2), digits(latencies[-1], 2)
     by_itself = table(
         ["record", "errors left out over 2 s, rms", "with latency", "and misalignments", "latency", "element 32"], alone
@@ -265,7 +272,7 @@ The root mean square of one component of it, over windows in motion alone ({SLOW
 that of the independent computation within {100.0 * most_apart:.0f} % (without; with 03; with the latency of 06; with
 08):
 
-{table(["on", "independent", "here, so counted", "ratios", "windows in motion"], beside)}
+{table(["on", "independent", "here, so counted", "ratios", "windows in motion"], compared)}
 
 A component has 1/√3 of the whole; windows at rest, which miss by little, take a fifth to a quarter off the root mean
 square.

@@ -38,9 +38,9 @@ def read(folder: Path, name: str) -> StrapdownRecord:
     path = folder / f"{name}.strapdown.csv"
     if not path.exists():
         raise InputError(f"{path}: is not there; the case studies need the measured records")
-    found = read_record(path)
-    assert isinstance(found, StrapdownRecord)
-    return found
+    record = read_record(path)
+    assert isinstance(record, StrapdownRecord)
+    return record
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
@@ -95,11 +95,11 @@ def excluded_table(result: Diagnosis) -> str:
 
 def left_over(result: Diagnosis, helps: str) -> str:
     """What is left of the errors at each length after the effects that help, and what grows so with the length."""
-    lengths = [one for one in result.lengths or () if one.order is not None and one.order.steps]
-    left = [one.order.steps[-1].held_out_rms_arcmin for one in lengths if one.order is not None]
-    seconds = [float(one.over.split()[0]) for one in lengths]
-    ratio, times = left[-1] / left[0], seconds[-1] / seconds[0]
-    listed = ", ".join(f"{digits(rms)} over {one.over}" for rms, one in zip(left, lengths, strict=True))
+    lengths = [length for length in result.lengths or () if length.order is not None and length.order.steps]
+    remaining = [length.order.steps[-1].held_out_rms_arcmin for length in lengths if length.order is not None]
+    seconds = [float(length.over.split()[0]) for length in lengths]
+    ratio, times = remaining[-1] / remaining[0], seconds[-1] / seconds[0]
+    listed = ", ".join(f"{digits(rms)} over {length.over}" for rms, length in zip(remaining, lengths, strict=True))
     slow = "so errors that add up in time are most of it"
     if ratio < math.sqrt(times):
         slow = (
@@ -132,27 +132,27 @@ def stated_text(stated: Sequence[Diagnosis]) -> str:
     """What is named where the cameras' error is stated, and the first that is explained in detail."""
     rows = [
         [
-            digits(found.reference_bound_arcmin),
-            upwards(found.noise_bound_arcmin, 3),
-            found.verdict,
+            digits(diagnosis.reference_bound_arcmin),
+            upwards(diagnosis.noise_bound_arcmin, 3),
+            diagnosis.verdict,
             "; ".join(
-                [" + ".join(cause.effect for cause in causes) for causes in sets_of(found)]
-                + ["others may: the search was cut off"] * (found.cut_off_at is not None)
+                [" + ".join(cause.effect for cause in causes) for causes in sets_of(diagnosis)]
+                + ["others may: the search was cut off"] * (diagnosis.cut_off_at is not None)
             )
             or "none",
         ]
-        for found in stated
+        for diagnosis in stated
     ]
-    said = table(["stated [arcmin at a row]", "bound [arcmin]", "verdict", "sets"], rows)
-    explained = next((found for found in stated if found.verdict == "explained"), None)
+    bounds = table(["stated [arcmin at a row]", "bound [arcmin]", "verdict", "sets"], rows)
+    explained = next((diagnosis for diagnosis in stated if diagnosis.verdict == "explained"), None)
     if explained is None:
-        return said
+        return bounds
     sizes = []
     for cause in explained.causes:
         for p, ends in zip(cause.parameters, cause.intervals, strict=True):
             unit = "" if p.unit == "1" else p.unit
             sizes.append([cause.effect, p.name, *interval(p.estimate, *ends), unit])
-    return f"""{said}
+    return f"""{bounds}
 
 With {digits(explained.reference_bound_arcmin)} arcmin stated:
 
@@ -163,8 +163,9 @@ With {digits(explained.reference_bound_arcmin)} arcmin stated:
 
 def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) -> str:
     """The case study of BROAD 03: without a bound of the cameras' error, and with several that are stated."""
-    record, found = result.evidence.found.record, result.evidence.found
-    period = found.sampling.period
+    inspection = result.evidence.found
+    record = inspection.record
+    period = inspection.sampling.period
     middle = (result.lengths or ())[len(result.lengths or ()) // 2]
     steps = middle.order.steps if middle.order is not None else ()
     helps = " and ".join(step.effect for step in steps) or "nothing"
@@ -194,7 +195,7 @@ def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) ->
     ends = (quoted.get(f"held_out_rms_{when}", math.nan) for when in ("before", "after"))
     fall = f"{' to '.join(digits(end) for end in ends)} arcmin rms"
     unseen = ", ".join(dict.fromkeys(place.effect for place in result.cannot_be_seen or ()))
-    said = "\n".join(f"- {text};" for text in result.not_named or ())
+    reasons = "\n".join(f"- {text};" for text in result.not_named or ())
     return f"""# Case study: BROAD 03, a strapdown unit before cameras
 
 The record: {len(record)} rows, one every {digits(1e3 * period, 4)} ms, {digits(float(np.ptp(record.time_s)))} s of slow
@@ -207,7 +208,7 @@ and the cameras at rest explain, so nothing is named.**
 
 ## What the record says
 
-{said}
+{reasons}
 - the gyros' bias at rest, ({bias}) deg/s, which the mean at rest takes out of the nominal block; left in it would
   make the errors {left_in} arcmin rms.
 
@@ -302,13 +303,13 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
     hertz = 1.0 / results[0].evidence.found.sampling.period
     verdicts = ", ".join(f"{name} {r.verdict}" for name, r in zip(names, results, strict=True))
     causes = [cause.place.effect for r in results for cause in r.causes]
-    named = f"Named: {', '.join(causes)}" if causes else "No effect is named in any of them"
+    naming = f"Named: {', '.join(causes)}" if causes else "No effect is named in any of them"
     return f"""# Case study: three MPU-9150 logs, no angles known
 
 Three specimens of a MEMS unit at {digits(hertz)} Hz, moved by hand from rest to rest; nothing is known of the poses.
 Made by `make case-studies`; no number on this page is typed.
 
-**{verdicts}. {named}.**
+**{verdicts}. {naming}.**
 
 ## How it was judged
 
@@ -356,17 +357,21 @@ accelerometer data", ICINS 2020; columns reordered, time added.
 
 def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
     """The case study of the Xsens unit of imu_tk."""
-    found = result.evidence.found
-    record, rests = found.record, found.rests
+    inspection = result.evidence.found
+    record, rests = inspection.record, inspection.rests
     lengths = result.lengths or ()
-    (named,) = result.causes
-    at_rest = next((m for m in found.gyros.tried if m.terms == ("gravity",)), None) if found.gyros is not None else None
+    (cause,) = result.causes
+    at_rest = (
+        next((m for m in inspection.gyros.tried if m.terms == ("gravity",)), None)
+        if inspection.gyros is not None
+        else None
+    )
     sizes = []
-    for number, (p, ends) in enumerate(zip(named.parameters, named.intervals, strict=True)):
+    for number, (p, ends) in enumerate(zip(cause.parameters, cause.intervals, strict=True)):
         axis, by = divmod(number, 3)
-        seen = "–" if at_rest is None else digits(at_rest.coefficients[axis][1 + by], 2)
-        sizes.append([p.name, *interval(p.estimate, *ends), seen, p.unit])
-    zero = sum(low > 0.0 or high < 0.0 for low, high in named.intervals)
+        at_means = "–" if at_rest is None else digits(at_rest.coefficients[axis][1 + by], 2)
+        sizes.append([p.name, *interval(p.estimate, *ends), at_means, p.unit])
+    zero = sum(low > 0.0 or high < 0.0 for low, high in cause.intervals)
     rows = [
         [
             length.over,
@@ -385,14 +390,15 @@ def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
     quoted = result.gain.to_json() if result.gain is not None else {}
     before, after = (digits(quoted.get(f"held_out_rms_{when}", math.nan)) for when in ("before", "after"))
     model = "The gyros' means at rest were not judged"
-    if found.gyros is not None:
-        tried = "; ".join(f"{one.title}, radius {residual(one.radius)}" for one in found.gyros.tried)
-        standing = " or ".join(one.title for one in found.gyros.standing) or found.gyros.verdict
-        model = f"By the means at rest alone the gyros are {standing} ({tried})"
-    hertz, seconds = digits(1.0 / found.sampling.period), digits(float(np.ptp(record.time_s)))
+    if inspection.gyros is not None:
+        radii = "; ".join(f"{m.title}, radius {residual(m.radius)}" for m in inspection.gyros.tried)
+        standing = " or ".join(m.title for m in inspection.gyros.standing) or inspection.gyros.verdict
+        model = f"By the means at rest alone the gyros are {standing} ({radii})"
+    hertz, seconds = digits(1.0 / inspection.sampling.period), digits(float(np.ptp(record.time_s)))
     header = ["over", "pieces", "rms [arcmin]", "bound [arcmin]", "radius", "left out, effect after effect [arcmin]"]
-    causes, others = (" + ".join(c.effect for c in one.causes) or "nothing" for one in (result, nominal))
-    left = f"{digits(witness.rms_without)} to {digits(witness.rms_with)}"
+    causes = " + ".join(c.effect for c in result.causes) or "nothing"
+    nominal_causes = " + ".join(c.effect for c in nominal.causes) or "nothing"
+    fall = f"{digits(witness.rms_without)} to {digits(witness.rms_with)}"
     return f"""# Case study: an Xsens unit whose gyros feel gravity
 
 One unit at {hertz} Hz, moved by hand between {len(rests)} rests in {seconds} s; nothing is known of the poses.
@@ -425,7 +431,7 @@ rest alone say, without any move and with no attitude carried (`trihedron inspec
 {table(["coefficient", "estimate", "low", "high", "at rest", "unit"], sizes)}
 
 {model}.
-Of parts that were left out the error, in bounds, falls from {left}; as good when its signature is
+Of parts that were left out the error, in bounds, falls from {fall}; as good when its signature is
 shuffled: {witness.shuffles.as_good} of {witness.shuffles.tried}.
 
 {pictures}
@@ -438,7 +444,7 @@ The FMUs extended by the effect were exported and run again with parameters from
 {gain_table(result) if result.gain is not None else ""}
 
 With scale factors and misalignments of the gyros held at zero (`--baseline nominal`): {nominal.verdict} by
-{others}, the radius without
+{nominal_causes}, the radius without
 {residual(nominal.radius)}: a calibration beside the effect.
 
 ## What was not supported, and why

@@ -66,12 +66,11 @@ def gallery_page() -> str:
         "| Verdict | What its page shows | Made by |",
         "|---|---|---|",
     ]
-    for name, said in SAID.items():
+    by_verdict = {verdict: record for record, verdict in CALIBRATIONS.items()}
+    for name, sentence in SAID.items():
         command, verdict = name.split()
-        record = (
-            next((r for r, v in CALIBRATIONS.items() if v == verdict), verdict) if command == "calibrate" else verdict
-        )
-        made = f"`trihedron {command} {record}.csv --noise-bound 1e-5 --report page.html`"
-        made += f" of [{record}.csv](gallery/{record}.csv)"
-        lines.append(f'| <a href="{_named(command, verdict)}">{command}: **{verdict}**</a> | {said} | {made} |')
+        record = by_verdict[verdict] if command == "calibrate" else verdict
+        maker = f"`trihedron {command} {record}.csv --noise-bound 1e-5 --report page.html`"
+        maker += f" of [{record}.csv](gallery/{record}.csv)"
+        lines.append(f'| <a href="{_named(command, verdict)}">{command}: **{verdict}**</a> | {sentence} | {maker} |')
     return "\n".join([*lines, ""])

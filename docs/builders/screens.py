@@ -22,35 +22,35 @@ LETTERS = 118
 SCREEN = {"width": 1100, "height": 980}
 
 
-def terminal(said: str) -> str:
+def terminal(output: str) -> str:
     """What a command prints, as a terminal shows them; SVG without fonts from elsewhere."""
     console = Console(width=LETTERS, record=True, file=io.StringIO(), force_terminal=True)
     console.print(Text(f"$ {COMMAND}", style="bold"))
-    console.print(Text(said.rstrip(), overflow="fold"))
+    console.print(Text(output.rstrip(), overflow="fold"))
     svg = console.export_svg(title="Terminal", theme=MONOKAI, unique_id="terminal")
     return re.sub(r"@font-face \{.*?\}\s*", "", svg, flags=re.DOTALL).replace("Fira Code", "DejaVu Sans Mono")
 
 
 def screen(page: Path) -> bytes:
     """The first screen of a page, PNG."""
-    program = next(found for name in ("chromium", "chrome", "google-chrome") if (found := shutil.which(name)))
+    program = shutil.which("chromium") or shutil.which("chrome") or shutil.which("google-chrome")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
         window = browser.new_page(viewport=SCREEN)  # type: ignore[arg-type]
         window.goto(page.as_uri())
-        shown = window.screenshot()
+        picture = window.screenshot()
         browser.close()
-    return shown
+    return picture
 
 
 def main(docs: Path) -> None:
     """Write both into `pictures`."""
-    with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
         shutil.copy(docs / "gallery" / RECORD, folder)
         command = [sys.executable, "-m", "trihedron.tools.cli", *COMMAND.split()[1:]]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
-        (docs / "pictures" / "terminal.svg").write_text(terminal(done.stdout), encoding="utf-8")
+        process = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+        (docs / "pictures" / "terminal.svg").write_text(terminal(process.stdout), encoding="utf-8")
         (docs / "pictures" / "page.png").write_bytes(screen(folder / "diagnosis.html"))
 
 

@@ -76,23 +76,30 @@ def result_classes() -> list[Any]:
     for module in walk_packages(tools.__path__, f"{tools.__name__}."):
         if not module.name.endswith("__main__"):
             import_module(module.name)
-    known = {kind.__name__: kind for kind in subclasses(Result)}
-    found: dict[str, Any] = {}
+    by_name = {kind.__name__: kind for kind in subclasses(Result)}
+    documented: dict[str, Any] = {}
 
     def add(kind: Any) -> None:
-        found[kind.__name__] = kind
+        documented[kind.__name__] = kind
         for field in kind.model_fields.values():
-            for part in parts_of(field.annotation) if not field.exclude else ():
-                if issubclass(part, Result) and part.__name__ not in found:
+            if field.exclude:
+                continue
+            for part in parts_of(field.annotation):
+                if issubclass(part, Result) and part.__name__ not in documented:
                     add(part)
 
     for name in PAGES:
-        add(known[name])
-    return list(found.values())
+        add(by_name[name])
+    return list(documented.values())
 
 
 def subclasses(kind: Any) -> list[Any]:
-    return [known for own in kind.__subclasses__() for known in (own, *subclasses(own))]
+    """Every class below one."""
+    below = []
+    for subclass in kind.__subclasses__():
+        below.append(subclass)
+        below.extend(subclasses(subclass))
+    return below
 
 
 def parts_of(annotation: Any) -> list[Any]:
