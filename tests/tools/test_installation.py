@@ -18,6 +18,6 @@ def test_doctor_says_what_does_not_work(monkeypatch, capsys):
     monkeypatch.setattr("trihedron.tools.installation.simulate_table", lambda *_, **__: 1 / 0)
     assert cli.main(["doctor"]) == 1
     output = capsys.readouterr()
-    assert "NO  a run" in output.out
+    assert "NO a run" in " ".join(output.out.split())
     assert "ZeroDivisionError" in output.out
     assert output.err == "trihedron: does not work: a run\n"
