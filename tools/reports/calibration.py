@@ -76,24 +76,24 @@ def verdict_sentence(result: Calibration) -> str:
     if result.verdict == "insufficient":
         return f"Insufficient: the readings do not determine {bench.open_targets(result)}."
     bounds = [e.error_bound for e in result.targets if e.error_bound is not None]
-    told = ""
+    largest = ""
     if bounds:
-        told = f", and all {len(bounds)} targets are known, each to within {upwards(max(bounds))} or better"
-    return f"Consistent: the model explains every reading within {residual(result.radius)} σ{told}."
+        largest = f", and all {len(bounds)} targets are known, each to within {upwards(max(bounds))} or better"
+    return f"Consistent: the model explains every reading within {residual(result.radius)} σ{largest}."
 
 
 def residual_section(result: Calibration, numbers: NDArray) -> Section:
     """What is left of the readings: an ideal bench, and the calibrated one, within the noise band."""
-    here = result.linearised
-    left = bench.centre_residual(result)
-    parts = here.residual_at(np.zeros(len(here.point))), left
+    linearised = result.linearised
+    errors = bench.centre_residual(result)
+    parts = linearised.residual_at(np.zeros(len(linearised.point))), errors
     figures = ((digits(float(np.sqrt(np.mean(r**2))), 2), upwards(float(np.abs(r).max()))) for r in parts)
     ideal, best = (f"{rms} g (root mean square), at most {most} g" for rms, most in figures)
     return Section(
         "Residuals before and after",
         f"Against an ideal bench without errors the readings are off by {ideal}; against the calibrated one by "
         f"{best}. The picture shows the latter, in units of σ.",
-        residuals(here.positions, left / here.bound.reshape(-1, 3), None, bench.proved(result, numbers)),
+        residuals(linearised.positions, errors / linearised.bound.reshape(-1, 3), None, bench.proved(result, numbers)),
         "Residuals over the angles of the outer and the inner axis; the band is the noise bound.",
     )
 
@@ -166,16 +166,16 @@ def rest_sections(record: PositionRecord) -> list[Section]:
          rest.refused]
         for rest in refused
     ]  # fmt: skip
-    kept = len(record.rests) - len(refused)
-    picture, *others = refused_rests(raw, record.rests)
+    used = len(record.rests) - len(refused)
+    picture, *further = refused_rests(raw, record.rests)
     first = Section(
         "Rests that were left out",
-        [f"{len(record.rests)} rests were found, {kept} are used, {len(refused)} are not."],
+        [f"{len(record.rests)} rests were found, {used} are used, {len(refused)} are not."],
         picture,
         "Angles and readings, less their medians, during the rests that were refused.",
         Table(["first row", "last row", "lasts [s]", "why"], rows),
     )
-    return [first, *(Section("Rests that were left out, continued", picture=other) for other in others)]
+    return [first, *(Section("Rests that were left out, continued", picture=picture_) for picture_ in further)]
 
 
 def target_sections(
@@ -264,23 +264,23 @@ def few(symbols: Sequence[str]) -> str:
 
 def target_table(result: Calibration, truth: Mapping[str, float] | None = None) -> Table:
     """Return each target with its interval, drawn in units of σ about its estimate; a truth where it is known."""
-    known = truth or {}
+    true_values = truth or {}
     intervals = []
     for p in result.targets:
         band = None if p.central is None or p.guaranteed_error is None else p.guaranteed_error / result.noise_bound
-        ends = [_in_sigma(result, p, value) for value in (p.low, p.high, known.get(p.symbol))]
+        ends = [_in_sigma(result, p, value) for value in (p.low, p.high, true_values.get(p.symbol))]
         intervals.append(Bar(band, *ends, about=_in_sigma(result, p, p.a_priori) or 0.0))
     pictures, reach = bars(intervals)
     numbers = table_of(result.targets, ("symbol", "name", "central", "error_bound", "low", "high", "unit"), WORDS)
     rows: list[list[Cell]] = []
     for cells, bar, p in zip(numbers.rows, pictures, result.targets, strict=True):
-        rows.append([*cells[:4], bar, *cells[4:], to_bound(known.get(p.symbol), p.error_bound)])
+        rows.append([*cells[:4], bar, *cells[4:], to_bound(true_values.get(p.symbol), p.error_bound)])
     caption = ""
     if reach > 0.0:
         caption = (
             f"Drawn from −{upwards(reach)} to {upwards(reach)} σ about each estimate. Band: a-priori estimate and "
             "guaranteed error; line: what the readings leave possible; dot: estimate"
-            + ("; bar: truth." if known else ".")
+            + ("; bar: truth." if true_values else ".")
         )
     header = [*numbers.header[:4], "interval", *numbers.header[4:], "truth"]
     return Table(header, rows, caption).without_empty_columns()

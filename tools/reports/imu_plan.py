@@ -107,13 +107,13 @@ def write_imu_plan(plan: ImuPlan, folder: Path) -> list[Path]:
     InputError
         for a folder that cannot be written
     """
-    rows = [f"{one.alpha_deg},{one.beta_deg},{exactly(one.dwell_s)}" for one in plan.programme]
+    rows = [f"{stop.alpha_deg},{stop.beta_deg},{exactly(stop.dwell_s)}" for stop in plan.programme]
     files = {
         "programme.csv": "\n".join(["alpha_deg,beta_deg,dwell_s", *rows, ""]),
         "operator.html": html(imu_page(plan)),
         "imu-plan.json": plan.json_text(),
     }
-    with whole_folder(folder) as beside:
+    with whole_folder(folder) as folder_beside:
         for name, text in files.items():
-            (beside / name).write_text(text, encoding="utf-8", newline="\n")
+            (folder_beside / name).write_text(text, encoding="utf-8", newline="\n")
     return [folder / name for name in files]

@@ -35,7 +35,7 @@ HOW = {
 
 def applied_page(result: Applied) -> Page:
     """Return what became of each effect, and the errors of the simulation without and with them."""
-    lines = [f"{one.effect}: {HOW[one.how]}" for one in result.effects]
+    lines = [f"{effect.effect}: {HOW[effect.how]}" for effect in result.effects]
     if result.rms_without is not None:
         rms = f"{digits(result.rms_without)} -> {digits(result.rms_with or 0.0)}"
         largest = f"{digits(result.max_without or 0.0)} -> {digits(result.max_with or 0.0)}"
@@ -47,45 +47,47 @@ def applied_page(result: Applied) -> Page:
 def helps_lines(result: Diagnosis) -> list[str]:
     """Where each effect that was found helps; one that helps nowhere else is the run's."""
     return [
-        f"{one.effect}, found in {one.found_in}: "
-        + (f"helps on {', '.join(one.on)}" if one.on else "helps on no other record: it is the run's")
-        for one in result.helps or ()
+        f"{effect.effect}, found in {effect.found_in}: "
+        + (f"helps on {', '.join(effect.on)}" if effect.on else "helps on no other record: it is the run's")
+        for effect in result.helps or ()
     ]
 
 
 def words(name: str) -> str:
     """A parameter by its symbol, and in words where it has such."""
-    known = NAMES.get(name.partition("@")[0])
-    return name if known is None else f"{name}, {known[0]}"
+    name_and_unit = NAMES.get(name.partition("@")[0])
+    return name if name_and_unit is None else f"{name}, {name_and_unit[0]}"
 
 
 def verdict_line(result: Diagnosis) -> str:
     """The first line: the verdict; where records that say too little alone say enough together, that they do."""
-    said = VERDICTS[result.verdict]
+    text = VERDICTS[result.verdict]
     if result.radius is None:
-        said = "insufficient: nothing is said of all together, as fewer than two records can be judged so"
+        text = "insufficient: nothing is said of all together, as fewer than two records can be judged so"
     if result.verdict == "ambiguous" and not result.alternatives:
         also = "as the cautions say" if result.caution else "that were not tried"
-        said = f"ambiguous: one set makes all records consistent together, and others may {also}"
-    alone = [one.diagnosis.verdict for one in result.records or () if one.left_out is None]
+        text = f"ambiguous: one set makes all records consistent together, and others may {also}"
+    alone = [entry.diagnosis.verdict for entry in result.records or () if entry.left_out is None]
     if alone and set(alone) == {"insufficient"} and result.verdict != "insufficient":
-        said += "; each by itself is insufficient, together they are not"
-    if result.radius is not None and (left := [one.record for one in result.records or () if one.left_out is not None]):
-        said += f"; not judged with the others: {', '.join(left)}"
-    return said
+        text += "; each by itself is insufficient, together they are not"
+    if result.radius is not None and (
+        left_out := [entry.record for entry in result.records or () if entry.left_out is not None]
+    ):
+        text += f"; not judged with the others: {', '.join(left_out)}"
+    return text
 
 
 def sentences(result: Diagnosis) -> list[str]:
     """What is found, whose it is, with its sizes."""
     sets = result.sets[:MOST_SETS]
-    said = [f"{'or: ' if number else ''}{cause_text(cause)}" for number, causes in enumerate(sets) for cause in causes]
+    texts = [f"{'or: ' if number else ''}{cause_text(cause)}" for number, causes in enumerate(sets) for cause in causes]
     if len(result.sets) > MOST_SETS:
-        said.append(f"... and {len(result.sets) - MOST_SETS} sets more")
+        texts.append(f"... and {len(result.sets) - MOST_SETS} sets more")
     if result.verdict == "ambiguous":
-        of_run = [label for label, told in (result.runs or {}).items() if told == "yes"]
-        said += ["in every one of these sets something is the instrument's"] if result.instrument == "yes" else []
-        said += [f"in every one of these sets something is of the run {label} alone" for label in of_run]
-    return said
+        of_run = [label for label, answer in (result.runs or {}).items() if answer == "yes"]
+        texts += ["in every one of these sets something is the instrument's"] if result.instrument == "yes" else []
+        texts += [f"in every one of these sets something is of the run {label} alone" for label in of_run]
+    return texts
 
 
 def cause_text(cause: Cause) -> str:
@@ -97,9 +99,9 @@ def cause_text(cause: Cause) -> str:
     return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
 
 
-def _possible(one: SizedParameter | InOneRecord, unit: str = "1") -> str:
+def _possible(parameter: SizedParameter | InOneRecord, unit: str = "1") -> str:
     """What is stated, in a unit where one is said, and the ends of what is possible."""
-    value, low, high = interval(one.estimate, one.low, one.high)
+    value, low, high = interval(parameter.estimate, parameter.low, parameter.high)
     return f"{_in_unit(value, unit)} ({low} to {high})"
 
 
@@ -114,9 +116,9 @@ def several_page(result: Diagnosis) -> Page:
         together.append(f"Still open: {', '.join(map(str, result.missing))}.")
     rows: list[list[Cell]] = []
     provenance = versions()
-    for one in result.records or ():
-        rows.append([one.record, one.diagnosis.verdict, _titles(one.diagnosis.best), one.left_out or None])
-        provenance[one.record] = one.sha256
+    for entry in result.records or ():
+        rows.append([entry.record, entry.diagnosis.verdict, _titles(entry.diagnosis.best), entry.left_out or None])
+        provenance[entry.record] = entry.sha256
     alone = Table(["record", "verdict", "causes", "not judged with the others"], rows).without_empty_columns()
     shared = [f"One value for all: {', '.join(result.shared or ()) or 'no parameter'}."]
     if result.own:
@@ -149,11 +151,12 @@ def several_page(result: Diagnosis) -> Page:
 def _changes(parameters: Sequence[Repeated]) -> list[Section]:
     """Return the instrument's parameters that surely change between records; none where none do."""
     changes = []
-    for one in parameters:
-        if one.of == "instrument" and one.at_least > 0.0:
-            most = "" if one.at_most is None else f", {upwards(one.at_most)} at most"
+    for parameter in parameters:
+        if parameter.of == "instrument" and parameter.at_least > 0.0:
+            most = "" if parameter.at_most is None else f", {upwards(parameter.at_most)} at most"
             changes.append(
-                f"{words(one.name)} changes by {_in_unit(downwards(one.at_least), one.unit)} at least{most}."
+                f"{words(parameter.name)} changes by {_in_unit(downwards(parameter.at_least), parameter.unit)} at "
+                f"least{most}."
             )
     return [Section("What is no constant", changes)] if changes else []
 
@@ -165,18 +168,20 @@ def _titles(explanation: Explanation | None) -> str | None:
 def _gains(result: Diagnosis) -> list[Section]:
     if not result.cross_gain:
         return []
-    sources = [one.found_in for one in result.cross_gain[0].applied]
+    sources = [applied.found_in for applied in result.cross_gain[0].applied]
     rows: list[list[Cell]] = [
-        [f"{gain.record}, {gain.over}", digits(gain.rms), *(digits(one.rms) for one in gain.applied), gain.unit]
+        [f"{gain.record}, {gain.over}", digits(gain.rms), *(digits(applied.rms) for applied in gain.applied), gain.unit]
         for gain in result.cross_gain
     ]
-    said = (
+    paragraph = (
         "What was found in one record, applied to each by the extended FMUs: errors, root mean square. Sizes are those "
         "of the one record; a record's own biases, or mounting and table, are its own. What explains nothing by "
         "itself, but helps most, counts as found."
     )
     table = Table(["errors of", "without", *(f"with that of {source}" for source in sources), "unit"], rows)
-    return [Section("What one record says of the others", [said, *map(sentence, helps_lines(result))], table=table)]
+    return [
+        Section("What one record says of the others", [paragraph, *map(sentence, helps_lines(result))], table=table)
+    ]
 
 
 def _typeset(name: str) -> str:
@@ -184,24 +189,33 @@ def _typeset(name: str) -> str:
     return words(name).replace("-X", "−X")
 
 
-def _repeatability(found: Sequence[Repeated]) -> list[Section]:
-    if not found:
+def _repeatability(parameters: Sequence[Repeated]) -> list[Section]:
+    if not parameters:
         return []
-    labels = [record.record for record in found[0].records]
+    labels = [record.record for record in parameters[0].records]
     rows: list[list[Cell]] = []
-    for one in found:
-        cells = [None if record.estimate is None else minus(_possible(record)) for record in one.records]
-        most = None if one.at_most is None else upwards(one.at_most)
-        rows.append([_typeset(one.name), one.of, *cells, downwards(one.at_least), most, unit_text(one.unit)])
+    for parameter in parameters:
+        cells = [None if record.estimate is None else minus(_possible(record)) for record in parameter.records]
+        most = None if parameter.at_most is None else upwards(parameter.at_most)
+        rows.append(
+            [
+                _typeset(parameter.name),
+                parameter.of,
+                *cells,
+                downwards(parameter.at_least),
+                most,
+                unit_text(parameter.unit),
+            ]
+        )
     header = ["parameter", "of", *labels, "changes at least", "at most", "unit"]
-    said = (
+    paragraph = (
         "Each record by itself, with the effects that are named. Every value inside an interval is possible, "
         "none outside: where two intervals do not meet, the parameter is no constant."
     )
-    drawn = drawable(found)
+    drawn = drawable(parameters)
     caption = "A bar for each record, in their order from above; each row has a scale of its own."
-    picture = repeatability_picture(found) if drawn else None
-    return [Section("Repeatability", [said], picture, caption if drawn else "", Table(header, rows))]
+    picture = repeatability_picture(parameters) if drawn else None
+    return [Section("Repeatability", [paragraph], picture, caption if drawn else "", Table(header, rows))]
 
 
 CALIBRATED = {
@@ -267,15 +281,15 @@ def entries_page(result: Entries) -> Page:
 def trend_page(result: Trend) -> Page:
     """Return which parameters are no constants, with the date since when, and all with their intervals."""
     changes, constants, judged = [], 0, 0
-    for one in sorted(result.parameters, key=lambda parameter: parameter.of == "run"):
-        judged_here = sum(record.low is not None for record in one.records) > 1
+    for parameter in sorted(result.parameters, key=lambda parameter: parameter.of == "run"):
+        judged_here = sum(record.low is not None for record in parameter.records) > 1
         judged += judged_here
-        constants += judged_here and one.falsified is None
-        if one.falsified is not None:
-            own = ", each run's own" if one.of == "run" else ""
-            change = f"changes by {_in_unit(downwards(one.at_least), one.unit)} at least"
-            since = f"no constant since {one.falsified} (beside {one.against})"
-            changes.append(sentence(f"{words(one.name)}{own}: {since}: {change}"))
+        constants += judged_here and parameter.falsified is None
+        if parameter.falsified is not None:
+            owner = ", each run's own" if parameter.of == "run" else ""
+            change = f"changes by {_in_unit(downwards(parameter.at_least), parameter.unit)} at least"
+            since = f"no constant since {parameter.falsified} (beside {parameter.against})"
+            changes.append(sentence(f"{words(parameter.name)}{owner}: {since}: {change}"))
     verdict = f"{len(changes)} parameters are no constants" if changes else "Every parameter may be a constant"
     tone: Tone = "attention" if changes else "good"
     return Page(
