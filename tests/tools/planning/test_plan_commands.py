@@ -1,11 +1,11 @@
 """`trihedron plan`: files that can be used, wrong options in one line."""
 
-import csv
 import json
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 import trihedron as th
@@ -22,25 +22,26 @@ SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 
 
 def test_one_target_with_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    files = {name: tmp_path / f"x4.{name}" for name in ("json", "svg", "html")}
-    options = ["plan", "target", "X4", "--admissible", "tables", "--json", str(files["json"])]
-    options += ["--picture", str(files["svg"]), "--report", str(files["html"])]
+    result, picture, page = tmp_path / "x4.json", tmp_path / "x4.svg", tmp_path / "x4.html"
+    options = ["plan", "target", "X4", "--admissible", "tables", "--json", str(result)]
+    options += ["--picture", str(picture), "--report", str(page)]
     assert main(options) == 0
     assert "2.054937871" in capsys.readouterr().out
-    plan = json.loads(files["json"].read_text(encoding="utf-8"))
+    plan = json.loads(result.read_text(encoding="utf-8"))
     assert (plan["schema"], plan["target"], plan["grid_deg"]) == ("trihedron.plan/1", "X4", 1)
     assert plan["cost"] == pytest.approx(2.0549378711, abs=1e-9)
     assert 0 <= plan["gap"] < 1e-9
-    assert sum(abs(row["weight"]) for row in plan["weights"]) == pytest.approx(plan["cost"], rel=1e-12)
-    angles = np.radians([[row["alpha_deg"], row["beta_deg"]] for row in plan["weights"]])
-    f = regressors(angles[:, 0], angles[:, 1], np.eye(3))
-    total = sum(row["weight"] * f[k, row["accelerometer"] - 1] for k, row in enumerate(plan["weights"]))
-    np.testing.assert_allclose(total, np.eye(18)[3], atol=1e-12)
-    assert ElementTree.fromstring(files["svg"].read_text(encoding="utf-8")).tag.endswith("svg")
-    assert "2.0549378712" in files["html"].read_text(encoding="utf-8")
-    before = {name: path.read_bytes() for name, path in files.items()}
+    table = pl.DataFrame(plan["weights"])
+    weights = table["weight"].to_numpy()
+    assert np.abs(weights).sum() == pytest.approx(plan["cost"], rel=1e-12)
+    alpha, beta = np.radians(table["alpha_deg"].to_numpy()), np.radians(table["beta_deg"].to_numpy())
+    f = regressors(alpha, beta, np.eye(3))[np.arange(len(table)), table["accelerometer"].to_numpy() - 1]
+    np.testing.assert_allclose(weights @ f, np.eye(18)[3], atol=1e-12)
+    assert ElementTree.fromstring(picture.read_text(encoding="utf-8")).tag.endswith("svg")
+    assert "2.0549378712" in page.read_text(encoding="utf-8")
+    before = result.read_bytes(), picture.read_bytes(), page.read_bytes()
     assert main(options) == 0
-    assert {name: path.read_bytes() for name, path in files.items()} == before
+    assert (result.read_bytes(), picture.read_bytes(), page.read_bytes()) == before
 
 
 def test_all_targets_of_a_convention(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -189,9 +190,9 @@ def test_the_plan_that_is_written(plan_folder: Path) -> None:
     assert page.count("_" * 10 + "</td>") >= 2 * 6, "room for both encoder readings at each position"
     assert "again no." in page
     assert "Not to be used: α between 30° and 40°" in page
-    rows = list(csv.DictReader((plan_folder / "table.csv").read_text(encoding="utf-8").splitlines()))
-    assert [row["order"] for row in rows] == [str(k) for k in range(1, 11)]
-    assert {row["dwell_s"] for row in rows} == {"12"}
+    table = pl.read_csv(plan_folder / "table.csv")
+    assert table["order"].to_list() == list(range(1, 11))
+    assert table["dwell_s"].unique().to_list() == [12]
 
 
 @pytest.mark.acceptance

@@ -49,7 +49,7 @@ def test_the_planned_motion_is_that_of_the_table(tmp_path):
 
 def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
     planned = Planned(Bench(50.0, 10.0, gyro_noise=1e-5, encoder_bound=2e-6), 1e-5)
-    places = [(20.0 + 45.0 * k, b) for b in (25.0, 145.0, 265.0) for k in range(8)]
+    places = list(zip(np.tile(20.0 + 45.0 * np.arange(8), 3), np.repeat([25.0, 145.0, 265.0], 8), strict=True))
     places += [(0.0, 0.0), (720.0, 0.0), (0.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 450.0), (0.0, 90.0)]
     some = [Visit(*place, 5.0, 100.0) for place in places]
     errors = planned.errors(planned.linearised(some))
@@ -121,7 +121,9 @@ def test_thirty_minutes_are_planned_far_better_than_usual_and_the_promise_holds(
         "latitude_deg": float(np.degrees(0.973)),
         "azimuth_deg": 20.0,
     }
-    options = [text for k, v in place.items() for text in (f"--{k.replace('_', '-')}", repr(float(v)))]
+    options = []
+    for name, number in place.items():
+        options += [f"--{name.replace('_', '-')}", repr(float(number))]
     assert main(["plan", "imu", "--minutes", "30", *options, "--out", str(tmp_path / "imu")]) == 0
     plan = ImuPlan.model_validate_json((tmp_path / "imu" / "imu-plan.json").read_text(encoding="utf-8"))
     assert plan.minutes <= 30.0

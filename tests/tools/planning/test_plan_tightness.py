@@ -23,7 +23,7 @@ from trihedron.tools.planning.task import Places, Task, clearances, costs, readi
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:
     """F (M, 18) of every reading of a grid whose sign is certain, by the regressors of the paper."""
     angle = np.radians(np.arange(0.0, 360.0, step_deg))
-    alpha, beta = (x.ravel() for x in np.meshgrid(angle, angle))
+    alpha, beta = np.tile(angle, len(angle)), np.repeat(angle, len(angle))
     certain = admissible(alpha, beta, np.eye(3), bounds=bounds, rule=rule)
     return (regressors(alpha, beta, np.eye(3)) @ x_from_targets())[certain]
 
@@ -106,7 +106,7 @@ def test_a_box_is_bounded_from_above_and_tightly() -> None:
     for radius in (0.3, 0.1, 1e-2):
         # sin α + sin β − sin(α + β) is r³ at the corner
         side = np.longdouble(radius) * np.linspace(-1, 1, 81).astype(np.longdouble)
-        highest = float(exact(rising[0], *(x.ravel() for x in np.meshgrid(side, side))).max())
+        highest = float(exact(rising[0], np.tile(side, 81), np.repeat(side, 81)).max())
         bound = boxes(rising, 0.0, 0.0, radius)
         assert highest <= bound <= 1.75 * highest
     rng = np.random.default_rng(4)
@@ -123,7 +123,7 @@ def test_a_grid_s_ceiling_allows_for_rounding() -> None:
     """Never below the greatest |F'y| of the grid in extended precision, and hardly above."""
     block = sheets(parametrise({"skew": PRESETS["skew"]}))
     grid, angle = Grid(block, 30.0), np.radians(np.arange(0.0, 360.0, 30.0))
-    alpha, beta = (x.ravel() for x in np.meshgrid(angle, angle))
+    alpha, beta = np.tile(angle, len(angle)), np.repeat(angle, len(angle))
     for seed in range(40):
         dual = np.random.default_rng(seed).normal(size=18)
         greatest = 0.0
