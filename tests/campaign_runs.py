@@ -53,26 +53,26 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def assert_begun(there: dict[str, bytes], unbroken: dict[str, bytes]) -> None:
+def assert_begun(present: dict[str, bytes], unbroken: dict[str, bytes]) -> None:
     """Every file of a campaign's folder that is there is that of the whole campaign, but for half files (.*)."""
-    assert all(unbroken[name] == value for name, value in there.items() if name.rpartition("/")[2][0] != ".")
+    assert all(unbroken[name] == value for name, value in present.items() if name.rpartition("/")[2][0] != ".")
 
 
 def children(pid: int) -> list[int]:
     """Processes that a process has started."""
-    found = []
+    pids = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
             words = path.read_text().rpartition(")")[2].split()
             if int(words[1]) == pid:
-                found.append(int(path.parent.name))
-    return found
+                pids.append(int(path.parent.name))
+    return pids
 
 
 def workers_of(pid: int) -> list[int]:
     """Processes below a process, at any depth, that work (the trackers of resources do not)."""
-    below = [child for one in children(pid) for child in (one, *workers_of(one))]
-    return [one for one in below if b"resource_tracker" not in command_of(one)]
+    below = [child for pid_below in children(pid) for child in (pid_below, *workers_of(pid_below))]
+    return [pid_below for pid_below in below if b"resource_tracker" not in command_of(pid_below)]
 
 
 def command_of(pid: int) -> bytes:
@@ -94,14 +94,14 @@ def wait_for(what: Callable[[], bool]) -> None:
 def cluster(folder: Path, workers: int) -> Iterator[tuple[subprocess.Popen[Any], str]]:
     """A scheduler and workers as processes of their own: the scheduler and its address."""
     folder.mkdir(exist_ok=True)
-    told = folder / "scheduler.json"
+    scheduler_file = folder / "scheduler.json"
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
     quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with contextlib.ExitStack() as stack:
-        words = ["--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(told)]
+        words = ["--port", "0", "--no-dashboard", "--host", "127.0.0.1", "--scheduler-file", str(scheduler_file)]
         scheduler = stack.enter_context(ended(subprocess.Popen([*dask, *words], **quiet)))
-        wait_for(told.exists)
-        address = re.findall(r"tcp://[\d.:]+", told.read_text())[0]
+        wait_for(scheduler_file.exists)
+        address = re.findall(r"tcp://[\d.:]+", scheduler_file.read_text())[0]
         for _ in range(workers):
             worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
             stack.enter_context(ended(subprocess.Popen([*worker, "--death-timeout", "120"], cwd=folder, **quiet)))

@@ -25,13 +25,13 @@ PARTS = [f"part-{partition:05d}.parquet" for partition in range(7)]
 @pytest.fixture(scope="module", autouse=True)
 def _each_calibration_once() -> Iterator[None]:
     """A run's scalars follow from the campaign's text, its values and its seed: who makes it is tested here."""
-    run, known = CalibrationRuns.run, {}
+    run, remembered = CalibrationRuns.run, {}
 
     def once(self: CalibrationRuns, number: int, values: Any, seed: np.random.SeedSequence) -> Given:
         key = (self.setting.model_dump_json(), number, tuple(values.items()), seed.entropy, seed.spawn_key)
-        if key not in known:
-            known[key] = run(self, number, values, seed)
-        return known[key]
+        if key not in remembered:
+            remembered[key] = run(self, number, values, seed)
+        return remembered[key]
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(CalibrationRuns, "run", once)

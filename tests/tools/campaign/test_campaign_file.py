@@ -122,9 +122,9 @@ def test_lists_are_combined_the_last_one_fastest_and_repeats_inside():
     )
     design = Design(parsed(text))
     assert design.campaign.runs == 12
-    found = [(v["motion"], v["rate_hz"]) for v in map(design.values, range(12))]
-    assert found[::2] == found[1::2]
-    assert found[::2] == [(m, r) for m in ("1", "2") for r in (1.0, 2.0, 3.0)]
+    drawn = [(v["motion"], v["rate_hz"]) for v in map(design.values, range(12))]
+    assert drawn[::2] == drawn[1::2]
+    assert drawn[::2] == [(m, r) for m in ("1", "2") for r in (1.0, 2.0, 3.0)]
     together = text.replace("grid = [1, 3, 3]", "values = [5, 6]").replace(
         "[param", "[sampling]\nlists='together'\n[param"
     )
@@ -143,14 +143,14 @@ def points(design: Design) -> np.ndarray:
 
 
 def test_a_latin_hypercube_has_one_point_in_each_stratum():
-    found = points(Design(parsed(SAMPLED.format("latin-hypercube", 50))))
-    assert all(sorted(np.floor(50 * column).tolist()) == list(range(50)) for column in found.T)
+    drawn = points(Design(parsed(SAMPLED.format("latin-hypercube", 50))))
+    assert all(sorted(np.floor(50 * column).tolist()) == list(range(50)) for column in drawn.T)
 
 
 def test_sobol_points_balance():
-    found = points(Design(parsed(SAMPLED.format("sobol", 1024))))
+    drawn = points(Design(parsed(SAMPLED.format("sobol", 1024))))
     # A net: each of 32 x 32 boxes has exactly one point.
-    assert len({(int(32 * a), int(32 * b)) for a, b in found}) == 1024
+    assert len({(int(32 * a), int(32 * b)) for a, b in drawn}) == 1024
 
 
 @pytest.mark.parametrize("method", ["random", "latin-hypercube", "sobol", "saltelli"])
@@ -158,9 +158,9 @@ def test_a_run_is_decided_by_its_number_alone(method):
     campaign = parsed(SAMPLED.format(method, 512))
     forwards, backwards = Design(campaign), Design(campaign)
     numbers = range(0, campaign.runs, 37)
-    found = {k: backwards.values(k) for k in reversed(numbers)}
-    assert [forwards.values(k) for k in numbers] == [found[k] for k in numbers]
-    assert len({tuple(v.values()) for v in found.values()}) == len(found)
+    drawn = {k: backwards.values(k) for k in reversed(numbers)}
+    assert [forwards.values(k) for k in numbers] == [drawn[k] for k in numbers]
+    assert len({tuple(v.values()) for v in drawn.values()}) == len(drawn)
 
 
 def test_saltelli_rows_differ_from_a_in_one_column_that_is_bs():

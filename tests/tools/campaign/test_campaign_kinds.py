@@ -35,9 +35,9 @@ def parsed(text: str, folder: Path = Path()) -> Campaign:
 
 def results(campaign: Campaign) -> list[Given]:
     design, runner = Design(campaign), make_runner(campaign)
-    found = [runner.run(k, design.values(k), design.seed(k)) for k in range(campaign.runs)]
-    assert all(set(result.scalars) <= set(runner.outputs) for result in found)
-    return found
+    table = [runner.run(k, design.values(k), design.seed(k)) for k in range(campaign.runs)]
+    assert all(set(result.scalars) <= set(runner.outputs) for result in table)
+    return table
 
 
 def test_true_values_are_inside_whatever_the_noise_within_sigma():
@@ -80,20 +80,20 @@ def test_positions_of_ones_own(tmp_path):
 @pytest.mark.acceptance
 def test_faultless_gyros_leave_the_algorithms_own_error():
     (result,) = results(parsed("[attitude]\nrate_hz = 100.0\n"))
-    own = paper_error(algorithm_named("two-sample-rodrigues"), "1", 100.0)
-    assert result.scalars["largest_error_rad"] == pytest.approx(own, rel=1e-6)
+    expected_error = paper_error(algorithm_named("two-sample-rodrigues"), "1", 100.0)
+    assert result.scalars["largest_error_rad"] == pytest.approx(expected_error, rel=1e-6)
 
 
 @pytest.mark.acceptance
 def test_gyros_err_as_the_component_does():
     samples, _ = motion_samples("1", 1.0, 1.0, 0.01, 40)
     gamma, bias = np.linspace(-1e-3, 1e-3, 9), np.array([1e-3, -2e-3, 3e-3])
-    found = read_increments(samples, gamma, bias, 1e-4, 1e-3, 77)
+    table = read_increments(samples, gamma, bias, 1e-4, 1e-3, 77)
     errors = {"quantum": 1e-4, "noise_bound": 1e-3, "seed": 77.0, "input_kind": 1.0}
     model = Named("GyroBlock", scale_misalignment=gamma, bias=bias, **errors).begin()
     for step, increment in enumerate(samples.increments):
         model.put(increment=increment).step(step * 0.01, 0.01)
-        assert model["increment_reading"].tolist() == found[step].tolist()
+        assert model["increment_reading"].tolist() == table[step].tolist()
 
 
 @pytest.mark.acceptance
@@ -117,10 +117,10 @@ def test_a_scenario_run_again_and_again_gives_the_bits_of_simulate():
     changed = repeated.run({"table": {"kappa": 2e-3}})
     assert repeated.run({}).equals(once)
     assert not changed.equals(once)
-    data = scenario.as_written()
-    data["fmus"]["table"]["parameters"]["kappa"] = 2e-3
-    data["stimuli"][0]["csv"] = str(ROOT / "scenarios" / data["stimuli"][0]["csv"])
-    assert simulate(Scenario.model_validate(data)).table.equals(changed)
+    scenario_data = scenario.as_written()
+    scenario_data["fmus"]["table"]["parameters"]["kappa"] = 2e-3
+    scenario_data["stimuli"][0]["csv"] = str(ROOT / "scenarios" / scenario_data["stimuli"][0]["csv"])
+    assert simulate(Scenario.model_validate(scenario_data)).table.equals(changed)
     repeated.close()
 
 
@@ -188,15 +188,15 @@ def test_a_column_becomes_a_number(take):
 def test_hidden_effect_cases_are_those_of_the_suite():
     text = "seed = 5\nrepeats = 1\n[hidden]\neffects = ['quadratic']\npositions = [14, 18]\nnoise = 'uniform'\n"
     suite: Any = run_suite(Options("single", ("quadratic",), (14, 18), "uniform"), 1, 5)
-    found = results(parsed(text + "[keep]\ndiagnosis = true\n"))
-    for outcome, result in zip(suite.results, found, strict=True):
+    table = results(parsed(text + "[keep]\ndiagnosis = true\n"))
+    for outcome, result in zip(suite.results, table, strict=True):
         assert result.scalars["outcome"] == outcome.outcome == "right"
         assert result.scalars["radius"] == outcome.radius
         assert result.scalars["relative_size"] == outcome.hidden[0].relative_size
         assert result.scalars["named"] == result.scalars["hidden"] == "quadratic"
-        told = json.loads(result.diagnosis or "")
-        assert {key: told[key] for key in outcome.to_json()} == json.loads(json.dumps(outcome.to_json()))
-        assert told["diagnosis"]["schema"] == "trihedron.diagnosis/3"
+        diagnosed = json.loads(result.diagnosis or "")
+        assert {key: diagnosed[key] for key in outcome.to_json()} == json.loads(json.dumps(outcome.to_json()))
+        assert diagnosed["diagnosis"]["schema"] == "trihedron.diagnosis/3"
 
 
 @pytest.mark.acceptance
@@ -210,11 +210,11 @@ def test_an_fmu_that_takes_its_process_with_it_costs_its_run_alone(tmp_path):
         HEAD + "partition = 3\n[simulation]\nscenario = 'scenario.toml'\n"
         "[parameters]\n'f.level' = { values = [0.0, 2.0, -2.0, 0.5, 1.0] }\n"
     )
-    done = run_campaign(tmp_path / "c.toml", tmp_path / "out", jobs=1)
-    assert done.runs == 5
-    assert done.failed == 2
-    found = pl.read_parquet(tmp_path / "out" / "runs" / "*.parquet")
-    assert found["failed"].is_not_null().to_list() == [False, True, True, False, False]
-    assert "fmi2DoStep at 0 s ended its process (exit status 9)" in found["failed"][1]
-    assert "level too low" in found["failed"][2]
-    assert found["f.y"].to_list() == [0.5, None, None, 1.0, 1.5]
+    summary = run_campaign(tmp_path / "c.toml", tmp_path / "out", jobs=1)
+    assert summary.runs == 5
+    assert summary.failed == 2
+    table = pl.read_parquet(tmp_path / "out" / "runs" / "*.parquet")
+    assert table["failed"].is_not_null().to_list() == [False, True, True, False, False]
+    assert "fmi2DoStep at 0 s ended its process (exit status 9)" in table["failed"][1]
+    assert "level too low" in table["failed"][2]
+    assert table["f.y"].to_list() == [0.5, None, None, 1.0, 1.5]

@@ -68,12 +68,12 @@ def test_sobol_indices_of_a_function_of_which_they_are_known(tmp_path):
         return {"largest_error_rad": np.sin(x1) + 7.0 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)}
 
     summary = summarise(made(tmp_path, ISHIGAMI, ishigami))
-    found = summary.computed[0]["result"]["largest_error_rad"]["parameters"]
+    result = summary.computed[0]["result"]["largest_error_rad"]["parameters"]
     expected = {"bias_1_radps": (0.3139, 0.5576), "bias_2_radps": (0.4424, 0.4424), "bias_3_radps": (0.0, 0.2437)}
     for name, (first, total) in expected.items():
-        assert found[name]["first"] == pytest.approx(first, abs=0.02)
-        assert found[name]["total"] == pytest.approx(total, abs=0.02)
-        low, high = found[name]["first_interval"]
+        assert result[name]["first"] == pytest.approx(first, abs=0.02)
+        assert result[name]["total"] == pytest.approx(total, abs=0.02)
+        low, high = result[name]["first_interval"]
         assert low <= first + 0.02
         assert high >= first - 0.02
     again = summarise(Store(tmp_path, parse_campaign((HEAD + "[attitude]\n" + ISHIGAMI).encode(), tmp_path / "c.toml")))
@@ -85,9 +85,9 @@ def test_rows_with_failed_runs_are_left_out_of_the_indices(tmp_path):
         return {"largest_error_rad": sum(values.values())}
 
     summary = summarise(made(tmp_path, ISHIGAMI.replace("2048", "64"), linear, lambda run: run in (3, 70)))
-    found = summary.computed[0]["result"]["largest_error_rad"]
-    assert found["rows_with_failures"] == 2
-    assert found["rows"] == 32
+    result = summary.computed[0]["result"]["largest_error_rad"]
+    assert result["rows_with_failures"] == 2
+    assert result["rows"] == 32
     assert [dict(failure) for failure in summary.failures] == [{"message": "it broke", "runs": 2, "first_run": 3}]
     assert "2 failed" in str(summary)
 
@@ -130,12 +130,12 @@ def swept(run, values, rng):
 def test_quantiles_rates_confusion_and_correlations(tmp_path):
     store = made(tmp_path, SWEPT, swept)
     correlations, quantiles, rates, inside, confusion = (item["result"] for item in summarise(store).computed)
-    found = correlations["largest_error_rad"]["parameters"]
-    assert found["bias_1_radps"]["correlation"] > 0.99
-    assert abs(found["bias_2_radps"]["correlation"]) < 0.2
+    result = correlations["largest_error_rad"]["parameters"]
+    assert result["bias_1_radps"]["correlation"] > 0.99
+    assert abs(result["bias_2_radps"]["correlation"]) < 0.2
     values = Results(store).numbers("largest_error_rad")
-    told = {q["at"]: q["value"] for q in quantiles["largest_error_rad"]["quantiles"]}
-    assert told == {0.5: np.quantile(values, 0.5), 0.9: np.quantile(values, 0.9)}
+    by_part = {q["at"]: q["value"] for q in quantiles["largest_error_rad"]["quantiles"]}
+    assert by_part == {0.5: np.quantile(values, 0.5), 0.9: np.quantile(values, 0.9)}
     assert rates[0]["count"] == 0
     sizes = Results(store).numbers("bias_1_radps")
     assert rates[1]["count"] == (sizes > 0.75).sum()
@@ -155,8 +155,8 @@ def test_wilsons_interval():
 def test_the_page_has_a_picture_of_each_and_repeats(tmp_path, capsys):
     store = made(tmp_path, SWEPT, swept, lambda run: run == 5)
     assert cli.main(["campaign-report", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    assert "300 runs, 1 failed" in said
+    page_lines = capsys.readouterr().out
+    assert "300 runs, 1 failed" in page_lines
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert page.count("<svg ") == 4
     assert "it broke" in page
@@ -173,10 +173,10 @@ def worse(run, values, rng):
 def test_the_same_campaign_twice_is_no_change(tmp_path):
     for name in ("a", "b"):
         made(tmp_path / name, SWEPT, swept)
-    found = compare(tmp_path / "b", tmp_path / "a")
-    assert found.paired
-    assert {change.verdict for change in found.changes} == {"same"}
-    assert len(found.changes) == 5
+    result = compare(tmp_path / "b", tmp_path / "a")
+    assert result.paired
+    assert {change.verdict for change in result.changes} == {"same"}
+    assert len(result.changes) == 5
 
 
 def test_a_regression_is_named_and_stops_at_the_gate(tmp_path, capsys):
@@ -188,8 +188,8 @@ def test_a_regression_is_named_and_stops_at_the_gate(tmp_path, capsys):
     assert cli.main([*words, "--gate"]) == 3
     assert json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))["worse"] == 1
     assert "Beyond chance got 1 worse" in (tmp_path / "new" / "index.html").read_text(encoding="utf-8")
-    other = ["campaign-report", str(tmp_path / "old"), "--against", str(tmp_path / "new"), "--gate"]
-    assert cli.main(other) == 0
+    reversed_words = ["campaign-report", str(tmp_path / "old"), "--against", str(tmp_path / "new"), "--gate"]
+    assert cli.main(reversed_words) == 0
     assert "better   largest_error_rad" in capsys.readouterr().out
 
 
@@ -210,9 +210,9 @@ def test_other_draws_are_two_samples_and_chance_alone_is_not_called_a_change(tmp
     for number in range(10):
         for name, seed in (("a", 2 * number), ("b", 2 * number + 1)):
             made(tmp_path / name, SWEPT.replace("points = 300", "points = 60"), swept, seed=seed)
-        found = compare(tmp_path / "b", tmp_path / "a")
-        assert not found.paired
-        called += any(change.verdict != "same" for change in found.changes)
+        result = compare(tmp_path / "b", tmp_path / "a")
+        assert not result.paired
+        called += any(change.verdict != "same" for change in result.changes)
     # More than 2 of 10 at 1 % has a probability of 1e-4.
     assert called <= 2
 

@@ -34,9 +34,9 @@ def measurement(tmp_path_factory) -> Measurement:
     table = SimulatedTable(folder / "growing.csv")
     for k, at in enumerate(POSITIONS[:3]):
         table.go(*at, knocked=k == 1)
-    one = begun(read_programme(folder / "plan.csv"), folder / "<b>m.csv")
-    fed(one, table.file.read_bytes())
-    return one
+    measurement_begun = begun(read_programme(folder / "plan.csv"), folder / "<b>m.csv")
+    fed(measurement_begun, table.file.read_bytes())
+    return measurement_begun
 
 
 @pytest.fixture
@@ -63,22 +63,22 @@ def asked(server: PageServer, method: str, path: str, body: str | None = None, *
 
 
 def test_only_this_machine_with_the_token_and_from_this_page_is_answered(server: PageServer):
-    own, here = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
-    assert server.address == here + own
-    assert asked(server, "GET", own + "now")[0] == 200
+    address, origin = f"/{server.token}/", f"http://127.0.0.1:{server.port}"
+    assert server.address == origin + address
+    assert asked(server, "GET", address + "now")[0] == 200
     assert asked(server, "GET", "/")[0] == 404
     assert asked(server, "GET", "/wrong/now")[0] == 404
-    assert asked(server, "GET", own + "../../etc/passwd")[0] == 404
-    assert asked(server, "GET", own + "now", Host=f"evil.example:{server.port}") == (403, "another host")
+    assert asked(server, "GET", address + "../../etc/passwd")[0] == 404
+    assert asked(server, "GET", address + "now", Host=f"evil.example:{server.port}") == (403, "another host")
     word, kind = json.dumps({"word": "end"}), {"Content_Type": "application/json"}
-    assert asked(server, "POST", own + "word", word, **kind) == (403, "another origin")
-    assert asked(server, "POST", own + "word", word, Origin="http://evil.example", **kind)[0] == 403
-    assert asked(server, "POST", own + "word", word, Origin=here, Content_Type="text/plain")[0] == 415
-    assert asked(server, "POST", own + "word", "x" * 5000, Origin=here, **kind)[0] == 413
-    assert asked(server, "POST", own + "word", "{", Origin=here, **kind)[0] == 400
-    assert asked(server, "POST", own + "word", '{"word": "add"}', Origin=here, **kind)[0] == 400
+    assert asked(server, "POST", address + "word", word, **kind) == (403, "another origin")
+    assert asked(server, "POST", address + "word", word, Origin="http://evil.example", **kind)[0] == 403
+    assert asked(server, "POST", address + "word", word, Origin=origin, Content_Type="text/plain")[0] == 415
+    assert asked(server, "POST", address + "word", "x" * 5000, Origin=origin, **kind)[0] == 413
+    assert asked(server, "POST", address + "word", "{", Origin=origin, **kind)[0] == 400
+    assert asked(server, "POST", address + "word", '{"word": "add"}', Origin=origin, **kind)[0] == 400
     assert server.words() == []
-    assert asked(server, "POST", own + "word", word, Origin=here, **kind)[0] == 204
+    assert asked(server, "POST", address + "word", word, Origin=origin, **kind)[0] == 204
     assert server.words() == [{"word": "end"}]
 
 
@@ -93,8 +93,8 @@ def test_the_page_shows_what_is_and_says_when_it_is_alone(server: PageServer, mo
     for width, dark in ((1280, False), (400, True)):
         window.open(server.address, width, dark=dark)
         window.page.wait_for_selector("#settings")
-        seen = window.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
-        assert seen == [width, width]
+        widths = window.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+        assert widths == [width, width]
     text = window.page.inner_text("body")
     assert "Repeat position 2 of 12: α 20°, β 145°" in text
     assert "a knock in row" in text

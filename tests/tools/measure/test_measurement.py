@@ -58,79 +58,83 @@ def closed(measurement: Measurement) -> Session:
     return measurement.session
 
 
-def fed(measurement: Measurement, data: bytes, pieces: random.Random | None = None) -> Session:
-    """Feed data, in pieces of any length, and end."""
-    while data:
-        size = len(data) if pieces is None else pieces.randrange(1, 20_000)
-        measurement.feed(data[:size])
-        data = data[size:]
+def fed(measurement: Measurement, readings: bytes, pieces: random.Random | None = None) -> Session:
+    """Feed readings, in pieces of any length, and end."""
+    while readings:
+        size = len(readings) if pieces is None else pieces.randrange(1, 20_000)
+        measurement.feed(readings[:size])
+        readings = readings[size:]
     measurement.feed(b"", ended=True)
     return closed(measurement)
 
 
 @pytest.fixture(scope="module")
-def whole(programme, growing, tmp_path_factory) -> Session:
-    return fed(begun(programme, tmp_path_factory.mktemp("whole") / "m.csv"), growing.read_bytes())
+def finished(programme, growing, tmp_path_factory) -> Session:
+    return fed(begun(programme, tmp_path_factory.mktemp("finished") / "m.csv"), growing.read_bytes())
 
 
-def test_the_record_and_its_positions_are_those_of_an_ordinary_run(whole: Session, growing: Path):
-    assert whole.path.read_bytes() == growing.read_bytes()
+def test_the_record_and_its_positions_are_those_of_an_ordinary_run(finished: Session, growing: Path):
+    assert finished.path.read_bytes() == growing.read_bytes()
     usual = read_record(growing, PositionRecord)
-    ours = read_record(whole.path.with_name("m.positions.csv"), PositionRecord)
+    ours = read_record(finished.path.with_name("m.positions.csv"), PositionRecord)
     assert len(usual) == 12
     for name in ("time_s", "alpha", "beta", "specific_force", "approach_alpha", "approach_beta"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(usual, name), err_msg=name)
     assert ours.resolution == usual.resolution
 
 
-def test_the_bad_rest_is_seen_and_its_repetition_counts(whole: Session):
-    bad = [visit for visit in whole.visits if visit.bad]
+def test_the_bad_rest_is_seen_and_its_repetition_counts(finished: Session):
+    bad = [visit for visit in finished.visits if visit.bad]
     assert [visit.number for visit in bad] == [4]
     assert "a knock in row" in bad[0].bad
-    assert "come back" in visit_text(whole, bad[0])
-    assert whole.setting_of == (1, 2, 3, 4, 4, 5, 6, 7, 8, 9, 10, 11, 12)
-    assert not whole.left
+    assert "come back" in visit_text(finished, bad[0])
+    assert finished.setting_of == (1, 2, 3, 4, 4, 5, 6, 7, 8, 9, 10, 11, 12)
+    assert not finished.left
 
 
-def test_errors_shrink_to_the_promise_and_it_is_said(whole: Session):
-    known = [sum(error is not None for error in one.errors.values()) for one in whole.history]
-    assert known == sorted(known)
-    assert known[0] == 0
-    assert known[-1] == 18
-    for name in whole.programme.promised:
-        errors = [error for one in whole.history if None not in one.errors.values() and (error := one.errors[name])]
+def test_errors_shrink_to_the_promise_and_it_is_said(finished: Session):
+    determined = [sum(error is not None for error in standing.errors.values()) for standing in finished.history]
+    assert determined == sorted(determined)
+    assert determined[0] == 0
+    assert determined[-1] == 18
+    for name in finished.programme.promised:
+        errors = [
+            error
+            for standing in finished.history
+            if None not in standing.errors.values() and (error := standing.errors[name])
+        ]
         assert len(errors) == 5
         assert all(after <= 1.01 * before for before, after in pairwise(errors))
-    assert whole.reached
-    assert "you can stop" in promise_text(whole)
-    shares = [[whole.share(name, one) for name in one.errors] for one in whole.history]
-    kept = [all(share is not None and share <= whole.asked.within for share in some) for some in shares]
-    assert kept == [False] * 11 + [True]
+    assert finished.reached
+    assert "you can stop" in promise_text(finished)
+    shares = [[finished.share(name, standing) for name in standing.errors] for standing in finished.history]
+    within_promise = [all(share is not None and share <= finished.asked.within for share in some) for some in shares]
+    assert within_promise == [False] * 11 + [True]
 
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(20))
-def test_pieces_and_a_kill_at_any_byte_change_nothing(seed: int, whole: Session, growing: Path, programme, tmp_path):
-    data, draw = growing.read_bytes(), random.Random(seed)
+def test_pieces_and_a_kill_at_any_byte_change_nothing(seed: int, finished: Session, growing: Path, programme, tmp_path):
+    readings, draw = growing.read_bytes(), random.Random(seed)
     out = tmp_path / "m.csv"
-    one = begun(programme, out)
-    at = draw.randrange(2000, len(data))
-    sent = data[:at]
+    measurement = begun(programme, out)
+    at = draw.randrange(2000, len(readings))
+    sent = readings[:at]
     while sent:
-        one.feed(sent[:7000])
+        measurement.feed(sent[:7000])
         sent = sent[7000:]
     # the process is gone; what it had begun to write may end anywhere
-    closed(one)
-    cut = data[: data.rfind(b"\n", 0, at) + 1]
+    closed(measurement)
+    cut = readings[: readings.rfind(b"\n", 0, at) + 1]
     assert out.read_bytes() == cut
     out.write_bytes(cut[: len(cut) - draw.randrange(0, 60)])
-    session = fed(begun(programme, out, resume=True), data, draw)
+    session = fed(begun(programme, out, resume=True), readings, draw)
     # the comment may stand before a row that was passed over
-    told = [line for line in data.splitlines() if not line.startswith(b"#")]
-    assert [line for line in out.read_bytes().splitlines() if not line.startswith(b"#")] == told
-    assert session.setting_of == whole.setting_of
-    assert [v.bad for v in session.visits][:3] == [v.bad for v in whole.visits][:3]
-    assert session.standing.errors == whole.standing.errors
+    rows_expected = [line for line in readings.splitlines() if not line.startswith(b"#")]
+    assert [line for line in out.read_bytes().splitlines() if not line.startswith(b"#")] == rows_expected
+    assert session.setting_of == finished.setting_of
+    assert [v.bad for v in session.visits][:3] == [v.bad for v in finished.visits][:3]
+    assert session.standing.errors == finished.standing.errors
 
 
 def test_words_are_written_and_followed_again(growing: Path, programme, tmp_path):
@@ -156,21 +160,21 @@ def test_what_is_no_row_is_left_out_and_counted(growing: Path, programme, tmp_pa
     wrong = [",".join([time, *last[1:]]) for time in ("1e300", "0.25", "nan", "14 .0")]
     wrong += ["1.5,2,3\n", "\x00\x01garbage\n"]
     spoilt = [*lines[:61], *wrong, HEADER, *lines[61:]]
-    one = begun(programme, tmp_path / "m.csv")
-    session = fed(one, "".join(spoilt).encode())
-    assert one.left_out == len(wrong)
+    measurement = begun(programme, tmp_path / "m.csv")
+    session = fed(measurement, "".join(spoilt).encode())
+    assert measurement.left_out == len(wrong)
     assert (tmp_path / "m.csv").read_bytes() == growing.read_bytes()
     assert session.reached
 
 
 def test_numbers_without_a_header_have_the_usual_columns(growing: Path, programme, tmp_path):
-    data = growing.read_bytes()
-    fed(begun(programme, tmp_path / "m.csv"), data.partition(b"\n")[2])
-    assert (tmp_path / "m.csv").read_bytes() == data
+    readings = growing.read_bytes()
+    fed(begun(programme, tmp_path / "m.csv"), readings.partition(b"\n")[2])
+    assert (tmp_path / "m.csv").read_bytes() == readings
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("readings", "message"),
     [
         (b"time,alpha\n1,2\n", "missing for a raw record"),
         (b"position," + HEADER.encode() + b"1,2\n", "holds averaged positions"),
@@ -179,10 +183,10 @@ def test_numbers_without_a_header_have_the_usual_columns(growing: Path, programm
         (b"a;b;c\n", "use commas"),
     ],
 )
-def test_another_table_is_refused_and_nothing_is_written(data: bytes, said: str, programme, tmp_path):
-    one = begun(programme, tmp_path / "m.csv")
-    with pytest.raises(InputError, match=said):
-        one.feed(data)
+def test_another_table_is_refused_and_nothing_is_written(readings: bytes, message: str, programme, tmp_path):
+    measurement = begun(programme, tmp_path / "m.csv")
+    with pytest.raises(InputError, match=message):
+        measurement.feed(readings)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -208,13 +212,13 @@ def test_scatter_and_drift_beyond_the_promise_are_bad(programme, tmp_path):
 
 
 def test_another_plan_or_another_process_is_refused(growing, programme, tmp_path):
-    one = begun(programme, tmp_path / "m.csv")
-    one.feed(growing.read_bytes()[:5000])
+    measurement = begun(programme, tmp_path / "m.csv")
+    measurement.feed(growing.read_bytes()[:5000])
     with pytest.raises(InputError, match="is there already"):
         begun(programme, tmp_path / "m.csv")
     with pytest.raises(InputError, match="another process"):
         begun(programme, tmp_path / "m.csv", resume=True)
-    closed(one)
+    closed(measurement)
     (tmp_path / "other.csv").write_text(
         "alpha_deg,beta_deg\n" + "".join(f"{a + 1},{b}\n" for a, b in POSITIONS), encoding="utf-8"
     )
@@ -228,19 +232,19 @@ def test_positions_that_are_all_to_be_repeated_leave_no_file_of_positions(progra
     table = SimulatedTable(tmp_path / "growing.csv")
     for at in POSITIONS[:2]:
         table.go(*at)
-    one = begun(programme, tmp_path / "m.csv")
-    one.feed(table.file.read_bytes())
+    measurement = begun(programme, tmp_path / "m.csv")
+    measurement.feed(table.file.read_bytes())
     assert (tmp_path / "m.positions.csv").exists()
-    one.hear({"word": "repeat", "visit": 1})
-    closed(one)
+    measurement.hear({"word": "repeat", "visit": 1})
+    closed(measurement)
     assert not (tmp_path / "m.positions.csv").exists()
 
 
 @pytest.mark.parametrize("word", ['"word": 3', '"visit": 1', '"word": "add", "settings": 3', '"word": "repeat"'])
 def test_a_word_that_cannot_be_followed_again_is_refused_in_a_line(word: str, growing, programme, tmp_path):
-    one = begun(programme, tmp_path / "m.csv")
-    one.feed(growing.read_bytes()[:5000])
-    closed(one)
+    measurement = begun(programme, tmp_path / "m.csv")
+    measurement.feed(growing.read_bytes()[:5000])
+    closed(measurement)
     with (tmp_path / "m.session.jsonl").open("a", encoding="utf-8") as file:
         file.write(f'{{"rows": 3, {word}}}\n')
     with pytest.raises(InputError, match=r"m\.session\.jsonl: .* cannot be followed"):
@@ -256,10 +260,10 @@ def test_positions_that_determine_nothing_are_no_plan(tmp_path):
 
 def all_of(source: Source, size: int) -> bytes:
     """So many bytes, as they come."""
-    data, ends = b"", time.monotonic() + 20.0
-    while len(data) < size and time.monotonic() < ends:
-        data += source.read() or b""
-    return data
+    readings, ends = b"", time.monotonic() + 20.0
+    while len(readings) < size and time.monotonic() < ends:
+        readings += source.read() or b""
+    return readings
 
 
 def test_a_file_may_come_later_and_grow_but_not_shrink(tmp_path: Path):

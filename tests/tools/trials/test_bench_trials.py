@@ -62,8 +62,8 @@ def test_a_step_is_drawn_between_two_rests_and_hidden_there():
     change = record.specific_force - faultless_record(case.instrument).specific_force
     mean = change[after].mean(axis=0) - change[~after].mean(axis=0)
     assert mean[hidden.place.index] / STANDARD_GRAVITY == pytest.approx(hidden.parameters["size"], abs=NOISE_BOUND)
-    own = change[:, hidden.place.index] - STANDARD_GRAVITY * hidden.parameters["size"] * after
-    assert np.abs(own).max() <= 1.1 * NOISE_BOUND * STANDARD_GRAVITY
+    of_axis = change[:, hidden.place.index] - STANDARD_GRAVITY * hidden.parameters["size"] * after
+    assert np.abs(of_axis).max() <= 1.1 * NOISE_BOUND * STANDARD_GRAVITY
 
 
 @pytest.mark.acceptance
@@ -74,12 +74,12 @@ def test_a_warm_up_is_held_against_the_clock_of_its_record():
     began = float(record.time_s[0])
     assert began - faultless_record(case.instrument).time_s[0] > 2.0 * STEP_S
     size, time_constant = hidden.values
-    left = size * np.exp(-record.time_s / 3600.0 / time_constant)
+    settling = size * np.exp(-record.time_s / 3600.0 / time_constant)
     change = (record.specific_force - faultless_record(case.instrument).specific_force)[:, hidden.place.index]
-    assert np.ptp(change / STANDARD_GRAVITY + left) <= 2.2 * NOISE_BOUND
+    assert np.ptp(change / STANDARD_GRAVITY + settling) <= 2.2 * NOISE_BOUND
     outcome = judged(case, diagnosed(case, record))
     (secret,) = outcome.secrets
-    assert secret.parameters["size"] == pytest.approx(left[0], rel=1e-12)
+    assert secret.parameters["size"] == pytest.approx(settling[0], rel=1e-12)
     assert (outcome.outcome, outcome.inside) == ("right", True)
 
 
@@ -100,8 +100,8 @@ def test_a_lag_begins_with_what_the_temperature_was_before_and_is_held_against_t
     lag = lagged(hours, record.temperature - 20.0, np.array([constant]))[0][:, 0]
     change = (record.specific_force - faultless_record(case.instrument).specific_force) / STANDARD_GRAVITY
     expected = coefficient * lag + settling * np.exp(-hours / constant)
-    own = change[:, hidden.place.index]
-    assert np.abs(own - expected).max() <= 1.2 * NOISE_BOUND < 0.2 * np.abs(expected).max()
+    of_axis = change[:, hidden.place.index]
+    assert np.abs(of_axis - expected).max() <= 1.2 * NOISE_BOUND < 0.2 * np.abs(expected).max()
 
 
 @pytest.mark.acceptance
@@ -120,8 +120,8 @@ def test_what_the_catalogue_lacks_gets_no_name():
 
 def test_a_case_is_the_same_whatever_their_number():
     options = Options("clean", positions=(12, 14))
-    some, more = (run_suite(options, count, 3).results for count in (1, 2))
-    assert some[0] == more[0]
+    some, longer = (run_suite(options, count, 3).results for count in (1, 2))
+    assert some[0] == longer[0]
     first, again, second = (draw_case(options, 3, index) for index in (0, 0, 1))
     assert first.measured().specific_force.tobytes() == again.measured().specific_force.tobytes()
     assert not np.array_equal(first.instrument.alpha, second.instrument.alpha)
@@ -186,8 +186,8 @@ def test_sizes_that_are_drawn_are_those_of_the_mode(seed):
 
 def test_what_is_known_of_a_bench_is_its_truth():
     case = clean_case("edge", 0)
-    here, circumstances = expected(case.instrument)
-    assert np.abs(here.residual).max() < 1e-12
+    model, circumstances = expected(case.instrument)
+    assert np.abs(model.residual).max() < 1e-12
     assert len(circumstances.hours) == len(case.instrument.alpha)
 
 
@@ -243,9 +243,9 @@ for jobs in (1, 2):
 def test_several_processes_give_the_same_records(tmp_path):
     """Also where the first process has threads of polars, for which a copy of it would wait for ever."""
     subprocess.run([sys.executable, "-c", IN_PROCESSES, str(tmp_path)], check=True, timeout=100)
-    one, two = ({f.name: f.read_bytes() for f in (tmp_path / jobs).iterdir()} for jobs in ("1", "2"))
-    assert len(one) == 2
-    assert one == two
+    alone, two = ({f.name: f.read_bytes() for f in (tmp_path / jobs).iterdir()} for jobs in ("1", "2"))
+    assert len(alone) == 2
+    assert alone == two
 
 
 @pytest.mark.parametrize(
@@ -287,8 +287,8 @@ def test_an_effect_of_another_record_is_a_wrong_name_and_one_that_nothing_tells_
     assert kind_of(hidden, "explained", named(in_record(cube, "record-2"), square)) == "right"
     assert kind_of(hidden, "explained", named(in_record(cube, "record-1"), square)) == "wrong"
     assert kind_of(hidden, "explained", named(cube, square)) == "wrong"
-    beside = (in_record(cube, "record-2"),)
-    assert kind_of(hidden, "explained", named(in_record(square, "record-2"), square, same=beside)) == "right"
+    alike = (in_record(cube, "record-2"),)
+    assert kind_of(hidden, "explained", named(in_record(square, "record-2"), square, same=alike)) == "right"
     assert kind_of(hidden, "ambiguous", [*named(cube), *named(*hidden)]) == "candidate"
     assert NamedInRecord.of(hidden[1]).to_json()["record"] == "record-2"
     assert "record" not in NamedInRecord.of(square).to_json()

@@ -89,19 +89,19 @@ def test_flicker_noise_is_flat_and_bounded():
 
 def test_without_errors_the_block_reads_the_motion():
     motion = draw_motion(np.random.default_rng(3), BEFORE_A_CAMERA, 0.01)
-    seen = read(motion, reference="truth")
-    assert seen.increment == pytest.approx(motion.increment, abs=1e-12)
-    assert seen.specific_force == pytest.approx(G * motion.force[1:], abs=1e-9)
-    assert seen.attitude == pytest.approx(motion.attitude[1:], abs=1e-14)
+    measured = read(motion, reference="truth")
+    assert measured.increment == pytest.approx(motion.increment, abs=1e-12)
+    assert measured.specific_force == pytest.approx(G * motion.force[1:], abs=1e-9)
+    assert measured.attitude == pytest.approx(motion.attitude[1:], abs=1e-14)
     rates = read(motion, replace(QUIET, increments=False)).rate
     assert rates == pytest.approx(motion.rate[1:], abs=1e-12)
 
 
 def test_white_noise_has_its_density():
     motion = draw_motion(np.random.default_rng(3), BETWEEN_RESTS, 0.01)
-    seen = read(motion, replace(QUIET, gyro_noise=Noise(2e-4, 0.0)))
-    assert seen.increment is not None
-    error = (seen.increment - motion.increment) / motion.period
+    measured = read(motion, replace(QUIET, gyro_noise=Noise(2e-4, 0.0)))
+    assert measured.increment is not None
+    error = (measured.increment - motion.increment) / motion.period
     # One-sided density d at 100 Hz: standard deviation d √50.
     assert error.std(axis=0) == pytest.approx(np.full(3, 2e-4 * np.sqrt(50.0)), rel=0.02)
     assert np.abs(error).max() <= Noise(2e-4, 0.0).bound(motion.period)
@@ -111,12 +111,12 @@ def test_what_is_hidden_is_in_the_readings():
     motion = draw_motion(np.random.default_rng(5), BETWEEN_RESTS, 0.01)
     place, values = EffectPlace("gyro-g-sensitivity", "gyro-block"), tuple(np.linspace(1e-3, 9e-3, 9))
     secrets = (Hidden(place, values), Hidden(EffectPlace("quadratic", "accelerometer-2"), (2e-3,)))
-    seen, clean = (read(motion, hidden=hidden) for hidden in (secrets, ()))
-    assert seen.increment is not None
+    measured, clean = (read(motion, hidden=hidden) for hidden in (secrets, ()))
+    assert measured.increment is not None
     assert clean.increment is not None
-    turned = (seen.increment - clean.increment) / motion.period
+    turned = (measured.increment - clean.increment) / motion.period
     assert turned == pytest.approx(motion.force[1:] @ np.reshape(values, (3, 3)).T, abs=1e-9)
-    force = (seen.specific_force - clean.specific_force) / G
+    force = (measured.specific_force - clean.specific_force) / G
     assert force[:, 1] == pytest.approx(2e-3 * motion.force[1:, 1] ** 2, abs=1e-12)
     assert np.abs(force[:, [0, 2]]).max() == 0.0
 
@@ -148,11 +148,11 @@ def test_increments_without_coning_turn_the_body_elsewhere():
 
 @pytest.mark.acceptance
 def test_cases_do_not_depend_on_each_other_and_have_both_references():
-    first, again, other = (draw_clean_block(3, index).measured() for index in (4, 4, 5))
+    first, again, another = (draw_clean_block(3, index).measured() for index in (4, 4, 5))
     assert first.specific_force.tobytes() == again.specific_force.tobytes()
     assert [draw_clean_block(3, index).instrument.reference for index in range(4)] == ["gravity", "truth"] * 2
     assert first.attitude is None
-    assert other.attitude is not None
+    assert another.attitude is not None
 
 
 @pytest.mark.acceptance
@@ -173,9 +173,9 @@ def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
 
 
 def test_what_no_record_shows_is_not_hidden():
-    known = set(hideable_in_block())
-    assert {"latency", "jitter", "gyro-g-squared", "quadratic"} <= known
-    assert set(STRAPDOWN_EFFECTS) - known == {"gyro-bias", "gyro-quantisation"}
+    expected = set(hideable_in_block())
+    assert {"latency", "jitter", "gyro-g-squared", "quadratic"} <= expected
+    assert set(STRAPDOWN_EFFECTS) - expected == {"gyro-bias", "gyro-quantisation"}
     with pytest.raises(InputError, match="cannot show such an effect"):
         draw_case(Options(effects=("latency",), strapdown=True), 1, 0)
 

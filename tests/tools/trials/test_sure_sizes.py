@@ -32,16 +32,16 @@ Known = tuple[Linearisation, Circumstances]
 
 
 @pytest.fixture(scope="module")
-def known() -> Known:
+def nominal() -> Known:
     """The model at a true bench with 40 positions anywhere, and the rows' circumstances."""
     alpha, beta = ANGLES.T
     measured = record(elementary_reading(BENCH, alpha, beta, np.eye(3)), alpha, beta)
     return fit_record(measured, noise_bound=SIGMA), circumstances_of(measured)
 
 
-def change_columns(known: Known, place: EffectPlace) -> np.ndarray:
-    here, circumstances = known
-    return signature_columns([place], Visits.of(here, circumstances).rows(here.point))
+def change_columns(nominal: Known, place: EffectPlace) -> np.ndarray:
+    model, circumstances = nominal
+    return signature_columns([place], Visits.of(model, circumstances).rows(model.point))
 
 
 def radius(here: Linearisation, readings: np.ndarray, extra=None) -> float:
@@ -50,123 +50,123 @@ def radius(here: Linearisation, readings: np.ndarray, extra=None) -> float:
 
 
 @pytest.mark.parametrize("place", [QUADRATIC, CUBIC], ids=lambda place: place.title)
-def test_at_the_first_size_no_noise_hides_an_effect_and_at_half_of_it_some_does(known: Known, place):
-    here, _ = known
-    size = sure_sizes(*known, place, []).detected
-    d = change_columns(known, place)[:, 0]
+def test_at_the_first_size_no_noise_hides_an_effect_and_at_half_of_it_some_does(nominal: Known, place):
+    model, _ = nominal
+    size = sure_sizes(*nominal, place, []).detected
+    d = change_columns(nominal, place)[:, 0]
     for _ in range(40):
         noise = SIGMA * RNG.choice([-1.0, 1.0], size=len(d))
-        assert radius(here, 1.01 * size * d + noise) > 1.0
+        assert radius(model, 1.01 * size * d + noise) > 1.0
     # Without noise half the size is still at the edge; the worst noise undoes as much as the model may.
-    assert radius(here, 0.5 * size * d) == pytest.approx(1.0, abs=1e-6)
-    step = chebyshev_radius(here.jacobian, d, here.bound)[1]
-    worst = -SIGMA * (d - here.jacobian @ step) / np.abs(d - here.jacobian @ step).max()
-    assert radius(here, 0.99 * size * d + worst) <= 1.0
+    assert radius(model, 0.5 * size * d) == pytest.approx(1.0, abs=1e-6)
+    step = chebyshev_radius(model.jacobian, d, model.bound)[1]
+    worst = -SIGMA * (d - model.jacobian @ step) / np.abs(d - model.jacobian @ step).max()
+    assert radius(model, 0.99 * size * d + worst) <= 1.0
 
 
-def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(known: Known):
-    here, _ = known
+def test_at_the_second_size_no_parameters_of_a_rival_mend_the_record(nominal: Known):
+    model, _ = nominal
     rivals = [ODD, ENCODER, QUADRATIC, WOBBLE, SAG]
-    sizes = sure_sizes(*known, CUBIC, rivals)
+    sizes = sure_sizes(*nominal, CUBIC, rivals)
     assert sizes.rival == ODD.title
-    d = change_columns(known, CUBIC)[:, 0]
-    columns = [change_columns(known, rival) for rival in rivals]
+    d = change_columns(nominal, CUBIC)[:, 0]
+    columns = [change_columns(nominal, rival) for rival in rivals]
     for _ in range(20):
         noise = SIGMA * RNG.choice([-1.0, 1.0], size=len(d))
-        assert all(radius(here, 1.01 * sizes.excluded * d + noise, extra) > 1.0 for extra in columns)
-    step = chebyshev_radius(np.hstack((here.jacobian, columns[0])), d, here.bound)[1]
-    left = d - np.hstack((here.jacobian, columns[0])) @ step
-    assert radius(here, 0.99 * sizes.excluded * d - SIGMA * left / np.abs(left).max(), columns[0]) <= 1.0
+        assert all(radius(model, 1.01 * sizes.excluded * d + noise, extra) > 1.0 for extra in columns)
+    step = chebyshev_radius(np.hstack((model.jacobian, columns[0])), d, model.bound)[1]
+    remaining = d - np.hstack((model.jacobian, columns[0])) @ step
+    assert radius(model, 0.99 * sizes.excluded * d - SIGMA * remaining / np.abs(remaining).max(), columns[0]) <= 1.0
 
 
-def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(known: Known):
+def test_cubic_and_odd_quadratic_are_seen_long_before_they_are_told_apart(nominal: Known):
     """The published facts: 6.6 times for the cubic term at 100 positions; most effects are told apart at once."""
-    sizes = sure_sizes(*known, CUBIC, [ODD, ENCODER, SAG])
+    sizes = sure_sizes(*nominal, CUBIC, [ODD, ENCODER, SAG])
     assert 4.0 < sizes.excluded / sizes.detected < 40.0
-    sizes = sure_sizes(*known, ENCODER, [ODD, CUBIC, QUADRATIC])
+    sizes = sure_sizes(*nominal, ENCODER, [ODD, CUBIC, QUADRATIC])
     assert sizes.excluded / sizes.detected < 2.0
 
 
-def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(known: Known):
-    here, _ = known
+def test_the_last_rival_found_with_pruning_is_that_of_a_search_through_all(nominal: Known):
+    model, _ = nominal
     rivals = [place for name in ("cross-product", "cross-square", "cubic", "sag") for place in CATALOGUE[name].places]
-    sizes = sure_sizes(*known, QUADRATIC, rivals)
-    d = change_columns(known, QUADRATIC)[:, 0]
-    with_rivals = [radius(here, d, change_columns(known, rival)) for rival in rivals]
-    with_outliers = [radius(here, d, np.eye(len(d), 1, -k)) for k in range(len(d))]
+    sizes = sure_sizes(*nominal, QUADRATIC, rivals)
+    d = change_columns(nominal, QUADRATIC)[:, 0]
+    with_rivals = [radius(model, d, change_columns(nominal, rival)) for rival in rivals]
+    with_outliers = [radius(model, d, np.eye(len(d), 1, -k)) for k in range(len(d))]
     least = min(with_rivals + with_outliers)
     assert sizes.excluded == pytest.approx(2.0 / least, rel=1.1e-3)
-    assert sizes.detected == pytest.approx(2.0 / radius(here, d), rel=1e-9)
+    assert sizes.detected == pytest.approx(2.0 / radius(model, d), rel=1e-9)
 
 
 @pytest.mark.acceptance
-def test_over_all_phases_the_worst_is_taken(known: Known):
-    own = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=d) for d in spread_directions(2, DIRECTIONS)]
-    worst = sure_sizes(*known, ENCODER, [SAG, ODD])
-    assert worst.detected == max(s.detected for s in own)
-    assert worst.excluded == max(s.excluded for s in own)
+def test_over_all_phases_the_worst_is_taken(nominal: Known):
+    single = [sure_sizes(*nominal, ENCODER, [SAG, ODD], direction=d) for d in spread_directions(2, DIRECTIONS)]
+    worst = sure_sizes(*nominal, ENCODER, [SAG, ODD])
+    assert worst.detected == max(s.detected for s in single)
+    assert worst.excluded == max(s.excluded for s in single)
     phases = RNG.uniform(0.0, math.pi, 6)
-    some = [sure_sizes(*known, ENCODER, [SAG, ODD], direction=np.array([math.cos(t), math.sin(t)])) for t in phases]
+    some = [sure_sizes(*nominal, ENCODER, [SAG, ODD], direction=np.array([math.cos(t), math.sin(t)])) for t in phases]
     assert max(s.detected for s in some) < 1.02 * worst.detected
 
 
-def test_a_bound_that_an_open_sign_widens_makes_the_sizes_larger(known: Known):
-    here, circumstances = known
-    wide = here.bound.copy()
+def test_a_bound_that_an_open_sign_widens_makes_the_sizes_larger(nominal: Known):
+    model, circumstances = nominal
+    wide = model.bound.copy()
     wide[1::3] *= 3.0
     place = QUADRATIC
-    assert sure_sizes(replace(here, bound=wide), circumstances, place, []).detected == pytest.approx(
-        3.0 * sure_sizes(here, circumstances, place, []).detected, rel=1e-3
+    assert sure_sizes(replace(model, bound=wide), circumstances, place, []).detected == pytest.approx(
+        3.0 * sure_sizes(model, circumstances, place, []).detected, rel=1e-3
     )
 
 
-def test_what_the_model_holds_already_has_no_size_and_an_outlier_is_not_its_own_rival(known: Known):
-    sizes = sure_sizes(*known, EffectPlace("scale-asymmetry", "accelerometer-1"), [CUBIC])
+def test_what_the_model_holds_already_has_no_size_and_an_outlier_is_not_its_own_rival(nominal: Known):
+    sizes = sure_sizes(*nominal, EffectPlace("scale-asymmetry", "accelerometer-1"), [CUBIC])
     assert (sizes.detected, sizes.excluded) == (math.inf, math.inf)
-    sizes = sure_sizes(*known, place_of(5, 2), [])
+    sizes = sure_sizes(*nominal, place_of(5, 2), [])
     assert SIGMA < sizes.detected <= sizes.excluded < math.inf
     assert sizes.rival != place_of(5, 2).title
 
 
-def test_beside_another_effect_sizes_are_larger(known: Known):
-    alone = sure_sizes(*known, CUBIC, [SAG])
-    beside = sure_sizes(*known, CUBIC, [SAG], beside=[ODD])
-    assert beside.detected > 3.0 * alone.detected
+def test_beside_another_effect_sizes_are_larger(nominal: Known):
+    alone = sure_sizes(*nominal, CUBIC, [SAG])
+    companion = sure_sizes(*nominal, CUBIC, [SAG], beside=[ODD])
+    assert companion.detected > 3.0 * alone.detected
 
 
-def test_levels_are_scanned_with_the_effects_own_kernel(known: Known):
-    here, circumstances = known
-    rows = Visits.of(here, circumstances).rows(here.point)
+def test_levels_are_scanned_with_the_effects_own_kernel(nominal: Known):
+    model, circumstances = nominal
+    rows = Visits.of(model, circumstances).rows(model.point)
     place = EffectPlace("saturation", "accelerometer-3")
     top = float(np.abs(rows.prediction[:, 2]).max())
     clipped = level_change(place, 0.9, rows)
     assert np.array_equal(clipped[:, :2], np.zeros((len(clipped), 2)))
     assert np.abs(rows.prediction + clipped)[:, 2].max() == pytest.approx(0.9, abs=1e-12)
-    margins = level_margins(here, circumstances, place, [0.9, top * (1.0 + 1e-6)], [CUBIC])
+    margins = level_margins(model, circumstances, place, [0.9, top * (1.0 + 1e-6)], [CUBIC])
     assert margins[0].detected < 1.0
     assert margins[1].detected == math.inf
 
 
-def test_a_rival_whose_coefficients_have_one_sign_is_excluded_where_a_free_one_is_not(known: Known):
+def test_a_rival_whose_coefficients_have_one_sign_is_excluded_where_a_free_one_is_not(nominal: Known):
     """The change is a difference of what the rival adds; the least distance by another solver, in each sign."""
-    here, _ = known
-    hours = np.linspace(0.0, 1.0, len(here.bound) // 3)
+    model, _ = nominal
+    hours = np.linspace(0.0, 1.0, len(model.bound) // 3)
     columns, change = np.zeros((len(hours), 3, 2)), np.zeros((len(hours), 3))
     columns[:, 1] = np.stack((np.sin(9.0 * hours), np.sin(9.0 * hours) + np.exp(-3.0 * hours)), axis=1)
     change[:, 1] = columns[:, 1, 1] - columns[:, 1, 0]
     place, shape = EffectPlace("thermal-lag", "accelerometer-2"), change.shape
     free = variant(shape, ((-1.0, 1.0),), columns=columns)
-    assert sizes_of_way(*known, change, [], [(place, free)]).excluded == math.inf
-    found = sizes_of_way(*known, change, [], [(place, replace(free, paid=np.zeros_like(columns)))])
-    matrix = np.hstack((here.jacobian, columns.reshape(-1, 2))) / here.bound[:, None]
+    assert sizes_of_way(*nominal, change, [], [(place, free)]).excluded == math.inf
+    nearest = sizes_of_way(*nominal, change, [], [(place, replace(free, paid=np.zeros_like(columns)))])
+    matrix = np.hstack((model.jacobian, columns.reshape(-1, 2))) / model.bound[:, None]
     scale = np.abs(matrix).max(axis=0)
-    target, count = change.ravel() / here.bound / 1e5, matrix.shape[1] - 2
+    target, count = change.ravel() / model.bound / 1e5, matrix.shape[1] - 2
     ones = np.ones((len(target), 1))
-    both, ends = np.vstack((np.hstack((matrix / scale, -ones)), np.hstack((-matrix / scale, -ones)))), []
+    pair, ends = np.vstack((np.hstack((matrix / scale, -ones)), np.hstack((-matrix / scale, -ones)))), []
     for signed in ((0.0, None), (None, 0.0)):
         bounds = [(None, None)] * count + [signed] * 2 + [(0.0, None)]
         cost = np.append(np.zeros(count + 2), 1.0)
-        ends.append(linprog(cost, A_ub=both, b_ub=np.append(target, -target), bounds=bounds).fun)
-    assert found.excluded == pytest.approx(2.0 / (1e5 * min(ends)), rel=2e-3)
-    assert found.rival == place.title
-    assert found.detected < found.excluded
+        ends.append(linprog(cost, A_ub=pair, b_ub=np.append(target, -target), bounds=bounds).fun)
+    assert nearest.excluded == pytest.approx(2.0 / (1e5 * min(ends)), rel=2e-3)
+    assert nearest.rival == place.title
+    assert nearest.detected < nearest.excluded
