@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
 from trihedron import calibrate_together
 from trihedron.tools.calibrated import Calibration, Parameter
-from trihedron.tools.calibration.correction import Application
+from trihedron.tools.calibration.correction import Application, correction_of, read_correction
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.records import write_record
@@ -136,3 +137,32 @@ def test_a_scale_factor_that_changed_falsifies_that_it_is_shared_and_not_that_it
     if own:
         changed = np.array([ends(together)["X4", f"record-{k}"] for k in (2, 1)])
         assert changed[0, 0] - changed[1, 1] < 3e-4 < changed[0, 1] - changed[1, 0]
+
+
+def of_joint_schema(together: Calibration) -> dict[str, Any]:
+    """The same calibration as the schema of several records wrote it."""
+    content = together.to_json()
+    parameters, of_records = [], {}
+    for record, p in every_parameter(together):
+        numbers = {"estimate": p.estimate, "low": p.low, "high": p.high}
+        parameters.append({"name": p.symbol, "unit": p.unit, "record": record} | numbers)
+    for label, record in content["of_record"].items():
+        of_records[label] = {key: record[key] for key in ("mountings", "reading_errors")}
+        of_records[label]["noise_bound"] = record["sigma"]["value"]
+    former = {key: content[key] for key in ("verdict", "radius", "gravity_mps2", "convention", "baseline")}
+    digests = [record["provenance"]["record_sha256"] for record in content["of_record"].values()]
+    former |= {"schema": "trihedron.joint-calibration/1", "records": list(of_records), "sha256": digests}
+    return former | {"of_records": of_records, "parameters": parameters}
+
+
+def test_a_file_of_the_former_schema_of_several_records_is_still_read(tmp_path):
+    together = calibrate_together(*of_one_instrument(21, positions=20), noise_bound=SIGMA)
+    path = tmp_path / "former.json"
+    path.write_text(json.dumps(of_joint_schema(together)), encoding="utf-8")
+    again = Calibration.model_validate_json(path.read_text(encoding="utf-8"))
+    assert ends(again) == ends(together)
+    former, present = read_correction(path), correction_of(together.to_json(), "here")
+    for name in ("plus", "minus", "gamma", "bias", "low", "high"):
+        np.testing.assert_array_equal(getattr(former, name), getattr(present, name))
+    checked = check(path)
+    assert (checked.good, checked.summary) == (True, (f"{len(together.of_record)} records, consistent",))
