@@ -6,12 +6,23 @@ from dataclasses import replace
 import numpy as np
 
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.evidence.of_record import in_record
 from trihedron.tools.records import PositionRecord, StrapdownRecord
-from trihedron.tools.trials.bench import draw_bench, draw_truth, plain_bench
+from trihedron.tools.trials.bench import draw_bench, draw_days, draw_truth, measured_on_days, plain_bench
 from trihedron.tools.trials.draw import draw_clean_block
 from trihedron.tools.trials.sizes import Hidden
 
 Sized = tuple[EffectPlace, tuple[float, ...]]
+
+
+def days_of_a_suite(seed: int, count: int, own: Sized, shared: Sequence[Sized] = ()) -> list[PositionRecord]:
+    """Records of sixteen positions of one block as a suite draws them; an effect in the second, others in all."""
+    rng = np.random.default_rng(seed)
+    draw_bench(rng, (16, 16))
+    hidden = [Hidden(place, values) for place, values in shared]
+    hidden.append(Hidden(in_record(own[0], "record-2"), own[1]))
+    days = draw_days(rng, count, (16, 16))
+    return list(measured_on_days(days, seed, None, hidden).values())
 
 
 def at_a_table_and_by_hand(

@@ -10,7 +10,7 @@ import pytest
 import trihedron as th
 from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
-from instrument_records import at_a_table_and_by_hand
+from instrument_records import at_a_table_and_by_hand, days_of_a_suite
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
@@ -113,8 +113,7 @@ def test_what_is_sought_in_one_record_alone_stays_a_rival_of_what_is_sought_in_a
 def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_all(monkeypatch):
     """By itself the second record needs the step and the term of all: together the step is one of two, not three."""
     step = EffectPlace("bias-step", "accelerometer-2")
-    own = {1: [(step, (3e-5, 0.009))]}
-    result = judged(monkeypatch, of_one_instrument(33, positions=16, shared=[(QUADRATIC, (4e-4,))], own=own))
+    result = judged(monkeypatch, days_of_a_suite(33, 3, (step, (3e-5, 0.009)), [(QUADRATIC, (4e-4,))]))
     sets = [{cause.title for cause in causes} for causes in result.sets]
     assert {len(titles) for titles in sets} == {2}
     assert {"bias-step accelerometer-2 in record-2", QUADRATIC.title} in sets
@@ -125,7 +124,7 @@ def test_what_is_sought_in_one_record_alone_is_a_rival_beside_what_is_sought_in_
 def test_a_step_that_only_the_others_show_is_not_taken_for_what_is_sought_in_all(monkeypatch):
     """By itself the second record falsifies nothing, so its step was never sought: no single cause is said."""
     step = EffectPlace("bias-step", "accelerometer-2")
-    records = of_one_instrument(32, 2, positions=16, own={1: [(step, (3e-5, 0.009))]})
+    records = days_of_a_suite(32, 2, (step, (3e-5, 0.009)))
     result = judged(monkeypatch, records)
     assert {one.diagnosis.verdict for one in result.records} == {"consistent"}
     assert result.verdict == "ambiguous"
