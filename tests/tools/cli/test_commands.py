@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import trihedron
-from bench_cases import write_hidden_record
+from generator.positions import write_hidden_record
 from trihedron.tools import cli
 from trihedron.tools.records import PositionRecord, read_record
 
