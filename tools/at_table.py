@@ -73,14 +73,14 @@ def measure(
     >>> import trihedron as th
     >>> th.measure("plan24", source="growing.csv", out="monday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    asked = measuring.Asked(noise_bound, gravity, tuple(channels), promise, dwell_s, patience_s)
+    options = measuring.Asked(noise_bound, gravity, tuple(channels), promise, dwell_s, patience_s)
     programme = measuring.read_programme(Path(plan), mounting)
     coming = measuring.source_of(str(source))
-    one = measuring.Measurement.begun(programme, asked, Path(out), coming.name, resume=resume)
+    measurement = measuring.Measurement.begun(programme, options, Path(out), coming.name, resume=resume)
     views: list[measuring.View] = [live.terminal_of(str(source))] if progress else []
     with ExitStack() as stack:
         if serve:
             page = stack.enter_context(closing(live.PageServer(port)))
             print(f"the page of this measurement, for this machine alone: {page.address}", file=sys.stderr, flush=True)
             views.append(page)
-        return measuring.carry_out(one, coming, views)
+        return measuring.carry_out(measurement, coming, views)

@@ -56,10 +56,10 @@ def own_folder() -> Iterator[Path]:
     while True:
         folder = Path(tempfile.mkdtemp(prefix=PREFIX))
         inside = folder / "files"
-        with ExitStack() as held:
+        with ExitStack() as stack:
             # Another process may have taken it for one that is left, until the lock is held.
             with suppress(Taken, FileNotFoundError):
-                held.enter_context(locked(folder / LOCK))
+                stack.enter_context(locked(folder / LOCK))
                 inside.mkdir()
             if not inside.is_dir():
                 continue
@@ -67,13 +67,13 @@ def own_folder() -> Iterator[Path]:
                 yield inside
             except OSError as error:
                 if full(error) and (error.filename is None or str(error.filename).startswith(str(folder))):
-                    said = f"{folder.parent}: temporary files cannot be written ({reason(error)})"
-                    raise InputError(said) from error
+                    message = f"{folder.parent}: temporary files cannot be written ({reason(error)})"
+                    raise InputError(message) from error
                 raise
             finally:
                 shutil.rmtree(inside, ignore_errors=True)
                 # Where an open file cannot be taken away, the lock goes first.
-                held.close()
+                stack.close()
                 shutil.rmtree(folder, ignore_errors=True)
         return
 

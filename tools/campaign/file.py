@@ -65,10 +65,10 @@ class Axis(Section):
 
     @model_validator(mode="after")
     def _one(self) -> "Axis":
-        given = self.given(*DISCRETE, *DISTRIBUTIONS)
-        if len(given) != 1:
+        fields = self.given(*DISCRETE, *DISTRIBUTIONS)
+        if len(fields) != 1:
             raise ValueError(
-                f"give one of {', '.join((*DISCRETE, *DISTRIBUTIONS))}; here: {' and '.join(given) or 'none'}"
+                f"give one of {', '.join((*DISCRETE, *DISTRIBUTIONS))}; here: {' and '.join(fields) or 'none'}"
             )
         for name in ("log_grid", "log_uniform"):
             pair = getattr(self, name)
@@ -230,9 +230,9 @@ class HiddenSetting(Section):
 
     @model_validator(mode="after")
     def _suite_decides(self) -> "HiddenSetting":
-        others = sorted(self.model_fields_set - {"suite"})
-        if self.suite is not None and others:
-            raise ValueError(f"{others[0]} is what suite decides")
+        decided = sorted(self.model_fields_set - {"suite"})
+        if self.suite is not None and decided:
+            raise ValueError(f"{decided[0]} is what suite decides")
         return self
 
 
@@ -270,9 +270,9 @@ class Computation(Section):
                 f"give one of quantiles, rate, confusion, sensitivity; here: {' and '.join(kinds) or 'none'}"
             )
         companions: dict[str, tuple[str, ...]] = {"quantiles": ("at",), "rate": ("values", "against", "edges")}
-        own = {**companions, "confusion": ("of",), "sensitivity": ()}[kinds[0]]
+        companions_of_kind = {**companions, "confusion": ("of",), "sensitivity": ()}[kinds[0]]
         for name in ("at", "values", "against", "edges", "of"):
-            if getattr(self, name) is not None and name not in own:
+            if getattr(self, name) is not None and name not in companions_of_kind:
                 raise ValueError(f"{'is' if name == 'values' else name} does not go with {kinds[0]}")
         if self.rate is not None and self.values is None:
             raise ValueError('rate needs is = ["...", ...], the values that count')
@@ -391,8 +391,8 @@ class Campaign(Section):
     @property
     def partition_size(self) -> int:
         """Runs in each file of the data set, the last one's excepted; it follows from the file alone."""
-        wanted = max(RUNS_OF_PARTITION[self.kind], -(-self.runs // MOST_FILES))
-        return self.partition or min(wanted, MOST_OF_PARTITION)
+        usual = max(RUNS_OF_PARTITION[self.kind], -(-self.runs // MOST_FILES))
+        return self.partition or min(usual, MOST_OF_PARTITION)
 
     @property
     def partitions(self) -> int:

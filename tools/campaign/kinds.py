@@ -221,8 +221,8 @@ class SimulationRuns:
         for name in campaign.parameters:
             fmu, _, variable = name.partition(".")
             if fmu not in interfaces or not variable:
-                known = nearest(fmu, list(interfaces))
-                raise InputError(f"parameters.{name}: must begin with the name of an FMU and a dot; {known}")
+                advice = nearest(fmu, list(interfaces))
+                raise InputError(f"parameters.{name}: must begin with the name of an FMU and a dot; {advice}")
             try:
                 elements = interfaces[fmu].find(variable, SETTABLE)
             except InputError as error:
@@ -233,8 +233,8 @@ class SimulationRuns:
         self.reductions = setting.scalars or {name: Reduction(column=name) for name in columns}
         for name, reduction in self.reductions.items():
             if reduction.column not in columns:
-                known = nearest(reduction.column, columns)
-                raise InputError(f"simulation.scalars.{name}: the record has no column '{reduction.column}'; {known}")
+                advice = nearest(reduction.column, columns)
+                raise InputError(f"simulation.scalars.{name}: the record has no column '{reduction.column}'; {advice}")
         self.measures = setting.calibrate or campaign.keep.diagnosis
         if self.measures:
             missing = [name for name in RAW_COLUMNS if name not in columns]
@@ -384,9 +384,9 @@ class AttitudeRuns:
 
 
 def _algorithm(name: str, where: str) -> Algorithm:
-    known = [algorithm.name for algorithm in ALGORITHMS]
-    if name not in known:
-        raise InputError(f"{where}: there is no attitude algorithm '{name}'; {nearest(name, known)}")
+    algorithms = [algorithm.name for algorithm in ALGORITHMS]
+    if name not in algorithms:
+        raise InputError(f"{where}: there is no attitude algorithm '{name}'; {nearest(name, algorithms)}")
     return motion.algorithm_named(name)
 
 
@@ -409,11 +409,11 @@ class HiddenRuns:
         self.keep = campaign.keep
         if setting.suite is not None:
             try:
-                named = trials.named_suite(setting.suite)
+                suite = trials.named_suite(setting.suite)
             except InputError as error:
                 raise InputError(f"hidden.suite: {str(error).removeprefix('--suite ')}") from error
-            self.options, self.seed = named.options, named.seed
-            if named.options.records > 1 and self.keep.record:
+            self.options, self.seed = suite.options, suite.seed
+            if suite.options.records > 1 and self.keep.record:
                 raise InputError(f"keep.record: is of one record a run; suite {setting.suite} has several")
         else:
             size = setting.size

@@ -80,10 +80,10 @@ class Design:
             return self._sobol(count, sample)
         if method == "saltelli":
             block, row = divmod(sample, campaign.sampling.points)
-            both = self._sobol(2 * count, row)
-            point = both[count:] if block == 1 else both[:count].copy()
+            pair = self._sobol(2 * count, row)
+            point = pair[count:] if block == 1 else pair[:count].copy()
             if block > 1:
-                point[block - 2] = both[count + block - 2]
+                point[block - 2] = pair[count + block - 2]
             return point
         return self._generator(sample).random(count)
 
@@ -170,16 +170,16 @@ class Prepared:
         values = self.design.values(number)
         row: dict[str, Any] = {"run": number, **values, "failed": None}
         try:
-            given = self.runner.run(number, values, self.design.seed(number))
+            outcome = self.runner.run(number, values, self.design.seed(number))
         except InputError as error:
             return {**row, "failed": _line(str(error))}, None
         except Exception as error:
             # Whatever one run meets, the rest goes on.
             return {**row, "failed": _line(f"{type(error).__name__}: {error}")}, None
-        row |= {name: given.scalars.get(name) for name in self.columns.outputs}
+        row |= {name: outcome.scalars.get(name) for name in self.columns.outputs}
         if self.columns.diagnosis:
-            row["diagnosis"] = given.diagnosis
-        return row, given.record
+            row["diagnosis"] = outcome.diagnosis
+        return row, outcome.record
 
 
 prepared = lru_cache(maxsize=2)(Prepared)
@@ -273,10 +273,10 @@ def run_campaign(
                     words = f", {failed} failed" if failed else ""
                     advance(computed.runs, f"{finished} of {campaign.runs} runs, {digits(rate)}/s{words}")
         except (KeyboardInterrupt, InputError) as error:
-            there = f"{finished} of {campaign.runs} runs are in {folder}; --resume goes on"
+            progress_text = f"{finished} of {campaign.runs} runs are in {folder}; --resume goes on"
             if isinstance(error, InputError):
-                raise InputError(f"{error}; {there}") from error
-            raise KeyboardInterrupt(f"interrupted; {there}") from None
+                raise InputError(f"{error}; {progress_text}") from error
+            raise KeyboardInterrupt(f"interrupted; {progress_text}") from None
         cost = Cost(campaign.runs - before, clocks.perf_counter() - began, seconds, cpu_seconds)
         result = summarise(store).model_copy(update={"folder": folder, "cost": cost})
         store.write_summary(result.to_json())

@@ -79,20 +79,20 @@ def make_order(path: Path) -> tuple[Order, Campaign]:
         most = LARGEST_TEXT if file.suffix.lower() == ".toml" else LARGEST
         return bytes_of(file, label=str(file) if file == path else f"{path}: {file}", most=most)
 
-    found = {path.resolve(): content(path)}
-    campaign = parse_campaign(found[path.resolve()], path)
+    contents = {path.resolve(): content(path)}
+    campaign = parse_campaign(contents[path.resolve()], path)
     simulated, calibrated = campaign.simulation, campaign.calibration
     if simulated is not None:
         file = (campaign.base_folder / simulated.scenario).resolve()
-        found[file] = content(file)
+        contents[file] = content(file)
         for name in _inputs_of_scenario(file):
             inner = (file.parent / name).resolve()
-            found[inner] = content(inner)
+            contents[inner] = content(inner)
     elif calibrated is not None and calibrated.positions is not None:
         file = (campaign.base_folder / calibrated.positions).resolve()
-        found[file] = content(file)
-    root = Path(os.path.commonpath([file.parent for file in found]))
-    files = sorted((PurePosixPath(file.relative_to(root)).as_posix(), content) for file, content in found.items())
+        contents[file] = content(file)
+    root = Path(os.path.commonpath([file.parent for file in contents]))
+    files = sorted((PurePosixPath(file.relative_to(root)).as_posix(), content) for file, content in contents.items())
     name = PurePosixPath(path.resolve().relative_to(root)).as_posix()
     return Order(name, tuple(files), code_hash()), campaign
 
@@ -133,9 +133,9 @@ class Columns:
     @property
     def schema(self) -> dict[str, type[pl.DataType]]:
         """Name -> data type, in order."""
-        kept = {name: output.dtype for name, output in self.outputs.items()}
+        outputs = {name: output.dtype for name, output in self.outputs.items()}
         last: dict[str, type[pl.DataType]] = {"diagnosis": pl.String} if self.diagnosis else {}
-        return {"run": pl.Int64, **self.parameters, "failed": pl.String, **kept, **last}
+        return {"run": pl.Int64, **self.parameters, "failed": pl.String, **outputs, **last}
 
 
 @dataclass(frozen=True)
@@ -181,15 +181,15 @@ class Store:
 
     def missing(self) -> tuple[list[int], int, int]:
         """Partitions that are not there or not whole; runs that are there, and how many of them failed."""
-        missing, done, failed = [], 0, 0
+        missing, runs, failed = [], 0, 0
         for partition in range(self.campaign.partitions):
-            found = self._failures(partition)
-            if found is None:
+            failures = self._failures(partition)
+            if failures is None:
                 missing.append(partition)
             else:
-                done += len(self.campaign.runs_of(partition))
-                failed += found
-        return missing, done, failed
+                runs += len(self.campaign.runs_of(partition))
+                failed += failures
+        return missing, runs, failed
 
     def _failures(self, partition: int) -> int | None:
         """How many runs of a partition failed; None where it is not there, or not whole."""
@@ -201,13 +201,13 @@ class Store:
             table = pl.read_parquet(io.BytesIO(path.read_bytes()), columns=["run", "failed"])
         except (pl.exceptions.PolarsError, OSError):
             return None
-        whole = table.height == len(runs) and table["run"][0] == runs[0] and table["run"][-1] == runs[-1]
-        return int(table["failed"].is_not_null().sum()) if whole else None
+        complete = table.height == len(runs) and table["run"][0] == runs[0] and table["run"][-1] == runs[-1]
+        return int(table["failed"].is_not_null().sum()) if complete else None
 
 
 def _write(path: Path, content: bytes) -> None:
-    with whole_file(path) as beside:
-        beside.write_bytes(content)
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: bytes) -> dict[str, Any]:
@@ -234,8 +234,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """The manifest of a campaign's folder; InputError where there is none."""
     path = folder / MANIFEST
     try:
-        data = path.read_bytes()
-        content = json.loads(data)
+        text = path.read_bytes()
+        content = json.loads(text)
     except OSError as error:
         raise InputError(f"{folder}: holds no campaign ({MANIFEST}: {error.strerror})") from error
     except (ValueError, RecursionError) as error:
@@ -303,10 +303,10 @@ def _check_same(folder: Path, order: Order, *, resume: bool) -> None:
 @contextlib.contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Keep others out of a folder."""
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as stack:
         try:
             with said_writable(folder / LOCK):
-                held.enter_context(locked(folder / LOCK))
+                stack.enter_context(locked(folder / LOCK))
         except Taken:
             raise InputError(f"--out {folder}: another process works there") from None
         yield

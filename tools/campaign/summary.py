@@ -221,9 +221,9 @@ def rate(hits: NDArray) -> dict[str, Any]:
 def confusion(results: Results, name: str, of: str) -> dict[str, dict[str, int]]:
     """How often each value of one column goes with each value of another: true -> named -> count."""
     table: dict[str, Counter[str]] = {}
-    for true, named in zip(results.column(of).to_list(), results.column(name).to_list(), strict=True):
-        if true is not None and named is not None:
-            table.setdefault(str(true), Counter())[str(named)] += 1
+    for true, value in zip(results.column(of).to_list(), results.column(name).to_list(), strict=True):
+        if true is not None and value is not None:
+            table.setdefault(str(true), Counter())[str(value)] += 1
     return {true: dict(sorted(row.items())) for true, row in sorted(table.items())}
 
 
