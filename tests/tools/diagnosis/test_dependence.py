@@ -1,6 +1,5 @@
 """Place and quantity are proven where no other would do, whatever the law; nothing is where something else would."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from generator.positions import Session, errors
 from generator.unlisted import SHAPES, Known, encoder_bump, fifth_power, of_temperature, one_jump, outside_case
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
-from trihedron.tools.diagnosis import Diagnosis, diagnose
+from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, Search, dependence, is_same, most_of_rivals
 from trihedron.tools.diagnosis.laws import Laws
@@ -219,15 +218,6 @@ def test_the_work_of_a_hundred_positions_is_small(tmp_path: Path):
     assert found.proven is not None
     assert (found.proven.pair.where, found.proven.pair.name) == ("accelerometer-1", "n1")
     assert work.done < 2e6
-
-
-def test_a_diagnosis_of_the_first_schema_is_still_read():
-    first = {"schema": "trihedron.diagnosis/1", "verdict": "consistent", "baseline_model": "asymmetric", "causes": []}
-    text = json.dumps(first | {"baseline": {"radius": 0.9, "falsified": False, "witness": []}})
-    assert (
-        json.loads(Diagnosis.model_validate_json(text).model_dump_json(by_alias=True))["schema"]
-        == "trihedron.diagnosis/3"
-    )
 
 
 @pytest.mark.acceptance

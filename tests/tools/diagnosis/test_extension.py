@@ -20,7 +20,7 @@ from trihedron.models.effects import EffectPlace, parameter_name
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.diagnosis import export_extended
 from trihedron.tools.diagnosis.cause import Finding, causes_of, centred
-from trihedron.tools.diagnosis.result import Diagnosis
+from trihedron.tools.diagnosis.result import Diagnosis, Explanation
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_predictions import undecided
@@ -50,9 +50,17 @@ def found(evidence, place: EffectPlace) -> Diagnosis:
     (fit,) = evidence.mended([place], Work())
     assert fit is not None
     fit = centred(evidence, fit)
-    causes = causes_of(evidence, fit)
-    told = {**evidence.head(), "evidence": evidence, "findings": (Finding(causes, fit),), "causes": causes}
-    return Diagnosis.model_validate({**told, **evidence.of_model(fit, ()), "verdict": "explained", "gain": None})
+    finding, calibration = Finding(causes_of(evidence, fit), fit), evidence.calibration_of(fit)
+    keys = {**evidence.head(), **evidence.of_model(fit, calibration, ())}
+    return Diagnosis(
+        **keys,
+        verdict="explained",
+        calibration=evidence.calibration_of(),
+        explanations=(Explanation.of(finding, calibration),),
+        causes=finding.causes,
+        findings=(finding,),
+        evidence=evidence,
+    )
 
 
 def beyond_noise(record, again) -> np.ndarray:
