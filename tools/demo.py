@@ -99,8 +99,10 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     write_text(out / "diagnosis.json", diagnosis.json_text())
     extended = export_extended(diagnosis, out / "extended")
     print(diagnosis)
-    hidden, named = words_of(case.answer()["hidden"]), judged(case, diagnosis).outcome == "right"
-    print(f"what was hidden: {hidden} -> {'named' if named else 'NOT named'}")
+    hidden = words_of(case.answer()["hidden"])
+    is_named = judged(case, diagnosis).outcome == "right"
+    naming = "named" if is_named else "not named"
+    print(f"what was hidden: {hidden} -> {naming.replace('not', 'NOT')}")
 
     say("5  Beyond the catalogue: an encoder errs in one part of its circle, as no effect of the catalogue does")
     bumped = with_bump(draw_alone(seed, effects=[]).measured())
@@ -113,7 +115,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
 
     sentence = (
         f"{inside} of {len(truth)} true values lie inside their guaranteed intervals; the effect hidden in the second "
-        f"record was {'named' if named else 'not named'}."
+        f"record was {naming}."
     )
     sections = [
         run_section(pl.read_parquet(files[0]), calibration.gravity, list(files)),
@@ -141,10 +143,12 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     provenance = {name: version(name) for name in ("trihedron", "fmpy", "pythonfmu", "highspy", "numpy", "scipy")}
     provenance |= {f"{name} FMU, sha256": entry["sha256"] for name, entry in hashes.items()}
     provenance |= {"seed of the hidden effect": str(seed)}
-    tone = "good" if named and inside == len(truth) else "attention"
+    tone = "good" if is_named and inside == len(truth) else "attention"
     write_text(
         page,
-        html(Page("Trihedron: the bench, end to end", sentence, sections, tone, provenance=provenance), folder=out),
+        html(
+            Page("Trihedron: the bench, end to end", sentence, sections, tone=tone, provenance=provenance), folder=out
+        ),
     )
     print(f"\nwritten: {', '.join(str(path) for path in [*files, measured, *extended])}")
     print(f"page: {page.resolve()}")
@@ -178,8 +182,8 @@ def copied_scenario(out: Path) -> Path:
     make_folders(folder)
     source = resources.files("trihedron.scenarios")
     text = (source / IMU_CALIBRATION).read_text(encoding="utf-8")
-    for said, shorter in SHORTER.items():
-        text = text.replace(said, shorter)
+    for phrase, shorter in SHORTER.items():
+        text = text.replace(phrase, shorter)
     write_text(folder / IMU_CALIBRATION, text)
     with resources.as_file(source / "imu-calibration-positions.csv") as path:
         shutil.copyfile(path, folder / path.name)
@@ -188,8 +192,10 @@ def copied_scenario(out: Path) -> Path:
 
 def true_values(scenario: Scenario, component: str) -> dict[str, Any]:
     """The parameters of a scenario's component, those that it does not name too; none where it is not in it."""
-    own = [s.parameters for s in scenario.fmus.values() if s.component == component]
-    return components()[component].parameter_starts | own[0] if own else {}
+    for fmu in scenario.fmus.values():
+        if fmu.component == component:
+            return components()[component].parameter_starts | fmu.parameters
+    return {}
 
 
 def place_of(scenario: Scenario) -> Bench:
@@ -202,14 +208,14 @@ def place_of(scenario: Scenario) -> Bench:
 def true_targets(scenario: Scenario) -> dict[str, float]:
     """True values of the 18 targets of a scenario's bench (the mounting is the identity), and of its gyros'."""
     truth = {name: true_values(scenario, name) for name in ("TurntableMotion", "AccelerometerBlock")}
-    found = dict(zip(TARGETS, target_values(true_elementary(truth, ()), np.eye(3)).tolist(), strict=True))
+    targets = dict(zip(TARGETS, target_values(true_elementary(truth, ()), np.eye(3)).tolist(), strict=True))
     if gyros := true_values(scenario, "GyroBlock"):
         # What else the calibration seeks of gyros this block has not.
-        own = dict.fromkeys((*GYRO_PARAMETERS, *LATENCIES), 0.0)
-        own |= zip(GYRO_PARAMETERS[BIAS], gyros["bias"], strict=True)
-        own |= zip(GYRO_PARAMETERS[MATRIX], gyros["scale_misalignment"], strict=True)
-        found |= own
-    return found
+        of_gyros = dict.fromkeys((*GYRO_PARAMETERS, *LATENCIES), 0.0)
+        of_gyros |= zip(GYRO_PARAMETERS[BIAS], gyros["bias"], strict=True)
+        of_gyros |= zip(GYRO_PARAMETERS[MATRIX], gyros["scale_misalignment"], strict=True)
+        targets |= of_gyros
+    return targets
 
 
 def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
@@ -256,9 +262,10 @@ def find_record(name: str) -> Path | None:
 
     It is looked for in the folder that $TRIHEDRON_DATA names, then in `../shared/data` beside the checkout.
     """
-    named = os.environ.get(VARIABLE)
-    checkout = Path(__file__).resolve().parents[1]
-    for folder in [*([Path(named)] if named else []), checkout.parent / "shared" / "data"]:
+    folders = [Path(__file__).resolve().parents[2] / "shared" / "data"]
+    if os.environ.get(VARIABLE):
+        folders.insert(0, Path(os.environ[VARIABLE]))
+    for folder in folders:
         path = folder / Path(name).name
         if path.is_file():
             return path

@@ -71,13 +71,13 @@ def simulate(
     """
     if not isinstance(scenario, str | Path | Mapping | orchestrator.Scenario):
         raise InputError(f"a scenario is a path, or what its file says, not {type(scenario).__name__}")
-    asked = orchestrator.Asked(start, stop, step, coupling, in_process, call_limit)
-    with own_effects.with_effects_of(effects_from), ssp.opened(scenario, asked) as (checked, ignored):
+    choice = orchestrator.Asked(start, stop, step, coupling, in_process, call_limit)
+    with own_effects.with_effects_of(effects_from), ssp.opened(scenario, choice) as (checked, ignored):
         folder = None if out is None else Path(out)
-        done = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
+        run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
     if plot is not None:
-        reports.write_plot_of_run(Path(plot), done)
-    return done
+        reports.write_plot_of_run(Path(plot), run)
+    return run
 
 
 def export(
@@ -193,7 +193,7 @@ def run_campaign(
     KeyboardInterrupt
         Ctrl-C; the folder is whole, and `resume` goes on
     """
-    done = campaigns.run_campaign(
+    result = campaigns.run_campaign(
         Path(campaign),
         None if out is None else Path(out),
         jobs=jobs,
@@ -202,9 +202,9 @@ def run_campaign(
         resume=resume,
         progress=progress,
     )
-    if done.folder is not None:
-        reports.write_campaign_page(done.folder)
-    return done
+    if result.folder is not None:
+        reports.write_campaign_page(result.folder)
+    return result
 
 
 def new(kind: str, file: str | Path | None = None, *, positions: int = 12) -> list[Path]:

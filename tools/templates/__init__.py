@@ -55,12 +55,12 @@ def _text(kind: str, name: str, positions: int) -> str:
     if kind in ("scenario", "mounting"):
         text = resources.files("trihedron.tools.templates").joinpath(f"{kind}.toml").read_text(encoding="utf-8")
         return text.format(name=name)
-    made: dict[str, Callable[[], str]] = {
+    makers: dict[str, Callable[[], str]] = {
         "record": lambda: _position_record(name, positions),
         "raw-record": lambda: _series(RAW.required, "a row for each sample, the moves of the table included", name),
         "strapdown-record": lambda: _series(STRAPDOWN_RATES.required, "a row for each sample", name),
     }
-    return made[kind]()
+    return makers[kind]()
 
 
 def _angles(positions: int) -> list[tuple[float, float]]:
@@ -76,14 +76,16 @@ def _angles(positions: int) -> list[tuple[float, float]]:
 
 def _programme(positions: int) -> str:
     rows = [f"{alpha:g},{beta:g}" for alpha, beta in _angles(positions)]
-    said = "# Where the table goes, in this order; a column dwell_s may give each position its own time."
-    return "\n".join([said, "alpha_deg,beta_deg", *rows, ""])
+    heading = "# Where the table goes, in this order; a column dwell_s may give each position its own time."
+    return "\n".join([heading, "alpha_deg,beta_deg", *rows, ""])
 
 
 def _about(names: tuple[str, ...], what: str, name: str) -> list[str]:
-    said = [f"# {what}. `trihedron check {name}.csv` says what is not filled in yet."]
-    said += [f"# {column}: {ABOUT[column]}" for column in names if column in ABOUT]
-    return said
+    lines = [f"# {what}. `trihedron check {name}.csv` says what is not filled in yet."]
+    for column in names:
+        if column in ABOUT:
+            lines.append(f"# {column}: {ABOUT[column]}")
+    return lines
 
 
 def _position_record(name: str, positions: int) -> str:
@@ -96,5 +98,8 @@ def _position_record(name: str, positions: int) -> str:
 
 def _series(names: tuple[str, ...], what: str, name: str) -> str:
     row = "," * (len(names) - 1)
-    more = "# Where known, more columns: temperature_degC" + ("; q0, q1, q2, q3" if "w1_radps" in names else "")
-    return "\n".join([*_about(names, what[0].upper() + what[1:], name), more + ".", ",".join(names), f"0.00{row}", ""])
+    further = "# Where known, more columns: temperature_degC"
+    if "w1_radps" in names:
+        further += "; q0, q1, q2, q3"
+    heading = _about(names, what[0].upper() + what[1:], name)
+    return "\n".join([*heading, further + ".", ",".join(names), f"0.00{row}", ""])
