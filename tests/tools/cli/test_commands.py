@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import trihedron
-from generator.positions import write_hidden_record
 from trihedron.tools import cli
 from trihedron.tools.records import PositionRecord, read_record
 
@@ -21,7 +20,8 @@ SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 def record(tmp_path_factory) -> Path:
     """A measured record with a hidden quadratic term."""
     path = tmp_path_factory.mktemp("record") / "measured.csv"
-    write_hidden_record(path, 5, path.with_name("answer.json"), effects=["quadratic"])
+    answer = path.with_name("answer.json")
+    assert cli.main(["hidden", str(path), "--seed", "5", "--answer", str(answer), "--effect", "quadratic"]) == 0
     return path
 
 
@@ -62,8 +62,8 @@ def test_dwell_scatter_alone_falsifies_nothing(tmp_path, monkeypatch, capsys):
         result = json.loads(Path("result.json").read_text())
         assert status == 0
         assert result["verdict"] == "insufficient"
-        basis = result["sigma"]["from"] if "sigma" in result else result["noise_bound_basis"]
-        assert "scatter" in basis
+        sigma = result["sigma"] if command == "calibrate" else result["calibration"]["sigma"]
+        assert "scatter" in sigma["from"]
         assert "repeat positions" in out
 
 
