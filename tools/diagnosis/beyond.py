@@ -324,7 +324,7 @@ class Beyond:
         errors = np.abs(trial.folds[1]) / float(np.median(fit.bound))
         return dict(zip(trial.rows.tolist(), errors, strict=True))
 
-    def _left_out(self, fit: Fit) -> dict[str, float | None]:
+    def _left_out(self, fit: Fit) -> dict[str, Any]:
         """Radius, and errors of positions that were left out, over their bounds."""
         errors = np.array(list(self._folds(fit).values()))
         if not len(errors):

@@ -118,7 +118,7 @@ def answered(
     as_well = []
     for other in findings:
         # The formula by another name is no other set.
-        if len(other.places) > 1 or other.places[0] not in same:
+        if len(other.places) != 1 or not set(other.places) <= set(same):
             as_well.append(tuple(NamedEffect.of(effect) for effect in other.places))
     keys |= {"objections": tuple(objections), "as_well": tuple(as_well), "finding": finding}
     keys["gain"] = evidence.gain(finding.fit) if rerun else None

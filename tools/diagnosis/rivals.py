@@ -130,7 +130,7 @@ class Listed:
         added = self._beyond_model(columns)
         size = np.linalg.norm(added)
         beyond = [np.linalg.norm(added - space @ (space.T @ added)) for space in self._spaces_of(pair)]
-        return min(beyond, default=np.inf) <= LIKE * size
+        return bool(min(beyond, default=np.inf) <= LIKE * size)
 
     def _spaces_of(self, pair: Pair) -> list[NDArray[np.float64]]:
         """What functions of a pair add to the model: those that have most freedom of each form, and each jump."""

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,11 +28,16 @@ SIGMA = 1e-5
 QUADRATIC, CUBIC = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("cubic", "accelerometer-1")
 
 
+def together(*records, **options) -> Any:
+    """The diagnosis of several records."""
+    return th.diagnose_together(*records, **options)
+
+
 @pytest.fixture(scope="module")
-def found() -> Diagnosis:
+def found() -> Any:
     """Three records: a quadratic term in all, a cubic one in the second alone."""
     records = of_one_instrument(5, shared=[(QUADRATIC, (4e-4,))], own={1: [(CUBIC, (4e-4,))]})
-    return th.diagnose_together(*records, noise_bound=SIGMA)
+    return together(*records, noise_bound=SIGMA)
 
 
 def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(found):
@@ -85,7 +91,7 @@ def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs
     assert "Cubic accelerometer-1, found in record-2: helps on no other record: it is the run's" in str(found)
 
 
-def judged(monkeypatch, records) -> Diagnosis:
+def judged(monkeypatch, records) -> Any:
     """Records judged together; nothing is simulated."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
     return several.diagnosed_together(
@@ -139,24 +145,24 @@ def test_a_name_that_no_parameter_has_is_refused_before_any_diagnosis(monkeypatc
     monkeypatch.setattr(procedure, "diagnosed", unwanted)
     records = of_one_instrument(21, 2, positions=20)
     with pytest.raises(InputError, match=r"^own X99: no parameter of these records"):
-        th.diagnose_together(*records, noise_bound=SIGMA, own=["X99"])
+        together(*records, noise_bound=SIGMA, own=["X99"])
 
 
 @pytest.mark.acceptance
 def test_records_without_a_secret_need_nothing():
-    clean = th.diagnose_together(*of_one_instrument(21, positions=20), noise_bound=SIGMA)
+    clean = together(*of_one_instrument(21, positions=20), noise_bound=SIGMA)
     assert clean.verdict == "consistent"
     assert clean.causes == ()
     assert clean.radius is not None
     assert clean.radius < 1.0
-    assert len(clean.parameters) == 9
+    assert len(clean.stated.parameters) == 9
     assert clean.cross_gain == ()
 
 
 def test_three_that_are_each_insufficient_end_together_in_a_verdict():
     """Six positions do not determine eighteen parameters; three days of six determine the shared nine and their own."""
-    clean = th.diagnose_together(*of_one_instrument(18, positions=6), noise_bound=SIGMA)
-    wrong = th.diagnose_together(*of_one_instrument(18, positions=6, shared=[(QUADRATIC, (3e-3,))]), noise_bound=SIGMA)
+    clean = together(*of_one_instrument(18, positions=6), noise_bound=SIGMA)
+    wrong = together(*of_one_instrument(18, positions=6, shared=[(QUADRATIC, (3e-3,))]), noise_bound=SIGMA)
     for result in (clean, wrong):
         assert {one.diagnosis.verdict for one in result.records} == {"insufficient"}
         assert "each by itself is insufficient, together they are not" in str(result)
@@ -191,7 +197,7 @@ def test_where_a_record_by_itself_needs_less_than_together_what_is_not_sought_wa
 
 
 def test_too_few_positions_stay_insufficient_whatever_they_would_fit():
-    few = th.diagnose_together(*of_one_instrument(16, positions=4), noise_bound=SIGMA)
+    few = together(*of_one_instrument(16, positions=4), noise_bound=SIGMA)
     assert few.verdict == "insufficient"
     assert "X4" in few.missing
 
@@ -204,7 +210,7 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
     # Scale factors of the first accelerometer, both signs.
     benches[2][[9, 12]] += 3e-4
     made = [simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))) for bench in benches]
-    result = th.diagnose_together(*made, noise_bound=SIGMA)
+    result = together(*made, noise_bound=SIGMA)
     assert result.verdict in ("explained", "ambiguous")
     assert result.runs["record-3"] == "yes"
     assert result.instrument == "no"
@@ -215,7 +221,7 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
 def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypatch):
     """Its signature is constant: where it belongs only other accelerometers can say."""
     monkeypatch.setattr(several, "cross_gains", lambda _: ((), ()))
-    result = th.diagnose_together(*of_one_instrument(21, 2, positions=20), noise_bound=SIGMA, shared=["bias-1"])
+    result = together(*of_one_instrument(21, 2, positions=20), noise_bound=SIGMA, shared=["bias-1"])
     sets = result.sets
     assert [[(cause.where, cause.is_of_instrument) for cause in causes] for causes in sets] == [[("X16", False)]]
 
@@ -241,7 +247,7 @@ def test_a_record_that_nothing_mends_is_left_out_and_said():
     rng = np.random.default_rng(0)
     broken = records[1].specific_force + 0.02 * rng.normal(size=records[1].specific_force.shape)
     records[1] = replace(records[1], specific_force=broken)
-    result = th.diagnose_together(*records, noise_bound=SIGMA)
+    result = together(*records, noise_bound=SIGMA)
     assert result.judged == ("record-1", "record-3")
     assert (result.records[1].left_out or "").startswith("unexplained by itself: ")
     assert str(result).splitlines()[0].endswith("; not judged with the others: record-2.")
@@ -309,7 +315,7 @@ def test_what_the_true_attitude_errs_by_is_stated_for_all_records(monkeypatch):
     for k in range(2):
         block = draw_clean_block(77, k, "truth").instrument
         records.append(replace(block, temperature=None).measured(7, k))
-    result = th.diagnose_together(*records, reference_bound=1.0)
+    result = together(*records, reference_bound=1.0)
     assert [one.diagnosis.reference_bound_arcmin for one in result.records] == [1.0, 1.0]
     assert all((one.diagnosis.noise_bound_arcmin or 0.0) > 2.0 for one in result.records)
     assert (result.verdict, result.causes) == ("consistent", ())
@@ -317,15 +323,13 @@ def test_what_the_true_attitude_errs_by_is_stated_for_all_records(monkeypatch):
 
 def test_a_bound_of_the_true_attitude_is_refused_of_records_of_a_table():
     with pytest.raises(InputError, match="reference_bound 1: is of a strapdown record"):
-        th.diagnose_together(*of_one_instrument(21, 2, positions=20), reference_bound=1.0)
+        together(*of_one_instrument(21, 2, positions=20), reference_bound=1.0)
 
 
 @pytest.mark.acceptance
 def test_records_of_a_table_and_by_hand_are_judged_together():
     """By hand alone the term of the second accelerometer is ambiguous; with the table it is the instrument's."""
-    result = th.diagnose_together(
-        *at_a_table_and_by_hand(3, [(QUADRATIC, (2e-3,))]), noise_bound=SIGMA, baseline="symmetric"
-    )
+    result = together(*at_a_table_and_by_hand(3, [(QUADRATIC, (2e-3,))]), noise_bound=SIGMA, baseline="symmetric")
     assert [one.diagnosis.verdict for one in result.records] == ["explained", "ambiguous"]
     assert result.verdict == "explained"
     assert [(cause.title, cause.is_of_instrument) for cause in result.causes] == [(QUADRATIC.title, True)]
