@@ -11,7 +11,7 @@ from ..diagnosis.beyond import Beyond, BeyondCatalogue, StatedLaw
 from ..diagnosis.cause import Cause
 from ..diagnosis.laws import words_of
 from ..diagnosis.result import Diagnosis
-from ..document.blocks import Picture, Section, Table
+from ..document.blocks import Section, Table
 from ..document.notation import Cell, sentence, unit_text
 from ..evidence.pairs import GYROS, in_words
 from ..rounding import digits, interval, residual, upwards
@@ -73,13 +73,16 @@ def _function_of(law: BeyondCatalogue) -> str:
 
 
 def beyond_words(result: Diagnosis) -> str:
-    """That the model is extended by what stands in no catalogue; empty where it is not."""
-    if (law := result.extension) is None:
+    """Return in a sentence that the model is extended by what stands in no catalogue; empty where it is not."""
+    law = result.extension
+    if law is None:
         return ""
-    forms = ("A table of each gyro", "Formulas, ") if law.beside else ("A table", "The formula ")
-    what = forms[0] if law.kind == "lookup" else f"{forms[1]}{law.words}"
-    extend = "extend" if law.beside else "extends"
-    return f"{what}, {_function_of(law)}, {extend} it beyond the catalogue: a description, no cause{_needed(law)}."
+    form = "A table" if law.kind == "lookup" else f"The formula {law.words}"
+    extends = "extends"
+    if law.beside:
+        form = "A table of each gyro" if law.kind == "lookup" else f"Formulas, {law.words}"
+        extends = "extend"
+    return f"{form}, {_function_of(law)}, {extends} it beyond the catalogue: a description, no cause{_needed(law)}."
 
 
 def _needed(law: BeyondCatalogue) -> str:
@@ -96,83 +99,117 @@ def _left_out(law: StatedLaw) -> str:
 
 
 def sections(result: Diagnosis) -> list[Section]:
-    """The band of each place as a picture with laws and readings, and a table of the laws; none where there is none."""
-    bands = result.bands or ((result.band,) if result.band else ())
+    """Return the band of each place as a picture with laws and readings, the first with a table of the laws."""
+    bands = result.bands or ()
+    if result.band:
+        bands = (result.band,)
     if not bands or result.beyond is None:
         return []
-    first, *further = (
-        _pictured(result.beyond, band, possible) for band, possible in zip(bands, result.beyond.each, strict=True)
+    pictured = []
+    for band, possible in zip(bands, result.beyond.each, strict=True):
+        pictured.append(_pictured(result.beyond, band, possible))
+    texts = [sentence(text) for text in result.caution or ()]
+    texts.append(HOW_TO_READ)
+    if "readings" in pictured[0].caption:
+        texts.append(POINTS)
+    first = Section(
+        "What the record says, whatever the law", texts, pictured[0].picture, pictured[0].caption, _table(result)
     )
-    _, picture, caption = first
-    points = [POINTS] if "readings" in caption else []
-    text = [sentence(text) for text in result.caution or ()] + [HOW_TO_READ, *points]
-    head = Section("What the record says, whatever the law", text, picture, caption, _table(result))
-    return [head, *(Section(title, (), picture, caption) for title, picture, caption in further)]
+    return [first, *pictured[1:]]
 
 
-def _pictured(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> tuple[str, Picture, str]:
-    """The title, the picture and the caption of the band of one place."""
-    circle, angular = possible.pair.circle, is_angular(band.where)
-    across, up, error = (math.degrees(1.0) if circle else 1.0), 1e5, "1e-5 g"
-    if angular or band.where in GYROS:
-        up, error = (ARCSECONDS, "arcsec") if angular else (1e3, "1e-3 rad/s")
+def _pictured(beyond: Beyond, band: BandOfFunctions, possible: Possible) -> Section:
+    """Return the picture of the band of one place, with its title and its caption."""
+    circle = possible.pair.circle
+    across = math.degrees(1.0) if circle else 1.0
+    up, error = _scale(band.where)
     at, values = beyond.readings
-    by = "rad/s" if band.quantity.startswith("w") else "rad/s²" if band.quantity.startswith("d") else "g"
-    unit = "deg" if circle else UNITS.get(band.quantity, "·".join([by] * len(band.quantity.split())))
-    band_drawn = BandDrawn(
+    quantity = ANGLES.get(band.quantity, in_words(band.quantity))
+    unit = "deg" if circle else _unit_of_quantity(band.quantity)
+    if unit:
+        quantity = f"{quantity} [{unit}]"
+    drawn = BandDrawn(
         at=across * np.array([knot["at"] for knot in band.knots]),
         low=up * np.array([knot["low"] for knot in band.knots]),
         high=up * np.array([knot["high"] for knot in band.knots]),
         knots=across * possible.knots,
         readings=(across * at, up * values),
-        lines=[(name, up * values) for name, values in beyond.lines_of(possible)],
-        quantity=f"{ANGLES.get(band.quantity, in_words(band.quantity))} [{unit}]".replace(" []", ""),
+        lines=[(name, up * line) for name, line in beyond.lines_of(possible)],
+        quantity=quantity,
         error=f"{band.where.replace('-', ' ')} [{error}]",
         steps=band.steps,
         circle=circle,
     )
-    what = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
-    caption = f"{what}: what the record leaves possible, laws{', and the readings' if len(at) else ''}."
-    return what, band_picture(band_drawn), caption
+    title = f"What {band.where.replace('-', ' ')} errs by as a function of {in_words(band.quantity)}"
+    readings = ", and the readings" if len(at) else ""
+    caption = f"{title}: what the record leaves possible, laws{readings}."
+    return Section(title, (), band_picture(drawn), caption)
+
+
+def _scale(where: str) -> tuple[float, str]:
+    """Return by what an error at a place is multiplied to be drawn, and the unit that it has then."""
+    if is_angular(where):
+        return ARCSECONDS, "arcsec"
+    return (1e3, "1e-3 rad/s") if where in GYROS else (1e5, "1e-5 g")
+
+
+def _unit_of_quantity(quantity: str) -> str:
+    """Return the unit of a quantity that is no angle; of a product that of its factors."""
+    if quantity in UNITS:
+        return UNITS[quantity]
+    unit = "g"
+    if quantity.startswith("w"):
+        unit = "rad/s"
+    elif quantity.startswith("d"):
+        unit = "rad/s²"
+    return "·".join([unit] * len(quantity.split()))
 
 
 def _table(result: Diagnosis) -> Table | None:
-    """The laws that stand, and what extends the model."""
+    """Return the laws that stand, and a table that extends the model; None where there are none."""
+    laws = list(result.laws or ())
+    extension = result.extension
+    if extension is not None and extension.kind == "lookup":
+        laws.append(extension)
     rows: list[list[Cell]] = []
-    law = result.extension
-    laws = [*(result.laws or ()), *([law] if law is not None and law.kind == "lookup" else [])]
     for law in laws:
-        name = law.words if not isinstance(law, BeyondCatalogue) or not law.knots else "table"
         left_out = "" if law.left_out_rms is None else digits(law.left_out_rms)
         for cause in law.causes:
-            of = (
-                name
-                if not law.beside
-                else f"gyro {_gyro_of(cause)}: {name if name == 'table' else words_of(cause.place)}"
-            )
+            name = _law_name(law, cause)
             for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-                rows.append([of, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left_out])
+                rows.append([name, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left_out])
     header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms"]
     return Table(header, rows) if rows else None
 
 
+def _law_name(law: StatedLaw, cause: Cause) -> str:
+    """Return a law in words; of laws of several gyros which gyro's this cause is."""
+    is_table = isinstance(law, BeyondCatalogue) and bool(law.knots)
+    name = "table" if is_table else law.words
+    if not law.beside:
+        return name
+    return f"gyro {_gyro_of(cause)}: {name if is_table else words_of(cause.place)}"
+
+
 def proven_text(result: Diagnosis) -> str:
-    """What is proven, whatever the law; empty where nothing is."""
+    """Return what is proven, whatever the law; empty where nothing is."""
     proven = result.proven
     if proven is None:
         return ""
+    head = "proven, whatever the law: "
     if proven.quantity and result.suffices:
         least = result.suffices[0]
-        names = f"; this record does not tell it from {' and '.join(proven.same)}" if proven.same else ""
-        return (
-            f"proven, whatever the law: {least.in_words} suffices, radius {residual(least.radius)}, and nothing else "
-            f"that is as simple{names}"
-        )
+        text = f"{head}{least.in_words} suffices, radius {residual(least.radius)}, and nothing else that is as simple"
+        if proven.same:
+            text += f"; this record does not tell it from {' and '.join(proven.same)}"
+        return text
     place = proven.place.replace("-", " ")
     if not proven.not_excluded:
-        return f"proven, whatever the law: the {place} alone suffices, and no other place does"
-    of = f"{'one of ' if len(proven.not_excluded) > 1 else ''}{', '.join(proven.not_excluded)}"
-    return f"proven, whatever the law: the {place}; not on what it depends there: a function of {of} would do"
+        return f"{head}the {place} alone suffices, and no other place does"
+    quantities = ", ".join(proven.not_excluded)
+    if len(proven.not_excluded) > 1:
+        quantities = f"one of {quantities}"
+    return f"{head}the {place}; not on what it depends there: a function of {quantities} would do"
 
 
 def bound_text(result: Diagnosis) -> str:
@@ -192,15 +229,16 @@ def level_texts(result: Diagnosis) -> list[str]:
 
 
 def level_section(result: Diagnosis) -> Section | None:
-    """What suffices whatever the law; None where the model stands."""
+    """Return what suffices whatever the law; None where the model stands."""
+    paragraphs = [sentence(text) for text in level_texts(result)]
+    if not (result.band or result.bands):
+        # The band, where there is one, has the cautions.
+        paragraphs += [sentence(text) for text in result.caution]
     if not result.suffices and not proven_text(result):
         return None
-    rows: list[list[Cell]] = [
-        [function.where, function.on, function.form, str(function.complexity), residual(function.radius)]
-        for function in result.suffices or ()
-    ]
+    rows: list[list[Cell]] = []
+    for function in result.suffices or ():
+        complexity = str(function.complexity)
+        rows.append([function.where, function.on, function.form, complexity, residual(function.radius)])
     header = ["place", "quantity", "form", "complexity", "radius"]
-    # The band, where there is one, has the cautions.
-    caution = () if result.band or result.bands else result.caution
-    paragraphs = [sentence(text) for text in (proven_text(result), *caution, bound_text(result)) if text]
     return Section("Place and quantity", paragraphs, table=Table(header, rows) if rows else None)

@@ -19,25 +19,16 @@ def verdict_sentence(result: Diagnosis) -> str:
     return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
 
 
+LACKS = "The simulation lacks something"
+
+
 def _verdict(result: Diagnosis) -> str:
-    lacks = "The simulation lacks something"
     if result.verdict == "explained":
         return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
     if result.verdict == "ambiguous":
-        against = f" But {result.objections[0]}." if result.objections else ""
-        if only_unlisted(result):
-            against += f" {sentence(result.caution[0])}"
-        return f"{lacks}, and the record does not say what: {rivals(result)}{against}"
-    least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
-    if result.verdict == "unexplained" and result.not_named:
-        return f"{lacks}: {least}, and {result.not_named[0]}."
-    if result.verdict == "unexplained" and result.cut_off_at is not None:
-        return f"{lacks}: {least}. {sentence(cut_off(result.cut_off_at))}"
-    if result.verdict == "unexplained" and (text := beyond.proven_text(result)):
-        return f"{lacks}, and what is {text}."
+        return _ambiguous(result)
     if result.verdict == "unexplained":
-        text = f"{lacks} that is not in the catalogue: {least}, and no set of up to three effects mends it."
-        return f"{text} {beyond.beyond_words(result)}".rstrip()
+        return _unexplained(result)
     if result.verdict == "insufficient":
         return f"Too little was measured to judge the simulation: {missing_words(result)}."
     return (
@@ -46,32 +37,55 @@ def _verdict(result: Diagnosis) -> str:
     )
 
 
+def _ambiguous(result: Diagnosis) -> str:
+    """Return which sets would explain the record, and what speaks against the first."""
+    text = f"{LACKS}, and the record does not say what: {rivals(result)}"
+    if result.objections:
+        text += f" But {result.objections[0]}."
+    if only_unlisted(result):
+        text += f" {sentence(result.caution[0])}"
+    return text
+
+
+def _unexplained(result: Diagnosis) -> str:
+    """Return what is known of a record that nothing explains: an objection, a cut-off, a place, or the residual."""
+    least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
+    if result.not_named:
+        return f"{LACKS}: {least}, and {result.not_named[0]}."
+    if result.cut_off_at is not None:
+        return f"{LACKS}: {least}. {sentence(cut_off(result.cut_off_at))}"
+    proven = beyond.proven_text(result)
+    if proven:
+        return f"{LACKS}, and what is {proven}."
+    text = f"{LACKS} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+    return f"{text} {beyond.beyond_words(result)}".rstrip()
+
+
 def missing_words(result: Diagnosis) -> str:
-    """What is to be added, or which targets are left open."""
+    """Return what is to be added, or which targets are left open."""
     texts = [gap for gap in result.missing or () if isinstance(gap, str)]
-    return (
-        f"to add: {'; '.join(texts)}"
-        if texts
-        else f"the readings do not determine {bench.open_targets(result.evidence.calibration)}"
-    )
+    if texts:
+        return f"to add: {'; '.join(texts)}"
+    return f"the readings do not determine {bench.open_targets(result.evidence.calibration)}"
 
 
 def rivals(result: Diagnosis) -> str:
-    """The sets of effects that remain, few by their names, and what further positions would do."""
+    """Return the sets of effects that remain, few by their names, and what further positions would do."""
     sets = sets_of(result)
-    titles = (
-        " or ".join(finding.title for finding in sets) if len(sets) <= FEW_RIVALS else f"{len(sets)} sets of effects"
-    )
-    further = "" if result.cut_off_at is None else f", {OTHERS_MAY}"
-    text = f"{titles} would explain it{further}."
+    text = f"{len(sets)} sets of effects would explain it"
+    if len(sets) <= FEW_RIVALS:
+        text = f"{' or '.join([finding.title for finding in sets])} would explain it"
+    if result.cut_off_at is not None:
+        text += f", {OTHERS_MAY}"
     proposed = len(result.next_positions or ())
     if not proposed:
-        return text
+        return f"{text}."
     sure = len(bench.deciding(result.evidence.calibration.linearised, result.next_positions or ()))
     if sure == proposed:
-        return f"{text} Readings at {proposed} further position{'s' if proposed > 1 else ''} decide."
-    tells = "none surely tells" if not sure else "one surely tells" if sure == 1 else f"{sure} surely tell"
-    return f"{text} Of {proposed} further positions that are proposed {tells} two of them apart."
+        positions = "position decides" if proposed == 1 else "positions decide"
+        return f"{text}. Readings at {proposed} further {positions}."
+    tells = {0: "none surely tells", 1: "one surely tells"}.get(sure, f"{sure} surely tell")
+    return f"{text}. Of {proposed} further positions that are proposed {tells} two of them apart."
 
 
 def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
