@@ -45,12 +45,12 @@ def applied_page(result: Applied) -> Page:
 
 
 def helps_lines(result: Diagnosis) -> list[str]:
-    """Where each effect that was found helps; one that helps nowhere else is the run's."""
-    return [
-        f"{effect.effect}, found in {effect.found_in}: "
-        + (f"helps on {', '.join(effect.on)}" if effect.on else "helps on no other record: it is the run's")
-        for effect in result.helps or ()
-    ]
+    """Return where each effect that was found helps; one that helps nowhere else belongs to its run."""
+    lines = []
+    for effect in result.helps or ():
+        where = f"helps on {', '.join(effect.on)}" if effect.on else "helps on no other record: it is the run's"
+        lines.append(f"{effect.effect}, found in {effect.found_in}: {where}")
+    return lines
 
 
 def words(name: str) -> str:
@@ -60,33 +60,41 @@ def words(name: str) -> str:
 
 
 def verdict_line(result: Diagnosis) -> str:
-    """The first line: the verdict; where records that say too little alone say enough together, that they do."""
+    """Return the verdict; where records that say too little alone say enough together, that they do."""
     text = VERDICTS[result.verdict]
     if result.radius is None:
         text = "insufficient: nothing is said of all together, as fewer than two records can be judged so"
     if result.verdict == "ambiguous" and not result.alternatives:
         also = "as the cautions say" if result.caution else "that were not tried"
         text = f"ambiguous: one set makes all records consistent together, and others may {also}"
-    alone = [entry.diagnosis.verdict for entry in result.records or () if entry.left_out is None]
-    if alone and set(alone) == {"insufficient"} and result.verdict != "insufficient":
+    verdicts, left_out = set(), []
+    for entry in result.records or ():
+        if entry.left_out is None:
+            verdicts.add(entry.diagnosis.verdict)
+        else:
+            left_out.append(entry.record)
+    if verdicts == {"insufficient"} and result.verdict != "insufficient":
         text += "; each by itself is insufficient, together they are not"
-    if result.radius is not None and (
-        left_out := [entry.record for entry in result.records or () if entry.left_out is not None]
-    ):
+    if result.radius is not None and left_out:
         text += f"; not judged with the others: {', '.join(left_out)}"
     return text
 
 
 def sentences(result: Diagnosis) -> list[str]:
-    """What is found, whose it is, with its sizes."""
-    sets = result.sets[:MOST_SETS]
-    texts = [f"{'or: ' if number else ''}{cause_text(cause)}" for number, causes in enumerate(sets) for cause in causes]
+    """Return what is found, whose it is, with its sizes."""
+    texts = []
+    for number, causes in enumerate(result.sets[:MOST_SETS]):
+        for cause in causes:
+            texts.append(f"or: {cause_text(cause)}" if number else cause_text(cause))
     if len(result.sets) > MOST_SETS:
         texts.append(f"... and {len(result.sets) - MOST_SETS} sets more")
-    if result.verdict == "ambiguous":
-        of_run = [label for label, answer in (result.runs or {}).items() if answer == "yes"]
-        texts += ["in every one of these sets something is the instrument's"] if result.instrument == "yes" else []
-        texts += [f"in every one of these sets something is of the run {label} alone" for label in of_run]
+    if result.verdict != "ambiguous":
+        return texts
+    if result.instrument == "yes":
+        texts.append("in every one of these sets something is the instrument's")
+    for label, answer in (result.runs or {}).items():
+        if answer == "yes":
+            texts.append(f"in every one of these sets something is of the run {label} alone")
     return texts
 
 
@@ -166,22 +174,24 @@ def _titles(explanation: Explanation | None) -> str | None:
 
 
 def _gains(result: Diagnosis) -> list[Section]:
+    """Return what was found in one record does to the errors of each; none where there is no such gain."""
     if not result.cross_gain:
         return []
-    sources = [applied.found_in for applied in result.cross_gain[0].applied]
-    rows: list[list[Cell]] = [
-        [f"{gain.record}, {gain.over}", digits(gain.rms), *(digits(applied.rms) for applied in gain.applied), gain.unit]
-        for gain in result.cross_gain
-    ]
+    header = ["errors of", "without"]
+    for applied in result.cross_gain[0].applied:
+        header.append(f"with that of {applied.found_in}")
+    rows: list[list[Cell]] = []
+    for gain in result.cross_gain:
+        errors = [digits(applied.rms) for applied in gain.applied]
+        rows.append([f"{gain.record}, {gain.over}", digits(gain.rms), *errors, gain.unit])
     paragraph = (
         "What was found in one record, applied to each by the extended FMUs: errors, root mean square. Sizes are those "
         "of the one record; a record's own biases, or mounting and table, are its own. What explains nothing by "
         "itself, but helps most, counts as found."
     )
-    table = Table(["errors of", "without", *(f"with that of {source}" for source in sources), "unit"], rows)
-    return [
-        Section("What one record says of the others", [paragraph, *map(sentence, helps_lines(result))], table=table)
-    ]
+    helps = [sentence(line) for line in helps_lines(result)]
+    table = Table([*header, "unit"], rows)
+    return [Section("What one record says of the others", [paragraph, *helps], table=table)]
 
 
 def _typeset(name: str) -> str:
@@ -190,32 +200,28 @@ def _typeset(name: str) -> str:
 
 
 def _repeatability(parameters: Sequence[Repeated]) -> list[Section]:
+    """Return each parameter in each record by itself; none where nothing is repeated."""
     if not parameters:
         return []
-    labels = [record.record for record in parameters[0].records]
     rows: list[list[Cell]] = []
     for parameter in parameters:
-        cells = [None if record.estimate is None else minus(_possible(record)) for record in parameter.records]
-        most = None if parameter.at_most is None else upwards(parameter.at_most)
-        rows.append(
-            [
-                _typeset(parameter.name),
-                parameter.of,
-                *cells,
-                downwards(parameter.at_least),
-                most,
-                unit_text(parameter.unit),
-            ]
-        )
-    header = ["parameter", "of", *labels, "changes at least", "at most", "unit"]
+        cells: list[Cell] = [_typeset(parameter.name), parameter.of]
+        for record in parameter.records:
+            cells.append(None if record.estimate is None else minus(_possible(record)))
+        cells.append(downwards(parameter.at_least))
+        cells.append(None if parameter.at_most is None else upwards(parameter.at_most))
+        cells.append(unit_text(parameter.unit))
+        rows.append(cells)
+    labels = [record.record for record in parameters[0].records]
+    table = Table(["parameter", "of", *labels, "changes at least", "at most", "unit"], rows)
     paragraph = (
         "Each record by itself, with the effects that are named. Every value inside an interval is possible, "
         "none outside: where two intervals do not meet, the parameter is no constant."
     )
-    drawn = drawable(parameters)
+    if not drawable(parameters):
+        return [Section("Repeatability", [paragraph], table=table)]
     caption = "A bar for each record, in their order from above; each row has a scale of its own."
-    picture = repeatability_picture(parameters) if drawn else None
-    return [Section("Repeatability", [paragraph], picture, caption if drawn else "", Table(header, rows))]
+    return [Section("Repeatability", [paragraph], repeatability_picture(parameters), caption, table)]
 
 
 CALIBRATED = {

@@ -28,7 +28,7 @@ HEAD: Mapping[str, tuple[str, ...]] = {
 
 
 def read_about(path: Path) -> dict[str, str]:
-    """What a TOML file says of a calibration: keys as of comment lines, texts or numbers; else an InputError."""
+    """Read what a TOML file says of a calibration: keys as of comment lines, texts or numbers; else an InputError."""
     label = f"--about {path}"
     try:
         content = tomllib.loads(bytes_of(path, label=label, most=LARGEST_TEXT).decode("utf-8-sig"))
@@ -36,52 +36,70 @@ def read_about(path: Path) -> dict[str, str]:
         raise InputError(f"{label}: is not TOML: {error}") from error
     if not content:
         raise InputError(f'{label}: says nothing; write serial_number = "...", operator, bench, date, temperature')
-    known = [key for keys in HEAD.values() for key in keys]
+    keys: list[str] = []
+    for names in HEAD.values():
+        keys += names
+    about = {}
     for key, value in content.items():
-        if key.casefold() not in known:
-            raise InputError(f"{label}: {key}: unknown key; {nearest(key, known)}")
+        if key.casefold() not in keys:
+            raise InputError(f"{label}: {key}: unknown key; {nearest(key, keys)}")
         if isinstance(value, bool | dict | list):
             raise InputError(f"{label}: {key}: a text, a number or a date must stand there")
-    return {key: str(value) for key, value in content.items()}
+        about[key] = str(value)
+    return about
 
 
 def sheet_page(result: Calibration, record: PositionRecord | None, about: Mapping[str, str]) -> Page:
-    """The sheet; `about` goes before the comment lines of the record, and what nobody says is left to write."""
-    measured = {} if record is None else {**(record.raw.about if record.raw is not None else {}), **record.about}
-    said = {key.casefold(): text for key, text in (*measured.items(), *about.items())}
-    head = {name: next((said[key] for key in keys if key in said), "") for name, keys in HEAD.items()}
-    if not head["temperature"] and record is not None and record.temperature is not None:
-        low, high = float(record.temperature.min()), float(record.temperature.max())
-        head["temperature"] = digits(low) if high - low < 0.05 else f"{digits(low)} to {digits(high)}"
-    if head["temperature"]:
-        head["temperature"] = f"{head['temperature'].removesuffix('°C').strip()} °C"
+    """Return the sheet; `about` goes before the comment lines of the record, and what nobody says is left to write."""
     sections = [_numbers("Calibrated values", result, result.targets)]
     if result.verdict == "consistent":
-        terms = bench.correction_terms(correction_of(result.to_json(), "calibration"), result.noise_bound, "_")
-        sections.append(
-            Section(
-                "Equation of correction",
-                f"f are the readings in m/s², g = {digits(result.gravity, 9)} m/s²; g n are the corrected readings.",
-                equations=[
-                    equation(f"{n} = {of} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}")
-                    for n, of, plus, minus in terms
-                ],
-            )
-        )
-    evidence = {"evidence": f"{result.positions} positions, {result.measurements} readings"}
-    rests: list[list[Cell]] = [[name, str(text)] for name, text in (evidence | bench.provenance(result)).items()]
+        sections.append(_correction(result))
+    rests: list[list[Cell]] = [["evidence", f"{result.positions} positions, {result.measurements} readings"]]
+    for name, value in bench.provenance(result).items():
+        rests.append([name, str(value)])
     sections.append(Section("What it rests on", table=Table(["", ""], rests)))
     if result.gyros is not None:
         sections.append(_numbers("Gyros, in the accelerometers' axes", result, result.of_gyros))
-    signed = Table(["calibrated by: name, signature", "checked by: name, signature", "date"], [["", "", ""]])
+    signatures = Table(["calibrated by: name, signature", "checked by: name, signature", "date"], [["", "", ""]])
+    sections.append(Section("Signed", table=signatures))
     return Page(
         "Calibration sheet",
         verdict_sentence(result),
-        [*sections, Section("Signed", table=signed)],
+        sections,
         tone=TONES.get(result.verdict, "attention"),
-        key=head,
+        key=_head(record, about),
         sheet=True,
     )
+
+
+def _head(record: PositionRecord | None, about: Mapping[str, str]) -> dict[str, str]:
+    """Return who measured what, when and how warm; empty texts where nobody says it."""
+    facts: dict[str, str] = {}
+    if record is not None:
+        if record.raw is not None:
+            facts |= record.raw.about
+        facts |= record.about
+    facts = {key.casefold(): text for key, text in (facts | dict(about)).items()}
+    head = {}
+    for name, keys in HEAD.items():
+        texts = [facts[key] for key in keys if key in facts]
+        head[name] = texts[0] if texts else ""
+    if not head["temperature"] and record is not None and record.temperature is not None:
+        head["temperature"] = bench.temperature_text(record.temperature)
+    if head["temperature"]:
+        head["temperature"] = f"{head['temperature'].removesuffix('°C').strip()} °C"
+    return head
+
+
+def _correction(result: Calibration) -> Section:
+    """Return the equation of correction with its numbers."""
+    equations = []
+    for n, reading, plus, minus in bench.correction_terms(
+        correction_of(result.to_json(), "calibration"), result.noise_bound, "_"
+    ):
+        equations.append(equation(f"{n} = {reading} / {{{plus} ; 'where' {n} > 0 | {minus} ; 'where' {n} < 0}}"))
+    text = f"f are the readings in m/s², g = {digits(result.gravity, 9)} m/s²; g n are the corrected readings."
+    return Section("Equation of correction", text, equations=equations)
 
 
 def _numbers(title: str, result: Calibration, parameters: Sequence[Parameter]) -> Section:
