@@ -8,7 +8,8 @@ import pytest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis.cause import Cause, Finding
 from trihedron.tools.diagnosis.witness import Witness
-from trihedron.tools.evidence.fit import Fit, Trial, Worst
+from trihedron.tools.evidence.evidence import Trial, Worst
+from trihedron.tools.evidence.fit import Fit
 
 HYSTERESIS = EffectPlace("hysteresis", "accelerometer-1")
 BASE = EffectPlace("base-drift", "base")
