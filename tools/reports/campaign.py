@@ -215,14 +215,16 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
 
 
 def counted(summary: CampaignResult) -> list[str]:
-    """The rates of the whole campaign, each as a sentence."""
-    return [
-        f"{item['rate'].capitalize()} was {told_values(item)} in {entry['count'] or 'none'} of {entry['cases']}."
-        for item in summary.computed
-        if "rate" in item and "against" not in item
-        for entry in item["result"][:1]
-        if entry["cases"]
-    ]
+    """Return the rates of the whole campaign, each as a sentence."""
+    sentences = []
+    for item in summary.computed:
+        if "rate" not in item or "against" in item or not item["result"]:
+            continue
+        entry = item["result"][0]
+        if entry["cases"]:
+            count = entry["count"] or "none"
+            sentences.append(f"{item['rate'].capitalize()} was {told_values(item)} in {count} of {entry['cases']}.")
+    return sentences
 
 
 def _changes(comparison: Comparison) -> Section:
@@ -266,6 +268,7 @@ def _about(campaign: Campaign) -> Section:
 
 
 def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Section]:
+    """Return rates against scalars, then a section for each other item that a campaign computes."""
     sections: list[Section] = []
     curves: dict[str, dict[str, Any]] = {}
     for item in items:
@@ -282,16 +285,12 @@ def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Sect
             title = f"{item['of']}, and what {item['confusion']} was"
             sections.append(Section(title, picture=suites.confusion_picture(outcome), caption=f"Rows: {item['of']}."))
         else:
-            sections += [
-                Section(
-                    f"What {name} depends on",
-                    picture=suites.sensitivity_picture(name, entry, runs),
-                    caption=_method(entry, runs),
-                )
-                for name, entry in outcome.items()
-                for runs in [int(np.isfinite(results.numbers(name)).sum())]
-            ]
-    return [*(_rates(against, outcome) for against, outcome in curves.items()), *sections]
+            for name, entry in outcome.items():
+                runs = int(np.isfinite(results.numbers(name)).sum())
+                picture = suites.sensitivity_picture(name, entry, runs)
+                sections.append(Section(f"What {name} depends on", picture=picture, caption=_method(entry, runs)))
+    rates = [_rates(against, by_label) for against, by_label in curves.items()]
+    return rates + sections
 
 
 def _method(entry: Mapping[str, Any], runs: int) -> str:
@@ -306,49 +305,43 @@ def _method(entry: Mapping[str, Any], runs: int) -> str:
 
 
 def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Section:
-    first = next(iter(curves.values()))
-    header = ["from", "to", "runs", *curves]
+    """Return rates over ranges of a scalar, a column for each of several rates."""
     rows: list[list[Cell]] = []
-    for k, entry in enumerate(first):
-        of_curves = [ranges[k] for ranges in curves.values()]
-        if any(of["cases"] for of in of_curves):
-            ends = (digits(entry[end], 6) for end in ("low", "high"))
-            rows.append([*ends, entry["cases"], *(str(of["count"]) for of in of_curves)])
+    for ranges in zip(*curves.values(), strict=True):
+        if any(entry["cases"] for entry in ranges):
+            ends = [digits(ranges[0]["low"], 6), digits(ranges[0]["high"], 6)]
+            counts = [str(entry["count"]) for entry in ranges]
+            rows.append([*ends, ranges[0]["cases"], *counts])
     return Section(
         f"Rates against {against}",
         picture=suites.rates_picture(curves, against),
         caption="Lines are intervals of 95 % (Wilson).",
-        table=Table(header, rows),
+        table=Table(["from", "to", "runs", *curves], rows),
     )
 
 
 def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
-    entries = item["result"]
-    filled = {name: entry for name, entry in entries.items() if entry["runs"]}
-    at = next((entry["quantiles"] for entry in filled.values()), [])
-    header = [
-        "scalar",
-        "meaning",
-        "unit",
-        "runs",
-        "mean",
-        *(f"{exactly(round(100.0 * q['at'], 9))} %" for q in at),
-        "largest",
-    ]
+    """Return the distribution of each scalar: mean, quantiles, largest value."""
+    header = ["scalar", "meaning", "unit", "runs", "mean"]
     rows: list[list[Cell]] = []
-    for name, entry in filled.items():
-        figures = (entry["mean"], *(q["value"] for q in entry["quantiles"]))
-        numbers = [*(digits(figure, 4) for figure in figures), upwards(entry["largest"], 4)]
-        rows.append([name, *scalar_words(name), entry["runs"], *numbers])
-    columns = {scalar_words(name): np.asarray(results.numbers(name)) for name in filled}
-    marks = {scalar_words(name): [q["value"] for q in entry["quantiles"]] for name, entry in filled.items()}
-    title = "Distributions" if len(entries) > 1 else f"Distribution of {next(iter(entries))}"
-    picture = suites.distributions_picture(columns, marks)
+    columns, marks = {}, {}
+    for name, entry in item["result"].items():
+        if not entry["runs"]:
+            continue
+        quantiles = entry["quantiles"]
+        if not rows:
+            header += [f"{exactly(round(100.0 * quantile['at'], 9))} %" for quantile in quantiles]
+        words = scalar_words(name)
+        columns[words] = np.asarray(results.numbers(name))
+        marks[words] = [quantile["value"] for quantile in quantiles]
+        figures = [digits(value, 4) for value in (entry["mean"], *marks[words])]
+        rows.append([name, *words, entry["runs"], *figures, upwards(entry["largest"], 4)])
+    names = list(item["result"])
     return Section(
-        title,
-        picture=picture,
+        "Distributions" if len(names) > 1 else f"Distribution of {names[0]}",
+        picture=suites.distributions_picture(columns, marks),
         caption="Runs over values; dashed lines are the quantiles.",
-        table=Table(header, rows).without_empty_columns(),
+        table=Table([*header, "largest"], rows).without_empty_columns(),
     )
 
 

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,24 +142,29 @@ def _norm_section(result: Calibration, *, gaps_named: bool = False) -> Section:
     return Section("Accelerometers at rest", paragraphs, table=table)
 
 
+GYRO_VERDICTS = {
+    "constant": "constant",
+    "named": "",
+    "ambiguous": "several models do: ",
+    "wandering": "not constant, but nothing is supported that would explain it",
+    "insufficient": "insufficient, too few rests",
+}
+
+
 def gyro_lines(gyros: GyrosAtRest) -> list[str]:
-    """What the gyros' means at rest do."""
-    summary = {
-        "constant": "constant",
-        "named": "",
-        "ambiguous": "several models do: ",
-        "wandering": "not constant, but nothing is supported that would explain it",
-        "insufficient": "insufficient, too few rests",
-    }[gyros.verdict]
+    """Return what the gyros' means at rest do, in lines."""
+    summary = GYRO_VERDICTS[gyros.verdict]
     if gyros.verdict in ("named", "ambiguous"):
-        summary += "; ".join(model.title for model in gyros.standing)
+        summary += "; ".join([model.title for model in gyros.standing])
     lines = [f"gyros at rest: {summary}"]
     for model in gyros.tried:
-        chance = (
-            "" if model.by_chance is None else f", as good for {digits(100.0 * model.by_chance)} % of shuffled rests"
-        )
-        lines.append(f"  {model.title}: radius {residual(model.radius)}{chance}")
-    return lines + [f"  not tried, {why}" for why in gyros.not_tried]
+        line = f"  {model.title}: radius {residual(model.radius)}"
+        if model.by_chance is not None:
+            line += f", as good for {digits(100.0 * model.by_chance)} % of shuffled rests"
+        lines.append(line)
+    for reason in gyros.not_tried:
+        lines.append(f"  not tried, {reason}")
+    return lines
 
 
 def record_sections(
@@ -187,22 +193,17 @@ def record_sections(
 
 
 def _gyros(gyros: GyrosAtRest) -> Section:
-    summary, *_ = gyro_lines(gyros)
-    rows: list[list[Cell]] = [
-        [
-            model.title,
-            residual(model.radius),
-            None if model.by_chance is None else Number(f"{digits(100.0 * model.by_chance)} %"),
-        ]
-        for model in gyros.tried
-    ]
+    """Return the models of the gyros' means at rest, and how well each explains them."""
+    paragraphs = [sentence(gyro_lines(gyros)[0])]
+    for reason in gyros.not_tried:
+        paragraphs.append(sentence(f"not tried: {reason}"))
+    rows: list[list[Cell]] = []
+    for model in gyros.tried:
+        chance = None if model.by_chance is None else Number(f"{digits(100.0 * model.by_chance)} %")
+        rows.append([model.title, residual(model.radius), chance])
     header = ["model of the means", "largest residual over its bound", "shuffled rests that do as well"]
-    reasons = [sentence(f"not tried: {why}") for why in gyros.not_tried]
-    return Section(
-        "Gyros at rest",
-        [sentence(summary), *reasons],
-        table=Table(header, rows).without_empty_columns() if rows else None,
-    )
+    table = Table(header, rows).without_empty_columns() if rows else None
+    return Section("Gyros at rest", paragraphs, table=table)
 
 
 HOW_RATES_ARE_TAKEN = {
@@ -298,27 +299,35 @@ def split_lines(run: AttitudeRun) -> list[str]:
 
 
 def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
-    """Attitude errors of a measured record, a row for each run; the picture is that of the last."""
+    """Return attitude errors of a measured record, a row for each run; the picture is that of the last."""
     last = runs[-1]
     rows: list[list[Cell]] = []
+    files: list[Path | str] = []
     for run in runs:
-        bias = "none" if run.gyro_bias is None else ", ".join(digits(np.degrees(value)) for value in run.gyro_bias)
-        error_parts = [None if part is None else part[run.judged] for part in (run.heading, run.tilt)]
-        parts = [None if part is None else float(np.sqrt(np.mean(part**2))) for part in error_parts]
-        drift = None if run.drift is None else 60.0 * run.drift
-        figures = [None if v is None else math.degrees(v) for v in (run.rms, run.maximum, run.final, drift, *parts)]
-        rms, largest, *further = figures
-        rows.append([Number(bias), digits(rms), upwards(largest, 3), *map(digits, further)])
-    names = ["rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]", "heading rms [deg]", "tilt rms [deg]"]
+        files += run.files
+        if run.rms is None or run.maximum is None or run.final is None or run.drift is None:
+            continue
+        bias = "none"
+        if run.gyro_bias is not None:
+            bias = ", ".join([digits(math.degrees(rate)) for rate in run.gyro_bias])
+        errors = [digits(math.degrees(run.rms)), upwards(math.degrees(run.maximum), 3), digits(math.degrees(run.final))]
+        cells: list[Cell] = [Number(bias), *errors, digits(60.0 * math.degrees(run.drift))]
+        for part in (run.heading, run.tilt):
+            cells.append(None if part is None else digits(rms_degrees(part[run.judged])))
+        rows.append(cells)
+    header = ["gyro bias taken out [deg/s]", "rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]"]
+    table = Table([*header, "heading rms [deg]", "tilt rms [deg]"], rows) if rows else None
+    paragraphs = [f"{run_line(last)}."]
+    for line in [*care_lines(last), *split_lines(last)]:
+        paragraphs.append(sentence(line))
+    bias = "" if last.gyro_bias is None else "their bias at rest taken out, "
     return Section(
         "A measured strapdown record",
-        [f"{run_line(last)}.", *map(sentence, [*care_lines(last), *split_lines(last)])],
+        paragraphs,
         attitude_picture(last),
-        "Attitude from the measured gyros, "
-        + ("" if last.gyro_bias is None else "their bias at rest taken out, ")
-        + "less the true attitude.",
-        Table(["gyro bias taken out [deg/s]", *names], rows) if last.rms is not None else None,
-        files=[file for run in runs for file in run.files],
+        f"Attitude from the measured gyros, {bias}less the true attitude.",
+        table,
+        files,
     )
 
 
