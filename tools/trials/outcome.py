@@ -11,7 +11,7 @@ from ..diagnosis.several import diagnosed_together
 from ..result import ABSENT, Told
 from .bench import NOISE_BOUND
 from .case import Case
-from .sizes import Hidden, NamedInRecord, Secret
+from .sizes import Hidden, Secret
 
 KINDS = ("right", "candidate", "part", "wrong", "unexplained", "consistent", "insufficient")
 """What can come of a case.
@@ -64,7 +64,7 @@ class Outcome(Told):
     """of the diagnosis"""
     outcome: str
     """one of `KINDS`"""
-    named: tuple[NamedInRecord, ...]
+    named: tuple[NamedEffect, ...]
     """the set that was named, or the best of those that remain"""
     inside: bool | None
     """whether the true parameters are inside their intervals; None where the effect was not named by its own name"""
@@ -123,7 +123,7 @@ class Outcome(Told):
         return between.join(place.title for place in places)
 
 
-def _names(effects: Iterable[EffectPlace | NamedInRecord]) -> str:
+def _names(effects: Iterable[EffectPlace | NamedEffect]) -> str:
     return " + ".join(sorted(effect.effect for effect in effects))
 
 
@@ -159,7 +159,7 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
         radius=result.radius,
         verdict=result.verdict,
         outcome=kind,
-        named=tuple(NamedInRecord.of(cause.place) for cause in sets[0]) if sets else (),
+        named=tuple(NamedEffect.of(cause.place) for cause in sets[0]) if sets else (),
         inside=inside,
     )
 

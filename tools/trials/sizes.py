@@ -26,7 +26,6 @@ from ..calibration.model import Linearisation
 from ..diagnosis.cause import NamedEffect
 from ..evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns, untold_readings
 from ..evidence.fit import coefficient_count
-from ..evidence.of_record import InRecord, in_record
 from ..evidence.setting_in import SettingIn
 from ..result import finite_or_none
 
@@ -115,25 +114,7 @@ class Hidden:
         return replace(self, values=tuple(values.values()))
 
 
-class NamedInRecord(NamedEffect):
-    """An effect at its place, of several records in one of them alone, or in all."""
-
-    record: str | None = None
-
-    @staticmethod
-    def of(place: EffectPlace) -> "NamedInRecord":
-        """The effect at a place."""
-        record = place.record if isinstance(place, InRecord) else None
-        alone: dict[str, Any] = {} if record is None else {"record": record}
-        return NamedInRecord(**NamedEffect.keys(place), **alone)
-
-    @property
-    def place(self) -> EffectPlace:
-        """The effect and its place."""
-        return super().place if self.record is None else in_record(super().place, self.record)
-
-
-class Secret(NamedInRecord):
+class Secret(NamedEffect):
     """What was hidden in a bench: the effect, its parameters, and its size against the two that have a theory."""
 
     parameters: dict[str, float]
@@ -149,7 +130,7 @@ class Secret(NamedInRecord):
     def hidden(hidden: Hidden) -> "Secret":
         """What was hidden."""
         return Secret(
-            **dict(NamedInRecord.of(hidden.place).to_json()),
+            **NamedEffect.keys(hidden.place),
             parameters=hidden.parameters,
             size=hidden.size,
             surely_detected=finite_or_none(hidden.sizes.detected),

@@ -11,7 +11,7 @@ from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.settling import lagged
 from trihedron.tools import cli
-from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.diagnosis.cause import Cause, NamedEffect
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.of_record import in_record
 from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors
@@ -19,7 +19,6 @@ from trihedron.tools.trials.case import Case, Options
 from trihedron.tools.trials.draw import draw_case
 from trihedron.tools.trials.hiding import expected, faultless_record
 from trihedron.tools.trials.outcome import diagnosed, judged, kind_of
-from trihedron.tools.trials.sizes import NamedInRecord
 from trihedron.tools.trials.suite import Suite, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
 
@@ -290,6 +289,6 @@ def test_an_effect_of_another_record_is_a_wrong_name_and_one_that_nothing_tells_
     alike = (in_record(cube, "record-2"),)
     assert kind_of(hidden, "explained", named(in_record(square, "record-2"), square, same=alike)) == "right"
     assert kind_of(hidden, "ambiguous", [*named(cube), *named(*hidden)]) == "candidate"
-    assert NamedInRecord.of(hidden[1]).to_json()["record"] == "record-2"
-    assert "record" not in NamedInRecord.of(square).to_json()
-    assert [NamedInRecord.of(place).place for place in hidden] == list(hidden)
+    assert NamedEffect.of(hidden[1]).to_json()["record"] == "record-2"
+    assert "record" not in NamedEffect.of(square).to_json()
+    assert [NamedEffect.of(place).place for place in hidden] == list(hidden)
