@@ -244,7 +244,9 @@ def is_workbook(content: bytes) -> bool:
 
 
 def _size(count: int) -> str:
-    return f"{count >> 30} GiB" if count >= 1 << 30 else f"{count >> 20} MiB"
+    if count >= 1 << 30:
+        return f"{count >> 30} GiB"
+    return f"{count >> 20} MiB"
 
 
 def json_text(content: Mapping[str, Any], indent: int = 2) -> str:

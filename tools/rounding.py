@@ -59,7 +59,9 @@ class Stated(float):
         if not self.low <= self <= self.high or _within(text, self.low, self.high) or "." not in form:
             return text
         more = re.sub(r"\.(\d+)", lambda places: f".{int(places[1]) + 1}", form)
-        return format(self, more) if int(more.partition(".")[2][:-1]) <= MOST_DIGITS else text
+        if int(more.partition(".")[2][:-1]) <= MOST_DIGITS:
+            return format(self, more)
+        return text
 
 
 def _within(text: str, low: float, high: float) -> bool:
@@ -87,7 +89,9 @@ def downwards(value: float | None, count: int = 2, above: float | None = None) -
     text = _significant(value, count, ROUND_FLOOR)
     if value is None or above is None or not above < value < math.inf:
         return text
-    return text if Decimal(text) > decimal(above) else downwards(value, count + 1, above)
+    if Decimal(text) > decimal(above):
+        return text
+    return downwards(value, count + 1, above)
 
 
 def digits(value: float | None, count: int = 3) -> Number:
@@ -100,7 +104,9 @@ def exactly(value: float | None, count: int = MOST_DIGITS) -> Number:
 
     `count`: of a number that was computed from such, as a period from time stamps, so many digits count at most.
     """
-    return NONE if value is None else _significant(float(f"{value:.{count}g}"), MOST_DIGITS, ROUND_HALF_EVEN)
+    if value is None:
+        return NONE
+    return _significant(float(f"{value:.{count}g}"), MOST_DIGITS, ROUND_HALF_EVEN)
 
 
 def residual(radius: float | None, count: int = 3) -> Number:
@@ -109,7 +115,9 @@ def residual(radius: float | None, count: int = 3) -> Number:
     Up to 1 it says within what a model explains readings, and is rounded up; above 1 that nothing leaves less, and is
     rounded down, with the digits that show that it is above 1.
     """
-    return upwards(radius, count) if radius is None or radius <= 1.0 else downwards(radius, count, above=1.0)
+    if radius is None or radius <= 1.0:
+        return upwards(radius, count)
+    return downwards(radius, count, above=1.0)
 
 
 def interval(
@@ -134,11 +142,19 @@ def interval(
     finite = [decimal(number) for number, _ in ways if number is not None and math.isfinite(number)]
     largest = max(map(abs, finite), default=Decimal(0))
     if bound is None or not 0.0 < bound < math.inf:
-        own = 3 if low is None or high is None or low < high else MOST_DIGITS
+        if low is None or high is None or low < high:
+            own = 3
+        else:
+            own = MOST_DIGITS
         return tuple(_significant(number, own, how) for number, how in ways)  # type: ignore[return-value]
-    size = largest.adjusted() if largest else 0
+    size = 0
+    if largest:
+        size = largest.adjusted()
     place = max(decimal(bound).adjusted() - 1, size - MOST_DIGITS + 1)
-    power = 0 if place >= -MOST_DECIMALS and size < FIXED.stop else size
+    if place >= -MOST_DECIMALS and size < FIXED.stop:
+        power = 0
+    else:
+        power = size
     shown, below, above = (_placed(number, place, power, how) for number, how in ways)
     # Of a positive number that is known to some powers of ten the place of the width would show nothing.
     if value is not None and low is not None and 0.0 <= low <= value and 0.0 < value < DECADES * bound:
@@ -174,7 +190,11 @@ def _significant(value: float | None, count: int, how: str) -> Number:
     for _ in range(2):
         size = rounded.adjusted()
         place = size - count + 1
-        rounded = _quantised(rounded, min(place, 0) if size in FIXED else place, how)
+        if size in FIXED:
+            kept_place = min(place, 0)
+        else:
+            kept_place = place
+        rounded = _quantised(rounded, kept_place, how)
     if rounded == number:
         rounded = rounded.normalize(_EXACT)
     size = rounded.adjusted()
@@ -185,7 +205,11 @@ def _placed(value: float | None, place: int, power: int, how: str) -> Number:
     """A number rounded at the power of ten `place` and written in units of 10**power."""
     if value is None or not math.isfinite(value):
         return _significant(value, 1, how)
-    rounded = _quantised(decimal(value), place if power else min(place, 0), how)
+    if power:
+        rounded_place = place
+    else:
+        rounded_place = min(place, 0)
+    rounded = _quantised(decimal(value), rounded_place, how)
     if not rounded:
         rounded = abs(rounded)
     return Number(f"{rounded.scaleb(-power, _EXACT):f}{f'e{power}' if power and rounded else ''}")

@@ -126,7 +126,10 @@ def _texts(table: UnderstoodTable) -> tuple[dict[str, list[str]], list[int], dic
             fields = (origin.field, *origin.beside)
             turn[column] = fields[k % len(fields)].place
         turns.append(turn)
-    numeric = [column for column, origin in origins.items() if origin.form == NUMBER]
+    numeric = []
+    for column, origin in origins.items():
+        if origin.form == NUMBER:
+            numeric.append(column)
     texts: dict[str, list[str]] = {column: [] for column in origins}
     lines: list[int] = []
     left_out: dict[str, list[int]] = {}
@@ -180,7 +183,9 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
             what = f"{quoted(text.strip())} is in another unit than {origin.name!r} or the rows before"
             raise InputError(f"{at} {line}: {what}; one unit for a column is needed")
         first = first or unit
-    plain = None if column in QUATERNION else numbers_of(texts, table.decimal)
+    plain = None
+    if column not in QUATERNION:
+        plain = numbers_of(texts, table.decimal)
     if plain is not None:
         return np.array(plain)
     values = []
@@ -212,7 +217,9 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
     seconds = []
     for text, date, line in zip(texts[TIMES], dates, lines, strict=True):
         at = clock(text, mapping.clock) if origin.form == CLOCK else moment(text, order, mapping.clock)
-        midnight = moment(date, order) if DATE in texts else 0.0
+        midnight = 0.0
+        if DATE in texts:
+            midnight = moment(date, order)
         if at is None or midnight is None:
             what = f"column {origin.name!r}: {quoted(text.strip())} is no time like those before"
             raise InputError(f"{table.sheet.path}: row {line}, {what}")
@@ -239,7 +246,9 @@ def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[st
 
 def _resolution(table: UnderstoodTable, column: str, texts: Sequence[str]) -> float:
     unit = table.origins[column].unit
-    first = [bare(text).replace("−", "-") for text in islice(texts, DIGITS_OF)]
+    first = []
+    for text in islice(texts, DIGITS_OF):
+        first.append(bare(text).replace("−", "-"))
     if any(table.value(text) is None for text in first):
         # seconds of an arc, or minutes where there are none
         decimals = parts = 0
@@ -317,14 +326,22 @@ def _scatter(
     numbers: dict[str, NDArray[np.float64]], means: dict[str, NDArray[np.float64]], sizes: NDArray[np.int_]
 ) -> NDArray[np.float64]:
     """Standard error of a rest's mean for each accelerometer (3,) [m/s²]: scatter pooled over all rests."""
-    squares = np.array([np.sum((numbers[name] - np.repeat(means[name], sizes)) ** 2) for name in FORCE])
-    return np.sqrt(squares / np.sum(sizes - 1) * np.mean(1.0 / sizes))
+    squares = []
+    for name in FORCE:
+        squares.append(np.sum((numbers[name] - np.repeat(means[name], sizes)) ** 2))
+    return np.sqrt(np.array(squares) / np.sum(sizes - 1) * np.mean(1.0 / sizes))
 
 
 def record_columns(table: UnderstoodTable, conversion: Conversion) -> Columns:
     """The columns as a record's; the first that no record of its kind could have is refused, with the file's row."""
     numbers, kind, sizes = conversion.numbers, table.kind, conversion.resolution
-    present = [name for name in kind.known if name in numbers or (name == MOUNTING and conversion.names)]
+    present = []
+    for name in kind.known:
+        if name in numbers or (name == MOUNTING and conversion.names):
+            present.append(name)
+    scatter = ()
+    if conversion.scatter is not None:
+        scatter = tuple(conversion.scatter.tolist())
     columns = with_force(
         Columns(
             table.sheet.path,
@@ -335,7 +352,7 @@ def record_columns(table: UnderstoodTable, conversion: Conversion) -> Columns:
             sizes.get("mps2", 0.0),
             sizes.get("deg", 0.0),
             sizes.get("degC", 0.0),
-            Comments(scatter=() if conversion.scatter is None else tuple(conversion.scatter.tolist())),
+            Comments(scatter=scatter),
         )
     )
     for fault in faults(columns):
@@ -351,6 +368,10 @@ def _hint(table: UnderstoodTable, fault: RecordError) -> str:
             coarse = "; where the counter begins again or stands: --set columns.sample=none and "
             return f"{coarse}--set 'units.time=100 Hz'"
         if "repeats" in fault.what:
-            instead = "--set time=order" if table.kind is POSITION else "--set 'units.time=100 Hz'"
+            instead = "--set 'units.time=100 Hz'"
+            if table.kind is POSITION:
+                instead = "--set time=order"
             return f"; where times are written too coarsely: --set columns.time_s=none and {instead}"
-    return "; --set units.force=UNIT says what readings are in" if "gravity" in fault.what else ""
+    if "gravity" in fault.what:
+        return "; --set units.force=UNIT says what readings are in"
+    return ""

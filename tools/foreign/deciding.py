@@ -84,7 +84,10 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
             table.beside[column] = tuple(_field_named(table, column, name) for name in source.beside)
     mapped = {column for column, source in mapping.columns.items() if source != OPEN}
     # a column with a name and nothing in it, as templates have, is not there
-    filled = [field for field in table.fields if field.cells]
+    filled = []
+    for field in table.fields:
+        if field.cells:
+            filled.append(field)
     candidates: dict[str, list[Field]] = {}
     for field in filled:
         if field.head.column and field.head.column not in mapped and field not in fields.values():
@@ -119,7 +122,10 @@ def _by_unit(filled: list[Field], columns: tuple[str, ...]) -> dict[str, list[Fi
         if field.quantity == QUANTITY_OF[columns[0]]:
             name = normal(field.head.name)
             channel = re.fullmatch(r"(.*?) ?([xyz])", name)
-            stem, axis = channel.groups() if channel else (name, "")
+            if channel:
+                stem, axis = channel.groups()
+            else:
+                stem, axis = name, ""
             triads.setdefault(stem, {})[axis] = field
     if len(triads) != 1:
         return {}
@@ -180,7 +186,10 @@ def _field_named(table: UnderstoodTable, column: str, name: str) -> Field:
             return fields[names.index(spelled)]
     if name.isascii() and name.isdigit() and 1 <= int(name) <= len(fields):
         return fields[int(name) - 1]
-    heads = [field.head.text for field in fields if field.head.text]
+    heads = []
+    for field in fields:
+        if field.head.text:
+            heads.append(field.head.text)
     raise InputError(f"{table.sheet.path}: columns.{column}: there is no column {quoted(name)}; {nearest(name, heads)}")
 
 
@@ -191,7 +200,10 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     columns = list(fields.values())
     for further in table.beside.values():
         columns += further
-    free = [field.label for field in table.fields if field not in columns and field.cells]
+    free = []
+    for field in table.fields:
+        if field not in columns and field.cells:
+            free.append(field.label)
     name = table.mapping.kind.replace(OPEN, "")
     if not name and not of_table and not of_block:
         # two unknown columns can be angles alone, three gyros: which they are is asked below
@@ -208,10 +220,16 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
                 why = "angles of a table and gyros are both there"
             table.ask("kind", ("position record", "strapdown record"), why)
             required = FORCE
-        name = STRAPDOWN_RATES.name if of_block and not of_table else POSITION.name
+        if of_block and not of_table:
+            name = STRAPDOWN_RATES.name
+        else:
+            name = POSITION.name
     table.kind = next(kind for kind in KINDS if kind.name == name and kind is not STRAPDOWN_VELOCITIES)
     if name == STRAPDOWN_RATES.name and not fields.keys().isdisjoint(INCREMENT):
-        table.kind = STRAPDOWN_INCREMENTS if fields.keys().isdisjoint(VELOCITY) else STRAPDOWN_VELOCITIES
+        if fields.keys().isdisjoint(VELOCITY):
+            table.kind = STRAPDOWN_INCREMENTS
+        else:
+            table.kind = STRAPDOWN_VELOCITIES
     table.settled["kind"] = name
     for column in required or table.kind.required:
         if column not in fields and column not in ("position", TIMES):
@@ -284,9 +302,14 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     if table.mapping.time == "order" or table.is_asked("kind"):
         return
     is_position, has_unit = table.kind is POSITION, TIME in table.mapping.units
-    timed = [field.head.text for field in table.fields if field.quantity == TIME and field.cells]
+    timed = []
+    for field in table.fields:
+        if field.quantity == TIME and field.cells:
+            timed.append(field.head.text)
     if timed and not has_unit:
-        in_order = "; rows in their order: --set time=order" if is_position else ""
+        in_order = ""
+        if is_position:
+            in_order = "; rows in their order: --set time=order"
         table.ask("columns.time_s", timed[:3], f"which column is the time{in_order}")
         return
     why = "no column is known as a time: {}; else columns.time_s=NAME says which"
@@ -301,7 +324,9 @@ def _decide_dates(table: UnderstoodTable, field: Field) -> None:
     texts: dict[str, None] = {}
     for _, row in table.sheet.rows(table.layout.first, table.layout.last or None):
         text = cell(row, field.place)
-        date = None if is_missing(text, table.mapping.missing) else date_of(text)
+        date = None
+        if not is_missing(text, table.mapping.missing):
+            date = date_of(text)
         if date:
             texts.setdefault(date)
     orders = orders_of(texts)
@@ -329,13 +354,18 @@ def _origin(table: UnderstoodTable, column: str, field: Field) -> Origin:
 
 def _are_labels(field: Field) -> bool:
     """Whether positions are named and not numbered: P1, P2, ..., all alike but for their numbers."""
-    patterns = {re.sub(r"\d+", "0", text) for text in field.texts}
+    patterns = set()
+    for text in field.texts:
+        patterns.add(re.sub(r"\d+", "0", text))
     return len(patterns) == 1 and "0" in min(patterns) and patterns.isdisjoint(("0", "-0", "0.0", "0,0"))
 
 
 def _decide_attitude(table: UnderstoodTable) -> None:
     """Decide what a quaternion turns: asked for, but of a record's own columns."""
-    present = [column for column in QUATERNION if column in table.origins]
+    present = []
+    for column in QUATERNION:
+        if column in table.origins:
+            present.append(column)
     answer = table.mapping.attitude
     if len(present) < 4 or answer == "none":
         for column in present:
@@ -345,7 +375,9 @@ def _decide_attitude(table: UnderstoodTable) -> None:
     is_open = answer in ("", OPEN)
     if is_open and not has_own_names:
         table.ask("attitude", ("body to reference", "reference to body", "none"), "what the quaternion turns")
-    table.settled["attitude"] = "body to reference" if is_open else answer
+    if is_open:
+        answer = "body to reference"
+    table.settled["attitude"] = answer
 
 
 def _ask_of_words(table: UnderstoodTable) -> None:
@@ -355,29 +387,43 @@ def _ask_of_words(table: UnderstoodTable) -> None:
     """
     if table.is_asked("decimal", "thousands"):
         return
-    numeric = {column: origin for column, origin in table.origins.items() if origin.form == NUMBER}
+    numeric = {}
+    for column, origin in table.origins.items():
+        if origin.form == NUMBER:
+            numeric[column] = origin
     words: dict[str, str] = {}
     for column, origin in numeric.items():
-        line_of = {text: line for line, text in reversed(origin.field.cells) if table.reading(column, text) is None}
+        line_of = {}
+        for line, text in reversed(origin.field.cells):
+            if table.reading(column, text) is None:
+                line_of[text] = line
         _refuse_notation(table, origin, line_of)
         texts = origin.field.texts
         if texts and len(line_of) == len(set(texts)):
             table.ask(f"columns.{column}", ("NAME",), f"{origin.name!r} holds no numbers, but {quoted(texts[0])}")
             continue
-        places = [further.field.place for further in numeric.values() if further is not origin]
+        places = []
+        for further in numeric.values():
+            if further is not origin:
+                places.append(further.field.place)
         for line, text in origin.field.cells:
             if text in line_of and text not in words and _is_reading(table, line, places):
                 words[text] = f"row {line}, {origin.name!r}: {quoted(text)} is no number{_beside(table, text)}"
     if words:
         # a comma stands between answers
         answers = [text[:40] for text in words if "," not in text][:MOST_WORDS] or [next(iter(words))[:40]]
-        rows = "it" if len(words) == 1 else "such rows"
+        rows = "such rows"
+        if len(words) == 1:
+            rows = "it"
         table.ask("missing", (",".join(answers),), f"{next(iter(words.values()))}; this leaves {rows} out")
 
 
 def _refuse_notation(table: UnderstoodTable, origin: Origin, line_of: dict[str, int]) -> None:
     """Refuse numbers of a column in another notation; `line_of` has its texts that are no numbers, the first last."""
-    written = [text for text in line_of if NOTATION.search(text) and not text.startswith(COMMENT)]
+    written = []
+    for text in line_of:
+        if NOTATION.search(text) and not text.startswith(COMMENT):
+            written.append(text)
     if len(written) > MOST_ODD:
         first = written[-1]
         what = f"row {line_of[first]}, column {origin.name!r}: {quoted(first)} is no number{_beside(table, first)}"
@@ -417,7 +463,9 @@ def _decide_readings(table: UnderstoodTable) -> None:
             if value is not None:
                 angles.append(value * origin.unit.factor if origin.unit else value)
         if len(angles) == 2:
-            apart = [abs((a - b + 180.0) % 360.0 - 180.0) for a, b in zip(angles, before, strict=False)]
+            apart = []
+            for a, b in zip(angles, before, strict=False):
+                apart.append(abs((a - b + 180.0) % 360.0 - 180.0))
             still += bool(apart) and max(apart) <= STANDING_DEG
             before = angles
     if still:

@@ -101,7 +101,9 @@ class Imported(Result):
         """The record as a table; an empty one where the result came back from its JSON."""
         import polars as pl
 
-        return pl.DataFrame() if self.record is None else self.record.to_polars()
+        if self.record is None:
+            return pl.DataFrame()
+        return self.record.to_polars()
 
 
 def import_record(
@@ -112,7 +114,9 @@ def import_record(
     An InputError where something has to be said first: it names every option that would, and the mapping beside `out`
     is written with a line to fill in for each.
     """
-    mapping_file = None if out is None else mapping_beside(out)
+    mapping_file = None
+    if out is not None:
+        mapping_file = mapping_beside(out)
     for path in (out, mapping_file):
         ordinary_file(None, path)
     is_own = mapping is not None and mapping_file is not None and mapping.resolve() == mapping_file.resolve()
@@ -124,7 +128,10 @@ def import_record(
     table = understood(sheets[0], filled)
     if len(sheets) > 1:
         table.ask("sheet", [sheet.name for sheet in sheets], "tables stand in several sheets")
-    conversion = Conversion() if table.questions else converted(table)
+    if table.questions:
+        conversion = Conversion()
+    else:
+        conversion = converted(table)
     if table.questions:
         raise _questions(table, file, mapping_file, is_own=is_own)
     columns = record_columns(table, conversion)
@@ -160,7 +167,10 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
     sheets = [upright(sheet) for sheet in workbook_sheets(file, content)]
     if mapping.sheet not in ("", OPEN):
         return [sheet_of_workbook(sheets, file, mapping.sheet)]
-    tables = [sheet for sheet in sheets if has_table(sheet, mapping)]
+    tables = []
+    for sheet in sheets:
+        if has_table(sheet, mapping):
+            tables.append(sheet)
     if not tables:
         raise InputError(f"{file}: no sheet has rows of at least three numbers; a table of measured data is needed")
     return tables
@@ -169,7 +179,9 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
 def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *, is_own: bool) -> InputError:
     """The questions of a table in one line; the mapping to fill in is written, unless a person gave that file."""
     count = len(table.questions)
-    unknown = "one thing is" if count == 1 else f"{count} things are"
+    unknown = "one thing is"
+    if count != 1:
+        unknown = f"{count} things are"
     what = printable(f"{file}: {unknown} not known: " + "; ".join(map(str, table.questions)))
     if mapping_file is None:
         return InputError(what)
@@ -205,7 +217,9 @@ def _range_of_readings(conversion: Conversion) -> str:
     """The fewest and the most readings of a rest."""
     assert conversion.readings is not None
     low, high = int(conversion.readings.min()), int(conversion.readings.max())
-    return str(low) if low == high else f"{low} to {high}"
+    if low == high:
+        return str(low)
+    return f"{low} to {high}"
 
 
 def _imported(
@@ -216,9 +230,15 @@ def _imported(
 ) -> Imported:
     file, out, mapping_file = (None if path is None else str(path) for path in files)
     layout, columns = table.layout, record.columns()
-    lines = f"names in row {layout.names}" if layout.names else "no names"
-    lines += f", units in row {layout.units}" if layout.units else ""
-    left_out = [f"column {field.head.text!r}" for field in table.free_fields if field.head.text]
+    lines = "no names"
+    if layout.names:
+        lines = f"names in row {layout.names}"
+    if layout.units:
+        lines += f", units in row {layout.units}"
+    left_out = []
+    for field in table.free_fields:
+        if field.head.text:
+            left_out.append(f"column {field.head.text!r}")
     for why, rows in conversion.left_out.items():
         listed = ", ".join(map(str, rows[:LISTED])) + (", ..." if len(rows) > LISTED else "")
         left_out.append(f"{plural(len(rows), 'row')} ({why}): {listed}")
@@ -235,8 +255,12 @@ def _imported(
         )
     first_rows = []
     for k in range(min(SHOWN, len(record))):
-        row = {name: values[k] for name, values in columns.items()}
-        first_rows.append({name: value if isinstance(value, str) else float(value) for name, value in row.items()})
+        row = {}
+        for name, values in columns.items():
+            row[name] = values[k]
+            if not isinstance(values[k], str):
+                row[name] = float(values[k])
+        first_rows.append(row)
     return Imported(
         file=str(file),
         kind=record.word,
@@ -258,15 +282,22 @@ def _imported(
 def _imported_column(table: UnderstoodTable, column: str) -> ImportedColumn:
     """A column of the record as the file has it; the unit is the column's own, that of its quantity, or its head's."""
     origin, source = table.origins[column], table.mapping.of(column)
-    quantity = origin.unit.quantity if origin.unit is not None else ""
+    quantity = ""
+    if origin.unit is not None:
+        quantity = origin.unit.quantity
     by_quantity = table.whole_mapping.units.get(quantity, "")
     unit = origin.field.head.unit or by_quantity
     if quantity in table.mapping.units:
         unit = by_quantity
     unit = source.unit or unit
-    further = f" and {len(origin.beside)} beside it" if origin.beside else ""
+    further = ""
+    if origin.beside:
+        further = f" and {len(origin.beside)} beside it"
+    name = "time_s"
+    if column != DATE:
+        name = column
     return ImportedColumn(
-        column="time_s" if column == DATE else column,
+        column=name,
         source=origin.name + further,
         unit=unit,
         sign=origin.sign,

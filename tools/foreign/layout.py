@@ -56,12 +56,17 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     """Find the table of a sheet; an InputError where there is none."""
     head = list(islice(sheet.rows(), LOOKED_AT))
     first = _first_data(sheet, head, mapping)
-    above = [row for row in head if row[0] < first]
+    above = []
+    for row in head:
+        if row[0] < first:
+            above.append(row)
     rows = head[len(above) :]
     width = Counter(_width(texts) for _, texts in rows).most_common(1)[0][0]
     units, names = mapping.units_row, mapping.names
     if units < 0:
-        units = above[-1][0] if above and is_unit_row(above[-1][1]) else 0
+        units = 0
+        if above and is_unit_row(above[-1][1]):
+            units = above[-1][0]
     if names < 0:
         names = sheet.stated.header_row or _names_row(above, units, width)
     lines = dict(above)
@@ -86,10 +91,18 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     for place in range(count):
         unit = cell(under, place)
         name = cell(cells, place)
-        headings.append(_heading(groups[place], name, unit if unit.strip() else _unit_in(rows, place)))
+        if not unit.strip():
+            unit = _unit_in(rows, place)
+        headings.append(_heading(groups[place], name, unit))
         in_two_lines |= headings[-1].text not in ("", " ".join(name.split()))
-    inside = {names, units, names - 1} if in_two_lines else {names, units}
-    around = [row for row in above if row[0] not in inside]
+    if in_two_lines:
+        inside = {names, units, names - 1}
+    else:
+        inside = {names, units}
+    around = []
+    for row in above:
+        if row[0] not in inside:
+            around.append(row)
     last = mapping.last or _last_data(sheet, first)
     if last:
         around += sheet.rows(last + 1)
@@ -112,7 +125,10 @@ def _width(texts: Sequence[str]) -> int:
 
 def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
     """The first row of the longest stretch of data."""
-    stated = mapping.first if mapping.first > 0 else sheet.stated.first_row
+    if mapping.first > 0:
+        stated = mapping.first
+    else:
+        stated = sheet.stated.first_row
     lines = [line for line, _ in head]
     if stated:
         at = next((line for line in lines if line >= stated), 0)
@@ -133,7 +149,9 @@ def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
     first, second = head[at][1], head[at + 1][1] if at + 1 < len(head) else []
     names = [is_word(name) and is_value(below) for name, below in zip(first, second, strict=False)]
     # names of which most are numbers
-    return lines[at + 1] if sum(names) > 1 else lines[at]
+    if sum(names) > 1:
+        return lines[at + 1]
+    return lines[at]
 
 
 def _names_row(above: Sequence[Row], units: int, width: int) -> int:
@@ -146,7 +164,9 @@ def _names_row(above: Sequence[Row], units: int, width: int) -> int:
         words += is_word(text)
         # names may stand in two lines, each of which is short
         names += is_word(text) or not is_missing(cell(over, place))
-    return line if words >= 3 and names >= width // 2 else 0
+    if words >= 3 and names >= width // 2:
+        return line
+    return 0
 
 
 def _groups(above: Sequence[str], count: int) -> list[str]:
@@ -169,7 +189,9 @@ def _heading(group: str, text: str, unit: str) -> Heading:
     if not group:
         return alone
     grouped = _with_unit(heading(joined_head(group, text)), unit)
-    return grouped if grouped.column or (grouped.numbered and not alone.column) else alone
+    if grouped.column or (grouped.numbered and not alone.column):
+        return grouped
+    return alone
 
 
 def _with_unit(head: Heading, unit: str) -> Heading:
@@ -182,7 +204,9 @@ def _with_unit(head: Heading, unit: str) -> Heading:
         if in_two_lines.means_column:
             return in_two_lines
     with_unit = of_name(head.text, head.name, unit)
-    return with_unit if with_unit.means_column or not head.column else replace(head, unit=unit)
+    if with_unit.means_column or not head.column:
+        return with_unit
+    return replace(head, unit=unit)
 
 
 def _unit_in(rows: Sequence[Row], place: int) -> str:
@@ -191,7 +215,9 @@ def _unit_in(rows: Sequence[Row], place: int) -> str:
     if has_degree_mark(text) or (number(bare(text), ".") is None and number(bare(text), ",") is None):
         return ""
     unit = unit_behind(text)
-    return unit if known_unit(unit) else ""
+    if known_unit(unit):
+        return unit
+    return ""
 
 
 def _refuse_fields(sheet: Sheet, names: tuple[int, int], readings: tuple[int, int]) -> None:
@@ -207,17 +233,28 @@ def _last_data(sheet: Sheet, first: int) -> int:
     """The last row of data where words stand below it, else 0."""
     count = len(sheet.cells if sheet.cells is not None else sheet.lines)
     tail = list(sheet.rows(max(first, count - TAIL)))
-    lines = [line for line, texts in tail if is_data(texts)]
-    return lines[-1] if lines and lines[-1] != tail[-1][0] else 0
+    lines = []
+    for line, texts in tail:
+        if is_data(texts):
+            lines.append(line)
+    if lines and lines[-1] != tail[-1][0]:
+        return lines[-1]
+    return 0
 
 
 def remarks_of(rows: Sequence[Row]) -> dict[str, str]:
     """The lines around a table as key and text: "Serial number: A-17", "Operator;Meier"; others are remarks."""
     remarks: dict[str, str] = {}
     for _, texts in rows[:MOST_REMARKS]:
-        parts = [part for part in map(_printable, texts) if part]
+        parts = []
+        for part in map(_printable, texts):
+            if part:
+                parts.append(part)
         pairs = [re.fullmatch(r"([^\W\d][^:=]{0,60}?)\s*(?:[:=])\s*(\S.*)", part) for part in parts]
-        keyed = [pair.groups() for pair in pairs if pair]
+        keyed = []
+        for pair in pairs:
+            if pair:
+                keyed.append(pair.groups())
         if len(keyed) < len(parts):
             key = parts[0].rstrip(":= ")
             is_key = len(parts) > 1 and key and not key[0].isdigit() and ":" not in key
@@ -250,8 +287,13 @@ def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
     """A table with names at the left and a column for each position, turned; None where it is none."""
     row_of: dict[str, int] = {}
     for k, (_, texts) in enumerate(rows):
-        filled = [text for text in texts if text.strip()]
-        column = "" if is_value(filled[0]) else heading(filled[0]).column
+        filled = []
+        for text in texts:
+            if text.strip():
+                filled.append(text)
+        column = ""
+        if not is_value(filled[0]):
+            column = heading(filled[0]).column
         if column and sum(map(is_value, filled)) + 3 > len(filled) > 2:
             if column in row_of:
                 return None
@@ -262,7 +304,10 @@ def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
     cells: list[list[str]] = []
     inside: list[list[str]] = []
     for k, (_, texts) in enumerate(rows):
-        part = inside if first <= k <= last else cells
+        if first <= k <= last:
+            part = inside
+        else:
+            part = cells
         part.append(texts)
     cells.append([])
     columns = list(zip_longest(*inside, fillvalue=""))
@@ -282,7 +327,9 @@ def _flat(sheet: Sheet, rows: list[Row]) -> Sheet | None:
     names, title, blocks, before, unheaded, is_inside = [""], 0, 0, 0, 0, False
     for line, texts in rows:
         measured = is_data(texts)
-        pairs = {} if measured else _pairs(texts)
+        pairs = {}
+        if not measured:
+            pairs = _pairs(texts)
         if is_inside and (not measured or line > before + 1):
             # a block ends, and its heading does not hold below
             rest, is_inside = {}, False
@@ -327,14 +374,22 @@ def _names_of(rest: dict[str, tuple[str, str]]) -> dict[str, str]:
 def _pairs(texts: list[str]) -> dict[str, tuple[str, str]]:
     """Column of the record -> name, with its unit, and value: of "alpha = 20 deg" or "alpha [°];20"."""
     column_of: dict[str, tuple[str, str]] = {}
-    cells = [" ".join(text.split()) for text in texts if text.strip()]
+    cells = []
+    for text in texts:
+        if text.strip():
+            cells.append(" ".join(text.split()))
     for text, behind in pairwise([*cells, ""]):
-        pairs = [pair.group("name", "value", "unit") for pair in _PAIR.finditer(text)]
+        pairs = []
+        for pair in _PAIR.finditer(text):
+            pairs.append(pair.group("name", "value", "unit"))
         if not pairs and is_value(behind):
             pairs = [(text.rstrip(":= "), behind, "")]
         for name, value, unit in pairs:
             head = heading(name)
             if head.column in OF_A_REST:
-                with_unit = f"{name} [{unit}]" if unit and not head.unit and known_unit(unit) else name
+                if unit and not head.unit and known_unit(unit):
+                    with_unit = f"{name} [{unit}]"
+                else:
+                    with_unit = name
                 column_of.setdefault(head.column, (with_unit, value))
     return column_of

@@ -134,13 +134,20 @@ def plural(count: int, noun: str) -> str:
 
 def printable(text: str) -> str:
     """A text in one line, whatever names and cells of others have."""
-    return "".join(c if c.isprintable() else " " for c in text)
+    characters = []
+    for character in text:
+        if not character.isprintable():
+            character = " "
+        characters.append(character)
+    return "".join(characters)
 
 
 def shell_word(text: str) -> str:
     """A word as it can be typed at a shell."""
     plain = all(c.isalnum() or c in "=.,/+-_:%@" for c in text)
-    return text if plain else "'" + text.replace("'", "'\\''") + "'"
+    if plain:
+        return text
+    return "'" + text.replace("'", "'\\''") + "'"
 
 
 def read_mapping(path: Path) -> dict[str, Any]:
@@ -185,7 +192,10 @@ def _put_inside(section: dict[str, Any], name: str, inner: str, value: Any, opti
         raise InputError(f"{option}: say which of the {name}, as {name}.{example}")
     key, _, part = inner.partition(".")
     before = section.get(key, OPEN)
-    source = before if isinstance(before, dict) else {"from": before}
+    if isinstance(before, dict):
+        source = before
+    else:
+        source = {"from": before}
     if part:
         section[key] = source | {part: value}
     elif isinstance(before, dict):
@@ -221,16 +231,24 @@ def text_of(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str
 
 
 def _key(name: str) -> str:
-    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else json.dumps(name)
+    if name.replace("_", "").replace("-", "").isalnum() and name.isascii():
+        return name
+    return json.dumps(name)
 
 
 def _value(value: Any) -> str:
     """A value as TOML has it."""
     if isinstance(value, AnyMapping):
-        fields = {key: inner for key, inner in value.items() if (key, inner) not in _USUAL}
+        fields = {}
+        for key, inner in value.items():
+            if (key, inner) not in _USUAL:
+                fields[key] = inner
         if list(fields) == ["from"]:
             return _value(fields["from"])
-        return "{ " + ", ".join(f"{key} = {_value(inner)}" for key, inner in fields.items()) + " }"
+        pairs = []
+        for key, inner in fields.items():
+            pairs.append(f"{key} = {_value(inner)}")
+        return "{ " + ", ".join(pairs) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_value, value)) + "]"
     # TOML and JSON write strings and numbers alike, but for one character

@@ -149,16 +149,22 @@ def from_one(headings: Sequence[Heading]) -> tuple[Heading, ...]:
         for number, place in places.items():
             head = headings[place]
             # four and more that are counted from 0 are not three channels
-            name = f"{stem} {number + 1}" if places.keys() == {0, 1, 2} else ""
+            name = ""
+            if places.keys() == {0, 1, 2}:
+                name = f"{stem} {number + 1}"
             recounted[place] = replace(of_name(head.text, name, head.unit), name=head.name)
     return tuple(recounted)
 
 
 def of_name(text: str, name: str, unit: str) -> Heading:
     """The head of a column whose name and unit are known apart."""
-    stated = known_unit(unit) if unit else None
+    stated = None
+    if unit:
+        stated = known_unit(unit)
     column = column_of(name, stated)
-    numbered = None if column else _NUMBERED.fullmatch(normal(name))
+    numbered = None
+    if not column:
+        numbered = _NUMBERED.fullmatch(normal(name))
     if numbered is None:
         return Heading(text, name, unit, column)
     bare = numbered["name"] or numbered["behind"] or numbered["plain"] or f"{numbered['before']} {numbered['axis']}"
@@ -179,7 +185,9 @@ def joined_head(above: str, below: str) -> str:
     bracket = _BRACKET.match(above)
     if not bracket or not bracket["name"]:
         return f"{above} {below}"
-    unit = "" if _BRACKET.match(below) else f" [{bracket['unit']}]"
+    unit = ""
+    if not _BRACKET.match(below):
+        unit = f" [{bracket['unit']}]"
     return f"{bracket['name']} {below}{unit}"
 
 
@@ -193,7 +201,9 @@ def _splits(text: str) -> list[tuple[str, str]]:
     for count in (1, 2, 3):
         # acc_x_mps2, gyro_x_deg_s, acc_x_m_s2
         name, unit = "_".join(parts[:-count]), "/".join(parts[len(parts) - count :])
-        stated = known_unit(unit) if name else None
+        stated = None
+        if name:
+            stated = known_unit(unit)
         if stated is None:
             continue
         head = of_name(name, name, unit)
@@ -224,7 +234,10 @@ def normal(text: str) -> str:
 
 def column_of(name: str, unit: LaboratoryUnit | None) -> str:
     """The record's column that a name means, with its unit where that is known; "" where it is not clear."""
-    quantity = "" if unit is None or unit.raw else unit.quantity
+    if unit is None or unit.raw:
+        quantity = ""
+    else:
+        quantity = unit.quantity
     words, name = normal(name), name.strip()
     if not words and name in ("#", "№"):
         return POSITION
@@ -236,7 +249,10 @@ def column_of(name: str, unit: LaboratoryUnit | None) -> str:
     quaternion = re.fullmatch(r"(?:q|quat|quaternion) ?([wxyz])", words)
     if quaternion and not quantity:
         return QUATERNION["wxyz".index(quaternion[1])]
-    meaningful = [word for word in words.split() if word not in _FILLERS.split()]
+    meaningful = []
+    for word in words.split():
+        if word not in _FILLERS.split():
+            meaningful.append(word)
     if quantity in ("", ANGLE) and len(meaningful) == 1:
         for column, names in _AXES.items():
             if meaningful[0] in names.split():
@@ -252,7 +268,10 @@ def _triad(words: list[str], quantity: str) -> str:
             return ""
         stem, axis = channel["stem"] or "", channel["axis"]
     else:
-        axes = [word for word in words if word in ("x", "y", "z", "1", "2", "3")]
+        axes = []
+        for word in words:
+            if word in ("x", "y", "z", "1", "2", "3"):
+                axes.append(word)
         if len(axes) != 1 or len(words) > 4:
             return ""
         axis = axes[0]
@@ -260,10 +279,14 @@ def _triad(words: list[str], quantity: str) -> str:
     place = "xyz123".index(axis) % 3
     if stem in ("", "g", "channel", "kanal", "ch"):
         # the unit alone says what such a name means
-        return {FORCE: FORCES, RATE: RATES}[quantity][place] if quantity in (FORCE, RATE) else ""
+        if quantity in (FORCE, RATE):
+            return {FORCE: FORCES, RATE: RATES}[quantity][place]
+        return ""
     for columns, names in _TRIADS.items():
         if stem in names.split(",") or (columns is INCREMENT and stem == "delta" and quantity == ANGLE):
-            return columns[place] if quantity in ("", QUANTITY_OF[columns[0]]) else ""
+            if quantity in ("", QUANTITY_OF[columns[0]]):
+                return columns[place]
+            return ""
     return ""
 
 

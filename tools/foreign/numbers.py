@@ -74,7 +74,10 @@ class Marks:
         elif points:
             before, _, after = digits.partition(points[0])
             grouped = 1 <= len(before) <= 3 and before[0] != "0" and len(after) == 3 and not exponent
-            proof = self.doubtful if grouped and before.isdigit() else self.decimal
+            if grouped and before.isdigit():
+                proof = self.doubtful
+            else:
+                proof = self.decimal
             proof.setdefault(points[0], text)
 
 
@@ -101,14 +104,18 @@ def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
     if not _PLAIN.fullmatch(text):
         return None
     value = float(text)
-    return value if math.isfinite(value) else None
+    if math.isfinite(value):
+        return value
+    return None
 
 
 def _with_point(text: str, decimal: str) -> str:
     """A number with a decimal point; "" where it has a point that is no decimal mark."""
     if decimal == ".":
         return text
-    return "" if "." in text else text.replace(decimal, ".")
+    if "." in text:
+        return ""
+    return text.replace(decimal, ".")
 
 
 def numbers_of(texts: list[str], decimal: str) -> list[float] | None:
@@ -119,7 +126,9 @@ def numbers_of(texts: list[str], decimal: str) -> list[float] | None:
         values = [float(text.replace(decimal, ".")) for text in texts]
     except ValueError:
         return None
-    return values if all(map(math.isfinite, values)) else None
+    if all(map(math.isfinite, values)):
+        return values
+    return None
 
 
 def sexagesimal(text: str) -> float | None:
@@ -131,17 +140,23 @@ def sexagesimal(text: str) -> float | None:
     if minutes >= 60.0 or seconds >= 60.0 or (angle["sec"] and not minutes.is_integer()):
         return None
     value = float(angle["deg"]) + minutes / 60.0 + seconds / 3600.0
-    return -value if angle["sign"] == "-" else value
+    if angle["sign"] == "-":
+        return -value
+    return value
 
 
 def bare(text: str) -> str:
     """A cell without the unit behind its number: "9,81" of "9,81 m/s²"."""
-    return text if isinstance(text, Typed) else _UNIT_BEHIND.sub("", text.strip())
+    if isinstance(text, Typed):
+        return text
+    return _UNIT_BEHIND.sub("", text.strip())
 
 
 def unit_behind(text: str) -> str:
     """The unit behind a cell's number; "" where there is none."""
-    return "" if isinstance(text, Typed) else text.strip().removeprefix(bare(text)).strip()
+    if isinstance(text, Typed):
+        return ""
+    return text.strip().removeprefix(bare(text)).strip()
 
 
 def has_degree_mark(text: str) -> bool:
@@ -212,7 +227,9 @@ def day(text: str, order: str) -> date | None:
 
 def _date(year: str, month: int, on: str) -> date | None:
     """A day, with two digits of the year or four; None where there is no such day."""
-    century = 2000 if len(year) <= 2 else 0
+    century = 0
+    if len(year) <= 2:
+        century = 2000
     try:
         return date(int(year) + century, month, int(on))
     except ValueError:
@@ -258,4 +275,6 @@ def moment(text: str, order: str, form: str = "") -> float | None:
 def date_of(text: str) -> str | None:
     """The part of a cell that is a date of three numbers or with a month's name; None where there is none."""
     first = _BEFORE_CLOCK.split(_spelled(text), maxsplit=1)[0]
-    return first if any(day(first, order) is not None for order in ORDERS) else None
+    if any(day(first, order) is not None for order in ORDERS):
+        return first
+    return None

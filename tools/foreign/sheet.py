@@ -188,16 +188,23 @@ class Sheet:
     @property
     def about(self) -> str:
         """How it is written, for a person."""
-        shape = f", {self.shape}" if self.shape else ""
+        shape = ""
+        if self.shape:
+            shape = f", {self.shape}"
         if self.name:
             return f"sheet {self.name!r}{shape}"
-        between = self.separator if self.separator in ("tab", "blanks") else repr(self.separator)
+        if self.separator in ("tab", "blanks"):
+            between = self.separator
+        else:
+            between = repr(self.separator)
         return f"{self.encoding}, {between} between fields{shape}"
 
 
 def cell(texts: Sequence[str], place: int) -> str:
     """The text of a field of a row; "" where the row is shorter."""
-    return texts[place] if place < len(texts) else ""
+    if place < len(texts):
+        return texts[place]
+    return ""
 
 
 def is_value(text: str) -> bool:
@@ -338,9 +345,14 @@ def is_labview(lines: list[str]) -> bool:
 
 def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
     """A measurement file as a sheet that knows what its header says; an InputError where that says no table."""
-    ends = [line for line, text in enumerate(lines, 1) if text.strip().startswith(END_OF_HEADER)]
+    ends = []
+    for line, text in enumerate(lines, 1):
+        if text.strip().startswith(END_OF_HEADER):
+            ends.append(line)
     if len(ends) != 2:
-        what = f"{len(ends) - 1} parts with a header; one is read" if ends else "no end of its header"
+        what = "no end of its header"
+        if ends:
+            what = f"{len(ends) - 1} parts with a header; one is read"
         raise InputError(f"{path}: is a LabVIEW measurement file with {what}")
     of_file, of_table = ends
     separator, mark = "tab", "\t"
@@ -361,12 +373,15 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
     seconds = first.get("X_Dimension", "") in ("", "Time")
     period = number(first.get("Delta_X", ""), decimal)
     is_periodic = seconds and period and first.get("X_Columns") == "No"
+    time = ""
+    if is_periodic:
+        time = f"{period!r} s"
     stated = HeaderFacts(
         decimal=decimal,
         header_row=names,
         units=("s" if seconds else "", *header.get("Y_Unit_Label", ())),
         first_row=names + 1,
-        time=f"{period!r} s" if is_periodic else "",
+        time=time,
     )
     remarks = [""] * of_table
     for line, text in enumerate(lines[:of_file]):
@@ -382,7 +397,9 @@ def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
     reader = subprocess.run([sys.executable, "-I", "-c", _READ], input=content, capture_output=True, check=False)
     lines = reader.stdout.decode("utf-8", "replace").splitlines()
     if reader.returncode:
-        what = lines[-1] if reader.returncode == 3 and lines else "is no readable workbook, or too large a one"
+        what = "is no readable workbook, or too large a one"
+        if reader.returncode == 3 and lines:
+            what = lines[-1]
         raise InputError(f"{path}: {what}")
     return [Sheet(path, cells=_cells(rows), name=name) for name, rows in map(json.loads, lines)]
 
@@ -412,7 +429,10 @@ def _repacked(path: Path, archive_bytes: bytes) -> bytes:
             names = [member.filename for member in members]
             if len(names) > MOST_MEMBERS or len(set(names)) < len(names):
                 raise InputError(f"{path}: has more than {MOST_MEMBERS} parts, or one twice; not read")
-            needed = [member for member in members if NEEDED.fullmatch(member.filename)]
+            needed = []
+            for member in members:
+                if NEEDED.fullmatch(member.filename):
+                    needed.append(member)
             for member in needed:
                 if ".." in member.filename.split("/") or "\\" in member.filename:
                     raise InputError(f"{path}: part {member.filename!r} would leave the archive; not read")

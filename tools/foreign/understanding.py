@@ -60,7 +60,11 @@ class Field:
     def cells(self) -> list[tuple[int, str]]:
         """Line and text of each cell; missing ones are left out."""
         cells = [(line, cell(texts, self.place).strip()) for line, texts in self.rows]
-        return [(line, text) for line, text in cells if not is_missing(text, self.missing)]
+        filled = []
+        for line, text in cells:
+            if not is_missing(text, self.missing):
+                filled.append((line, text))
+        return filled
 
     @cached_property
     def texts(self) -> list[str]:
@@ -75,7 +79,9 @@ class Field:
     @property
     def quantity(self) -> str:
         """The quantity of that unit; "" where there is none."""
-        return self.unit.quantity if self.unit else ""
+        if self.unit:
+            return self.unit.quantity
+        return ""
 
 
 @dataclass(frozen=True)
@@ -121,7 +127,11 @@ class UnderstoodTable:
     def rows(self) -> list[Row]:
         """The first rows of data."""
         last = self.layout.last
-        return [row for row in self.layout.looked_at if not last or row[0] <= last]
+        rows = []
+        for row in self.layout.looked_at:
+            if not last or row[0] <= last:
+                rows.append(row)
+        return rows
 
     @cached_property
     def fields(self) -> list[Field]:
@@ -160,7 +170,9 @@ class UnderstoodTable:
     def value(self, text: str) -> float | None:
         """A number as this file writes it."""
         value = number(text, self.decimal, self.thousands)
-        return number(bare(text), self.decimal, self.thousands) if value is None else value
+        if value is None:
+            return number(bare(text), self.decimal, self.thousands)
+        return value
 
     def reading(self, column: str, text: str) -> float | None:
         """The number of a cell in the file's unit, of an angle also from degrees and minutes; None where it is none."""
@@ -169,7 +181,9 @@ class UnderstoodTable:
             return value
         degrees = sexagesimal(text)
         unit = self.origins[column].unit
-        return degrees if degrees is None or unit is None else (degrees - unit.offset) / unit.factor
+        if degrees is None or unit is None:
+            return degrees
+        return (degrees - unit.offset) / unit.factor
 
 
 def decide_units(table: UnderstoodTable) -> None:
@@ -215,10 +229,15 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
     """The unit of a column and its text; None where it has to be asked for."""
     quantity, head, texts = QUANTITY_OF[column], origin.field.head, origin.field.texts
     source = table.mapping.of(column)
-    key = f"columns.{column}.unit" if source.unit else f"units.{quantity}"
+    if source.unit:
+        key = f"columns.{column}.unit"
+    else:
+        key = f"units.{quantity}"
     text = head.unit or next(filter(None, map(unit_behind, texts)), "")
     doubtful = DOUBTFUL.get(spelled_unit(text).lower(), ())
-    stated = None if doubtful else known_unit(text)
+    stated = None
+    if not doubtful:
+        stated = known_unit(text)
     is_raw = stated is not None and stated.raw
     answer = source.unit or table.mapping.units.get(quantity, "")
     if answer not in ("", OPEN):
@@ -246,11 +265,16 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
     elif column == SAMPLE:
         answers, why = ("100 Hz",), f"{head.text!r} counts samples: at which rate"
     else:
-        values = [value for value in map(table.value, texts) if value is not None]
+        values = []
+        for value in map(table.value, texts):
+            if value is not None:
+                values.append(value)
         # as a workbook counts days since 1900
         if quantity == TIME and values and DAYS[0] < min(values) and max(values) < DAYS[1]:
             answers = ("d", "s", "ms")
-        size = _size(table) if quantity == "force" else ""
+        size = ""
+        if quantity == "force":
+            size = _size(table)
         why = f"no unit of {head.text or origin.name!r}{size} is written"
     table.ask(key, answers, why)
     return None, ""
@@ -267,11 +291,19 @@ def example_sensitivity(quantity: str, text: str) -> str:
 
 def _size(table: UnderstoodTable) -> str:
     """The median size of the specific forces, by which a person knows their unit."""
-    fields = [table.origins[column].field for column in FORCE if column in table.origins]
+    fields = []
+    for column in FORCE:
+        if column in table.origins:
+            fields.append(table.origins[column].field)
     squares = []
     for _, texts in table.rows:
         cells = (cell(texts, field.place) for field in fields)
-        values = [value for value in map(table.value, cells) if value is not None]
+        values = []
+        for value in map(table.value, cells):
+            if value is not None:
+                values.append(value)
         if len(values) == 3:
             squares.append(sum(value * value for value in values))
-    return f", |f| about {sorted(squares)[len(squares) // 2] ** 0.5:.4g}," if squares else ""
+    if squares:
+        return f", |f| about {sorted(squares)[len(squares) // 2] ** 0.5:.4g},"
+    return ""

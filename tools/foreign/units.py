@@ -119,7 +119,9 @@ def scaled_unit(text: str) -> LaboratoryUnit | None:
     if simple is not None:
         return simple
     split = _SPLIT.match(spelled_unit(text))
-    number = _fraction(split["number"]) if split else None
+    number = None
+    if split:
+        number = _fraction(split["number"])
     if split is None or number is None:
         return None
     name = split["unit"]
@@ -127,7 +129,9 @@ def scaled_unit(text: str) -> LaboratoryUnit | None:
         return LaboratoryUnit(TIME, 1.0 / number)
     unit = known_unit(name)
     if unit is not None:
-        return None if unit.offset else replace(unit, factor=number * unit.factor)
+        if unit.offset:
+            return None
+        return replace(unit, factor=number * unit.factor)
     for slash in re.finditer("/", name):
         above, below = known_unit(name[: slash.start()]), known_unit(name[slash.end() :])
         if above is None or below is None or above.raw == below.raw or above.offset or below.offset:
@@ -147,7 +151,9 @@ def _fraction(text: str | None) -> float | None:
         value = float(above) / float(below or "1")
     except (ValueError, ZeroDivisionError):
         return None
-    return value if 0.0 < value < math.inf else None
+    if 0.0 < value < math.inf:
+        return value
+    return None
 
 
 def of_converter(scale: LaboratoryUnit, stated: LaboratoryUnit | None) -> LaboratoryUnit | None:

@@ -105,13 +105,23 @@ def add_to_instrument(
     content = object_of(content_bytes, str(result))
     parsed = _held(content, str(result))
     by_label = digests_of(parsed)
-    digests = [digest for digest in by_label.values() if digest]
+    digests = []
+    for digest in by_label.values():
+        if digest:
+            digests.append(digest)
     comments = _said_by(records, result, digests)
     facts = {"date": date, "serial": serial}
     if temperature is not None:
         facts["temperature"] = str(temperature)
-    in_order = [comments[digest] for digest in digests or comments if digest in comments]
-    serials = dict.fromkeys(facts_of["serial"] for facts_of in in_order if facts_of.get("serial"))
+    in_order = []
+    for digest in digests or comments:
+        if digest in comments:
+            in_order.append(comments[digest])
+    serials = []
+    for facts_of in in_order:
+        number = facts_of.get("serial")
+        if number and number not in serials:
+            serials.append(number)
     if serial is None and len(serials) > 1:
         raise InputError(f"{result}: its records are of several instruments: {', '.join(serials)}")
     for name in ("date", "serial", "temperature"):
@@ -230,7 +240,9 @@ def trend_of_instrument(folder: Path) -> Trend:
     content = entries_of(folder)
     dated = []
     for entry in content.entries:
-        dated += [(date, values) for date, values in _dated(entry) if values]
+        for date, values in _dated(entry):
+            if values:
+                dated.append((date, values))
     dated.sort(key=lambda pair: moment(pair[0], ""))
     if len(dated) < 2:
         raise InputError(f"{folder}: two records at least must tell parameters, of consistent or explained results")
@@ -290,9 +302,15 @@ def parameters_of(result: Held) -> Iterator[tuple[str, str, str, Any]]:
 def _of_diagnosis(result: Diagnosis) -> Iterator[tuple[str, str, str, Any]]:
     """Of records that were judged together: of a shared parameter that differs in one, that tells it by itself."""
     judged = result.judged or ("",)
-    apart = {(cause.record, cause.where) for cause in result.causes if cause.effect == "parameter"}
+    apart = set()
+    for cause in result.causes:
+        if cause.effect == "parameter":
+            apart.add((cause.record, cause.where))
     for p in result.stated.parameters:
-        shared_by = [label for label in judged if (label, p.symbol) not in apart]
+        shared_by = []
+        for label in judged:
+            if (label, p.symbol) not in apart:
+                shared_by.append(label)
         yield (shared_by or [""])[-1], p.symbol, p.unit, p
     for cause in result.causes:
         if cause.effect != "parameter":
@@ -312,7 +330,10 @@ def _dated(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter
     for label, name, unit, p in parameters_of(result):
         if label in values and None not in (p.estimate, p.low, p.high):
             values[label][name, unit] = SizedParameter.of(name, unit, p.estimate, (p.low, p.high))
-    return [(dates.get(label, entry.date), of_it) for label, of_it in values.items()]
+    dated = []
+    for label, of_it in values.items():
+        dated.append((dates.get(label, entry.date), of_it))
+    return dated
 
 
 def moment(text: str, where: str) -> datetime:

@@ -140,7 +140,10 @@ class AttitudeRun(Result):
     @property
     def trusted(self) -> np.ndarray:
         """Mask (N,) of the updates before a gyro is at its limit."""
-        until = np.inf if self.trusted_until is None else self.trusted_until
+        if self.trusted_until is None:
+            until = np.inf
+        else:
+            until = self.trusted_until
         return np.asarray(self.time_s <= until)
 
     def bridged_bound_at(self) -> np.ndarray:
@@ -151,9 +154,12 @@ class AttitudeRun(Result):
 
     def to_polars(self) -> pl.DataFrame:
         """A row for each update: time_s, q0 to q3, v1_mps to v3_mps where there is a velocity, error_rad and more."""
-        quaternion = {name: self.attitude[:, k] for k, name in enumerate(QUATERNION)}
+        quaternion = {}
+        for k, name in enumerate(QUATERNION):
+            quaternion[name] = self.attitude[:, k]
         if self.velocity is not None:
-            quaternion |= {name: self.velocity[:, k] for k, name in enumerate(SPEED)}
+            for k, name in enumerate(SPEED):
+                quaternion[name] = self.velocity[:, k]
         table = pl.DataFrame({"time_s": self.time_s, **quaternion, "error_rad": self.error_angle}).fill_nan(None)
         return table.with_columns(
             pl.Series("bridged_bound_rad", self.bridged_bound_at()), pl.Series("trusted", self.trusted)
@@ -174,15 +180,23 @@ def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
     begin with a rest of at least one block (1 s). An InputError for a record that is not uniform.
     """
     period = sampling_period(record)
-    rate = record.rate if record.rate is not None else np.asarray(record.increment) / period
+    if record.rate is not None:
+        rate = record.rate
+    else:
+        rate = np.asarray(record.increment) / period
     size = max(2, round(REST_BLOCK / period))
     count = len(record) // size
     if count < 2:
         return None
     scatter = rate[: count * size].reshape(count, size, 3).std(axis=1).max(axis=1)
     moving = np.flatnonzero(scatter > QUIET * scatter.min())
-    quiet = int(moving[0]) if moving.size else count
-    return rate[: quiet * size].mean(axis=0) if quiet else None
+    if moving.size:
+        quiet = int(moving[0])
+    else:
+        quiet = count
+    if quiet:
+        return rate[: quiet * size].mean(axis=0)
+    return None
 
 
 def attitude_of_record(
@@ -241,7 +255,9 @@ def attitude_of_record(
         increments.period,
     )
     if increments.velocity is not None:
-        speeds = {name: f"computer.velocity[{i}]" for i, name in enumerate(SPEED, start=1)}
+        speeds = {}
+        for i, name in enumerate(SPEED, start=1):
+            speeds[name] = f"computer.velocity[{i}]"
         columns = RecordSetting(columns=dict(scenario.record.columns or {}) | speeds)
         scenario = scenario.model_copy(update={"record": columns})
     simulation = simulate(scenario, marks=[(pl.col("time_s") < source.worthless_from).alias("trusted")], **run)
@@ -273,18 +289,27 @@ def attitude_of_record(
             "error_at_end_rad": float(known_angle[-1]),
             "drift_radps": float(elapsed @ known_angle / (elapsed @ elapsed)),
         }
+    if record.increment is not None:
+        rates = "increments"
+    bias = None
+    if gyro_bias is not None:
+        bias = tuple(np.asarray(gyro_bias).tolist())
+    saturated = {}
+    for name, mask in limited.rows.items():
+        if name.startswith("w"):
+            saturated[name] = int(mask.sum())
     return AttitudeRun(
         record=record.path,
         algorithm=algorithm,
-        rates="increments" if record.increment is not None else rates,
-        gyro_bias_radps=None if gyro_bias is None else tuple(np.asarray(gyro_bias).tolist()),
+        rates=rates,
+        gyro_bias_radps=bias,
         period_s=increments.period,
         updates=len(index) - 1,
         judged_updates=int(is_known.sum()),
         **figures,
         bridged_gaps=source.bridges,
         bridged_bound_rad=source.bridged_bound,
-        saturated_rows={name: int(mask.sum()) for name, mask in limited.rows.items() if name.startswith("w")},
+        saturated_rows=saturated,
         trusted_until_s=source.trusted_until(time),
         warnings=source.warnings,
         files=simulation.files,

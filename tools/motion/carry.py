@@ -80,7 +80,10 @@ class Motion:
         first = max(begin - 1, 0)
         force = 0.5 * (self.force(slice(begin, end)) + self.force(slice(first, first + end - begin)))
         rate = (self.rate[first:end] - bias) @ matrix.T
-        before = rate[:-1] if first < begin else np.vstack([rate[:1], rate[:-1]])
+        if first < begin:
+            before = rate[:-1]
+        else:
+            before = np.vstack([rate[:1], rate[:-1]])
         return MotionRows(
             rate=rate[begin - first :],
             rate_before=before,
@@ -160,7 +163,9 @@ def carrying(
     """A scenario whose FMU `computer` carries an attitude over the intervals between times (N + 1,), a period apart."""
     attitude = {name: f"computer.attitude[{i}]" for i, name in enumerate(QUATERNION, start=1)}
     table = pl.DataFrame({"time_s": time_s[1:], **dict(driven.values())})
-    columns = {variable: name for variable, (name, _) in driven.items()}
+    columns = {}
+    for variable, (name, _) in driven.items():
+        columns[variable] = name
     return Scenario(
         title=title,
         run=RunSetting(start_s=float(time_s[0]), stop_s=float(time_s[-1]), step_s=period),
@@ -254,7 +259,10 @@ def _effect_entries(effects: Mapping[EffectPlace, tuple[float, ...]], component:
     for place, values in effects.items():
         effect = place.definition
         if effect.component == component:
-            pairs = zip((parameter.name for parameter in effect.parameters), values, strict=True)
+            names = []
+            for parameter in effect.parameters:
+                names.append(parameter.name)
+            pairs = zip(names, values, strict=True)
             entries.append({**place.entry, **dict(pairs)})
     return entries
 

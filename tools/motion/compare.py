@@ -307,7 +307,9 @@ def _turn(step: Callable[..., Any], previous: bool, kernel_made: Callable[..., A
         def turn(samples, previous, preceded, g, table, space, part, turned):
             kernel(g, turned)
 
-    return compile_callee(turn, allocates=False) if kernel_made is compiled else turn
+    if kernel_made is compiled:
+        return compile_callee(turn, allocates=False)
+    return turn
 
 
 def read_increments(
@@ -323,15 +325,23 @@ def read_increments(
     Γ (9,) stands row by row; bias (3,) and bound of the errors are in rad/s, the quantum is in rad, 0: exact.
     """
     gyros = instantiate(GYRO_BLOCK)
-    memory = {name: np.array(values, dtype=float) for name, values in gyros.memory.items()}
+    memory = {}
+    for name, values in gyros.memory.items():
+        memory[name] = np.array(values, dtype=float)
     memory |= {"scale_misalignment": np.array(scale_misalignment), "bias": np.array(bias)}
     parameters: dict[str, float] = {"input_kind": 1.0, "quantum": quantum, "noise_bound": noise_bound, "seed": seed}
 
     def arguments(kernel: str) -> tuple[Any, ...]:
-        names = [name for name in gyros.arguments[kernel] if name not in ("time", "step")]
+        names = []
+        for name in gyros.arguments[kernel]:
+            if name not in ("time", "step"):
+                names.append(name)
         scalars = {name: float(memory[name][0]) for name in names if name in gyros.scalars}
         scalars |= {name: float(value) for name, value in parameters.items() if name in scalars}
-        return tuple(scalars.get(name, memory[name]) for name in names)
+        numbers = []
+        for name in names:
+            numbers.append(scalars.get(name, memory[name]))
+        return tuple(numbers)
 
     readings, ports = samples.increments.copy(), (memory["increment"], memory["increment_reading"])
     if status := _reader(loops_over(len(readings)))(

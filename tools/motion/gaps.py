@@ -65,20 +65,26 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
             )
     if not len(gaps):
         return record, ()
-    bridges = tuple(
-        Bridge(time_s=float(time[k]), rows=int(count), bound_rad=_bound(record, int(k), int(count), usual))
-        for k, count in zip(gaps, lost, strict=True)
-    )
+    bridges = []
+    for k, count in zip(gaps, lost, strict=True):
+        bridges.append(
+            Bridge(time_s=float(time[k]), rows=int(count), bound_rad=_bound(record, int(k), int(count), usual))
+        )
+    bridges = tuple(bridges)
     # Numbers between those of the rows: a lost row stands a part of the way from one to the next.
     numbers = np.arange(len(time), dtype=float)
-    parts = [k + np.arange(1, count + 1) / (count + 1) for k, count in zip(gaps, lost, strict=True)]
+    parts = []
+    for k, count in zip(gaps, lost, strict=True):
+        parts.append(k + np.arange(1, count + 1) / (count + 1))
     at = np.sort(np.concatenate([numbers, *parts]))
     measured = at == np.floor(at)
 
     def on_lines(values: NDArray | None) -> NDArray | None:
         if values is None:
             return None
-        columns = [np.interp(at, numbers, column) for column in values.reshape(len(numbers), -1).T]
+        columns = []
+        for column in values.reshape(len(numbers), -1).T:
+            columns.append(np.interp(at, numbers, column))
         return np.stack(columns, axis=1).reshape(len(at), *values.shape[1:])
 
     attitude = None
@@ -93,7 +99,10 @@ def without_gaps(record: StrapdownRecord, most: int) -> tuple[StrapdownRecord, t
 
 def _bound(record: StrapdownRecord, before: int, count: int, period: float) -> float:
     """Bound of the attitude error of a bridge over `count` rows behind row `before` [rad]."""
-    turns = record.increment if record.increment is not None else period * np.asarray(record.rate)
+    if record.increment is not None:
+        turns = record.increment
+    else:
+        turns = period * np.asarray(record.rate)
     time, reach = record.time_s, AROUND + count
     first, last = max(before + 1 - reach, 0), min(before + 1 + reach, len(turns))
     near, at = turns[first:last], np.round((time[first:last] - time[first]) / period)

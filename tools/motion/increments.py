@@ -130,7 +130,9 @@ def coarser(increments: Increments, divisor: int) -> Increments:
         return np.ascontiguousarray(values[: samples * divisor].reshape(samples, divisor, 3).sum(axis=1))
 
     time = increments.time_s[: samples * divisor + 1 : divisor]
-    velocity = None if increments.velocity is None else added(increments.velocity)
+    velocity = None
+    if increments.velocity is not None:
+        velocity = added(increments.velocity)
     return Increments(divisor * increments.period, time, added(increments.angle), velocity)
 
 
@@ -175,7 +177,9 @@ class GyroInput:
 
     def trusted_until(self, time: np.ndarray) -> float | None:
         """The last of some times (N,), the start first, whose attitude is to be trusted [s]; None: all are."""
-        return None if self.worthless_from == np.inf else float(time[time < self.worthless_from][-1])
+        if self.worthless_from == np.inf:
+            return None
+        return float(time[time < self.worthless_from][-1])
 
 
 def gyro_input(
@@ -198,7 +202,11 @@ def gyro_input(
     if late.any():
         # Half a row earlier: logged times are off the grid by a little. The attitude at the start is known.
         worthless = max(float(measured[np.argmax(late)]), increments.time_s[0] + period) - 0.5 * period
-    behind = tuple(bridge for bridge in bridges if bridge.time_s >= begin)
+    behind = []
+    for bridge in bridges:
+        if bridge.time_s >= begin:
+            behind.append(bridge)
+    behind = tuple(behind)
     return GyroInput(record, first, start, increments, behind, limited, worthless)
 
 

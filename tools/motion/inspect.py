@@ -93,7 +93,11 @@ class GyrosAtRest(Result):
     @property
     def standing(self) -> tuple[RestModel, ...]:
         """Of the smallest size that stands."""
-        return tuple(model for model in self.tried if model.stands)
+        standing = []
+        for model in self.tried:
+            if model.stands:
+                standing.append(model)
+        return tuple(standing)
 
 
 class Move(Result):
@@ -206,13 +210,19 @@ def inspect_record(record: StrapdownRecord, *, gravity: float = STANDARD_GRAVITY
     if moving.any():
         excitation = np.sqrt(np.mean((rate[moving] - level) ** 2, axis=0))
     # Where many turns are more than half a turn they are no glitches: the unit is wrong.
-    broken = sampling.broken if sampling.wrapped < FEW * len(record) else record.knocks
+    if sampling.wrapped < FEW * len(record):
+        broken = sampling.broken
+    else:
+        broken = record.knocks
     calibration = gyros = None
     if len(rests) and rests.force_bound is not None and rests.rate_bound is not None:
         bound = np.maximum(rests.force_bound / gravity, LEAST_BOUND)
         calibration = calibrate_by_norm(rests.force / gravity, bound)
         x = norm_values(calibration) if calibration.verdict == "consistent" else None
-        up = inputs_of(np.zeros(9) if x is None else x, rests.force / gravity)
+        parameters = np.zeros(9)
+        if x is not None:
+            parameters = x
+        up = inputs_of(parameters, rests.force / gravity)
         if noise_at_rest := gyro_noise(record, rests, sampling.period, up):
             gyros = gyros_at_rest(rests, noise_at_rest, rest_lengths(rests, sampling.period), up)
     return Inspection(
@@ -326,4 +336,6 @@ def _hindrance(design: NDArray) -> str | None:
     if not size.all():
         return "nothing changes"
     singular = np.linalg.svd(design / size, compute_uv=False)
-    return None if singular[-1] > DISTINCT * singular[0] else "the rests do not tell its terms apart"
+    if singular[-1] > DISTINCT * singular[0]:
+        return None
+    return "the rests do not tell its terms apart"

@@ -50,13 +50,16 @@ def _calibration(
     estimator = None
     if columns:
         estimator = "least squares"
+    unseen = []
+    for pose in missing:
+        unseen.append(Open(parameters=list(NAMES), close_by=pose))
     return Calibration(
         verdict=verdict,
         sigma=Sigma.of(None, "three Allan deviations of each mean at rest"),
         radius=radius,
         estimator=estimator,
         parameters=parameters,
-        open=[Open(parameters=list(NAMES), close_by=pose) for pose in missing],
+        open=unseen,
         units={"radius": "1", "parameters": UNITS["parameters"]},
     )
 

@@ -84,9 +84,16 @@ class RestNoise:
         # So few rests may show too little of it by chance.
         surely = free / float(2.0 * scipy.special.gammaincinv(0.5 * free, BY_CHANCE))
         # Where one gyro wanders, what the others do is not taken for noise either.
-        wander = np.full(3, np.nan) if refused.any() else np.maximum(surely * scatter - white, 0.0)
+        if refused.any():
+            wander = np.full(3, np.nan)
+        else:
+            wander = np.maximum(surely * scatter - white, 0.0)
         apart = zip(np.sqrt(scatter).tolist(), np.sqrt(expected).tolist(), strict=True)
-        unsteady = tuple((k + 1, *pair) for k, pair in enumerate(apart) if refused[k])
+        pairs = []
+        for k, pair in enumerate(apart):
+            if refused[k]:
+                pairs.append((k + 1, *pair))
+        unsteady = tuple(pairs)
         return replace(self, wander=wander, unsteady=unsteady)
 
     @property
@@ -94,11 +101,13 @@ class RestNoise:
         """That the gyros are not constant at rest; None where they are but for noise."""
         if not self.unsteady:
             return None
-        gyros = ", ".join(
-            f"gyro {gyro} by {digits(scatter, 2)} rad/s rms, where noise makes {digits(expected, 2)}"
-            for gyro, scatter, expected in self.unsteady
-        )
-        once = "; biases that change once, or settle, explain that" if self.jumps else ""
+        sentences = []
+        for gyro, scatter, expected in self.unsteady:
+            sentences.append(f"gyro {gyro} by {digits(scatter, 2)} rad/s rms, where noise makes {digits(expected, 2)}")
+        gyros = ", ".join(sentences)
+        once = ""
+        if self.jumps:
+            once = "; biases that change once, or settle, explain that"
         return (
             "the gyros are not constant at rest: beside what time, temperature and gravity explain, their means differ "
             f"from rest to rest, {gyros}{once}"
@@ -123,7 +132,9 @@ def gyro_noise(
     noise too, as far as flicker noise makes it; `up` (K, 3) are the directions of gravity at the rests, where known.
     """
     noise = rest_noise(rates_of(record), record.time_s, rests, period)
-    scatter = None if noise is None else rest_scatter(rests, up)
+    scatter = None
+    if noise is not None:
+        scatter = rest_scatter(rests, up)
     if noise is None or scatter is None:
         return noise
     lengths = rest_lengths(rests, period)
@@ -132,12 +143,15 @@ def gyro_noise(
         return judged
     # Beside the rests before and after it a change at one of them could be anything.
     time = rests.time_s - rests.time_s[0]
-    changes = [(time >= time[k]).astype(float) for k in range(2, len(rests) - 1)]
+    changes = []
+    for k in range(2, len(rests) - 1):
+        changes.append((time >= time[k]).astype(float))
     changes += [np.exp(-time / constant) for constant in np.geomspace(lengths.min(), time[-1] + lengths[-1], SETTLING)]
     scatters = (rest_scatter(rests, up, column) for column in changes)
-    candidates = [
-        noise.judged(*scatter_of_rests, lengths) for scatter_of_rests in scatters if scatter_of_rests is not None
-    ]
+    candidates = []
+    for scatter_of_rests in scatters:
+        if scatter_of_rests is not None:
+            candidates.append(noise.judged(*scatter_of_rests, lengths))
     steady = [candidate for candidate in candidates if not candidate.unsteady]
     if not steady:
         return judged
@@ -152,11 +166,17 @@ def rest_noise(readings: NDArray, time_s: NDArray, rests: Rests, period: float) 
     apart, the least one and that before it. Slow errors, which grow with the time, are behind these.
     """
     pieces = [readings[rows] for rows in rests.rows]
-    rows = int(np.median([len(piece) for piece in pieces])) if pieces else 0
+    rows = 0
+    if pieces:
+        rows = int(np.median([len(piece) for piece in pieces]))
     if rows < 8:
         return None
     sizes = [rows >> octave for octave in range(1, OCTAVES + 2)]
-    sizes = np.array(sizes[:2] + [size for size in sizes[2:] if size * period >= SHORTEST])
+    longer = []
+    for size in sizes[2:]:
+        if size * period >= SHORTEST:
+            longer.append(size)
+    sizes = np.array(sizes[:2] + longer)
     squares, counts = map(np.array, zip(*(allan_square(pieces, size) for size in sizes.tolist()), strict=True))
     channels, at = np.arange(3), np.argmin(squares[:-1], axis=0)
     half, quarter = squares[at, channels], squares[at + 1, channels]
@@ -172,8 +192,15 @@ def allan_square(pieces: Sequence[NDArray], size: int) -> tuple[NDArray[np.float
 
     Rests (n, 3) that scatter as no noise of the others does are left out: something happened there.
     """
-    long = [piece for piece in pieces if len(piece) >= 2 * size]
-    square = np.array([deviation**2 for piece in long if (deviation := allan_deviation([piece], size)) is not None])
+    long = []
+    for piece in pieces:
+        if len(piece) >= 2 * size:
+            long.append(piece)
+    squares = []
+    for piece in long:
+        if (deviation := allan_deviation([piece], size)) is not None:
+            squares.append(deviation**2)
+    square = np.array(squares)
     count = np.array([len(piece) - 2 * size + 1 for piece in long], dtype=float)
     # Of overlapping averages of white noise (D. A. Howe, D. W. Allan, J. A. Barnes, 1981), nearly.
     free = np.maximum(1.5 * np.array([len(piece) for piece in long]) / size - 2.0, 1.0)
@@ -203,7 +230,10 @@ def rest_scatter(
         columns.append(rests.temperature)
     if up is not None:
         columns += list(up.T)
-        products = [up[:, i] * up[:, j] for i in range(3) for j in range(i, 3)]
+        products = []
+        for i in range(3):
+            for j in range(i, 3):
+                products.append(up[:, i] * up[:, j])
         # One product follows from the others and the constant.
         if len(rests) < len(columns) + len(products) - 1 + SPARE:
             return None

@@ -111,7 +111,9 @@ class Sampling(Result):
         """What a person should know of turns that cannot be told, and of channels at their limit."""
         if self.wrapped_from is None:
             return self.limits.lines
-        where = "in the row at" if self.wrapped == 1 else f"in {self.wrapped} rows, the first at"
+        where = "in the row at"
+        if self.wrapped != 1:
+            where = f"in {self.wrapped} rows, the first at"
         return [
             *self.limits.lines,
             f"w: more than half a turn since the row before {where} {digits(self.wrapped_from, 9)} s, which cannot be "
@@ -134,7 +136,9 @@ def rates_of(record: StrapdownRecord) -> NDArray[np.float64]:
 def mean_rates(record: StrapdownRecord, rates: str) -> NDArray[np.float64]:
     """Mean rates (N - 1, 3) over the intervals between the rows, from the samples of a record with rates [rad/s]."""
     assert record.rate is not None
-    return record.rate[1:] if rates == "averaged" else 0.5 * (record.rate[1:] + record.rate[:-1])
+    if rates == "averaged":
+        return record.rate[1:]
+    return 0.5 * (record.rate[1:] + record.rate[:-1])
 
 
 def check_meaning(rates: str) -> None:
@@ -166,11 +170,22 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
     period = float(np.mean(between[~is_gap]))
     off = between[~is_gap] - period
     channels = {f"w{i + 1}": v for i, v in enumerate(rates_of(record).T)}
-    channels |= {f"f{i + 1}": v for i, v in enumerate(record.specific_force.T)}
+    for i, v in enumerate(record.specific_force.T):
+        channels[f"f{i + 1}"] = v
     limits, wrapped = (
         limits_of(record),
         wrapped_rows(record, np.concatenate([[period], np.where(is_gap, period, between)])),
     )
+    first_limits = {}
+    for name, mask in limits.rows.items():
+        first_limits[name] = float(record.time_s[np.argmax(mask)])
+    dead = []
+    for name, values in channels.items():
+        if np.ptp(values) == 0.0:
+            dead.append(name)
+    wrapped_from = None
+    if wrapped.any():
+        wrapped_from = float(record.time_s[np.argmax(wrapped)])
     return Sampling(
         period_s=period,
         jitter_rms_s=float(np.sqrt(np.mean(off**2))),
@@ -178,11 +193,11 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
         gaps=tuple(Gap(time_s=record.time_s[k], length_s=between[k]) for k in np.flatnonzero(is_gap)),
         missing_rows=int(np.sum(np.round(between[is_gap] / period) - 1.0)),
         saturated_rows={name: int(mask.sum()) for name, mask in limits.rows.items()},
-        saturated_from_s={name: float(record.time_s[np.argmax(mask)]) for name, mask in limits.rows.items()},
+        saturated_from_s=first_limits,
         limits=limits,
-        dead_channels=tuple(name for name, values in channels.items() if np.ptp(values) == 0.0),
+        dead_channels=tuple(dead),
         wrapped_rows=int(wrapped.sum()),
-        wrapped_from_s=float(record.time_s[np.argmax(wrapped)]) if wrapped.any() else None,
+        wrapped_from_s=wrapped_from,
         broken=wrapped | record.knocks,
     )
 
@@ -192,7 +207,10 @@ def wrapped_rows(record: StrapdownRecord, step: NDArray[np.float64]) -> NDArray[
 
     So they are whether a rate is that of its row or the mean over the interval before.
     """
-    turn = record.increment if record.increment is not None else rates_of(record) * step[:, None]
+    if record.increment is not None:
+        turn = record.increment
+    else:
+        turn = rates_of(record) * step[:, None]
     return ~(np.linalg.norm(turn, axis=1) <= MAX_INCREMENT)
 
 
@@ -302,7 +320,9 @@ def _noise(values: NDArray, size: int, lag: int) -> float:
     square = _window_sums((values[lag:] - values[:-lag]) ** 2, size - lag)
     most = max(1, round(QUIETEST * len(square)))
     noise = float(np.sqrt(0.5 * np.maximum(np.partition(square, most - 1)[most - 1], 0.0) / (size - lag)))
-    return noise if noise > 0.0 else np.inf
+    if noise > 0.0:
+        return noise
+    return np.inf
 
 
 def _scatter(values: NDArray, size: int) -> NDArray:
@@ -383,6 +403,11 @@ def _averaged(
     length = np.array([r.stop - r.start for r in rows], dtype=float)
     rate, force_bound = rates_of(record), bounds(record.specific_force)
     step, off = reading_steps(record.specific_force, rows) if rows else (np.zeros(3), np.zeros(3))
+    if force_bound is not None:
+        force_bound = force_bound + off
+    temperature = None
+    if record.temperature is not None:
+        temperature = means(record.temperature)
     return Rests(
         count=len(rows),
         slow_turns_left_out=turning,
@@ -391,12 +416,12 @@ def _averaged(
         reading_step_mps2=step,
         time_s=means(record.time_s),
         length_s=length * sampling.period,
-        force_bound_mps2=None if force_bound is None else force_bound + off,
+        force_bound_mps2=force_bound,
         rate_bound_radps=bounds(rate),
         rows=rows,
         force=means(record.specific_force),
         rate=means(rate),
-        temperature=None if record.temperature is None else means(record.temperature),
+        temperature=temperature,
         noise=noise,
     )
 
@@ -443,7 +468,9 @@ def common_divisor(values: NDArray[np.float64]) -> float:
 
 def rest_warnings(rests: Rests, gravity: float) -> list[str]:
     """What a person should know of the accelerometers at rest: limits and steps."""
-    lines = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"] if rests.clipped else []
+    lines = []
+    if rests.clipped:
+        lines = [f"rests with an accelerometer at its limit: {rests.clipped}, left out"]
     for p in np.flatnonzero(rests.step):
         step = exactly(rests.step[p] / gravity, 3)
         lines.append(f"f{p + 1} reads in steps of {step} g: half of one counts in its means' bounds")

@@ -103,11 +103,16 @@ def check_turning(
     apart = [
         change - np.cross(level, unit * turn @ permutation.T) for unit in _units(before) for permutation in PERMUTATIONS
     ]
-    squares = np.array([np.square(difference).sum(axis=1) for difference in apart])
+    squares = []
+    for difference in apart:
+        squares.append(np.square(difference).sum(axis=1))
+    squares = np.array(squares)
     at = time_s[blocks].reshape(pieces, size)[1:, 0][moving]
     if change_found := _change(squares, np.square(change).sum(axis=1), at):
         return TurningCheck(matrix=matrix, said=(f"the gyros, or the accelerometers, {change_found[0]}",))
-    return beside_gravity(matrix, uncertain, before) if trusted else TurningCheck(matrix=matrix)
+    if trusted:
+        return beside_gravity(matrix, uncertain, before)
+    return TurningCheck(matrix=matrix)
 
 
 def _fit(turn: NDArray, change: NDArray, level: NDArray) -> tuple[NDArray, NDArray, bool] | None:
@@ -177,12 +182,15 @@ def beside_gravity(matrix: NDArray, uncertain: NDArray, before: Channels | None)
         ways.append((Channels(gyros=reading_of(axes.T), degrees=degrees), ""))
         # Accelerometers that are turned see gravity turn as turned gyros do; that all are reversed does not show.
         if np.linalg.det(axes) > 0.0 and permutation:
-            of_forces += [(Channels(reading_of(sign * axes), degrees=degrees), "") for sign in (1.0, -1.0)]
+            for sign in (1.0, -1.0):
+                of_forces.append((Channels(reading_of(sign * axes), degrees=degrees), ""))
     if ways:
         sentence = (
             f"{_words(ways[0][0], 'the accelerometers', before)}: read it with {advice([*ways, *of_forces], before)}"
         )
-        alternatives = advice(of_forces, before) if of_forces else ""
+        alternatives = ""
+        if of_forces:
+            alternatives = advice(of_forces, before)
         return TurningCheck(matrix=matrix, said=(sentence,), of_forces=alternatives)
     size = float(np.median(np.abs(matrix).max(axis=1)))
     if not 0.5 < size < 2.0:
@@ -207,7 +215,11 @@ def beside_truth(
         forth, back = (carried(sign * unit * increments, windows).as_matrix() for sign in (1.0, -1.0))
         for axes in PERMUTATIONS:
             sign = np.sign(np.linalg.det(axes))
-            turned = (sign * axes) @ (forth if sign > 0.0 else back) @ (sign * axes).T
+            if sign > 0.0:
+                turn = forth
+            else:
+                turn = back
+            turned = (sign * axes) @ turn @ (sign * axes).T
             missed.append(np.square(turned - target).sum(axis=(1, 2)))
     apart = np.array(missed)
     shares = apart.mean(axis=1) / none.mean()
@@ -240,8 +252,12 @@ def carried(increments: NDArray, windows: NDArray) -> "Rotation":
 
 def _words(channels: Channels, reference: str, before: Channels | None) -> str:
     """What is wrong with gyros that are to be read so, beside how they were read."""
-    now = "rad/s, not degrees per second" if before is not None and before.degrees else "degrees per second"
-    words = [f"the rates are probably in {now}"] if channels.degrees else []
+    now = "degrees per second"
+    if before is not None and before.degrees:
+        now = "rad/s, not degrees per second"
+    words = []
+    if channels.degrees:
+        words = [f"the rates are probably in {now}"]
     for axis, channel in enumerate(channels.gyros, start=1):
         if abs(channel) != axis:
             words.append(f"what turns about axis {axis} of {reference} is read by gyro {abs(channel)}")

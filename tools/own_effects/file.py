@@ -63,7 +63,10 @@ class OwnEffects:
             # An effect is looked up by its name, in its check too.
             with _known(effects_given), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                _LOADED[self] = tuple(check_effect(self.path, effect) for effect in effects_given)
+                checked = []
+                for effect in effects_given:
+                    checked.append(check_effect(self.path, effect))
+                _LOADED[self] = tuple(checked)
         return _LOADED[self]
 
     def _given(self) -> list[Effect]:
@@ -114,13 +117,20 @@ class OwnEffects:
                 warnings.simplefilter("ignore")
                 code = compile(ast.parse(self.source, origin), origin, "exec")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            line = f", line {error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
-            message = error.msg if isinstance(error, SyntaxError) else str(error)
+            line = ""
+            if isinstance(error, SyntaxError) and error.lineno:
+                line = f", line {error.lineno}"
+            if isinstance(error, SyntaxError):
+                message = error.msg
+            else:
+                message = str(error)
             raise InputError(f"{self.path}{line}: is not Python ({one_line(message)})") from error
         try:
             exec(code, vars(module))
         except (Exception, SystemExit) as error:
-            advice = FORMER if written_for_signatures(error) else "the file is run as it is read"
+            advice = "the file is run as it is read"
+            if written_for_signatures(error):
+                advice = FORMER
             raise InputError(f"{self.path}{line_of(error, origin)}: {message_of(error)}; {advice}") from error
         return module
 
@@ -159,7 +169,9 @@ def line_of(error: BaseException, origin: str) -> str:
 def message_of(error: BaseException) -> str:
     """An error of a file in one line."""
     message = one_line(" ".join(str(error).split()))
-    return f"{type(error).__name__}: {message}" if message else type(error).__name__
+    if message:
+        return f"{type(error).__name__}: {message}"
+    return type(error).__name__
 
 
 @contextmanager
@@ -193,7 +205,10 @@ def with_effects_of(file: "str | Path | OwnEffects | None") -> Iterator[OwnEffec
         pass
     added: list[tuple[dict[str, Effect], Effect]] = []
     for effect in effects:
-        catalogue = STRAPDOWN_EFFECTS if effect.in_motion else POSITION_EFFECTS
+        if effect.in_motion:
+            catalogue = STRAPDOWN_EFFECTS
+        else:
+            catalogue = POSITION_EFFECTS
         # Within another such block the same ones are there already.
         if catalogue.get(effect.name) is not effect:
             catalogue[effect.name] = effect

@@ -131,7 +131,9 @@ def _check_arguments(effect: Effect, refuse: Refusal) -> None:
         integers = len(whole_numbers(kernel))
     expected = 2 + integers + len(effect.parameters) + 1
     if count != expected:
-        numbers = f", {integers} whole number{'s' * (integers != 1)}" if integers else ""
+        numbers = ""
+        if integers:
+            numbers = f", {integers} whole number{'s' * (integers != 1)}"
         values = ", ".join(p.name for p in effect.parameters)
         raise refuse(
             "kernel",
@@ -226,7 +228,10 @@ def added_by(
 def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     """Check that a linear effect's kernel adds each parameter times a column, alone and together, and nothing else."""
     rows, count = rows_for(effect), len(effect.linear_parameters)
-    part, agree = (IN_MOTION, FIRST_ORDER) if effect.in_motion else (AT_REST, AGREE)
+    if effect.in_motion:
+        part, agree = (IN_MOTION, FIRST_ORDER)
+    else:
+        part, agree = (AT_REST, AGREE)
 
     def added(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
         # What sets in at a time acts on all of these rows, and what fades has not begun to.
@@ -241,7 +246,10 @@ def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
         raise refuse("kernel", "adds something where its parameters are zero")
     largest = float(min(p.largest for p in effect.linear_parameters if not p.name.endswith("phase")))
     # What only grows has no other side.
-    signs = (1.0, -1.0) if all(p.smallest is None for p in effect.linear_parameters) else (1.0,)
+    if all(p.smallest is None for p in effect.linear_parameters):
+        signs = (1.0, -1.0)
+    else:
+        signs = (1.0,)
     slopes = []
     for size in (part[0] * largest, part[1] * largest):
         for sign in signs:
@@ -273,7 +281,10 @@ def _check_variants(place: EffectPlace, effect: Effect, refuse: Refusal) -> None
     """Check that the ways in which an effect that is not linear can act are ways, and that its kernel runs."""
     assert effect.variants is not None
     rows = rows_for(effect)
-    reading = rows.rate if isinstance(rows, MotionRows) else rows.n
+    if isinstance(rows, MotionRows):
+        reading = rows.rate
+    else:
+        reading = rows.n
     with errors_of_field(refuse, "variants"):
         ways = effect.variants(place, rows, np.array(reading), 1e-5)
     if not isinstance(ways, Sequence) or not all(isinstance(way, Variant) for way in ways):

@@ -87,7 +87,10 @@ class Channels:
     @property
     def of_gyros(self) -> NDArray[np.float64]:
         """The matrix (3, 3) by which their readings are multiplied."""
-        return _matrix(self.gyros) * (RADIANS if self.degrees else 1.0)
+        size = 1.0
+        if self.degrees:
+            size = RADIANS
+        return _matrix(self.gyros) * size
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -101,12 +104,18 @@ class Channels:
             "w=" + ",".join(map(str, self.gyros)): self.gyros != usual.gyros,
             "w=deg": self.degrees,
         }
-        return tuple(option for option, is_needed in options.items() if is_needed)
+        needed = []
+        for option, is_needed in options.items():
+            if is_needed:
+                needed.append(option)
+        return tuple(needed)
 
     def __str__(self) -> str:
         """As it is typed; nothing where nothing changes."""
         options = " ".join(self.options)
-        quote = '"' if " " in options else ""
+        quote = ""
+        if " " in options:
+            quote = '"'
         return options and f"--channels {quote}{options}{quote}"
 
     def after(self, before: "Channels") -> "Channels":
@@ -125,7 +134,10 @@ class Channels:
 def reading_of(matrix: NDArray) -> Axes:
     """Of each axis the channel that shows it, where the channels show a signed permutation (3, 3) of the axes."""
     channels = np.argmax(np.abs(matrix), axis=0)
-    return cast(Axes, tuple(int(np.sign(matrix[k, axis])) * (int(k) + 1) for axis, k in enumerate(channels)))
+    axes = []
+    for axis, k in enumerate(channels):
+        axes.append(int(np.sign(matrix[k, axis])) * (int(k) + 1))
+    return cast(Axes, tuple(axes))
 
 
 def _times(after: Axes, before: Axes) -> list[int]:
@@ -146,11 +158,15 @@ def _field(name: str, value: str) -> tuple[str, object]:
 
 
 def _order(value: str) -> Axes | None:
-    texts = [text.strip() for text in value.split(",")]
+    texts = []
+    for text in value.split(","):
+        texts.append(text.strip())
     if not all(SIGNED.fullmatch(text) for text in texts) or len(texts) != 3:
         return None
     order = cast(Axes, tuple(map(int, texts)))
-    return order if sorted(map(abs, order)) == [1, 2, 3] else None
+    if sorted(map(abs, order)) == [1, 2, 3]:
+        return order
+    return None
 
 
 def far_better(costs: NDArray[np.float64]) -> NDArray[np.int_]:
@@ -159,7 +175,10 @@ def far_better(costs: NDArray[np.float64]) -> NDArray[np.int_]:
     They are numbers of costs (W,), the best first (see `FAR_BETTER`); none where the best is not far better.
     """
     best = costs.min()
-    same = np.flatnonzero(costs - best <= FAR_BETTER) if costs[0] - best > FAR_BETTER else np.zeros(0, dtype=int)
+    if costs[0] - best > FAR_BETTER:
+        same = np.flatnonzero(costs - best <= FAR_BETTER)
+    else:
+        same = np.zeros(0, dtype=int)
     return same[np.argsort(costs[same], kind="stable")]
 
 

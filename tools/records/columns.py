@@ -59,16 +59,18 @@ class Kind:
         return self.required + self.optional
 
 
+_TIME = ("time_s",)
+_TEMPERATURES = (TEMPERATURE,)
 POSITION = Kind(
     "position record", ("position", "time_s", *ANGLES, *FORCE), (TEMPERATURE, *APPROACH, MOUNTING), most_rows=100_000
 )
-RAW = Kind("raw record", ("time_s", *ANGLES, *FORCE), (TEMPERATURE,))
-BENCH_RATES = Kind("bench record", ("time_s", *ANGLES, *RATE, *FORCE), (TEMPERATURE,))
-BENCH_INCREMENTS = Kind("bench record", ("time_s", *ANGLES, *INCREMENT, *FORCE), (TEMPERATURE,))
+RAW = Kind("raw record", _TIME + ANGLES + FORCE, _TEMPERATURES)
+BENCH_RATES = Kind("bench record", _TIME + ANGLES + RATE + FORCE, _TEMPERATURES)
+BENCH_INCREMENTS = Kind("bench record", _TIME + ANGLES + INCREMENT + FORCE, _TEMPERATURES)
 BENCH = (BENCH_RATES, BENCH_INCREMENTS)
-STRAPDOWN_RATES = Kind("strapdown record", ("time_s", *RATE, *FORCE), (*QUATERNION, TEMPERATURE))
-STRAPDOWN_INCREMENTS = Kind("strapdown record", ("time_s", *INCREMENT, *FORCE), (*QUATERNION, TEMPERATURE))
-STRAPDOWN_VELOCITIES = Kind("strapdown record", ("time_s", *INCREMENT, *VELOCITY), (*FORCE, *QUATERNION, TEMPERATURE))
+STRAPDOWN_RATES = Kind("strapdown record", _TIME + RATE + FORCE, QUATERNION + _TEMPERATURES)
+STRAPDOWN_INCREMENTS = Kind("strapdown record", _TIME + INCREMENT + FORCE, QUATERNION + _TEMPERATURES)
+STRAPDOWN_VELOCITIES = Kind("strapdown record", _TIME + INCREMENT + VELOCITY, FORCE + QUATERNION + _TEMPERATURES)
 STRAPDOWN_KINDS = (POSITION, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
 """For a reader that wants gyros, and no angles of a table: the first whose required columns are all there."""
 
@@ -80,7 +82,9 @@ class RecordError(InputError):
     """A record cannot be used; `row` and `column` say where, as far as that is known, `what` the rest."""
 
     def __init__(self, path: Path, row: int | None, column: str | None, what: str) -> None:
-        place = [f"row {row}"] if row is not None else []
+        place = []
+        if row is not None:
+            place = [f"row {row}"]
         place += [f"column {column}"] if column is not None else []
         super().__init__(f"{path}: {', '.join(place)}: {what}" if place else f"{path}: {what}")
         self.path, self.row, self.column, self.what = path, row, column, what
@@ -97,7 +101,11 @@ class Layout:
     @property
     def numbers(self) -> tuple[str, ...]:
         """The columns of numbers that are there."""
-        return tuple(name for name in self.present if name != MOUNTING)
+        numeric = []
+        for name in self.present:
+            if name != MOUNTING:
+                numeric.append(name)
+        return tuple(numeric)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +143,9 @@ def with_force(columns: Columns) -> Columns:
     if columns.layout.kind is not STRAPDOWN_VELOCITIES or FORCE[0] in columns.numbers:
         return columns
     time, velocity = columns.numbers["time_s"], columns.group(VELOCITY)
-    usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    usual = 1.0
+    if len(time) > 1:
+        usual = float(np.median(np.diff(time)))
     step = np.concatenate([[usual], np.diff(time)])
     # An interval that is none is a fault of the time, which is said by itself.
     step[~(step >= SHORTEST)] = max(usual, SHORTEST)
@@ -163,7 +173,10 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
     for place, name in enumerate(names, 1):
         if not name:
             raise RecordError(path, row, None, f"field {place} of the header is empty; each column needs a name")
-    repeated = [name for name, count in Counter(names).items() if count > 1]
+    repeated = []
+    for name, count in Counter(names).items():
+        if count > 1:
+            repeated.append(name)
     if repeated:
         raise RecordError(path, row, None, f"column {quoted(repeated[0])} is there more than once; keep one")
 
@@ -179,11 +192,22 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
         raise RecordError(path, row, None, what)
     groups = {QUATERNION: "the attitude needs q0, q1, q2, q3", FORCE: "give f1_mps2..f3_mps2 or none of them"}
     for group, advice in groups.items():
-        missing = [name for name in group if name not in present]
+        missing = []
+        for name in group:
+            if name not in present:
+                missing.append(name)
         if group[0] in kind.optional and 0 < len(missing) < len(group):
             raise RecordError(path, row, None, f"column '{missing[0]}' is missing: {advice}")
-    columns = tuple(name for name in kind.known if name in present)
-    return Layout(kind, columns, tuple(name for name in names if name not in columns))
+    columns = []
+    for name in kind.known:
+        if name in present:
+            columns.append(name)
+    columns = tuple(columns)
+    unknown = []
+    for name in names:
+        if name not in columns:
+            unknown.append(name)
+    return Layout(kind, columns, tuple(unknown))
 
 
 def _distance(names: Sequence[str], kind: Kind) -> tuple[int, int]:
@@ -193,10 +217,21 @@ def _distance(names: Sequence[str], kind: Kind) -> tuple[int, int]:
 
 
 def _what_is_missing(names: Sequence[str], kind: Kind) -> str:
-    missing = [name for name in kind.required if name not in names]
-    close = get_close_matches(missing[0], [name for name in names if name not in kind.known], n=1, cutoff=0.6)
-    hint = f" (is {quoted(close[0])} meant?)" if close else ""
-    verb = "columns" if len(missing) > 1 else "column"
+    missing = []
+    for name in kind.required:
+        if name not in names:
+            missing.append(name)
+    unknown = []
+    for name in names:
+        if name not in kind.known:
+            unknown.append(name)
+    close = get_close_matches(missing[0], unknown, n=1, cutoff=0.6)
+    hint = ""
+    if close:
+        hint = f" (is {quoted(close[0])} meant?)"
+    verb = "column"
+    if len(missing) > 1:
+        verb = "columns"
     listed = ", ".join(f"'{name}'" for name in missing)
     return f"{verb} {listed} missing for a {kind.name}{hint}; it needs {','.join(kind.required)}"
 
@@ -206,13 +241,22 @@ def extra_warning(columns: Columns) -> tuple[str, ...]:
     layout = columns.layout
     if not layout.extra:
         return ()
-    absent = [name for name in layout.kind.optional if name not in layout.present]
+    absent = []
+    for name in layout.kind.optional:
+        if name not in layout.present:
+            absent.append(name)
     lines = []
     for name in layout.extra[:8]:
         close = get_close_matches(name, absent, n=1, cutoff=0.75)
-        lines.append(f"{quoted(name)} (did you mean '{close[0]}'?)" if close else quoted(name))
+        if close:
+            line = f"{quoted(name)} (did you mean '{close[0]}'?)"
+        else:
+            line = quoted(name)
+        lines.append(line)
     rest = len(layout.extra) - len(lines)
-    rest_in_words = f" and {rest} more" if rest else ""
+    rest_in_words = ""
+    if rest:
+        rest_in_words = f" and {rest} more"
     return (f"{columns.path}: not columns of a {layout.kind.name}, left out: {', '.join(lines)}{rest_in_words}",)
 
 
@@ -243,7 +287,9 @@ def warnings(columns: Columns) -> tuple[str, ...]:
 def _rows_from(columns: Columns, index: np.ndarray) -> str:
     """How many rows, and the first of them."""
     first = int(columns.row[index[0]])
-    return f"row {first}" if len(index) == 1 else f"{len(index)} rows, the first row {first}"
+    if len(index) == 1:
+        return f"row {first}"
+    return f"{len(index)} rows, the first row {first}"
 
 
 def faults(columns: Columns) -> Iterator[RecordError]:
@@ -277,7 +323,9 @@ def _increasing(columns: Columns, name: str, least: float = 0.0) -> Iterator[Rec
     for k in np.flatnonzero((values[1:] <= values[:-1]) | (values[1:] - values[:-1] < least)):
         before, value = float(values[k]), float(values[k + 1])
         verb = "repeats" if value == before else "runs back" if value < before else f"is less than {least:g} s later"
-        hint = " (a time series has no such column)" if name == "position" else ""
+        hint = ""
+        if name == "position":
+            hint = " (a time series has no such column)"
         what = f"{value:.17g} after {before:.17g} {verb}; it must grow from row to row{hint}"
         yield columns.fault(k + 1, name, what)
 
@@ -297,17 +345,24 @@ def _forces(columns: Columns) -> Iterator[RecordError]:
     # a component beyond the limit first: the squares of huge numbers overflow
     large = np.abs(force) > limit
     for index, axis in np.argwhere(large).tolist():
-        what = "10 times gravity" if averaged else f"{CORRUPT_FORCE:g} m/s2"
+        what = "10 times gravity"
+        if not averaged:
+            what = f"{CORRUPT_FORCE:g} m/s2"
         yield columns.fault(index, FORCE[axis], f"{float(force[index, axis]):g} is above {what}; m/s2 are needed")
     if large.any():
         return
     norm = np.sqrt(np.einsum("ij,ij->i", force, force))
-    over = np.flatnonzero(norm > limit) if averaged else np.zeros(0, dtype=int)
+    if averaged:
+        over = np.flatnonzero(norm > limit)
+    else:
+        over = np.zeros(0, dtype=int)
     for k in over:
         yield columns.fault(k, _all(FORCE), f"|f| = {norm[k]:g} is above 10 times gravity")
     median = float(np.median(norm)) / STANDARD_GRAVITY
     if not over.size and not 0.5 <= median <= 1.5:
-        guess = " (readings in g?)" if 0.5 <= median * STANDARD_GRAVITY <= 1.5 else ""
+        guess = ""
+        if 0.5 <= median * STANDARD_GRAVITY <= 1.5:
+            guess = " (readings in g?)"
         what = f"the median of |f| is {median:.4g} times gravity, where 0.5 to 1.5 is possible{guess}"
         yield RecordError(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
 
@@ -340,4 +395,6 @@ def _quaternions(columns: Columns) -> Iterator[RecordError]:
 
 
 def _all(names: tuple[str, ...]) -> str:
-    return f"{names[0]}..{names[-1]}" if len(names) > 2 else ", ".join(names)
+    if len(names) > 2:
+        return f"{names[0]}..{names[-1]}"
+    return ", ".join(names)

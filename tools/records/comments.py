@@ -47,9 +47,13 @@ def comments_of(lines: Iterable[tuple[int, str]]) -> tuple[Comments, tuple[int, 
         if key not in RESOLUTION and key != SCATTER:
             continue
         numbers = [_number(part) for part in text.split()]
-        count = 3 if key == SCATTER else 1
+        count = 1
+        if key == SCATTER:
+            count = 3
         if len(numbers) != count or not all(0.0 <= number < math.inf for number in numbers):
-            needed = "three numbers" if count == 3 else "a number"
+            needed = "a number"
+            if count == 3:
+                needed = "three numbers"
             return Comments(), (row, key, f"{text[:40]!r}: {needed} not below 0 must stand there")
         if key == SCATTER:
             scatter = tuple(numbers)
@@ -69,6 +73,9 @@ def comment_lines(about: Mapping[str, str]) -> str:
     """Keys and values as the lines that begin a file; what could not be read again as such is written as a remark."""
     lines = []
     for key, text in about.items():
-        key, text = (" ".join(part.split()) for part in (key.replace(":", " "), text))
+        words = []
+        for part in (key.replace(":", " "), text):
+            words.append(" ".join(part.split()))
+        key, text = words
         lines.append(f"# {key[:80] or 'remark'}: {text[: LONGEST - 90] or '-'}\n")
     return "".join(lines[:MOST])

@@ -141,8 +141,15 @@ class _Record:
             value = getattr(self, name, None)
             if value is None or name == "mounting":
                 continue
-            array = np.asarray(value, dtype=np.int64 if name in ("position", "row") else np.float64)
-            shape = (count,) if len(columns) == 1 else (count, len(columns))
+            if name in ("position", "row"):
+                number_type = np.int64
+            else:
+                number_type = np.float64
+            array = np.asarray(value, dtype=number_type)
+            if len(columns) == 1:
+                shape = (count,)
+            else:
+                shape = (count, len(columns))
             if array.shape != shape:
                 raise ValueError(f"{name} has the shape {array.shape}, where time_s asks for {shape}")
             object.__setattr__(self, name, array)
@@ -171,17 +178,24 @@ class _Record:
         for name, value in ((name, getattr(self, name, None)) for name in CHANGED):
             if value is not None:
                 changed[name] = CHANGED[name](value, channels)
-        options = (
-            f"{self.path}: read with {channels}" if channels.options else f"{self.path}: read as it stands, as said"
-        )
+        if channels.options:
+            options = f"{self.path}: read with {channels}"
+        else:
+            options = f"{self.path}: read as it stands, as said"
         if isinstance(raw := getattr(self, "raw", None), RawRecord):
             changed["raw"] = raw.read_with(channels)
-        warnings = tuple(line for line in self.warnings if not (channels.radians and "are they radians?" in line))
+        warnings = []
+        for line in self.warnings:
+            if not (channels.radians and "are they radians?" in line):
+                warnings.append(line)
+        warnings = tuple(warnings)
         changed |= {"warnings": (*warnings, options), "channels": channels.after(self.channels or Channels())}
         return replace(cast("Any", self), **changed)
 
     def __str__(self) -> str:
-        span = f", {self.time_s[-1] - self.time_s[0]:.6g} s" if len(self) else ""
+        span = ""
+        if len(self):
+            span = f", {self.time_s[-1] - self.time_s[0]:.6g} s"
         lines = (f"warning: {text}" for text in self.warnings)
         return "\n".join([f"{self.path}: {self.word} of {len(self)} rows{span}", *lines])
 
@@ -214,7 +228,9 @@ class _Record:
 
         table = pl.DataFrame({k: list(v) if k == MOUNTING else v for k, v in self.columns().items()})
         quaternion = [name for name in QUATERNION if name in table.columns]
-        return table.with_columns(pl.col(quaternion).fill_nan(None)) if quaternion else table
+        if quaternion:
+            return table.with_columns(pl.col(quaternion).fill_nan(None))
+        return table
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -380,10 +396,15 @@ class PositionRecord(_Record):
     def selected(self, index: np.ndarray) -> Self:
         """The same record with the rows that a mask or an index array selects, in that order."""
         index = np.arange(len(self))[index]
-        values = {column.name: getattr(self, column.name) for column in fields(self)}
+        values = {}
+        for column in fields(self):
+            values[column.name] = getattr(self, column.name)
         changed: dict[str, Any] = {k: v[index] for k, v in values.items() if isinstance(v, np.ndarray)}
         if self.mounting is not None:
-            changed["mounting"] = tuple(self.mounting[k] for k in index)
+            mounting = []
+            for k in index:
+                mounting.append(self.mounting[k])
+            changed["mounting"] = tuple(mounting)
         return replace(self, **changed)
 
 

@@ -68,7 +68,10 @@ class Limits:
 
     def among(self, chosen: NDArray[np.bool_]) -> "Limits":
         """The limits at some of the rows, a mask (N,)."""
-        rows = {name: mask & chosen for name, mask in self.rows.items() if (mask & chosen).any()}
+        rows = {}
+        for name, mask in self.rows.items():
+            if (mask & chosen).any():
+                rows[name] = mask & chosen
         return replace(self, rows=rows)
 
     @property
@@ -90,13 +93,20 @@ def limits_of(record: StrapdownRecord | RawRecord) -> Limits:
     """The limits that a record's channels show; increments are not divided by logged times, which jitter."""
     channels, unit = {}, "rad/s"
     if isinstance(record, StrapdownRecord):
-        turning = record.rate if record.rate is not None else record.increment
+        if record.rate is not None:
+            turning = record.rate
+        else:
+            turning = record.increment
         assert turning is not None
-        channels = {f"w{axis}": values for axis, values in enumerate(turning.T, start=1)}
+        channels = {}
+        for axis, values in enumerate(turning.T, start=1):
+            channels[f"w{axis}"] = values
         unit = unit if record.rate is not None else "rad"
         if record.velocity_increment is not None:
-            channels |= {f"dv{axis}": values for axis, values in enumerate(record.velocity_increment.T, start=1)}
-    channels |= {f"f{axis}": values for axis, values in enumerate(record.specific_force.T, start=1)}
+            for axis, values in enumerate(record.velocity_increment.T, start=1):
+                channels[f"dv{axis}"] = values
+    for axis, values in enumerate(record.specific_force.T, start=1):
+        channels[f"f{axis}"] = values
     masks = {}
     for name, values in channels.items():
         mask = rows_at_limit(values, [channel for second, channel in channels.items() if second != name])
@@ -125,7 +135,10 @@ def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.flo
         at = upright == upright.max()
         begins, ends = runs_of(at)
         longest = np.argsort(begins - ends, kind="stable")[:MOST_RUNS]
-        runs = [(int(begins[k]), int(ends[k])) for k in longest if ends[k] - begins[k] >= FEWEST * repeats]
+        runs = []
+        for k in longest:
+            if ends[k] - begins[k] >= FEWEST * repeats:
+                runs.append((int(begins[k]), int(ends[k])))
         if noisy:
             is_limit = often[0] >= max(VISITS, OFTENER * often[1 : 1 + NEIGHBOURS].max())
             is_limit |= bool(runs) and is_longer(runs[0][1] - runs[0][0], usual)
@@ -134,7 +147,9 @@ def rows_at_limit(values: NDArray[np.float64], channels: Sequence[NDArray[np.flo
         corners = (run for run in runs if has_corner(upright, run, resolution, repeats))
         if is_limit or any(not is_rest(channels, run) for run in corners):
             at_limit |= at
-    return at_limit | stuck_rows(values, repeated) if noisy else at_limit
+    if noisy:
+        return at_limit | stuck_rows(values, repeated)
+    return at_limit
 
 
 def resolution_of(distinct: NDArray[np.float64]) -> float:
@@ -154,7 +169,9 @@ def is_noisy(values: NDArray[np.float64], resolution: float) -> bool:
 
 def is_longer(rows: int, usual: int) -> bool:
     """Whether a run is longer than chance, or steps, make runs elsewhere, of which the longest has `usual` rows."""
-    return rows >= max(FEWEST, usual + BEYOND_CHANCE) if usual <= SHORT else rows > LONGER * usual
+    if usual <= SHORT:
+        return rows >= max(FEWEST, usual + BEYOND_CHANCE)
+    return rows > LONGER * usual
 
 
 def has_corner(values: NDArray[np.float64], run: tuple[int, int], resolution: float, repeats: int = 1) -> bool:
@@ -211,7 +228,9 @@ def stuck_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> NDAr
     for begin, end in zip(begins, ends, strict=True):
         if end - begin >= STUCK - 1:
             stuck[begin - 1 : end] = True
-    return stuck if np.mean(repeated & ~stuck) < SELDOM else np.zeros(len(values), dtype=bool)
+    if np.mean(repeated & ~stuck) < SELDOM:
+        return stuck
+    return np.zeros(len(values), dtype=bool)
 
 
 def runs_of(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:

@@ -61,7 +61,9 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
     """
     repeats = _from_repeats(record)
     scatter = _from_scatter(record)
-    bound = repeats if repeats is not None else scatter
+    bound = scatter
+    if repeats is not None:
+        bound = repeats
     if repeats is not None and scatter is not None and scatter.value > repeats.value:
         bound = replace(scatter, complete=True)
     if bound is None:
@@ -70,7 +72,9 @@ def noise_bound_from(record: PositionRecord) -> NoiseBound | None:
     if written > bound.value:
         text = "half a last digit of the readings as written, more than their scatter"
         return NoiseBound(written, text, bound.complete)
-    return bound if bound.value > 0.0 else None
+    if bound.value > 0.0:
+        return bound
+    return None
 
 
 def tells_noise(record: PositionRecord) -> bool:
@@ -111,7 +115,10 @@ def _from_repeats(record: PositionRecord) -> NoiseBound | None:
     largest = float(np.max(half_ranges))
     # three accelerometers for each group of repeats
     widening = 1.0 / uniform_range_quantile(np.repeat(counts, 3), 1.0 - CONFIDENCE)
-    visits = f"{sum(counts)} visits to {len(counts)} repeated position{'s' if len(counts) > 1 else ''}"
+    plural = ""
+    if len(counts) > 1:
+        plural = "s"
+    visits = f"{sum(counts)} visits to {len(counts)} repeated position{plural}"
     basis = (
         f"{visits}: half range {upwards(largest, 3)} g, widened by {upwards(widening, 3)} for their number "
         f"({digits(100 * CONFIDENCE)} % confidence)"
@@ -216,7 +223,9 @@ def allan_deviation(pieces: Sequence[np.ndarray], size: int) -> np.ndarray | Non
         difference = means[size:] - means[:-size]
         total = total + np.sum(difference**2, axis=0)
         count += len(difference)
-    return np.sqrt(0.5 * total / count) if count else None
+    if count:
+        return np.sqrt(0.5 * total / count)
+    return None
 
 
 def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
@@ -225,7 +234,9 @@ def deviation_at_dwell(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
     A rest shows it up to half its length; one octave more is taken by the slope of the last octave, white noise's at
     best and a random walk's at worst. None when the rests are too short to tell.
     """
-    rows = int(np.median([len(piece) for piece in pieces])) if len(pieces) else 0
+    rows = 0
+    if len(pieces):
+        rows = int(np.median([len(piece) for piece in pieces]))
     if rows < 4:
         return None
     half, quarter = allan_deviation(pieces, rows // 2), allan_deviation(pieces, rows // 4)
@@ -317,7 +328,10 @@ def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     onwards = np.cumsum(difference[::-1], axis=0)[::-1] / remaining[:, None]
     mean_distance = np.cumsum(distance[::-1])[::-1] / remaining
     # a block beside a line that is wrongly called different costs more than a few rows
-    chance = FALSE_ALARM if drifts else TOO_MUCH_DROPPED
+    if drifts:
+        chance = FALSE_ALARM
+    else:
+        chance = TOO_MUCH_DROPPED
     widest = np.array([student_quantile(len(second) - 2 if sloped else len(second) - 1, chance) for sloped in trend])
     of_one = 1.0 + 1.0 / len(second) + distance[:, None] ** 2 * leverage
     of_many = 1.0 / remaining[:, None] + 1.0 / len(second) + mean_distance[:, None] ** 2 * leverage
@@ -325,7 +339,9 @@ def _unsettled(values: np.ndarray, floor: np.ndarray, drifts: bool) -> int:
     many = np.maximum(widest * np.sqrt(of_many) * scatter, floor)
     different = np.any((np.abs(difference) > widest_single) | (np.abs(onwards) > many), axis=1)
     last = np.flatnonzero(different)
-    return offset + (int(last[-1]) + 1) * size if last.size else 0
+    if last.size:
+        return offset + (int(last[-1]) + 1) * size
+    return 0
 
 
 def mean_of(values: np.ndarray) -> np.ndarray:

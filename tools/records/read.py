@@ -149,7 +149,11 @@ def table_in_memory(source: object) -> pl.DataFrame:
     if isinstance(source, pl.DataFrame):
         return source
     named = getattr(getattr(source, "dtype", None), "names", None) or getattr(source, "columns", None)
-    names = list(source) if isinstance(source, Mapping) else [] if named is None else [str(name) for name in named]
+    names = []
+    if isinstance(source, Mapping):
+        names = list(source)
+    elif named is not None:
+        names = [str(name) for name in named]
     try:
         return pl.DataFrame({name: np.asarray(source[name]).tolist() for name in names})  # type: ignore[index]
     except (TypeError, ValueError, KeyError, pl.exceptions.PolarsError) as error:
@@ -227,10 +231,13 @@ def record_from(columns: Columns) -> Record:
         elif columns_of_group[0] == MOUNTING:
             values[name] = columns.mounting
         else:
-            numbers = (
-                columns.numbers[columns_of_group[0]] if len(columns_of_group) == 1 else columns.group(columns_of_group)
-            )
-            values[name] = np.deg2rad(numbers) if columns_of_group[0] in ANGLES else numbers
+            if len(columns_of_group) == 1:
+                numbers = columns.numbers[columns_of_group[0]]
+            else:
+                numbers = columns.group(columns_of_group)
+            if columns_of_group[0] in ANGLES:
+                numbers = np.deg2rad(numbers)
+            values[name] = numbers
     if values.get("attitude") is not None:
         # a row of NaN where it is not known
         values["attitude"][spoilt_attitudes(columns)] = np.nan
@@ -240,7 +247,10 @@ def record_from(columns: Columns) -> Record:
     if kind is PositionRecord:
         # angles of few digits are settings, which the encoders reached
         rounded = columns.angle_resolution <= ROUNDED_ANGLE
-        values["angle_resolution"] = float(np.deg2rad(columns.angle_resolution)) if rounded else 0.0
+        angle_resolution = 0.0
+        if rounded:
+            angle_resolution = float(np.deg2rad(columns.angle_resolution))
+        values["angle_resolution"] = angle_resolution
         values["temperature_resolution"] = columns.temperature_resolution
         if columns.comments.scatter:
             values["scatter"] = np.tile(columns.comments.scatter, (len(columns.row), 1))
@@ -302,11 +312,14 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[Kind]) -> Faults:
         largest = max(float(np.abs(values[name]).max()) for name in columns)
         return written_resolution(largest, max(digits[name] for name in columns))
 
+    names_of_mountings = None
+    if MOUNTING in place:
+        names_of_mountings = tuple(mounting)
     return Columns(
         path,
         layout,
         values,
-        tuple(mounting) if MOUNTING in place else None,
+        names_of_mountings,
         np.concatenate(blocks),
         max(resolution(*FORCE), comments.resolution),
         max(resolution(*ANGLES), comments.angle),
@@ -318,7 +331,9 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[Kind]) -> Faults:
 def significant_digits(text: str) -> int:
     """How many digits of a number are written, leading zeros not counted: 4 for "-0.01230"."""
     match = _DIGITS.fullmatch(text)
-    return len((match[1] + match[2]).lstrip("0")) if match else 0
+    if match:
+        return len((match[1] + match[2]).lstrip("0"))
+    return 0
 
 
 def written_resolution(largest: float, digits: int) -> float:
@@ -343,7 +358,10 @@ def _lines(path: Path, content: bytes) -> list[str]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         # the codec counts from behind the byte order mark
-        at = error.start + (3 if content.startswith(b"\xef\xbb\xbf") else 0)
+        behind_mark = 0
+        if content.startswith(b"\xef\xbb\xbf"):
+            behind_mark = 3
+        at = error.start + behind_mark
         row = content[:at].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
         what = f"byte {at} (0x{content[at]:02x}) is not UTF-8; save the file as UTF-8"
         raise RecordError(path, row, None, what) from error
@@ -397,7 +415,10 @@ def faults_of_line(path: Path, row: int, line: str, width: int, place: dict[str,
         yield RecordError(path, row, None, f"{len(fields)} fields, where the header has {width} columns")
         return
     for name, k in place.items():
-        fault = _name_fault(fields[k]) if name == MOUNTING else _number_fault(fields[k], name in QUATERNION)
+        if name == MOUNTING:
+            fault = _name_fault(fields[k])
+        else:
+            fault = _number_fault(fields[k], name in QUATERNION)
         if fault:
             yield RecordError(path, row, name, fault)
 
@@ -416,12 +437,16 @@ def _numbers(texts: Sequence[str], may_be_empty: bool) -> np.ndarray | None:
         values = np.array([float(text) for text in texts])
     except ValueError:
         return None
-    return values if np.count_nonzero(np.isfinite(values)) == len(values) - empty else None
+    if np.count_nonzero(np.isfinite(values)) == len(values) - empty:
+        return values
+    return None
 
 
 def _number_fault(text: str, may_be_empty: bool) -> str | None:
     if not text.strip():
-        return None if may_be_empty else "the field is empty; a number is needed"
+        if may_be_empty:
+            return None
+        return "the field is empty; a number is needed"
     if _numbers([text], may_be_empty=False) is not None:
         return None
     try:
@@ -432,14 +457,18 @@ def _number_fault(text: str, may_be_empty: bool) -> str | None:
         return f"{quoted(text)} is infinite; a finite number is needed"
     if math.isnan(value):
         return f"{quoted(text)} is not a number; a finite number is needed"
-    comma = "; write a decimal point, not a comma" if re.fullmatch(r"\s*[+-]?\d+,\d+\s*", text) else ""
+    comma = ""
+    if re.fullmatch(r"\s*[+-]?\d+,\d+\s*", text):
+        comma = "; write a decimal point, not a comma"
     return f"{quoted(text)} is not a number; a decimal number is needed{comma}"
 
 
 def _name_fault(text: str, signs: str = "letters, digits and signs") -> str | None:
     if not text.strip():
         return "the field is empty; a name is needed"
-    return None if text.strip().isprintable() else f"{quoted(text)} is not a name; {signs} are needed"
+    if text.strip().isprintable():
+        return None
+    return f"{quoted(text)} is not a name; {signs} are needed"
 
 
 def _too_many(path: Path, layout: Layout, rows: int) -> RecordError:
@@ -449,7 +478,9 @@ def _too_many(path: Path, layout: Layout, rows: int) -> RecordError:
 
 def _read_parquet(path: Path, content: bytes, kinds: Sequence[Kind], *, trusted: bool) -> Columns:
     """Parquet with the same column names; rows count from 1; raises RecordError for the first fault."""
-    wrong = None if trusted else fault_of_parquet(content)
+    wrong = None
+    if not trusted:
+        wrong = fault_of_parquet(content)
     if wrong is not None:
         raise RecordError(path, None, None, wrong)
     try:
@@ -468,7 +499,9 @@ def _read_parquet(path: Path, content: bytes, kinds: Sequence[Kind], *, trusted:
         # half a last binary digit of readings that are kept in single precision
         largest = max(float(np.abs(frame[name].to_numpy()).max()) for name in FORCE)
         resolution = 0.5 * float(np.spacing(np.float32(largest)))
-    mounting = _parquet_names(path, frame[MOUNTING]) if MOUNTING in layout.present else None
+    mounting = None
+    if MOUNTING in layout.present:
+        mounting = _parquet_names(path, frame[MOUNTING])
     return Columns(path, layout, numbers, mounting, np.arange(1, frame.height + 1), resolution)
 
 

@@ -94,11 +94,17 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
     `time_s` is the middle of the averaging interval, `row` the line of its first row; the approach columns are there
     when every rest was preceded by a move of that axis; `scatter` is each mean's standard error.
     """
-    averaged = [rest for rest in rests if rest.refused is None]
+    averaged = []
+    for rest in rests:
+        if rest.refused is None:
+            averaged.append(rest)
     if not averaged:
         why = f"the angles keep their level nowhere for {WINDOW} rows"
         if rests:
-            why = f"row {raw.row[rests[0].first]}: {rests[0].refused}" + (", and others" if len(rests) > 1 else "")
+            further = ""
+            if len(rests) > 1:
+                further = ", and others"
+            why = f"row {raw.row[rests[0].first]}: {rests[0].refused}" + further
         raise InputError(f"{raw.path}: no rest of the table can be averaged: {why}")
     angles = angles_of(raw)
     slices = [rest.kept for rest in averaged]
@@ -110,13 +116,16 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
     # the encoder's own turn again, so that angles stand as they were read
     turns = np.stack([raw.alpha, raw.beta], axis=1) - angles
     mean_angle = means(angles) + turns[begins]
+    temperature = None
+    if raw.temperature is not None:
+        temperature = means(raw.temperature)
     return PositionRecord(
         position=np.arange(1, len(averaged) + 1),
         time_s=0.5 * (raw.time_s[begins] + raw.time_s[ends]),
         alpha=mean_angle[:, 0],
         beta=mean_angle[:, 1],
         specific_force=means(raw.specific_force),
-        temperature=None if raw.temperature is None else means(raw.temperature),
+        temperature=temperature,
         approach_alpha=_approach(angles[:, 0], averaged),
         approach_beta=_approach(angles[:, 1], averaged),
         resolution=raw.resolution,
@@ -140,8 +149,11 @@ def position_record_of(raw: RawRecord) -> PositionRecord:
 def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int, last: int) -> Rest:
     """Drop what has not settled, then test what is left for length and for trends."""
     # a row beside a move may hold a reading taken while the table still moved
-    start = first + 1 if first > 0 else first
-    end = last - 1 if last < len(raw) - 1 else last
+    start, end = first, last
+    if first > 0:
+        start = first + 1
+    if last < len(raw) - 1:
+        end = last - 1
     floor, angle_floor = reading_floor(raw), np.full(2, UNSEEN_ANGLE)
     knocked = np.flatnonzero(raw.knocks[start : end + 1])
     if knocked.size:
@@ -170,12 +182,18 @@ def tested(raw: RawRecord, angles: np.ndarray, tolerance: np.ndarray, first: int
         f"f{axis + 1} drifts by {digits(drifting.change[axis] / STANDARD_GRAVITY, 2)} g"
         for axis in np.flatnonzero(drifting.significant)
     ]
-    return Rest(first, last, start, end, trends=tuple(f"{text} in {_lasts(raw, rows)}" for text in trends))
+    trends_in_words = []
+    for text in trends:
+        trends_in_words.append(f"{text} in {_lasts(raw, rows)}")
+    return Rest(first, last, start, end, trends=tuple(trends_in_words))
 
 
 def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
     """Refuse rests in which a reading drifts as it does in none of the others, and by more than it scatters."""
-    places = [k for k, rest in enumerate(rests) if rest.refused is None]
+    places = []
+    for k, rest in enumerate(rests):
+        if rest.refused is None:
+            places.append(k)
     if len(places) < FEWEST_COMPARED:
         return rests
     trends, rates = [], []
@@ -190,7 +208,9 @@ def _without_unusual_drifts(raw: RawRecord, rests: list[Rest]) -> list[Rest]:
             change = trend.change[axis]
             if abs(change) > scatter_about_line(raw.time_s[rows], raw.specific_force[rows, axis]):
                 why = f"f{axis + 1} drifts linearly by {digits(change / STANDARD_GRAVITY, 2)} g in {_lasts(raw, rows)}"
-                often = f", {digits(rate[axis] / usual[axis], 2)} times the median" if usual[axis] > 0.0 else ""
+                often = ""
+                if usual[axis] > 0.0:
+                    often = f", {digits(rate[axis] / usual[axis], 2)} times the median"
                 rests[k] = replace(rests[k], refused=f"{why}{often}: a trend, which other rests do not have")
                 break
     return rests
@@ -297,8 +317,11 @@ def quiet_tolerance(angle: np.ndarray, step: float | None = None) -> float:
     last digit seldom changes shows it in its smallest step, which is given where more is known than these rows.
     """
     spread = np.quantile(_window_spread(angle), 0.01)
-    step = smallest_step(angle) if step is None else step
-    digit = step if math.isfinite(step) else 0.0
+    if step is None:
+        step = smallest_step(angle)
+    digit = 0.0
+    if math.isfinite(step):
+        digit = step
     return min(max(10.0 * float(spread), 1.5 * digit, LEAST_TOLERANCE), GREATEST_TOLERANCE)
 
 
@@ -329,7 +352,11 @@ def find_stops(angles: np.ndarray, tolerance: np.ndarray) -> list[tuple[int, int
     stops = []
     for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
         stops += list(_levels(angles, first, last, tolerance))
-    return [(first, last) for first, last in stops if last - first + 1 >= WINDOW]
+    long = []
+    for first, last in stops:
+        if last - first + 1 >= WINDOW:
+            long.append((first, last))
+    return long
 
 
 def _window_spread(values: np.ndarray) -> np.ndarray:

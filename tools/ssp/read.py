@@ -81,7 +81,9 @@ def opened(
     InputError
         a file that cannot be used, or an option where the scenario says it itself
     """
-    ending = Path(scenario).suffix.lower() if isinstance(scenario, str | Path) else ""
+    ending = ""
+    if isinstance(scenario, str | Path):
+        ending = Path(scenario).suffix.lower()
     if isinstance(scenario, str | Path) and ending == ".ssp":
         system = "an .ssp says its start and its stop"
         options.refuse("an .fmu", start=system, stop=system)
@@ -99,7 +101,10 @@ def opened(
     if isinstance(scenario, str | Path):
         yield options.over(read_scenario(scenario)), ()
     else:
-        checked = scenario if isinstance(scenario, Scenario) else checked_sections(scenario, Scenario)
+        if isinstance(scenario, Scenario):
+            checked = scenario
+        else:
+            checked = checked_sections(scenario, Scenario)
         yield options.over(checked), ()
 
 
@@ -161,7 +166,10 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
             parameters[at]["lead_steps"] = 0
     if "stop_s" not in run:
         raise InputError(f"{label}: DefaultExperiment has no stopTime, so nothing says when the run ends")
-    lengths = [length for length in (step, run.get("step_s"), min(steps, default=None)) if length is not None]
+    lengths = []
+    for length in (step, run.get("step_s"), min(steps, default=None)):
+        if length is not None:
+            lengths.append(length)
     if not lengths:
         raise InputError(f"{label}: neither it nor its FMUs say how long a step is; give --step")
     settings_of_fmus: dict[str, dict[str, Any]] = {}
@@ -197,7 +205,9 @@ def _run(root: Element, system: Element, label: str) -> dict[str, float]:
             run[key] = number_of(experiment, attribute, label)
     for element in system.iter():
         if local_name(element) in ("FixedStepMaster", "VariableStepMaster"):
-            attribute = "stepSize" if "stepSize" in element.attrib else "maximumStepSize"
+            attribute = "maximumStepSize"
+            if "stepSize" in element.attrib:
+                attribute = "stepSize"
             if attribute in element.attrib:
                 return {**run, "step_s": number_of(element, attribute, label)}
     return run
@@ -211,7 +221,9 @@ def _read_part(element: Element, path: Path_, folder: Path, label: str, units: d
     if local_name(element) == "Component":
         kind = element.get("type", FMU)
         if kind != FMU or element.get("implementation") == "ModelExchange":
-            what = "model exchange" if kind == FMU else kind
+            what = "model exchange"
+            if kind != FMU:
+                what = kind
             raise InputError(f"{label}: element '{'.'.join(path)}' is for {what}; co-simulation FMUs are run")
         part.source = member(folder, element.get("source", ""), label)
         return part
@@ -235,7 +247,10 @@ def _edge(connection: Element, part: Part, label: str) -> tuple[Node, Node]:
         element, name = connection.get(f"{side}Element"), str(connection.get(f"{side}Connector"))
         if element is not None and element not in part.parts:
             raise InputError(f"{label}: a connection names an element '{element}' that is not there")
-        owner = part if element is None else part.parts[element]
+        if element is None:
+            owner = part
+        else:
+            owner = part.parts[element]
         kind = owner.connectors.get(name)
         ends.append((owner.path, name))
         # A system's own inputs feed what is inside it.
@@ -263,7 +278,10 @@ def _reached(system: Part) -> dict[Node, list[Node]]:
     for part in system.walk():
         for start, end in part.edges:
             following.setdefault(start, []).append(end)
-    systems = {part.path for part in system.walk() if part.source is None}
+    systems = set()
+    for part in system.walk():
+        if part.source is None:
+            systems.add(part.path)
     targets: dict[Node, list[Node]] = {}
     for node in following:
         visited, waiting = {node}, list(following[node])
@@ -285,7 +303,11 @@ def _names(fmus: list[Part]) -> dict[Path_, str]:
     names: dict[Path_, str] = {}
     for part in fmus:
         name = re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(part.path))
-        names[part.path] = free_name(name if re.match(r"[A-Za-z_]", name) else f"_{name}", names.values())
+        if re.match(r"[A-Za-z_]", name):
+            plain_name = name
+        else:
+            plain_name = f"_{name}"
+        names[part.path] = free_name(plain_name, names.values())
     return names
 
 
@@ -308,7 +330,9 @@ def _interfaces(
         unpacked = unpack(folder / str(part.source), where, lambda _, n=number: folder.with_name(f"fmu-{n}"))
         interfaces[part.path] = interface_of(names[part.path], where, unpacked.description)
         experiment = unpacked.description.defaultExperiment
-        text = experiment.stepSize if experiment is not None else None
+        text = None
+        if experiment is not None:
+            text = experiment.stepSize
         if text:
             try:
                 steps.append(float(str(text)))
@@ -371,7 +395,11 @@ def _targets(
         return [(part.path, name)] * exists
     if name in part.connectors:
         fed = feeds.get((part.path, name), [])
-        return [(at, variable) for at, variable in fed if variable in interfaces[at].variables]
+        variables = []
+        for at, variable in fed:
+            if variable in interfaces[at].variables:
+                variables.append((at, variable))
+        return variables
     for inner, below in part.parts.items():
         if name.startswith(f"{inner}."):
             variables = _targets(below, name[len(inner) + 1 :], interfaces, feeds)

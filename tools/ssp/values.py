@@ -61,9 +61,9 @@ def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str
         if binding.get("type", "application/x-ssp-parameter-set") != "application/x-ssp-parameter-set":
             raise InputError(f"{label}: a parameter binding has type '{binding.get('type')}', which is not supported")
         prefix = binding.get("prefix", "")
-        values_of_set = [
-            replace(value, name=prefix + value.name) for value in _parameter_set(binding, folder, label, units)
-        ]
+        values_of_set = []
+        for value in _parameter_set(binding, folder, label, units):
+            values_of_set.append(replace(value, name=prefix + value.name))
         mapping = child(binding, "ssd:ParameterMapping")
         if mapping is not None:
             root = _document(mapping, folder, label, "ssm:ParameterMapping")
@@ -108,7 +108,10 @@ def _mapped(values: Sequence[Given], entries: Sequence[Element], label: str) -> 
     """The values under the names that a mapping gives them; what it does not name keeps its name."""
     mapped = []
     for binding in values:
-        renamings = [entry for entry in entries if entry.get("source", "") == binding.name]
+        renamings = []
+        for entry in entries:
+            if entry.get("source", "") == binding.name:
+                renamings.append(entry)
         mapped += [_transformed(binding, entry, label) for entry in renamings] or [binding]
     return mapped
 
@@ -122,7 +125,10 @@ def _transformed(binding: Given, entry: Element, label: str) -> Given:
             factor, offset = number_of(step, "factor", where, 1.0), number_of(step, "offset", where, 0.0)
             return replace(binding, factor=factor, offset=offset)
         if local_name(step).endswith("MappingTransformation"):
-            table = {e.get("source", ""): e.get("target", "") for e in step if local_name(e) == "MapEntry"}
+            table = {}
+            for e in step:
+                if local_name(e) == "MapEntry":
+                    table[e.get("source", "")] = e.get("target", "")
             return replace(binding, table=table)
     return binding
 

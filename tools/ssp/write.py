@@ -89,7 +89,9 @@ def export_ssp(
     if ssp not in ("1.0", "2.0"):
         raise InputError(f"--ssp {ssp}: must be 1.0 or 2.0")
     if flavour is None:
-        flavour = "native" if platform is not None else usual_flavour()
+        flavour = "native"
+        if platform is None:
+            flavour = usual_flavour()
     if flavour == "python" and platform is not None:
         raise InputError("--platform: belongs to --flavour native; PythonFMU brings its own binaries")
     if platform is None:
@@ -102,7 +104,9 @@ def export_ssp(
     except BuildError as error:
         raise InputError(f"--flavour native: {error}") from error
     except InputError as error:
-        prefix = f"{scenario.source}: " if scenario.source is not None else ""
+        prefix = ""
+        if scenario.source is not None:
+            prefix = f"{scenario.source}: "
         raise InputError(f"{prefix}{error}") from error
     with whole_file(out) as incomplete:
         write_archive(incomplete, members, first=STRUCTURE)
@@ -183,7 +187,8 @@ def _set(fmus: dict[str, Any], interface: Interface, values: Mapping[str, Value]
     setting = dict(fmus[interface.name])
     elements: dict[str, Value] = {}
     for name, value in setting.get("parameters", {}).items():
-        elements |= {variable.name: item for variable, item in spread(value, interface.find(name), name)}
+        for variable, item in spread(value, interface.find(name), name):
+            elements[variable.name] = item
     fmus[interface.name] = {**setting, "parameters": {**elements, **values}}
 
 
@@ -199,7 +204,8 @@ def _parameters(
     for name in ("max_rate", "max_acceleration", "initial_angle"):
         values[name] = [table.start_value(v) for v in table.interface.find(name)]
     for name, numbers in zip(("alpha", "beta", "dwell_time"), (*np.transpose(commands.values), dwell), strict=True):
-        values |= {f"{name}[{i + 1}]": float(value) for i, value in enumerate(numbers)}
+        for i, value in enumerate(numbers):
+            values[f"{name}[{i + 1}]"] = float(value)
     return values
 
 
@@ -238,7 +244,9 @@ def _members(
         members[file] = content
     sets = {name: _parameter_set(name, system, entry, version) for name, entry in loaded.items()}
     members |= {f"resources/{name}.ssv": content for name, content in sets.items() if content}
-    stem = scenario.source.stem if scenario.source is not None else "scenario"
+    stem = "scenario"
+    if scenario.source is not None:
+        stem = scenario.source.stem
     about = {"name": re.sub(r"\W", "_", stem, flags=re.ASCII), "title": scenario.title, "version": version}
     elements = {name: (files[name], entry.interface, bool(sets[name])) for name, entry in loaded.items()}
     members[STRUCTURE] = _structure(about, elements, wires, grid)
@@ -265,14 +273,18 @@ def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -
     text = {"Real": lambda v: number(float(v)), "Boolean": lambda v: str(bool(v)).lower(), "String": str}
     for element, (variable, value) in values.items():
         # An enumeration goes out as the whole number that FMI passes: neither OMSimulator nor FMPy reads its name.
-        kind = "Integer" if variable.kind == "Enumeration" else variable.kind
+        kind = "Integer"
+        if variable.kind != "Enumeration":
+            kind = variable.kind
         attributes = {"value": text.get(kind, lambda v: str(int(v)))(value)}
         if variable.unit is not None and variable.unit in interface.scales:
             units[variable.unit] = interface.scales[variable.unit]
             if kind == "Real":
                 attributes["unit"] = variable.unit
         rows.append((element, kind, attributes))
-    origin = f", calibration {setting.parameters_from}" if setting.parameters_from is not None else ""
+    origin = ""
+    if setting.parameters_from is not None:
+        origin = f", calibration {setting.parameters_from}"
     description = f"parameters of {name}{origin}"
     if not rows:
         return b""
@@ -310,7 +322,10 @@ def _structure(
             elements, "ssd:Component", name=name, type="application/x-fmu-sharedlibrary", source=file
         )
         variables = interface.variables.values()
-        connectors = [v for v in variables if v.causality == "output" or (name, v.name) in connected]
+        connectors = []
+        for v in variables:
+            if v.causality == "output" or (name, v.name) in connected:
+                connectors.append(v)
         for variable in connectors:
             if variable.unit is not None and variable.unit in interface.scales:
                 units[variable.unit] = interface.scales[variable.unit]
