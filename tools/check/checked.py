@@ -26,9 +26,14 @@ def check(path: Path | str, channels: Sequence[str] = ()) -> Check:
     content = bytes_of(path, most={".toml": LARGEST_TEXT, ".json": LARGEST_RESULT}.get(ending, LARGEST))
     findings = Findings(path)
     if content.startswith(ZIP) and not is_workbook(content):
-        (_check_ssp if ending == ".ssp" else _check_fmu)(findings)
+        if ending == ".ssp":
+            _check_ssp(findings)
+        else:
+            _check_fmu(findings)
     elif ending in (".fmu", ".ssp"):
-        findings.kind = "FMU" if ending == ".fmu" else "SSP archive"
+        findings.kind = "SSP archive"
+        if ending == ".fmu":
+            findings.kind = "FMU"
         findings.add(f"is not a ZIP archive, which an {ending} is")
     else:
         # An archive of somebody else is refused before the half of the program is imported that reads records.
@@ -47,12 +52,12 @@ def _check_fmu(findings: Findings) -> None:
         interface = interface_of("fmu", str(findings.path), described)
         for text in validate_fmu(str(findings.path)):
             findings.add(" ".join(text.split()))
-        counts = {c: sum(v.causality == c for v in interface.variables.values()) for c in ("input", "output")}
+        inputs, outputs = interface.named("input"), interface.named("output")
         if not findings.problems:
             tool = described.generationTool or "an unnamed tool"
             findings.summary = (
                 f"{described.modelName}, FMI {described.fmiVersion}, by {tool}",
-                f"{len(interface.variables)} variables, {counts['input']} inputs, {counts['output']} outputs",
+                f"{len(interface.variables)} variables, {len(inputs)} inputs, {len(outputs)} outputs",
             )
 
 

@@ -178,10 +178,15 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) ->
     if findings.problems:
         return
     findings.warnings += warnings(columns)
-    present = [name for name in columns.layout.present if name in (names or read_parquet_schema(BytesIO(content)))]
+    if not names:
+        names = list(read_parquet_schema(BytesIO(content)))
+    present = [name for name in columns.layout.present if name in names]
     findings.summary = (f"{len(columns.row)} rows, columns {', '.join(present)}",)
     record = read_record(findings.path, channels=channels)
-    findings.warnings += tuple(line for line in record.warnings if line not in findings.warnings)
+    earlier = findings.warnings
+    for line in record.warnings:
+        if line not in earlier:
+            findings.warnings += (line,)
     if isinstance(record, PositionRecord):
         findings.warnings += channels_warning(record)
         return
@@ -225,11 +230,13 @@ def channels_warning(
 def _header(content: bytes) -> list[str]:
     """The names in the first written line; none where there is no text."""
     lines = content[:100_000].decode("utf-8-sig", "replace").splitlines()
-    written = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    try:
-        return [name.strip() for name in next(csv.reader([written]))]
-    except (csv.Error, StopIteration):
-        return []
+    for line in lines:
+        if line.strip() and not line.startswith("#"):
+            try:
+                return [name.strip() for name in next(csv.reader([line]))]
+            except (csv.Error, StopIteration):
+                return []
+    return []
 
 
 def _check_commands(findings: Findings, names: list[str]) -> None:
@@ -292,7 +299,10 @@ def _check_json(findings: Findings, text: str) -> None:
             where = former.get(place, place)
             problem = problem.replace(dotted(place), dotted(where), 1)
             if problem.endswith(": is missing"):
-                unknown = [key for key in _at(content, where[:-1]) if key not in keys]
+                unknown = []
+                for key in _at(content, where[:-1]):
+                    if key not in keys:
+                        unknown.append(key)
                 for close in get_close_matches(str(where[-1]), unknown, n=1):
                     problem += f" (is '{close}' meant?)"
             findings.add(problem, where)
@@ -311,11 +321,14 @@ def _summarise_diagnosis(diagnosis: Diagnosis, findings: Findings) -> None:
     if diagnosis.records:
         findings.kind, records = "diagnosis of several records", f"{len(diagnosis.records)} records, "
     summary = f"{records}{diagnosis.verdict}"
-    named = diagnosis.verdict in ("explained", "ambiguous") and diagnosis.explanations
-    if named and diagnosis.records:
-        summary += f": {'; '.join(cause.place.title for cause in diagnosis.explanations[0].causes)}"
-    elif named:
-        summary += f": {', '.join(f'{cause.effect} {cause.where}' for cause in diagnosis.explanations[0].causes)}"
+    if diagnosis.verdict in ("explained", "ambiguous") and diagnosis.explanations:
+        causes, separator = [], ", "
+        for cause in diagnosis.explanations[0].causes:
+            text = f"{cause.effect} {cause.where}"
+            if diagnosis.records:
+                text, separator = cause.place.title, "; "
+            causes.append(text)
+        summary += f": {separator.join(causes)}"
     findings.summary = (summary,)
 
 

@@ -71,9 +71,15 @@ class Check(Result):
     def verdict(self) -> str:
         """One line."""
         if self.good:
-            return f"{self.file}: {'an' if self.kind[0] in 'aeo' else 'a'} {self.kind}, nothing is wrong"
+            article = "a"
+            if self.kind[0] in "aeo":
+                article = "an"
+            return f"{self.file}: {article} {self.kind}, nothing is wrong"
         count = len(self.problems) + self.not_listed
-        return f"{self.file}: {count} problem{'s' if count > 1 else ''} ({self.kind})"
+        noun = "problem"
+        if count > 1:
+            noun = "problems"
+        return f"{self.file}: {count} {noun} ({self.kind})"
 
     def to_polars(self) -> "DataFrame":
         """The problems as a table: line, text."""
@@ -96,7 +102,9 @@ class Findings:
     def add(self, text: str, location: Location = (), line: int | None = None) -> None:
         """Note a problem, of a field once."""
         if line is not None or all(text != problem.text for problem in self.problems):
-            self.problems.append(Problem(text=text, line=line_of(self.lines, location) if line is None else line))
+            if line is None:
+                line = line_of(self.lines, location)
+            self.problems.append(Problem(text=text, line=line))
 
     @contextmanager
     def of(self, location: Location = (), number: int | None = None) -> Iterator[None]:
@@ -115,12 +123,15 @@ class Findings:
     def check(self, most: int | None = None) -> Check:
         """All of it, the problems by line, those without a line first; at most so many of them are listed."""
         problems = sorted(self.problems, key=lambda problem: problem.line or 0)
+        not_listed = 0
+        if most is not None:
+            not_listed = len(problems[most:])
         return Check(
             file=str(self.path),
             kind=self.kind,
             good=not problems,
             problems=tuple(problems[:most]),
-            not_listed=len(problems[most:]) if most is not None else 0,
+            not_listed=not_listed,
             warnings=self.warnings,
             summary=self.summary,
         )
@@ -131,7 +142,10 @@ def named_location(text: str) -> Location:
     location: list[int | str] = []
     at = 0
     while match := _PART.match(text, at):
-        location.append(match[1] if match[1] is not None else int(match[2]) - 1)
+        if match[1] is not None:
+            location.append(match[1])
+        else:
+            location.append(int(match[2]) - 1)
         at = match.end()
     return tuple(location)
 
@@ -163,7 +177,7 @@ def toml_lines(text: str) -> dict[Location, int]:
         else:
             after, statement = _statement(lines, row)
             for location in _locations(statement):
-                line_at.setdefault((*section, *location), row + 1)
+                line_at.setdefault(section + location, row + 1)
             row = after
     return line_at
 
@@ -208,7 +222,8 @@ def _locations(value: object) -> Iterator[Location]:
         return
     for key, item in inner:
         yield (key,)
-        yield from ((key, *rest) for rest in _locations(item))
+        for rest in _locations(item):
+            yield (key, *rest)
 
 
 def json_lines(text: str) -> dict[Location, int]:
@@ -223,7 +238,9 @@ def json_lines(text: str) -> dict[Location, int]:
 
     def blank(at: int) -> int:
         space = _BLANK.match(text, at)
-        return space.end() if space else at
+        if space is None:
+            return at
+        return space.end()
 
     def walk(at: int, location: Location) -> int:
         at = blank(at)
@@ -234,14 +251,15 @@ def json_lines(text: str) -> dict[Location, int]:
         is_object, number = text[at] == "{", 0
         at = blank(at + 1)
         while text[at] not in "}]":
-            key: int | str = number
+            inside: Location = (*location, number)
             if is_object:
-                found_key, at = json.JSONDecoder().raw_decode(text, at)
-                key = str(found_key)
-                line_at[(*location, key)] = line(at)
+                key, at = json.JSONDecoder().raw_decode(text, at)
+                inside = (*location, str(key))
+                line_at[inside] = line(at)
                 at = blank(at) + 1
-            at = blank(walk(at, (*location, key)))
-            at = blank(at + 1) if text[at] == "," else at
+            at = blank(walk(at, inside))
+            if text[at] == ",":
+                at = blank(at + 1)
             number += 1
         return at + 1
 

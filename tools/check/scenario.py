@@ -48,6 +48,15 @@ def check_scenario(content: dict[str, Any], findings: Findings) -> None:
         )
 
 
+def _members(locations: Sequence[Location], section: str) -> set[int | str]:
+    """Names or indices of the members of a section that the locations are in."""
+    members = set()
+    for location in locations:
+        if location[0] == section and len(location) > 1:
+            members.add(location[1])
+    return members
+
+
 class _System:
     """What of a scenario's file is right by itself, and what that says.
 
@@ -65,14 +74,20 @@ class _System:
     def without(self, wrong: Sequence[Location]) -> dict[str, Any]:
         """What remains without the FMUs, connections, stimuli, columns and keys at these locations."""
         right = dict(self.data)
-        self.absent = {str(where[1]) for where in wrong if where[0] == "fmus" and len(where) > 1}
+        self.absent = {str(name) for name in _members(wrong, "fmus")}
         if self.absent:
-            right["fmus"] = {name: value for name, value in right["fmus"].items() if name not in self.absent}
+            right["fmus"] = dict(right["fmus"])
+            for name in self.absent:
+                right["fmus"].pop(name, None)
         for part in LISTS:
-            indices = {where[1] for where in wrong if where[0] == part and len(where) > 1}
+            indices = _members(wrong, part)
             if indices:
-                right[part] = [item for k, item in enumerate(right[part]) if k not in indices]
-                self.numbers[part] = [number for number in self.numbers[part] if number - 1 not in indices]
+                items, numbers = [], []
+                for number, item in zip(self.numbers[part], right[part], strict=True):
+                    if number - 1 not in indices:
+                        items.append(item)
+                        numbers.append(number)
+                right[part], self.numbers[part] = items, numbers
         for where in wrong:
             if where[0] == "record" or len(where) == 1:
                 right.pop(str(where[0]), None)
@@ -136,12 +151,17 @@ class _System:
                 return loaded
             return None
 
-        loaded = load_as("component" if setting.component is not None else "fmu")
+        key = "fmu"
+        if setting.component is not None:
+            key = "component"
+        loaded = load_as(key)
         if loaded is None:
             return None
         if setting.effects:
-            numbered = enumerate(setting.effects)
-            effects = [entry for k, entry in numbered if load_as("effects", k, number=k + 1, effects=[entry])]
+            effects = []
+            for k, entry in enumerate(setting.effects):
+                if load_as("effects", k, number=k + 1, effects=[entry]):
+                    effects.append(entry)
             right["effects"] = []
             loaded = load_as("effects", effects=effects) or loaded
         if setting.parameters_from is not None:
@@ -162,12 +182,18 @@ class _System:
             copy = scenario.model_copy(update={"run": run, "stimuli": [*programmes, stimulus]})
             with self.found.of(("stimuli", number - 1), number):
                 _, resolved = resolve_stimuli(copy, sources, self.loaded)
-                drives.extend((f"stimuli[{number}]", drive) for _, drive in resolved[len(programmes) :])
+                for _, drive in resolved[len(programmes) :]:
+                    drives.append((f"stimuli[{number}]", drive))
                 return True
             return False
 
-        numbered = zip(self.numbers["stimuli"], scenario.stimuli, strict=True)
-        present = [(k, s) for k, s in numbered if self.present(*(s.columns if s.columns is not None else [str(s.to)]))]
+        present = []
+        for number, stimulus in zip(self.numbers["stimuli"], scenario.stimuli, strict=True):
+            targets = [str(stimulus.to)]
+            if stimulus.columns is not None:
+                targets = list(stimulus.columns)
+            if self.present(*targets):
+                present.append((number, stimulus))
         for number, stimulus in present:
             if stimulus.kind == "programme" and resolve(stimulus, number):
                 programmes.append(stimulus)
@@ -182,9 +208,12 @@ class _System:
                 resolve(stimulus, number)
             elif stimulus.kind == "constant":
                 resolve(stimulus, number, step)
-        with self.found.of(("stimuli",)):
+        loaded = self.loaded
+        if self.found.problems:
             # What is wrong elsewhere may be what feeds an input.
-            check_sources(self.wires, drives, {} if self.found.problems else self.loaded)
+            loaded = {}
+        with self.found.of(("stimuli",)):
+            check_sources(self.wires, drives, loaded)
         if not written and not scenario.stimuli:
             with self.found.of(("run",)):
                 resolve_stimuli(scenario, sources, self.loaded)

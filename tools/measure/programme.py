@@ -30,8 +30,12 @@ class Setting:
 
     def distance(self, alpha_deg: float, beta_deg: float) -> float:
         """The larger of the distances of the two angles [deg], whole turns apart or not."""
-        turned = (self.alpha_deg - alpha_deg, self.beta_deg - beta_deg)
-        return max(abs((angle + 180.0) % 360.0 - 180.0) for angle in turned)
+        return max(_turn(self.alpha_deg - alpha_deg), _turn(self.beta_deg - beta_deg))
+
+
+def _turn(difference: float) -> float:
+    """The size of a difference of angles [deg] without whole turns."""
+    return abs((difference + 180.0) % 360.0 - 180.0)
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,8 @@ def read_programme(path: Path, mounting: str = "identity") -> Programme:
     The mounting is that of a table; a plan has its own. An InputError for a file that is none of these, a plan with
     several mountings, or positions that do not determine every target.
     """
-    path = path / "plan.json" if path.is_dir() else path
+    if path.is_dir():
+        path = path / "plan.json"
     if path.suffix.lower() != ".json":
         table, _ = read_table(path, str(path), ANGLES)
         angles = np.column_stack([table.columns[name] for name in ANGLES])
@@ -85,12 +90,20 @@ def read_programme(path: Path, mounting: str = "identity") -> Programme:
     if len(plan.mountings) != 1:
         names = ", ".join(plan.mountings)
         raise InputError(f"{path}: is for {len(plan.mountings)} mountings ({names}); plan and measure each by itself")
-    if wrong := next((at for at in plan.programme if not 1 <= at <= len(plan.positions)), None):
-        raise InputError(f"{path}: programme: {wrong} is no position of the plan")
-    rows = [plan.positions[at - 1] for at in plan.programme]
-    options = {name: getattr(plan, name) for name in ("admissible", "bounds", "convention", "baseline")}
-    angles = np.array([[position.alpha_deg, position.beta_deg] for position in rows])
-    return _promising(path, angles, Request(mountings=(plan.mountings,), **options))
+    rows = []
+    for number in plan.programme:
+        if number and not 1 <= number <= len(plan.positions):
+            raise InputError(f"{path}: programme: {number} is no position of the plan")
+        position = plan.positions[number - 1]
+        rows.append([position.alpha_deg, position.beta_deg])
+    request = Request(
+        mountings=(plan.mountings,),
+        admissible=plan.admissible,
+        bounds=plan.bounds,
+        convention=plan.convention,
+        baseline=plan.baseline,
+    )
+    return _promising(path, np.array(rows), request)
 
 
 def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
@@ -103,10 +116,14 @@ def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
     task = task_of(request, best=np.ones(len(parametrisation.symbols)))
     cost = costs(task, Places(np.radians(angles), np.zeros(len(angles), dtype=int))).ratio
     targets = [target.symbol for target in task.targets]
-    if missing := [name for name, value in zip(targets, cost, strict=True) if value >= NOT_DETERMINED]:
+    missing = []
+    for name, value in zip(targets, cost, strict=True):
+        if value >= NOT_DETERMINED:
+            missing.append(name)
+    if missing:
         reason = f"its {len(angles)} positions do not determine {', '.join(missing)}"
         raise InputError(f"{path}: {reason}; `trihedron plan positions 12 --out plan12` gives some that do")
-    matrices = {n: q.tolist() for n, q in zip(parametrisation.mountings, parametrisation.matrices, strict=True)}
+    matrices = dict(zip(parametrisation.mountings, np.asarray(parametrisation.matrices).tolist(), strict=True))
     return Programme(
         settings,
         dict(zip(targets, cost.tolist(), strict=True)),

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,9 @@ class Lines:
     def from_the_beginning(self) -> None:
         """What follows may have come already: up to the last time it is passed over, and so is its header."""
         self._open, self._overlong = b"", False
-        self._before = self.last_s if self.rows else None
+        self._before = None
+        if self.rows:
+            self._before = self.last_s
         self.layout = None
 
     def feed(self, data: bytes, *, ended: bool = False) -> Taken:
@@ -85,7 +88,7 @@ class Lines:
         An InputError for a header that is none of a raw record.
         """
         lines_come, newline, self._open = (self._open + data).rpartition(b"\n")
-        lines = (lines_come + newline).splitlines(keepends=True) if newline else []
+        lines = (lines_come + newline).splitlines(keepends=True)
         if ended and self._open:
             lines.append(self._open + b"\n")
             self._open = b""
@@ -94,7 +97,7 @@ class Lines:
             lines, self._overlong = lines[1:], False
         if len(self._open) > LONGEST_LINE:
             refused, self._open, self._overlong = ["a line without end"], b"", True
-        written, rows = [], []
+        written, rows = [], [NOTHING.rows]
         if self.layout is None:
             head, lines = self._header_of(lines)
             written += self._counted(head)
@@ -103,14 +106,17 @@ class Lines:
             written += part
             rows.append(numbers)
             refused += faulty
-        return Taken(b"".join(written), np.concatenate(rows) if rows else NOTHING.rows, tuple(refused))
+        return Taken(b"".join(written), np.concatenate(rows), tuple(refused))
 
     def _header_of(self, lines: list[bytes]) -> tuple[list[bytes], list[bytes]]:
         """What is kept of the lines up to the header, and the lines after it; numbers alone have the usual columns."""
         again = bool(self.header)
         for k, line in enumerate(lines):
+            encoding = "utf-8"
+            if k == 0 and self.count == 0:
+                encoding = "utf-8-sig"
             try:
-                text = line.decode("utf-8" if k or self.count else "utf-8-sig").strip()
+                text = line.decode(encoding).strip()
             except UnicodeDecodeError:
                 raise InputError(f"{self.path}: row {k + 1}: is not UTF-8; a raw record (CSV) is needed") from None
             if "\0" in text:
@@ -120,11 +126,21 @@ class Lines:
             fields = fields_of(self.path, self.count + k + 1, text)
             if not _is_number(fields[0]):
                 self._recognised(self.count + k + 1, [name.strip() for name in fields])
-                return ([], lines[k + 1 :]) if again else (lines[: k + 1], lines[k + 1 :])
-            names = self.header or list((*RAW.required, TEMPERATURE)[: max(6, len(fields))])
-            self._recognised(self.count + k + 1, names)
-            return ([], lines[k:]) if again else ([*lines[:k], (",".join(names) + "\n").encode()], lines[k:])
-        return ([] if again else lines), []
+                head, remaining = lines[: k + 1], lines[k + 1 :]
+            else:
+                names = self.header
+                if not again:
+                    usual = [*RAW.required, TEMPERATURE]
+                    names = usual[: max(6, len(fields))]
+                self._recognised(self.count + k + 1, names)
+                head, remaining = lines[:k], lines[k:]
+                head.append((",".join(names) + "\n").encode())
+            break
+        else:
+            head, remaining = lines, []
+        if again:
+            head = []
+        return head, remaining
 
     def _recognised(self, row: int, names: list[str]) -> None:
         if "position" in names:
@@ -137,40 +153,72 @@ class Lines:
 
     def _checked(self, lines: list[bytes]) -> tuple[list[bytes], NDArray, list[str]]:
         """Lines that are kept, the numbers of the rows among them, and why others are left out."""
-        texts = [line.decode("utf-8", "replace").rstrip("\r\n") for line in lines]
-        # a header that comes again, as after a restart, is no row and no remark
-        texts, lines = _without(self.header[0], texts, lines)
-        is_row = [bool(text.strip()) and not text.startswith("#") for text in texts]
-        rows = [k for k, row in enumerate(is_row) if row]
-        width = len(self.header)
-        refused: list[str] = []
-        if rows and taken_of([texts[k] for k in rows], width, self._place) is None:
-            faulty = {k: next(iter(faults_of_line(self.path, 0, texts[k], width, self._place)), None) for k in rows}
-            refused = [_without_row(fault) for fault in faulty.values() if fault is not None]
-            rows = [k for k, fault in faulty.items() if fault is None]
-        fields = taken_of([texts[k] for k in rows], width, self._place) if rows else None
-        numbers = fields[1] if fields else {name: np.zeros(0) for name in self._place}
+        texts: list[str] = []
+        rows: list[int] = []
+        remarks: set[int] = set()
+        without_headers: list[bytes] = []
+        for line in lines:
+            text = line.decode("utf-8", "replace").rstrip("\r\n")
+            # a header that comes again, as after a restart, is no row and no remark
+            if text.partition(",")[0].strip() == self.header[0]:
+                continue
+            if text.strip() and not text.startswith("#"):
+                rows.append(len(texts))
+            else:
+                remarks.add(len(texts))
+            texts.append(text)
+            without_headers.append(line)
+        rows, fields, refused = self._fields(texts, rows)
+        numbers = dict.fromkeys(self._place, np.zeros(0))
+        if fields:
+            numbers = fields[1]
         good, faulty_numbers = self._good(numbers)
         refused += faulty_numbers
         if fields and self.rows < PART:
-            self._digits = max([self._digits, *(significant_digits(t) for name in FORCE for t in fields[0][name])])
+            for name in FORCE:
+                for text in fields[0][name]:
+                    self._digits = max(self._digits, significant_digits(text))
         chosen = {rows[k] for k in np.flatnonzero(good).tolist()}
-        written = [k for k, row in enumerate(is_row) if (k in chosen if row else self._before is None)]
-        line_of = {k: self.count + at for at, k in enumerate(written, start=1)}
-        self._counted([lines[k] for k in written])
+        written: list[bytes] = []
+        line_numbers: list[float] = []
+        for k, line in enumerate(without_headers):
+            if k in remarks and self._before is None:
+                written.append(line)
+            elif k in chosen:
+                written.append(line)
+                line_numbers.append(self.count + len(written))
+        self._counted(written)
         force = np.column_stack([numbers[name][good] for name in FORCE])
         self.rows += len(force)
         self._largest = max(self._largest, float(np.abs(force).max(initial=0.0)))
         if len(force):
             self._before, self.last_s = None, float(numbers["time_s"][good][-1])
-        angles = [np.radians(numbers[name][good]) for name in ANGLES]
-        warmth = numbers[TEMPERATURE][good] if TEMPERATURE in numbers else np.full(len(force), np.nan)
-        at = np.array([line_of[k] for k in sorted(chosen)], dtype=float)
-        return (
-            [lines[k] for k in written],
-            np.column_stack([numbers["time_s"][good], *angles, force, at, warmth]),
-            refused,
-        )
+        angles = np.radians(np.column_stack([numbers[name][good] for name in ANGLES]))
+        warmth = np.full(len(force), np.nan)
+        if TEMPERATURE in numbers:
+            warmth = numbers[TEMPERATURE][good]
+        at = np.array(line_numbers, dtype=float)
+        return written, np.column_stack([numbers["time_s"][good], angles, force, at, warmth]), refused
+
+    def _fields(self, texts: list[str], rows: list[int]) -> tuple[list[int], Any, list[str]]:
+        """The rows whose fields can be read, these fields (None without rows), and why others are left out."""
+        width = len(self.header)
+        fields = None
+        refused: list[str] = []
+        if rows:
+            fields = taken_of([texts[k] for k in rows], width, self._place)
+        if not rows or fields is not None:
+            return rows, fields, refused
+        readable = []
+        for k in rows:
+            fault = next(iter(faults_of_line(self.path, 0, texts[k], width, self._place)), None)
+            if fault is None:
+                readable.append(k)
+            else:
+                refused.append(_without_row(fault))
+        if readable:
+            fields = taken_of([texts[k] for k in readable], width, self._place)
+        return readable, fields, refused
 
     def _counted(self, lines: list[bytes]) -> list[bytes]:
         self.count += len(lines)
@@ -202,12 +250,6 @@ class Lines:
         return good, refused
 
 
-def _without(name: str, texts: list[str], lines: list[bytes]) -> tuple[list[str], list[bytes]]:
-    """Texts and lines that do not begin with a column's name."""
-    remaining = [k for k, text in enumerate(texts) if text.partition(",")[0].strip() != name]
-    return [texts[k] for k in remaining], [lines[k] for k in remaining]
-
-
 def _is_number(text: str) -> bool:
     try:
         return np.isfinite(float(text))
@@ -216,10 +258,15 @@ def _is_number(text: str) -> bool:
 
 
 def _without_row(fault: RecordError) -> str:
-    return fault.what if fault.column is None else f"column {fault.column}: {fault.what}"
+    if fault.column is None:
+        return fault.what
+    return f"column {fault.column}: {fault.what}"
 
 
 def by_count(rows: NDArray, before: int, at: Sequence[int]) -> list[NDArray]:
     """Rows cut where so many have come in all; `before` came before them."""
-    cuts = [number - before for number in at if before < number < before + len(rows)]
+    cuts = []
+    for number in at:
+        if before < number < before + len(rows):
+            cuts.append(number - before)
     return np.split(rows, cuts)

@@ -66,7 +66,9 @@ class Files:
             raise InputError(f"{self.words_file}: is no file of a session; give another --out") from None
         for name, value in self._header.items():
             if not isinstance(header, dict) or header.get(name) != value:
-                option = "plan" if name == "settings" else name
+                option = name
+                if name == "settings":
+                    option = "plan"
                 raise InputError(f"{self.words_file}: was begun with another {option}; give that, or another --out")
         self._begin(cut=True)
 
@@ -84,8 +86,8 @@ class Files:
                 self._lock.enter_context(locked(self.words_file))
             except Taken:
                 raise InputError(f"{self.record}: another process measures into it") from None
-            for path in (self.words_file, self.record) if cut else ():
-                if path.exists():
+            for path in (self.words_file, self.record):
+                if cut and path.exists():
                     _without_open_line(path)
             self._file = os.open(
                 self.record, os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o666
@@ -125,7 +127,9 @@ class Files:
         if record is None:
             self.positions_file.unlink(missing_ok=True)
         else:
-            about = dict(record.about) | ({"resolution_mps2": repr(record.resolution)} if record.resolution else {})
+            about = dict(record.about)
+            if record.resolution:
+                about["resolution_mps2"] = repr(record.resolution)
             write_record(replace(record, about=about), self.positions_file)
 
     def close(self) -> None:
@@ -296,11 +300,13 @@ class Measurement:
     def moment(self, source: Source, silent_s: float, *, ended: bool = False) -> Moment:
         """What is now, for views; the news are told once."""
         news, self.news = tuple(self.news), []
+        if silent_s < SILENT_S:
+            silent_s = 0.0
         return Moment(
             session=self.session,
             present=self.watch.present(),
             source=source.name,
-            silent_s=silent_s if silent_s >= SILENT_S else 0.0,
+            silent_s=silent_s,
             trouble=source.trouble or self.trouble,
             rows=self.lines.rows,
             left_out=self.left_out,
@@ -345,14 +351,16 @@ def carry_out(measurement: Measurement, source: Source, views: Sequence[View]) -
             diagnosis = measurement.diagnosed()
         except InputError as error:
             trouble = trouble or str(error)
-        positions = measurement.files.positions_file
+        positions_file = None
+        if measurement.files.positions_file.exists():
+            positions_file = str(measurement.files.positions_file)
         return measured(
             measurement.session,
             diagnosis,
             rows=measurement.lines.rows,
             left_out=measurement.left_out,
             ended=ending,
-            positions_file=str(positions) if positions.exists() else None,
+            positions_file=positions_file,
             trouble=trouble,
         )
 

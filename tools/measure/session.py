@@ -145,7 +145,9 @@ class Session:
         visits = self.visits_to(setting)
         if any(map(self.counts, visits)):
             return "done"
-        return "repeat" if visits else "open"
+        if visits:
+            return "repeat"
+        return "open"
 
     @property
     def left(self) -> list[Setting]:
@@ -155,12 +157,16 @@ class Session:
     @property
     def standing(self) -> Standing:
         """What the good visits so far give."""
-        return self.history[-1] if self.history else Standing(dict.fromkeys(self.programme.promised))
+        if self.history:
+            return self.history[-1]
+        return Standing(dict.fromkeys(self.programme.promised))
 
     def share(self, symbol: str, standing: Standing | None = None) -> float | None:
         """A target's guaranteed error over what is promised; None where it is open."""
         error = (standing or self.standing).errors.get(symbol)
-        return None if error is None else error / self.programme.promised[symbol]
+        if error is None:
+            return None
+        return error / self.programme.promised[symbol]
 
     @property
     def worst(self) -> float | None:
@@ -180,7 +186,9 @@ class Session:
 
     def record(self) -> PositionRecord | None:
         """The good visits as a position record, as their file has it; None where there are none."""
-        return record_of(self.good, self.path) if self.good else None
+        if not self.good:
+            return None
+        return record_of(self.good, self.path)
 
     def header(self) -> dict[str, Any]:
         """What a session must have in common with what it is taken up again from."""
@@ -198,19 +206,25 @@ class Session:
     def after(self, visit: Visit) -> "Session":
         """The session after a visit: it belongs to the nearest setting, an open one before a measured one."""
         angles = self.visit_angles_deg(visit)
-        near = [setting for setting in self.programme.settings if setting.distance(*angles) <= SAME_DEG]
-        unmeasured = [setting for setting in near if self.state_of(setting) != "done"]
-        nearest = min(unmeasured or near, key=lambda s: (round(s.distance(*angles), 2), s.number), default=None)
-        number = None if nearest is None else nearest.number
+        candidates = []
+        for setting in self.programme.settings:
+            distance = setting.distance(*angles)
+            if distance <= SAME_DEG:
+                candidates.append((self.state_of(setting) == "done", round(distance, 2), setting.number))
+        number = None
+        if candidates:
+            _, _, number = min(candidates)
         session = replace(self, visits=(*self.visits, visit), setting_of=(*self.setting_of, number))
-        return session if visit.bad else session._judged()
+        if visit.bad:
+            return session
+        return session._judged()
 
     def told(self, word: Mapping[str, Any]) -> "Session":
         """The session after a word of the operator's; an InputError for one that cannot be followed."""
         if word["word"] != "repeat":
             raise InputError(f"{word['word']}: is no word; repeat is one")
         number = word["visit"]
-        if number not in [visit.number for visit in self.good]:
+        if all(visit.number != number for visit in self.good):
             raise InputError(f"repeat {number}: no good rest has this number")
         return replace(self, dropped=self.dropped | {number})._judged()
 
@@ -226,8 +240,11 @@ def standing_of(session: Session, record: PositionRecord) -> Standing:
     """What `trihedron calibrate` finds in the positions so far."""
     programme, options = session.programme, session.asked
     try:
+        channels_record = record
+        if options.channels:
+            channels_record = record.read_with(options.channels_read)
         calibration = calibrate(
-            record.read_with(options.channels_read) if options.channels else record,
+            channels_record,
             noise_bound=options.noise_bound,
             gravity=options.gravity,
             baseline=programme.baseline,
@@ -319,7 +336,9 @@ def measured(session: Session, diagnosis: Diagnosis | None, **counted: Any) -> M
     rests = []
     for visit, setting in zip(session.visits, session.setting_of, strict=True):
         alpha, beta = session.visit_angles_deg(visit)
-        why = visit.bad or ("repeated on the operator's word" if visit.number in session.dropped else "")
+        why = visit.bad
+        if not why and visit.number in session.dropped:
+            why = "repeated on the operator's word"
         rest = MeasuredPosition(
             rest=visit.number,
             position=setting,
@@ -333,10 +352,17 @@ def measured(session: Session, diagnosis: Diagnosis | None, **counted: Any) -> M
     targets = []
     for symbol, promised in session.programme.promised.items():
         error = standing.errors.get(symbol)
-        guaranteed = None if error is None else sigma * error
+        guaranteed = None
+        if error is not None:
+            guaranteed = sigma * error
         targets.append(MeasuredTarget(symbol=symbol, guaranteed_error=guaranteed, promised=sigma * promised))
     planned = len(session.programme.settings)
-    causes = diagnosis.causes if diagnosis is not None and diagnosis.verdict == "explained" else ()
+    verdict, diagnosed = None, 0
+    causes: list[str] = []
+    if diagnosis is not None:
+        verdict, diagnosed = diagnosis.verdict, len(session.good)
+        if verdict == "explained":
+            causes = [cause.place.title for cause in diagnosis.causes]
     return Measured(
         record=str(session.path),
         planned=planned,
@@ -346,8 +372,8 @@ def measured(session: Session, diagnosis: Diagnosis | None, **counted: Any) -> M
         targets=tuple(targets),
         rests=tuple(rests),
         falsified=bool(standing.against),
-        verdict=None if diagnosis is None else diagnosis.verdict,
-        causes=tuple(cause.place.title for cause in causes),
-        diagnosed=0 if diagnosis is None else len(session.good),
+        verdict=verdict,
+        causes=tuple(causes),
+        diagnosed=diagnosed,
         **counted,
     )

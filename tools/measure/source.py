@@ -90,7 +90,9 @@ class Stream:
                 self._ended = True
             else:
                 pieces.append(piece)
-        return None if self._ended and not pieces else b"".join(pieces)
+        if self._ended and not pieces:
+            return None
+        return b"".join(pieces)
 
     def close(self) -> None:
         """Standard input is the process's, and what still waits for its writer ends with it."""
@@ -112,4 +114,6 @@ def source_of(name: str) -> Source:
     if stat.S_ISCHR(mode):
         advice = "is a device; pipe what it sends into `trihedron measure ... --from -`, or let a logger write a file"
         raise InputError(f"--from {name}: {advice}")
-    return Stream(path.open("rb", buffering=0), name) if stat.S_ISFIFO(mode) else GrowingFile(path)
+    if stat.S_ISFIFO(mode):
+        return Stream(path.open("rb", buffering=0), name)
+    return GrowingFile(path)

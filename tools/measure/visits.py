@@ -191,7 +191,11 @@ class Watch:
             return angles, np.zeros(2), []
         self._steps = [min(step, smallest_step(angles[:, k])) for k, step in enumerate(self._steps)]
         tolerance = np.array([quiet_tolerance(angles[:, k], self._steps[k]) for k in range(2)])
-        return angles, tolerance, [stop for stop in find_stops(angles, tolerance) if stop[1] >= self._done]
+        stops = []
+        for stop in find_stops(angles, tolerance):
+            if stop[1] >= self._done:
+                stops.append(stop)
+        return angles, tolerance, stops
 
     def _over(self, end: int, *, ended: bool = False) -> list[Visit]:
         """The visits among the rows up to `end`, at which the table has left its place, or the source ended."""
@@ -204,8 +208,10 @@ class Watch:
                 break
             first = max(first, self._done)
             lasted = float(raw.time_s[stop] - raw.time_s[first])
-            usual = float(np.median(self._lasted)) if self._lasted else self.dwell_s
-            if lasted > SHORTEST * min(usual, self.dwell_s):
+            usual = self.dwell_s
+            if self._lasted:
+                usual = min(usual, float(np.median(self._lasted)))
+            if lasted > SHORTEST * usual:
                 self._lasted.append(lasted)
                 visits.append(self._visit(raw, tested(raw, angles, tolerance, first, stop)))
             last = (first, stop)
@@ -218,7 +224,8 @@ class Watch:
         average = average_rests(raw, [replace(rest, refused=None)])
         self._found += 1
         for k, sense in enumerate((average.approach_alpha, average.approach_beta)):
-            self._sense[k] = self._sense[k] if sense is None else int(sense[0])
+            if sense is not None:
+                self._sense[k] = int(sense[0])
         bad, scatter = self.judged(raw, rest, average)
         average = replace(average, raw=None, rests=(), dwell_noise=None, warnings=())
         return Visit(
@@ -279,7 +286,11 @@ class Watch:
         average = average_rests(raw, [replace(rest, refused=None)])
         why, scatter = self.judged(raw, rest, average)
         kept_s = float(raw.time_s[rest.kept_last] - raw.time_s[rest.kept_first])
-        state = "settling" if "settled" in why else "resting" if why or kept_s < self.dwell_s else "enough"
+        state = "enough"
+        if "settled" in why:
+            state = "settling"
+        elif why or kept_s < self.dwell_s:
+            state = "resting"
         return replace(present, state=state, lasted_s=lasted, kept_s=kept_s, scatter=scatter, why=why)
 
 
@@ -292,11 +303,12 @@ def record_of(visits: Sequence[Visit], path: Path) -> PositionRecord:
         return np.concatenate([getattr(average, name) for average in averages])
 
     senses = np.array([visit.sense for visit in visits], dtype=float)
-    known_senses = [bool(np.all(senses[:, k] != 0)) for k in range(2)]
+    known_senses = np.all(senses != 0, axis=0)
+    fields = {name: joined(name) for name in ("time_s", "alpha", "beta", "specific_force", "scatter", "row")}
     return replace(
         first,
         position=np.arange(1, len(visits) + 1),
-        **{name: joined(name) for name in ("time_s", "alpha", "beta", "specific_force", "scatter", "row")},
+        **fields,
         temperature=None if first.temperature is None else joined("temperature"),
         approach_alpha=senses[:, 0] if known_senses[0] else None,
         approach_beta=senses[:, 1] if known_senses[1] else None,
