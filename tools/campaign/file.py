@@ -65,11 +65,10 @@ class Axis(Section):
 
     @model_validator(mode="after")
     def _one(self) -> "Axis":
-        fields = self.given(*DISCRETE, *DISTRIBUTIONS)
+        names = (*DISCRETE, *DISTRIBUTIONS)
+        fields = self.given(*names)
         if len(fields) != 1:
-            raise ValueError(
-                f"give one of {', '.join((*DISCRETE, *DISTRIBUTIONS))}; here: {' and '.join(fields) or 'none'}"
-            )
+            raise ValueError(f"give one of {', '.join(names)}; here: {' and '.join(fields) or 'none'}")
         for name in ("log_grid", "log_uniform"):
             pair = getattr(self, name)
             if pair is not None and not (pair[0] > 0.0 and pair[1] > 0.0):
@@ -94,8 +93,10 @@ class Axis(Section):
     def listed(self) -> list[Any]:
         """The values of a discrete axis; numbers as floats."""
         if self.values is not None:
-            numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
-            return [float(v) for v in self.values] if numbers else list(self.values)
+            for value in self.values:
+                if isinstance(value, bool | str):
+                    return list(self.values)
+            return [float(value) for value in self.values]
         if self.grid is not None:
             return np.linspace(self.grid[0], self.grid[1], self.grid[2]).tolist()
         assert self.log_grid is not None
@@ -273,7 +274,10 @@ class Computation(Section):
         companions_of_kind = {**companions, "confusion": ("of",), "sensitivity": ()}[kinds[0]]
         for name in ("at", "values", "against", "edges", "of"):
             if getattr(self, name) is not None and name not in companions_of_kind:
-                raise ValueError(f"{'is' if name == 'values' else name} does not go with {kinds[0]}")
+                key = name
+                if name == "values":
+                    key = "is"
+                raise ValueError(f"{key} does not go with {kinds[0]}")
         if self.rate is not None and self.values is None:
             raise ValueError('rate needs is = ["...", ...], the values that count')
         if (self.against is None) != (self.edges is None):
@@ -287,8 +291,12 @@ class Computation(Section):
     @property
     def names(self) -> list[str]:
         """Columns that the computation reads."""
-        single = [name for name in (self.rate, self.against, self.confusion, self.of) if name is not None]
-        return [*(self.quantiles or []), *(self.sensitivity or []), *single]
+        names = list(self.quantiles or [])
+        names += self.sensitivity or []
+        for name in (self.rate, self.against, self.confusion, self.of):
+            if name is not None:
+                names.append(name)
+        return names
 
 
 class Sampling(Section):
@@ -375,13 +383,17 @@ class Campaign(Section):
     def combinations(self) -> int:
         """How many combinations of listed values there are."""
         lengths = [len(axis.listed()) for axis in self.lists.values()]
-        return math.prod(lengths[:1] if self.sampling.lists == "together" else lengths)
+        if self.sampling.lists == "together":
+            lengths = lengths[:1]
+        return math.prod(lengths)
 
     @property
     def samples(self) -> int:
         """How many points are drawn from the distributions."""
         spread = len(self.distributions)
-        return self.sampling.points * (spread + 2 if spread and self.sampling.method == "saltelli" else 1)
+        if spread and self.sampling.method == "saltelli":
+            return self.sampling.points * (spread + 2)
+        return self.sampling.points
 
     @property
     def runs(self) -> int:

@@ -73,10 +73,13 @@ SWEPT = tuple(name for name in ELEMENTARY if name not in ("gamma_12", "gamma_13"
 """Elementary parameters of case (A1), of which the exact targets are known."""
 DWELL_S = 30.0
 RAW_COLUMNS = ("alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2")
+BIASES = tuple(f"bias_{p}_radps" for p in (1, 2, 3))
+SCALE_MISALIGNMENTS = tuple(f"scale_misalignment_{element}" for element in (11, 12, 13, 21, 22, 23, 31, 32, 33))
 ERRORS = (
-    *(f"bias_{p}_radps" for p in (1, 2, 3)),
-    *(f"scale_misalignment_{p}{q}" for p in (1, 2, 3) for q in (1, 2, 3)),
-    *("quantum_rad", "noise_bound_radps"),
+    *BIASES,
+    *SCALE_MISALIGNMENTS,
+    "quantum_rad",
+    "noise_bound_radps",
 )
 """Errors of the gyros that can be swept."""
 MOTIONS = ("amplitude_factor", "frequency_factor", "motion", "rate_hz", "duration_s", "algorithm")
@@ -121,11 +124,17 @@ class CalibrationRuns:
             text = bytes_of(campaign.base_folder / setting.positions)
         self.alpha, self.beta = read_angles(text, setting.positions or "static-calibration-positions.csv")
         self.outputs = {**VERDICT, "misses": Output(pl.Int64, "lower"), "worst_error_ratio": LOWER}
-        self.outputs |= {f"{s}_{what}": LOWER for s in TARGETS for what in ("error", "bound", "guaranteed", "width")}
+        for symbol in TARGETS:
+            for what in ("error", "bound", "guaranteed", "width"):
+                self.outputs[f"{symbol}_{what}"] = LOWER
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Make a record and calibrate it."""
-        chosen = self.setting.model_copy(update={name: value for name, value in values.items() if name in SETTINGS})
+        update = {}
+        for name, value in values.items():
+            if name in SETTINGS:
+                update[name] = value
+        chosen = self.setting.model_copy(update=update)
         rng = np.random.default_rng(seed)
         truth = self._truth(rng, values, symmetric=chosen.baseline == "symmetric")
         errors = rng.uniform(-1.0, 1.0, (len(self.alpha), 3))
@@ -150,7 +159,7 @@ class CalibrationRuns:
         text = None
         if self.diagnose:
             text = _json(diagnosis.diagnose(record, **options, bounds=chosen.bounds, rerun=False).to_json())
-        return Given(scalars, record_table(record) if self.record else None, text)
+        return Given(scalars, _table(record, keep=self.record), text)
 
     @staticmethod
     def _judged(estimates: Iterable[Any], true: Mapping[str, float]) -> dict[str, Value | int | None]:
@@ -206,6 +215,13 @@ def record_table(record: PositionRecord) -> pl.DataFrame:
     return record.to_polars().select("position", "time_s", *RAW_COLUMNS)
 
 
+def _table(record: PositionRecord, *, keep: bool) -> pl.DataFrame | None:
+    """The table of a record that is to be kept."""
+    if not keep:
+        return None
+    return record_table(record)
+
+
 class SimulationRuns:
     """Simulations of a scenario, whose FMUs are loaded once.
 
@@ -237,17 +253,20 @@ class SimulationRuns:
                 raise InputError(f"simulation.scalars.{name}: the record has no column '{reduction.column}'; {advice}")
         self.measures = setting.calibrate or campaign.keep.diagnosis
         if self.measures:
-            missing = [name for name in RAW_COLUMNS if name not in columns]
-            if missing:
-                raise InputError(f"simulation: to calibrate or diagnose, the record must have a column {missing[0]}")
+            for name in RAW_COLUMNS:
+                if name not in columns:
+                    raise InputError(f"simulation: to calibrate or diagnose, the record must have a column {name}")
         self.outputs: dict[str, Output] = {name: Output(pl.Float64) for name in self.reductions}
         if setting.calibrate:
-            of_targets = {
-                f"{s}_{what}": Output(pl.Float64) for s in TARGETS for what in ("estimate", "bound", "guaranteed")
-            }
-            self.outputs |= {**VERDICT, **of_targets}
+            self.outputs |= VERDICT
+            for symbol in TARGETS:
+                for what in ("estimate", "bound", "guaranteed"):
+                    self.outputs[f"{symbol}_{what}"] = Output(pl.Float64)
         swept = campaign.parameters
-        self.seeded = [n for n, i in interfaces.items() if "seed" in i.variables and f"{n}.seed" not in swept]
+        self.seeded = []
+        for name, interface in interfaces.items():
+            if "seed" in interface.variables and f"{name}.seed" not in swept:
+                self.seeded.append(name)
 
     def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
         """Simulate the scenario."""
@@ -256,7 +275,9 @@ class SimulationRuns:
         for name, reduction in self.reductions.items():
             scalars[name] = reduced(table[reduction.column].to_numpy(), reduction.take)
         if not self.measures:
-            return Given(scalars, table if self.keep.record else None)
+            if not self.keep.record:
+                return Given(scalars)
+            return Given(scalars, table)
         record, sigma, text = positions_of(table), self.setting.noise_bound, None
         if self.setting.calibrate:
             result = calibration.calibrate(record, noise_bound=sigma)
@@ -267,7 +288,7 @@ class SimulationRuns:
                 scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
         if self.keep.diagnosis:
             text = _json(diagnosis.diagnose(record, noise_bound=sigma, rerun=False).to_json())
-        return Given(scalars, record_table(record) if self.keep.record else None, text)
+        return Given(scalars, _table(record, keep=self.keep.record), text)
 
     def _parameters(self, values: Mapping[str, Value], seed: np.random.SeedSequence) -> dict[str, dict[str, Any]]:
         """FMU -> variable -> value, of a run."""
@@ -303,7 +324,9 @@ def reduced(values: np.ndarray, take: str) -> float:
 
 def positions_of(table: pl.DataFrame) -> PositionRecord:
     """The position record of a run that was recorded as a raw record."""
-    temperature = table["temperature_degC"].to_numpy() if "temperature_degC" in table.columns else None
+    temperature = None
+    if "temperature_degC" in table.columns:
+        temperature = table["temperature_degC"].to_numpy()
     raw = RawRecord(
         time_s=table["time_s"].to_numpy(),
         alpha=np.radians(table["alpha_deg"].to_numpy()),
@@ -327,8 +350,9 @@ class AttitudeRuns:
         self.record = campaign.keep.record
         _refuse_unknown(campaign.parameters, [*ERRORS, *MOTIONS])
         swept = campaign.parameters.get("algorithm")
-        for value in swept.listed() if swept is not None and swept.discrete else ():
-            _algorithm(str(value), "parameters.algorithm")
+        if swept is not None and swept.discrete:
+            for value in swept.listed():
+                _algorithm(str(value), "parameters.algorithm")
         if campaign.keep.diagnosis:
             raise InputError("keep.diagnosis: an attitude run has no diagnosis")
         _algorithm(setting.algorithm, "attitude.algorithm")
@@ -359,8 +383,8 @@ class AttitudeRuns:
         )
         increments = motion.read_increments(
             samples,
-            np.array([of(f"scale_misalignment_{p}{q}", 0.0) for p in (1, 2, 3) for q in (1, 2, 3)]),
-            np.array([of(f"bias_{p}_radps", 0.0) for p in (1, 2, 3)]),
+            np.array([of(name, 0.0) for name in SCALE_MISALIGNMENTS]),
+            np.array([of(name, 0.0) for name in BIASES]),
             of("quantum_rad", 0.0),
             of("noise_bound_radps", setting.noise_bound_radps),
             short_seed(seed),
@@ -453,7 +477,7 @@ class HiddenRuns:
         text = None
         if self.keep.diagnosis:
             text = _json({**outcome.to_json(), "diagnosis": result.to_json()})
-        return Given(scalars, record_table(record) if self.keep.record else None, text)
+        return Given(scalars, _table(record, keep=self.keep.record), text)
 
 
 RUNNERS: dict[str, Callable[[Campaign, Any], Runner]] = {

@@ -81,7 +81,9 @@ class Design:
         if method == "saltelli":
             block, row = divmod(sample, campaign.sampling.points)
             pair = self._sobol(2 * count, row)
-            point = pair[count:] if block == 1 else pair[:count].copy()
+            point = pair[:count].copy()
+            if block == 1:
+                point = pair[count:]
             if block > 1:
                 point[block - 2] = pair[count + block - 2]
             return point
@@ -92,15 +94,18 @@ class Design:
         campaign = self.campaign
         combination, sample = divmod(run // campaign.repeats, campaign.samples)
         spread = campaign.distributions
-        cube = self._cube(sample) if spread else np.zeros(0)
-        drawn = {name: float(axis.quantile(u)) for (name, axis), u in zip(spread.items(), cube, strict=True)}
+        drawn: dict[str, Value] = {}
+        if spread:
+            for (name, axis), u in zip(spread.items(), self._cube(sample), strict=True):
+                drawn[name] = float(axis.quantile(u))
         listed: dict[str, Value] = {}
         for name, values in reversed(self._lists.items()):
             at = combination % len(values)
             listed[name] = values[at]
             if campaign.sampling.lists == "product":
                 combination //= len(values)
-        return {name: listed[name] if name in listed else drawn[name] for name in campaign.parameters}
+        values = drawn | listed
+        return {name: values[name] for name in campaign.parameters}
 
     def seed(self, run: int) -> np.random.SeedSequence:
         """The seed of everything in a run that is random beside its parameters."""
@@ -121,13 +126,17 @@ def columns_of(campaign: Campaign, runner: Runner) -> Columns:
     for name, axis in campaign.parameters.items():
         if name in runner.outputs or name in OWN_COLUMNS:
             raise InputError(f"parameters.{name}: a run gives a scalar of that name")
-        parameters[name] = DTYPES.get(type(axis.listed()[0]), pl.Float64) if axis.discrete else pl.Float64
+        parameters[name] = pl.Float64
+        if axis.discrete:
+            parameters[name] = DTYPES.get(type(axis.listed()[0]), pl.Float64)
     outputs = dict(runner.outputs)
     if campaign.keep.scalars is not None:
         for name in campaign.keep.scalars:
             if name not in outputs:
                 raise InputError(f"keep.scalars: '{name}' is not what a run gives; {nearest(name, list(outputs))}")
-        outputs = {name: output for name, output in outputs.items() if name in campaign.keep.scalars}
+        for name in runner.outputs:
+            if name not in campaign.keep.scalars:
+                del outputs[name]
     dtypes = {name: output.dtype for name, output in outputs.items()} | parameters
     for number, computation in enumerate(campaign.compute, start=1):
         _refuse_other_columns(f"compute[{number}]", computation, dtypes)
@@ -220,7 +229,9 @@ def scalars_file(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> bytes:
         values = []
         for row in rows:
             value = row.get(name)
-            values.append(value if value is None else fitting[dtype](value))
+            if value is not None:
+                value = fitting[dtype](value)
+            values.append(value)
         series.append(pl.Series(name, values, dtype=dtype))
     return _parquet(pl.DataFrame(series))
 
@@ -228,7 +239,9 @@ def scalars_file(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> bytes:
 def records_file(records: Sequence[tuple[int, pl.DataFrame]]) -> bytes:
     """The file of records: the rows of its runs one after the other, with the run's number."""
     tables = [table.select(pl.lit(run, pl.Int64).alias("run"), pl.all()) for run, table in records]
-    return _parquet(pl.concat(tables) if tables else pl.DataFrame({"run": pl.Series([], dtype=pl.Int64)}))
+    if not tables:
+        tables = [pl.DataFrame({"run": pl.Series([], dtype=pl.Int64)})]
+    return _parquet(pl.concat(tables))
 
 
 def _parquet(table: pl.DataFrame) -> bytes:

@@ -31,8 +31,17 @@ SUMMARY, PAGE = "summary.json", "index.html"
 RUNS, RECORDS = "runs", "records"
 _PACKAGES = ("trihedron", "numpy", "scipy", "highspy", "numba", "polars", "fmpy")
 _CODE = (
-    *("bounded", "calibration", "campaign", "compiled.py", "diagnosis", "evidence", "motion"),
-    *("orchestrator", "papers", "records", "trials"),
+    "bounded",
+    "calibration",
+    "campaign",
+    "compiled.py",
+    "diagnosis",
+    "evidence",
+    "motion",
+    "orchestrator",
+    "papers",
+    "records",
+    "trials",
 )
 """Sub-packages and modules of the tools that results follow from, beside models and fmus."""
 
@@ -102,9 +111,13 @@ def _inputs_of_scenario(file: Path) -> Iterable[str]:
         raise InputError(f"{file}: simulation.scenario must be a scenario file (TOML)")
     scenario = read_scenario(file)
     for setting in scenario.fmus.values():
-        yield from (name for name in (setting.fmu, setting.parameters_from) if name is not None)
+        for name in (setting.fmu, setting.parameters_from):
+            if name is not None:
+                yield name
     for stimulus in scenario.stimuli:
-        yield from (name for name in (stimulus.csv, stimulus.programme) if name is not None)
+        for name in (stimulus.csv, stimulus.programme):
+            if name is not None:
+                yield name
 
 
 @cache
@@ -114,8 +127,9 @@ def code_hash() -> str:
     for package in _PACKAGES:
         digest.update(f"\0{package} {fmus.version(package)}".encode())
     tools = Path(__file__).parents[1]
-    folders = [Path(str(package.__file__)).parent for package in (models, fmus)]
-    for place in (*folders, *(tools / name for name in _CODE)):
+    places = [Path(str(package.__file__)).parent for package in (models, fmus)]
+    places += [tools / name for name in _CODE]
+    for place in places:
         for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
             digest.update(f"\0{path.relative_to(place.parent).as_posix()}\0".encode() + path.read_bytes())
     return digest.hexdigest()
@@ -133,9 +147,12 @@ class Columns:
     @property
     def schema(self) -> dict[str, type[pl.DataType]]:
         """Name -> data type, in order."""
-        outputs = {name: output.dtype for name, output in self.outputs.items()}
-        last: dict[str, type[pl.DataType]] = {"diagnosis": pl.String} if self.diagnosis else {}
-        return {"run": pl.Int64, **self.parameters, "failed": pl.String, **outputs, **last}
+        dtypes: dict[str, type[pl.DataType]] = {"run": pl.Int64, **self.parameters, "failed": pl.String}
+        for name, output in self.outputs.items():
+            dtypes[name] = output.dtype
+        if self.diagnosis:
+            dtypes["diagnosis"] = pl.String
+        return dtypes
 
 
 @dataclass(frozen=True)
@@ -202,7 +219,9 @@ class Store:
         except (pl.exceptions.PolarsError, OSError):
             return None
         complete = table.height == len(runs) and table["run"][0] == runs[0] and table["run"][-1] == runs[-1]
-        return int(table["failed"].is_not_null().sum()) if complete else None
+        if not complete:
+            return None
+        return int(table["failed"].is_not_null().sum())
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -76,7 +76,9 @@ class Results:
         if not rows:
             return None
         table = pl.scan_parquet(files, glob=False)
-        return (table, runs) if "time_s" in table.collect_schema() else None
+        if "time_s" not in table.collect_schema():
+            return None
+        return table, runs
 
 
 class Failure(Result):
@@ -197,7 +199,12 @@ def rates(results: Results, computation: Computation, name: str) -> list[dict[st
     """How often a scalar is one of some values, with Wilson's interval; over all, or over ranges of another scalar."""
     column = results.column(name)
     has_value = column.is_not_null().to_numpy()
-    counted = [str(value).lower() if isinstance(value, bool) else str(value) for value in computation.values or ()]
+    counted = []
+    for value in computation.values or ():
+        text = str(value)
+        if isinstance(value, bool):
+            text = text.lower()
+        counted.append(text)
     hits = column.cast(pl.String).is_in(counted).fill_null(False).to_numpy()
     if computation.against is None:
         return [rate(hits[has_value])]
@@ -466,16 +473,23 @@ def _numbers(name: str, before: NDArray, now: NDArray, pairs: bool, better: str 
 def _scale(before: NDArray, now: NDArray) -> float:
     sizes = np.abs(np.concatenate((before, now)))
     sizes = sizes[sizes > 0.0]
-    return float(np.median(sizes)) if len(sizes) else 0.0
+    if not len(sizes):
+        return 0.0
+    return float(np.median(sizes))
 
 
 def _number(values: NDArray, statistic: Callable[[NDArray], Any]) -> float | None:
-    return float(statistic(values)) if len(values) else None
+    if not len(values):
+        return None
+    return float(statistic(values))
 
 
 def _corrected(tests: Sequence[Change]) -> list[Change]:
     """Holm's correction over all scalars that can be told, and the verdict that it leaves of each."""
-    tested = [k for k, test in enumerate(tests) if test.p is not None]
+    tested = []
+    for k, test in enumerate(tests):
+        if test.p is not None:
+            tested.append(k)
     tested.sort(key=lambda k: (tests[k].p, k))
     changes, largest = list(tests), 0.0
     for rank, k in enumerate(tested):
@@ -485,6 +499,8 @@ def _corrected(tests: Sequence[Change]) -> list[Change]:
         if largest <= CHANCE and test.direction:
             verdict = "changed"
             if test.better is not None:
-                verdict = "better" if (test.better == "higher") == (test.direction > 0) else "worse"
+                verdict = "worse"
+                if (test.better == "higher") == (test.direction > 0):
+                    verdict = "better"
         changes[k] = test.model_copy(update={"p": largest, "verdict": verdict})
     return changes
