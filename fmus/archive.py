@@ -115,13 +115,15 @@ def add_types(root: Element, component: Component, fmi: int) -> None:
 def initially_known(component: Component) -> set[str]:
     """Names of the parameters and inputs on which the outputs depend when the initialisation ends."""
     of_effects = {v.name for v in component.variables[len(component.own) :]}
-    arguments = {*component.arguments["initialise"], *component.arguments.get("respond", ())}
-    return {
-        v.name
-        for v in component.interface
-        if v.causality in ("parameter", "input")
-        and (v.name in arguments or ("effect" in arguments and v.name in of_effects))
-    }
+    arguments = set(component.arguments["initialise"])
+    arguments.update(component.arguments.get("respond", ()))
+    if "effect" in arguments:
+        arguments |= of_effects
+    names = set()
+    for variable in component.interface:
+        if variable.causality in ("parameter", "input") and variable.name in arguments:
+            names.add(variable.name)
+    return names
 
 
 def variable_attributes(variable: Variable, name: str, reference: int) -> dict[str, str]:
@@ -186,10 +188,10 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
     if component.exchange and sources:
         kinds.insert(0, "ModelExchange")
     for kind in kinds:
-        # What is said of steps is said of co-simulation alone.
-        extra = {
-            k: v for k, v in spelt.items() if kind == "CoSimulation" or k != "canHandleVariableCommunicationStepSize"
-        }
+        extra = dict(spelt)
+        if kind != "CoSimulation":
+            # What is said of steps is said of co-simulation alone.
+            extra.pop("canHandleVariableCommunicationStepSize", None)
         interface = SubElement(root, kind, about | extra)
         if kind == "ModelExchange" and fmi == 3:
             interface.set("needsCompletedIntegratorStep", "true")
@@ -410,8 +412,11 @@ def licence() -> str:
     path = Path(__file__).resolve().parents[1] / "LICENSE"
     if path.is_file():
         return path.read_text(encoding="utf-8")
-    texts = [distribution.read_text("licenses/LICENSE") for distribution in metadata.distributions(name="trihedron")]
-    return next((text for text in texts if text), "BSD-2-Clause, The Trihedron developers\n")
+    for distribution in metadata.distributions(name="trihedron"):
+        text = distribution.read_text("licenses/LICENSE")
+        if text:
+            return text
+    return "BSD-2-Clause, The Trihedron developers\n"
 
 
 def header_licence(header: str) -> str:

@@ -4,7 +4,7 @@ A calibration is the published object of schema trihedron.calibration/3; objects
 What is refused is refused by a ValueError that does not name the file: the caller knows which it was.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import isfinite, isnan, nan
 from types import MappingProxyType
@@ -111,21 +111,20 @@ def calibration_of(content: Mapping[str, Any]) -> Mapping[str, Any]:
     if schema not in (FIRST_SCHEMA, SECOND_SCHEMA):
         return content
     former = ("noise_bound", "noise_bound_basis", "missing")
-    present = {key: value for key, value in content.items() if key not in former}
+    present = _without(content, former)
     present |= {"schema": CALIBRATION, "sigma": _sigma(content)}
     if schema == FIRST_SCHEMA:
         present["estimator"] = "a priori"
     entries, gyros = content.get("parameters"), content.get("gyros")
     if isinstance(gyros, Mapping) and isinstance(entries, list) and isinstance(gyros.get("parameters"), list):
-        entries = [*entries, *gyros["parameters"]]
-        present["gyros"] = {key: value for key, value in gyros.items() if key not in ("parameters", "missing")}
+        entries = entries + gyros["parameters"]
+        present["gyros"] = _without(gyros, ("parameters", "missing"))
     if isinstance(entries, list):
         present["parameters"] = [_of_former(entry, schema) for entry in entries]
-        present["open"] = [
-            {"parameters": [entry["symbol"]]}
-            for entry in present["parameters"]
-            if isinstance(entry, Mapping) and "symbol" in entry and not entry["determined"]
-        ]
+        present["open"] = []
+        for entry in present["parameters"]:
+            if isinstance(entry, Mapping) and "symbol" in entry and not entry["determined"]:
+                present["open"].append({"parameters": [entry["symbol"]]})
         if content.get("estimator", "") is None and len(present["open"]) < len(entries):
             present["estimator"] = "least squares"
     return present
@@ -134,9 +133,13 @@ def calibration_of(content: Mapping[str, Any]) -> Mapping[str, Any]:
 def _sigma(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the bound of a former schema as σ."""
     basis = content.get("noise_bound_basis", "")
-    kind = {"given": "bound", "": "unknown"}.get(basis, "estimated") if isinstance(basis, str) else "unknown"
-    value = {"value": content["noise_bound"]} if "noise_bound" in content else {}
-    return {**value, "kind": kind, "from": basis}
+    kind = "unknown"
+    if isinstance(basis, str):
+        kind = {"given": "bound", "": "unknown"}.get(basis, "estimated")
+    sigma = {"kind": kind, "from": basis}
+    if "noise_bound" in content:
+        return {"value": content["noise_bound"], **sigma}
+    return sigma
 
 
 def _of_former(entry: Any, schema: str) -> Any:
@@ -162,13 +165,15 @@ def _of_joint_schema(content: Mapping[str, Any]) -> Mapping[str, Any]:
             of_record[label] = {"sigma": _sigma(former), **kept, "parameters": [], "provenance": provenance}
         for entry in content.get("parameters", ()):
             symbol, label = entry["name"], entry["record"]
-            present = {key: value for key, value in entry.items() if key != "record"}
+            present = _without(entry, ("record",))
             present |= {"symbol": symbol, "determined": entry["estimate"] is not None}
-            (shared if label is None else of_record[label]["parameters"]).append(present)
+            if label is None:
+                shared.append(present)
+            else:
+                of_record[label]["parameters"].append(present)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ValueError(f"the calibration of several records lacks {error.args[0]!r}; calibrate again") from error
-    gone = ("records", "sha256", "of_records", "missing")
-    present = {key: value for key, value in content.items() if key not in gone}
+    present = _without(content, ("records", "sha256", "of_records", "missing"))
     present |= {"schema": CALIBRATION, "sigma": {"value": None, "kind": "estimated", "from": "each record has its own"}}
     present |= {"parameters": shared, "of_record": of_record, "estimator": "analytic centre"}
     if content.get("verdict") == "falsified":
@@ -193,8 +198,7 @@ def of_one_record(calibration: Any, sha256: str = "") -> Any:
         last = list(of_record.values())[-1]
         record = digests.get(sha256, last) if sha256 else last
         parameters = [*calibration["parameters"], *record["parameters"]]
-        alone = {key: value for key, value in calibration.items() if key != "of_record"}
-        return {**alone, **record, "parameters": parameters}
+        return _without(calibration, ("of_record",)) | {**record, "parameters": parameters}
     except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(f"the calibration of several records lacks {error.args[0]!r}; calibrate again") from error
 
@@ -229,7 +233,11 @@ def calibrated_intervals(calibration: Any) -> dict[str, Interval]:
     with _complete():
         low, high = side("low"), side("high")
     targets = elements_of(_block(dict.fromkeys(TARGETS, nan), 0.0))
-    return {name: (low[name], high[name]) for name, value in targets.items() if isnan(value)}
+    intervals = {}
+    for name, value in targets.items():
+        if isnan(value):
+            intervals[name] = (low[name], high[name])
+    return intervals
 
 
 def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]] | None:
@@ -251,8 +259,13 @@ def calibrated_gyros(calibration: Any) -> tuple[Parameters, dict[str, Interval]]
 
     with _complete():
         low, high = side("low"), side("high")
-    gyro_parameters = {name: value for name, value in parameters["GyroBlock"].items() if name != "gravity"}
+    gyro_parameters = _without(parameters["GyroBlock"], ("gravity",))
     return gyro_parameters, {name: (low[name], high[name]) for name in elements_of(gyro_parameters)}
+
+
+def _without(content: Mapping[str, Any], keys: Sequence[str]) -> dict[str, Any]:
+    """A copy without these keys."""
+    return {key: value for key, value in content.items() if key not in keys}
 
 
 def elements_of(values: Parameters) -> dict[str, float]:
@@ -262,7 +275,8 @@ def elements_of(values: Parameters) -> dict[str, float]:
         if isinstance(value, int | float):
             elements[name] = value
         else:
-            elements |= {f"{name}[{i}]": scalar for i, scalar in enumerate(value, 1)}
+            for i, scalar in enumerate(value, 1):
+                elements[f"{name}[{i}]"] = scalar
     return elements
 
 
@@ -299,9 +313,11 @@ def target_estimates(calibration: Mapping[str, Any]) -> dict[str, float]:
                 "X13": value["(X13-X11)/2"] + value["(X11+X13)/2"],
             }
     if calibration.get("baseline") == "symmetric":
-        if doubled := [minus for _, minus in SYMMETRIC_PAIRS if minus in value]:
-            raise ValueError(f"its baseline is symmetric, which has no {doubled[0]}; was it edited?")
-        value |= {minus: value[plus] for plus, minus in SYMMETRIC_PAIRS}
+        for _, minus in SYMMETRIC_PAIRS:
+            if minus in value:
+                raise ValueError(f"its baseline is symmetric, which has no {minus}; was it edited?")
+        for plus, minus in SYMMETRIC_PAIRS:
+            value[minus] = value[plus]
     return value
 
 
@@ -437,14 +453,22 @@ def parameter_set(
     ValueError
         for what is no real parameter of the component, or an array of another length
     """
-    real_parameters = {v.name: v for v in component.interface if v.causality == "parameter" and v.type == "real"}
-    if unknown := [name for name in values if name not in real_parameters]:
-        raise ValueError(f"{component.name} has no real parameter {unknown[0]}")
+    real_parameters = {}
+    for variable in component.interface:
+        if variable.causality == "parameter" and variable.type == "real":
+            real_parameters[variable.name] = variable
+    for name in values:
+        if name not in real_parameters:
+            raise ValueError(f"{component.name} has no real parameter {name}")
     rows: list[tuple[str, str, dict[str, str]]] = []
     units: dict[str, Unit] = {}
-    for variable in (v for v in real_parameters.values() if v.name in values):
+    for variable in real_parameters.values():
+        if variable.name not in values:
+            continue
         value = values[variable.name]
-        scalars = value if isinstance(value, list) else [value]
+        scalars = [value]
+        if isinstance(value, list):
+            scalars = value
         if len(scalars) != len(variable.elements):
             raise ValueError(f"{variable.name} has {len(variable.elements)} elements, not {len(scalars)}")
         units[variable.unit] = unit_named(variable.unit)
@@ -474,7 +498,10 @@ def parameter_file(
         SubElement(element, f"ssv:{kind}", attributes)
         if parameter in intervals:
             ends = zip(("low", "high"), intervals[parameter], strict=True)
-            bounded = {key: number(end) for key, end in ends if end is not None and isfinite(end)}
+            bounded = {}
+            for key, end in ends:
+                if end is not None and isfinite(end):
+                    bounded[key] = number(end)
             annotation = SubElement(SubElement(element, "ssv:Annotations"), "ssc:Annotation", type=INTERVAL)
             SubElement(annotation, "interval", bounded)
     add_units(root, "ssv:Units", units)

@@ -24,6 +24,7 @@ accelerometer_lag
 """
 
 import math
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,8 @@ CROSS_PRODUCT = accelerometer_effect(
     EffectParameter("coefficient", "1/g", "c of c n_i n_j: response to the product of two inputs", 1e-2),
     "accelerometer {p} responds to the product of the inputs {i} and {j}: {coefficient:+.2e} n{i} n{j} (n in g)",
     places=tuple(
-        EffectPlace("cross-product", where, axes=axes) for where in ACCELEROMETERS for axes in ((1, 2), (1, 3), (2, 3))
+        EffectPlace("cross-product", where, axes=axes)
+        for where, axes in product(ACCELEROMETERS, ((1, 2), (1, 3), (2, 3)))
     ),
     degree=2,
     formula="Δf_{p}/g = {coefficient} n_{i} n_{j}",

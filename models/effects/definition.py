@@ -395,5 +395,8 @@ def _effect(
 
 def matrix_formula(name: str, columns: Sequence[str]) -> str:
     """A matrix of parameters for formulas, a row for each gyro: {name_1c} and so on, c the names of the columns."""
-    rows = (" ; ".join(f"{{{name}_{p}{column}}}" for column in columns) for p in (1, 2, 3))
+    rows = []
+    for p in (1, 2, 3):
+        elements = [f"{{{name}_{p}{column}}}" for column in columns]
+        rows.append(" ; ".join(elements))
     return f"[{' | '.join(rows)}]"

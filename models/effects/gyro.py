@@ -18,6 +18,7 @@ undersampling
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from ..restricted import HOURS, INPUT, INTERVAL, PREVIOUS_RATE, PREVIOUS_STEPS, 
 from .columns import MotionRows
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect, matrix_formula
 
-ROW_BY_ROW = tuple((p, q) for p in (1, 2, 3) for q in (1, 2, 3))
+ROW_BY_ROW = tuple(product((1, 2, 3), repeat=2))
 """Gyro and axis of the elements of a matrix, as its parameters stand."""
 
 
@@ -54,7 +55,10 @@ def sentence_of(words: str, unit: str) -> Sentence:
 
 def listed(values: Sequence[float]) -> str:
     """Values with their signs, in rows of three where there are more."""
-    rows = [", ".join(f"{value:+.2e}" for value in values[at : at + 3]) for at in range(0, len(values), 3)]
+    texts = [f"{value:+.2e}" for value in values]
+    rows = []
+    for at in range(0, len(texts), 3):
+        rows.append(", ".join(texts[at : at + 3]))
     return "; ".join(rows)
 
 

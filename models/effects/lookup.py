@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParamete
 TURN = 2.0 * math.pi
 KINDS = ("at", "around", "jumps at")
 ANGLES = ("alpha", "beta")
-OF_ANGLES = {f"{wave} {angle}": (wave, angle) for wave in ("sin", "cos") for angle in ANGLES}
+OF_ANGLES = {f"{wave} {angle}": (wave, angle) for wave, angle in product(("sin", "cos"), ANGLES)}
 """Factors that are functions of an angle."""
 BASE = "base"
 TILT, OUTER_TILT = "tilt", "outer tilt"

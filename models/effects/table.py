@@ -16,6 +16,7 @@ base_drift
 
 import dataclasses
 import math
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ ENCODER_HARMONIC = table_effect(
     ),
     "the encoder of the {axis} errs by {amplitude_arcsec:.4g} arcsec, {times} a turn",
     stage="encoder_effects",
-    places=tuple(EffectPlace("encoder-harmonic", where, order) for where in AXES for order in (1, 2, 3, 4, 5, 6)),
+    places=tuple(EffectPlace("encoder-harmonic", where, order) for where, order in product(AXES, range(1, 7))),
     formula="{angle}_read = {angle} + {amplitude} sin({order} {angle} + ({phase}))",
 )
 
@@ -118,7 +119,7 @@ OUTER_WOBBLE = table_effect(
     ),
     stage="geometry_effects",
     name="axis-wobble",
-    places=tuple(EffectPlace("axis-wobble", where, order) for where in AXES for order in (1, 2, 3)),
+    places=tuple(EffectPlace("axis-wobble", where, order) for where, order in product(AXES, range(1, 4))),
     formula="Δκ = {amplitude} cos({order} α + ({phase}))",
     of_place=wobble_at,
 )
