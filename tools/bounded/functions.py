@@ -52,11 +52,17 @@ class Unknown:
         """Several functions that act together; of one itself."""
         if len(parts) == 1:
             return parts[0]
-        knots, columns = np.concatenate([p.knots for p in parts]), np.hstack([p.columns for p in parts])
-        between = [p.between for p in parts if p.between is not None]
+        knots, columns, between = [], [], []
+        for part in parts:
+            knots.append(part.knots)
+            columns.append(part.columns)
+            if part.between is not None:
+                between.append(part.between)
+        together = Unknown(np.concatenate(knots), np.hstack(columns), steps=parts[0].steps, parts=tuple(parts))
+        if not between:
+            return together
         # What is not straight bends somewhere: the errors differ by what the worst of them does to each.
-        missed = np.max(between, axis=0) if between else None
-        return Unknown(knots, columns, steps=parts[0].steps, between=missed, parts=tuple(parts))
+        return replace(together, between=np.max(between, axis=0))
 
     @property
     def of_slopes(self) -> "Unknown":
@@ -67,30 +73,36 @@ class Unknown:
     def plain(self) -> list[NDArray[np.float64]]:
         """Functions (K,) as plain as can be: of an angle one wave, else a parabola, or one step in the middle."""
         if self.parts:
-            ends = np.cumsum([0, *(len(part.knots) for part in self.parts)])
-            blocks = zip(self.parts, ends[:-1], ends[1:], strict=True)
-            return [np.pad(one, (low, ends[-1] - high)) for part, low, high in blocks for one in part.plain]
+            functions, before = [], 0
+            for part in self.parts:
+                after = len(self.knots) - before - len(part.knots)
+                for function in part.plain:
+                    functions.append(np.pad(function, (before, after)))
+                before += len(part.knots)
+            return functions
         knots = self.knots - self.knots.mean()
         if self.period is not None:
             return [np.cos(2.0 * np.pi * knots / self.period)]
-        return [(knots > 0.0).astype(float) if self.steps else knots**2]
+        if self.steps:
+            return [(knots > 0.0).astype(float)]
+        return [knots**2]
 
     @cached_property
     def bends(self) -> NDArray[np.float64]:
         """Rows (R, K) whose sizes add up to the bending of a function (K,)."""
         if self.parts:
-            return np.asarray(block_diag(*(part.bends for part in self.parts)))
-        count, eye = len(self.knots), np.eye(len(self.knots))
-        if self.period is None:
-            knots, values = self.knots, eye
-        else:
-            knots, values = np.append(self.knots, self.knots[0] + self.period), np.vstack((eye, eye[:1]))
+            return np.asarray(block_diag(*[part.bends for part in self.parts]))
+        knots, values = self.knots, np.eye(len(self.knots))
+        if self.period is not None:
+            knots, values = np.append(knots, knots[0] + self.period), np.vstack((values, values[:1]))
         jumps = np.diff(values, axis=0)
         if self.steps:
             return jumps
         slopes = jumps / np.diff(knots)[:, None] * (knots[-1] - knots[0])
         changes = np.diff(slopes, axis=0)
-        return changes if self.period is None else np.vstack((changes, slopes[:1] - slopes[count - 1 :]))
+        if self.period is None:
+            return changes
+        return np.vstack((changes, slopes[:1] - slopes[-1:]))
 
     def bending(self, values: NDArray) -> float:
         """How much the function with these values (K,) bends."""
@@ -113,40 +125,43 @@ class Band:
 
 
 class Functions:
-    """The functions that |left − jacobian x − columns g| ≤ bound leaves possible.
+    """The functions that |errors − jacobian x − columns g| ≤ bound leaves possible.
 
-    `jacobian` (M, P) may have any rank, and any units; `left`, `bound` (M,).
+    `jacobian` (M, P) may have any rank, and any units; `errors`, `bound` (M,).
     """
 
-    def __init__(self, jacobian: NDArray, left: NDArray, bound: NDArray, unknown: Unknown) -> None:
+    def __init__(self, jacobian: NDArray, errors: NDArray, bound: NDArray, unknown: Unknown) -> None:
         self.unknown, count = unknown, len(unknown.knots)
         base, columns = column_space(jacobian / bound[:, None]), unknown.columns / bound[:, None]
-        self._data = jacobian, left, bound
+        self._jacobian, self._bound = jacobian, bound
         self.imitated = imitated(base, columns, unknown)
         """Functions (K, d) that parameters imitate."""
         # Values count in units with which most of them, each by itself, move some error by the least bound.
         moved = np.abs(columns).max(axis=0)
-        self._size = 1.0 / (float(np.median(moved[moved > 0.0])) * float(bound.min())) if moved.any() else 1.0
+        self._size = 1.0
+        if moved.any():
+            self._size /= float(np.median(moved[moved > 0.0])) * float(bound.min())
         # What parameters imitate may bend as it likes.
         bent, sizes, _ = np.linalg.svd(unknown.bends @ self.imitated, full_matrices=False)
         bends = np.hstack((unknown.bends, bent[:, sizes > IMITATED * np.linalg.norm(unknown.bends, 2)]))
-        rows, self._first, more, out = len(bends), base.shape[1], bends.shape[1] - count, self.imitated.shape[1]
+        rows, self._first, out = len(bends), base.shape[1], self.imitated.shape[1]
+        of_imitated = bends.shape[1] - count
         # The parameters, the function's values, what imitated functions bend, and the size of each bend.
         matrix = np.block(
             [
-                [base * bound[:, None], self._size * unknown.columns, np.zeros((len(left), more + rows))],
-                [np.zeros((out, self._first)), self.imitated.T, np.zeros((out, more + rows))],
+                [base * bound[:, None], self._size * unknown.columns, np.zeros((len(errors), of_imitated + rows))],
+                [np.zeros((out, self._first)), self.imitated.T, np.zeros((out, of_imitated + rows))],
                 [np.zeros((rows, self._first)), bends, -np.eye(rows)],
                 [np.zeros((rows, self._first)), -bends, -np.eye(rows)],
-                [np.zeros((1, self._first + count + more)), np.ones((1, rows))],
+                [np.zeros((1, self._first + count + of_imitated)), np.ones((1, rows))],
             ]
         )
         self._bent = np.zeros(matrix.shape[1])
         self._bent[-rows:] = 1.0
         infinite = np.full(2 * rows, np.inf)
         self._polytope = Polytope(matrix, np.concatenate((bound, np.full(out + 2 * rows + 1, bound.min()))))
-        self._lower = np.concatenate((left - bound, np.zeros(out), -infinite, [0.0]))
-        self._upper = np.concatenate((left + bound, np.zeros(out + 2 * rows)))
+        self._lower = np.concatenate((errors - bound, np.zeros(out), -infinite, [0.0]))
+        self._upper = np.concatenate((errors + bound, np.zeros(out + 2 * rows)))
 
     def least(self) -> tuple[NDArray[np.float64], float]:
         """The function (K,) that bends least, and how much; a SolverError where none is possible."""
@@ -167,18 +182,20 @@ class Functions:
 
     def band(self, at: NDArray[np.int_]) -> Band:
         """Ends of all possible functions at some knots (k,), given by their numbers."""
-        least, own = self.least()
-        bending = MARGIN * (
-            own + HIDDEN * max(self._just_shows(least, own), *map(self._just_shows, self.unknown.plain))
-        )
+        least, least_bending = self.least()
+        just_shows = self._just_shows(least, least_bending)
+        for function in self.unknown.plain:
+            just_shows = max(just_shows, self._just_shows(function))
+        bending = MARGIN * (least_bending + HIDDEN * just_shows)
         lower, upper = self._lower.copy(), np.append(self._upper, bending / self._size)
         if self.unknown.between is not None:
-            rows, more = slice(len(self.unknown.between)), bending * self.unknown.between
-            lower[rows] -= more
-            upper[rows] += more
+            rows, missed = slice(len(self.unknown.between)), bending * self.unknown.between
+            lower[rows] -= missed
+            upper[rows] += missed
         self._polytope.confine(lower, upper)
         # Next to each other ends of one side are at vertices that are near each other.
-        low, high = (np.array([sign * self._farthest(int(k), sign) for k in at]) for sign in (-1.0, 1.0))
+        low = np.array([-self._farthest(int(knot), -1.0) for knot in at])
+        high = np.array([self._farthest(int(knot), 1.0) for knot in at])
         return Band(self.unknown.knots[at], low, high, least, bending)
 
     def _farthest(self, knot: int, sign: float) -> float:
@@ -188,10 +205,12 @@ class Functions:
 
     def _just_shows(self, values: NDArray, bending: float | None = None) -> float:
         """How much a function (K,) bends that is of this shape and just shows; 0 where it never does."""
-        jacobian, _, bound = self._data
-        radius = chebyshev_radius(jacobian, self.unknown.columns @ values, bound)[0]
-        bending = self.unknown.bending(values) if bending is None else bending
-        return bending / radius if radius > IMITATED else 0.0
+        radius = chebyshev_radius(self._jacobian, self.unknown.columns @ values, self._bound)[0]
+        if radius <= IMITATED:
+            return 0.0
+        if bending is None:
+            bending = self.unknown.bending(values)
+        return bending / radius
 
 
 def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.float64]:
@@ -202,14 +221,14 @@ def imitated(base: NDArray, columns: NDArray, unknown: Unknown) -> NDArray[np.fl
     functions = _null_space(columns - base @ (base.T @ columns))
     slopes = unknown.of_slopes
     _, _, directions = np.linalg.svd(slopes.bends @ functions, full_matrices=True)
-    found = functions @ directions.T
-    least = [slopes.bending(one) <= SMOOTH * np.abs(one).max(initial=0.0) for one in found.T]
-    return found[:, np.array(least, dtype=bool)]
+    functions = functions @ directions.T
+    smooth = [slopes.bending(values) <= SMOOTH * np.abs(values).max(initial=0.0) for values in functions.T]
+    return functions[:, np.array(smooth, dtype=bool)]
 
 
 def _null_space(matrix: NDArray) -> NDArray[np.float64]:
     """Directions (K, d) of which nothing is left in a matrix (M, K), as orthonormal columns."""
     _, values, directions = np.linalg.svd(matrix)
-    kept = np.zeros(matrix.shape[1], dtype=bool)
-    kept[: len(values)] = values > IMITATED * np.linalg.norm(matrix, axis=0).max(initial=0.0)
-    return directions[~kept].T
+    remaining = np.zeros(matrix.shape[1], dtype=bool)
+    remaining[: len(values)] = values > IMITATED * np.linalg.norm(matrix, axis=0).max(initial=0.0)
+    return directions[~remaining].T

@@ -32,65 +32,72 @@ AT_ONCE = 500
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Errors |residual − (fixed + moving ways[r], in columns `own`) x| ≤ bound, for R values r of a number.
+    """Errors |residual − (fixed + moving ways[r], in columns `moving_columns`) x| ≤ bound, for R values r of a number.
 
-    `fixed` (M, n), where the columns `own` (k,) are those of no value; `moving` (M, t), `ways` (R, t, k).
+    `fixed` (M, n), where the columns `moving_columns` (k,) are those of no value; `moving` (M, t), `ways` (R, t, k).
     """
 
     fixed: NDArray[np.float64]
     moving: NDArray[np.float64]
     ways: NDArray[np.float64]
-    own: NDArray[np.int_]
+    moving_columns: NDArray[np.int_]
     residual: NDArray[np.float64]
     bound: NDArray[np.float64]
 
     def matrix(self, way: int) -> NDArray[np.float64]:
         """The columns (M, n) of one value."""
-        found = self.fixed.copy()
-        found[:, self.own] += self.moving @ self.ways[way]
-        return found
+        matrix = self.fixed.copy()
+        matrix[:, self.moving_columns] += self.moving @ self.ways[way]
+        return matrix
 
     @cached_property
     def scale(self) -> NDArray[np.float64]:
         """Sizes (n,) of the columns, of the value in the middle for those that move."""
-        found = np.abs(self.matrix(len(self.ways) // 2)).max(axis=0, initial=0.0)
-        return np.where(found > 0.0, found, 1.0)
+        sizes = np.abs(self.matrix(len(self.ways) // 2)).max(axis=0, initial=0.0)
+        return np.where(sizes > 0.0, sizes, 1.0)
 
     def chosen(self, index: NDArray | slice) -> "Rows":
         """Some of the rows."""
-        given = {name: getattr(self, name)[index] for name in ("fixed", "moving", "residual", "bound")}
-        return replace(self, **given)
+        fixed, moving = self.fixed[index], self.moving[index]
+        return replace(self, fixed=fixed, moving=moving, residual=self.residual[index], bound=self.bound[index])
 
     def moved(self, duals: NDArray, way: int, direction: NDArray, *, weighted: bool) -> tuple[NDArray, NDArray]:
         """Numbers (u,) of the rows of duals (M,) of one value, and duals (R, u) of all that add up to a direction (n,).
 
         NaN where they cannot be moved. `weighted`: the sum of bound·|duals| stays as it is, too.
         """
-        used = np.flatnonzero(duals)
-        start, weights = self.matrix(way)[used] / self.scale, direction / self.scale
+        active = np.flatnonzero(duals)
+        matrix, weights = self.matrix(way)[active] / self.scale, direction / self.scale
         if weighted:
-            signed = self.bound[used] * np.sign(duals[used])
-            start, weights = np.column_stack((start, signed)), np.append(weights, duals[used] @ signed)
-        inverse = np.linalg.pinv(start, rcond=EXACT)
-        own = inverse[self.own] / self.scale[self.own, None]
-        moving, apart = self.moving[used], self.ways - self.ways[way]
+            signed = self.bound[active] * np.sign(duals[active])
+            matrix, weights = np.column_stack((matrix, signed)), np.append(weights, duals[active] @ signed)
+        inverse = np.linalg.pinv(matrix, rcond=EXACT)
+        inverse_own = inverse[self.moving_columns] / self.scale[self.moving_columns, None]
+        moving, changes = self.moving[active], self.ways - self.ways[way]
+
+        def missed_by(duals: NDArray) -> NDArray[np.float64]:
+            """By how much (R, n) the columns of each value, weighted by duals (R, u), miss the direction."""
+            missed = weights - duals @ matrix
+            missed[:, self.moving_columns] -= (
+                np.einsum("rt,rtk->rk", duals @ moving, changes) / self.scale[self.moving_columns]
+            )
+            return missed
+
         # Columns that change by a few directions: the inverse of each follows from that of one.
-        grown = np.eye(len(own)) + (own @ moving) @ apart
-        first, size = weights @ inverse, np.abs(duals).sum()
-        found = np.tile(first, (len(apart), 1))
+        grown = np.eye(len(inverse_own)) + (inverse_own @ moving) @ changes
+        size = np.abs(duals).sum()
+        moved = np.tile(weights @ inverse, (len(changes), 1))
         with np.errstate(all="ignore"):
             for _ in range(2):
-                missed = weights - found @ start
-                missed[:, self.own] -= np.einsum("rt,rtk->rk", found @ moving, apart) / self.scale[self.own]
+                missed = missed_by(moved)
                 if (np.abs(missed).max(axis=1) <= EXACT * size).all():
                     break
                 step = missed @ inverse
-                more = np.einsum("rt,rtk->rk", step @ moving, apart)
-                found += step - _solved(grown, more) @ own
-            missed = weights - found @ start
-            missed[:, self.own] -= np.einsum("rt,rtk->rk", found @ moving, apart) / self.scale[self.own]
-        found[~(np.abs(missed).max(axis=1) <= EXACT * np.abs(found).sum(axis=1))] = np.nan
-        return used, found
+                change = np.einsum("rt,rtk->rk", step @ moving, changes)
+                moved += step - _solved(grown, change) @ inverse_own
+            missed = missed_by(moved)
+        moved[~(np.abs(missed).max(axis=1) <= EXACT * np.abs(moved).sum(axis=1))] = np.nan
+        return active, moved
 
 
 def apart(rows: Rows, error: NDArray) -> NDArray[np.float64]:
@@ -98,11 +105,11 @@ def apart(rows: Rows, error: NDArray) -> NDArray[np.float64]:
 
     `error` (M, k): by how much they may miss the straight line between the two next to it.
     """
-    found, steps = np.zeros(error.shape), np.diff(rows.ways, axis=0)
+    largest, steps = np.zeros(error.shape), np.diff(rows.ways, axis=0)
     for first in range(0, len(steps), AT_ONCE):
-        each = np.abs(np.tensordot(rows.moving, steps[first : first + AT_ONCE], axes=(1, 1)))
-        found = np.maximum(found, each.max(axis=1))
-    return 0.5 * found + error
+        changes = np.abs(np.tensordot(rows.moving, steps[first : first + AT_ONCE], axes=(1, 1)))
+        largest = np.maximum(largest, changes.max(axis=1))
+    return 0.5 * largest + error
 
 
 def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> NDArray[np.float64]:
@@ -116,17 +123,19 @@ def largest_sizes(rows: Rows, limit: float, far: NDArray, largest: NDArray) -> N
     bound = limit * rows.bound + np.abs(rows.residual)
     without = Swept(replace(rows, residual=np.zeros_like(bound), bound=bound), 1.0, np.zeros(rows.fixed.shape[1]))
     without.tried(len(rows.ways) // 2)
-    most = np.array([without.reach(unit) for unit in np.eye(without.count)[rows.own]])
+    most = np.array([without.reach(unit) for unit in np.eye(without.count)[rows.moving_columns]])
     part = float((far @ np.minimum(2.0 * most, largest) / bound).max(initial=0.0))
-    return np.minimum((1.0 + part) * most, largest) if part < 1.0 else largest
+    if part >= 1.0:
+        return largest
+    return np.minimum((1.0 + part) * most, largest)
 
 
 def _solved(matrices: NDArray, rows: NDArray) -> NDArray[np.float64]:
     """y (R, k) with y M = row for each of matrices (R, k, k) and rows (R, k); NaN for those that have none."""
-    good = np.abs(np.linalg.det(matrices)) > EXACT
-    found = np.full(rows.shape, np.nan)
-    found[good] = np.linalg.solve(matrices[good].transpose(0, 2, 1), rows[good][..., None])[..., 0]
-    return found
+    regular = np.abs(np.linalg.det(matrices)) > EXACT
+    solutions = np.full(rows.shape, np.nan)
+    solutions[regular] = np.linalg.solve(matrices[regular].transpose(0, 2, 1), rows[regular][..., None])[..., 0]
+    return solutions
 
 
 @dataclass(eq=False)
@@ -155,9 +164,9 @@ class Swept(Steps):
             rows = self.rows
             radius, x, duals = chebyshev_radius(rows.matrix(way), rows.residual, rows.bound)
             self.radii[way] = radius, x
-            used, moved = rows.moved(duals, way, np.zeros(self.count), weighted=True)
+            active, moved = rows.moved(duals, way, np.zeros(self.count), weighted=True)
             with np.errstate(all="ignore"):
-                least = np.abs(moved @ rows.residual[used]) / (np.abs(moved) @ rows.bound[used])
+                least = np.abs(moved @ rows.residual[active]) / (np.abs(moved) @ rows.bound[active])
             self.proven = np.fmax(self.proven, least)
             self.proven[way] = radius
         return self.radii[way][0]
@@ -176,10 +185,10 @@ class Swept(Steps):
         while True:
             yield way, self.tried(way)
             least = min(radius for radius, _ in self.radii.values())
-            left = np.where(self.proven < least * (1.0 - SURELY), self.proven, np.inf)
-            left[[*self.radii]] = np.inf
-            way = int(left.argmin())
-            if left[way] == math.inf:
+            untried = np.where(self.proven < least * (1.0 - SURELY), self.proven, np.inf)
+            untried[list(self.radii)] = np.inf
+            way = int(untried.argmin())
+            if untried[way] == math.inf:
                 return
 
     def beside(self, origin: NDArray, chosen: NDArray, room: float, further: NDArray | None, proofs: Proofs) -> Steps:
@@ -187,18 +196,20 @@ class Swept(Steps):
 
         With further columns (M, m) it is a set that holds them all: the columns that move, if few, count by themselves.
         """
-        rows, more = self.rows, np.zeros((len(self.rows.bound), 0)) if further is None else further
+        rows = self.rows
         bound = (rows.bound * self.limit * (1.0 + ROOM) + room)[chosen]
-        kept = {way: x for way, (radius, x) in self.radii.items() if radius <= self.limit}
-        if further is not None and kept and rows.moving.shape[1] <= SET_FREE:
-            way, x = next(iter(kept.items()))
+        centres = {way: x for way, (radius, x) in self.radii.items() if radius <= self.limit}
+        if further is not None and centres and rows.moving.shape[1] <= SET_FREE:
+            way, centre = next(iter(centres.items()))
             matrix = rows.matrix(way)
-            left = (rows.residual - matrix @ x)[chosen]
-            return Possible(np.hstack((matrix, further, rows.moving))[chosen], left, bound, proofs=proofs)
-        none, fixed = np.zeros(more.shape[1]), np.hstack((rows.fixed, more))[chosen]
-        own = Rows(fixed, rows.moving[chosen], rows.ways, rows.own, rows.residual[chosen], bound)
-        known = {way: (1.0, np.append(x, none)) for way, x in kept.items()}
-        return Swept(own, 1.0, np.append(origin, none), known, proofs)
+            residual = (rows.residual - matrix @ centre)[chosen]
+            return Possible(np.hstack((matrix, further, rows.moving))[chosen], residual, bound, proofs=proofs)
+        if further is None:
+            further = np.zeros((len(rows.bound), 0))
+        zeros, fixed = np.zeros(further.shape[1]), np.hstack((rows.fixed, further))[chosen]
+        chosen_rows = Rows(fixed, rows.moving[chosen], rows.ways, rows.moving_columns, rows.residual[chosen], bound)
+        radii = {way: (1.0, np.append(centre, zeros)) for way, centre in centres.items()}
+        return Swept(chosen_rows, 1.0, np.append(origin, zeros), radii, proofs)
 
     def bounded(self, weights: NDArray) -> float:
         """How far weights'x (n,) can go at most, by the proofs of other sets."""
@@ -237,8 +248,8 @@ class Swept(Steps):
     def _prove(self, most: NDArray, duals: NDArray, way: int, weights: NDArray) -> None:
         """Say of each value (R,) what duals (M,) prove when they are moved to it by way of one."""
         rows = self.rows
-        used, moved = rows.moved(duals, way, weights, weighted=False)
-        most[:] = np.fmin(most, moved @ rows.residual[used] + np.abs(moved) @ rows.bound[used])
+        active, moved = rows.moved(duals, way, weights, weighted=False)
+        most[:] = np.fmin(most, moved @ rows.residual[active] + np.abs(moved) @ rows.bound[active])
 
     def _reach(self, way: int, weights: NDArray) -> tuple[float, NDArray[np.float64]]:
         """How far one value goes, and the duals (M,) that prove it."""

@@ -33,28 +33,31 @@ class Moving:
 
     @staticmethod
     def of(
-        rests: Bench, record: PositionRecord, more: InMotion, to_block: NDArray, lean: float, encoder_bound: float
+        rests: Bench, record: PositionRecord, motion: InMotion, to_block: NDArray, lean: float, encoder_bound: float
     ) -> "Moving":
         """The rests of a record, and what it says between them; more than an encoder's error [rad] is motion."""
         linear_rests, readings_at_rest, raw = rests.here, rests.readings, record.raw
         assert isinstance(raw, BenchRecord)
-        hours = (raw.time_s[more.rows] - readings_at_rest.circumstances.began) / 3600.0
+        hours = (raw.time_s[motion.rows] - readings_at_rest.circumstances.began) / 3600.0
         order = np.argsort(np.append(readings_at_rest.circumstances.hours, hours), kind="stable")
-        still = np.zeros((2, len(readings_at_rest), 2))
+        still = np.zeros((len(readings_at_rest), 2))
         angles = np.stack([readings_at_rest.at.alpha, readings_at_rest.at.beta], axis=1)
         moves = moves_of(raw, encoder_bound)
         spans = [(rest.kept_first - 1, rest.kept_last) for rest in record.rests if rest.refused is None]
-        at_rest = (
+        at_rest = InMotion(
             np.full(len(readings_at_rest), -1),
             np.array(spans),
             angles,
             readings_at_rest.reading,
             linear_rests.bound.reshape(-1, 3),
-            *still,
+            still,
+            still,
+            _senses_at(rests, raw, moves),
         )
-        at_rest = *at_rest, _senses_at(rests, raw, moves)
-        fields: list[Any] = [np.concatenate(pair)[order] for pair in zip(at_rest, vars(more).values(), strict=True)]
-        in_motion = InMotion(*fields)
+        fields: dict[str, Any] = {}
+        for name, values in vars(at_rest).items():
+            fields[name] = np.concatenate([values, getattr(motion, name)])[order]
+        in_motion = InMotion(**fields)
         linear = linearise(
             linear_rests.parametrisation,
             in_motion.at(0.0),
@@ -63,7 +66,7 @@ class Moving:
             in_motion.bound.ravel(),
         )
         readings = Readings.of(linear, _circumstances(rests, raw, in_motion, order, moves), readings_at_rest.resolution)
-        numbers = np.append(rests.numbers, np.zeros(len(more.rows), dtype=int))[order]
+        numbers = np.append(rests.numbers, np.zeros(len(motion.rows), dtype=int))[order]
         return Moving(replace(rests, here=linear, readings=readings, numbers=numbers), in_motion, to_block, lean)
 
     @property
@@ -106,20 +109,27 @@ def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.flo
     arrived = np.searchsorted(raw.time_s, circumstances.began + 3600.0 * circumstances.hours)
     row, turned = np.arange(moves.shape[1]), np.cumsum(np.abs(moves), axis=1)
     last = np.maximum.accumulate(np.where(moves != 0.0, row, 0), axis=1)[:, arrived]
-    later = np.stack([turned[k, arrived] - turned[k, last[1 - k]] for k in (0, 1)]) > FINE
-    senses = np.stack([senses_of_moves(moves_of_axis[1:])[arrived] for moves_of_axis in moves])
+    later_outer = turned[0, arrived] - turned[0, last[1]] > FINE
+    later_inner = turned[1, arrived] - turned[1, last[0]] > FINE
+    senses = _senses_of_axes(moves)[:, arrived]
     grown = senses[:, :, None] * np.moveaxis(slopes_by_angles(rests.here.parametrisation, rests.here.point, at), 2, 0)
     ways = np.where(np.abs(grown) > CERTAIN, np.sign(grown), 0.0)
     together = np.where(ways[0] == ways[1], ways[0], 0.0)
-    alone = np.where(later[0, :, None], ways[0], ways[1])
-    return np.where((later[0] == later[1])[:, None], together, alone)
+    alone = np.where(later_outer[:, None], ways[0], ways[1])
+    return np.where((later_outer == later_inner)[:, None], together, alone)
+
+
+def _senses_of_axes(moves: NDArray) -> NDArray[np.float64]:
+    """Senses (2, T) of the last move of both axes, by their moves (2, T)."""
+    outer, inner = moves
+    return np.stack([senses_of_moves(outer[1:]), senses_of_moves(inner[1:])])
 
 
 def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArray, moves: NDArray) -> Circumstances:
     """Circumstances of rests and of rows in motion, in this order; both are `seen`, moves (2, T) are of both axes."""
     at_rest, rows = rests.readings.circumstances, seen.rows[seen.rows >= 0]
     # An axis that came before the other one has the sense of its own last move.
-    going = np.stack([senses_of_moves(moves_of_axis[1:])[rows] for moves_of_axis in moves], axis=1)
+    going = _senses_of_axes(moves)[:, rows].T
     senses = np.concatenate([np.stack([at_rest.sense_alpha, at_rest.sense_beta], axis=1), going])[order]
     warm = None
     if at_rest.temperature is not None and raw.temperature is not None:

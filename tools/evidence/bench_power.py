@@ -57,10 +57,11 @@ def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> 
 def class_of(pair: Pair, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray, NDArray]:
     """Derivatives (M, P + K) by the parameters and the values at the knots, and of these (k, P + K) what counts."""
     key = pair.where, pair.quantity, pair.factor
-    own = _own_part(key, np.ascontiguousarray(p.matrices).tobytes(), p.symmetric)
-    own = own[np.abs(own).max(axis=1) > LEAST]
+    beyond = _beyond_the_model(key, np.ascontiguousarray(p.matrices).tobytes(), p.symmetric)
+    beyond = beyond[np.abs(beyond).max(axis=1) > LEAST]
     columns = pair.spread(_hats(pair, 1, pair.values))
-    return np.hstack((jacobian, columns)), np.hstack((np.zeros((len(own), jacobian.shape[1])), own))
+    counted = np.hstack((np.zeros((len(beyond), jacobian.shape[1])), beyond))
+    return np.hstack((jacobian, columns)), counted
 
 
 def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
@@ -73,8 +74,9 @@ def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
 
 def _range(pair: Pair) -> NDArray[np.float64]:
     """Ends (2,) of a quantity that is no angle: those of inputs, else those of the rows."""
-    if all(name in INPUTS for name in pair.quantity.split()):
-        largest = LARGEST_INPUT ** len(pair.quantity.split()) / len(pair.quantity.split())
+    names = pair.quantity.split()
+    if set(names) <= set(INPUTS):
+        largest = LARGEST_INPUT ** len(names) / len(names)
         return np.array([-largest, largest])
     return np.array([pair.values.min(), pair.values.max()])
 
@@ -91,18 +93,23 @@ def _knots(pair: Pair, finer: int) -> NDArray[np.float64]:
 def _scattered(matrices: bytes, symmetric: bool) -> tuple[dict[Named, Pair], NDArray[np.float64]]:
     """Pairs at positions, times and temperatures scattered evenly over a faultless bench; the model's space (M, P)."""
     every = np.frombuffer(matrices).reshape(-1, 3, 3)
-    p = parametrise({str(k): matrix for k, matrix in enumerate(every)}, symmetric=symmetric)
+    names = map(str, range(len(every)))
+    p = parametrise(dict(zip(names, every, strict=True)), symmetric=symmetric)
     index = np.arange(SCATTERED * len(every))
     # Multiples of irrational numbers, unrelated: no angle and no input comes twice.
-    alpha, beta, time, temperature = (index * step % 1.0 for step in (0.754878, 0.569840, 0.618034, 0.414214))
+    alpha, beta = index * 0.754878 % 1.0, index * 0.569840 % 1.0
+    time, temperature = index * 0.618034 % 1.0, index * 0.414214 % 1.0
     at, point = Positions(TURN * alpha, TURN * beta, index % len(every)), np.zeros(len(p.symbols))
     visits = Visits(p, at, Circumstances(time, 20.0 + temperature, 0.0 * time, 0.0 * time, True))
     space = column_space(reading_jacobian(p, point, at).reshape(3 * len(index), -1))
-    return {(pair.where, pair.quantity, pair.factor): pair for pair in judged_pairs(visits.rows(point))}, space
+    pairs = {}
+    for pair in judged_pairs(visits.rows(point)):
+        pairs[pair.where, pair.quantity, pair.factor] = pair
+    return pairs, space
 
 
 @lru_cache(maxsize=512)
-def _own_part(name: Named, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
+def _beyond_the_model(name: Named, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
     """The matrix P (K, K) that takes off values at the knots what fits them of functions that the model imitates."""
     pairs, space = _scattered(matrices, symmetric)
     pair = pairs[name]
@@ -112,18 +119,18 @@ def _own_part(name: Named, matrices: bytes, symmetric: bool) -> NDArray[np.float
     near = _imitated(pair, space, FINER, IMITATED)
     if pair.circle:
         fine, near = np.append(fine, TURN), np.vstack((near, near[:1]))
-    values = np.array([np.interp(knots, fine, one) for one in near.T]).reshape(-1, len(knots)).T
+    values = np.array([np.interp(knots, fine, function) for function in near.T]).reshape(-1, len(knots)).T
     values = values / np.linalg.norm(values, axis=0)
-    more, parts, _ = np.linalg.svd(values - base @ (base.T @ values), full_matrices=False)
-    base = np.hstack((base, more[:, parts > OWN]))
+    functions, parts, _ = np.linalg.svd(values - base @ (base.T @ values), full_matrices=False)
+    base = np.hstack((base, functions[:, parts > OWN]))
     return np.eye(len(knots)) - base @ base.T
 
 
 def _imitated(pair: Pair, space: NDArray, finer: int, most: float) -> NDArray[np.float64]:
     """Functions (K, d) of which at most such a part of the sum of squares is left beside the model."""
     columns = pair.spread(_hats(pair, finer, pair.values))
-    left = columns - space @ (space.T @ columns)
+    remainder = columns - space @ (space.T @ columns)
     sizes, turned = np.linalg.eigh(columns.T @ columns)
     whitened = turned / np.sqrt(np.maximum(sizes, LEAST * sizes.max()))
-    parts, functions = np.linalg.eigh(whitened.T @ (left.T @ left) @ whitened)
+    parts, functions = np.linalg.eigh(whitened.T @ (remainder.T @ remainder) @ whitened)
     return (whitened @ functions)[:, parts < most]

@@ -29,13 +29,18 @@ CONTAINING = ("lag",)
 """Effects that these hold, to first order."""
 OF_GYROS = ("GyroBlock", "AttitudeComputer")
 """What turns the block without moving the table: gyros, and the computer that adds up what they read."""
-IN_MOTION = tuple(
-    place
-    for effect in CATALOGUE.values()
-    if effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion")
-    for place in effect.places
-)
-"""Effects of accelerometers and table that only motion shows."""
+
+
+def effects_in_motion() -> tuple[EffectPlace, ...]:
+    """Effects of accelerometers and table that only motion shows."""
+    places: list[EffectPlace] = []
+    for effect in CATALOGUE.values():
+        if effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion"):
+            places += effect.places
+    return tuple(places)
+
+
+IN_MOTION = effects_in_motion()
 
 
 def acts_at_rest(place: EffectPlace) -> bool:
@@ -62,18 +67,23 @@ def interpolated(at: NDArray, time: NDArray, values: NDArray) -> NDArray[np.floa
 
 def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
     """A bench record's rests with the senses in which both axes came to them; its moves tell them."""
-    raw, rests_used = record.raw, [rest for rest in record.rests if rest.refused is None]
-    if raw is None or record.approach_alpha is not None or len(rests_used) != len(record):
+    raw, arrived = record.raw, [rest.kept_first for rest in record.rests if rest.refused is None]
+    if raw is None or record.approach_alpha is not None or len(arrived) != len(record):
         return record
-    arrived = np.array([rest.kept_first for rest in rests_used])
-    outer, inner = (senses_of_moves(moved[1:])[arrived] for moved in moves_of(raw, encoder_bound))
-    return replace(record, approach_alpha=outer, approach_beta=inner)
+    outer, inner = moves_of(raw, encoder_bound)
+    return replace(
+        record,
+        approach_alpha=senses_of_moves(outer[1:])[arrived],
+        approach_beta=senses_of_moves(inner[1:])[arrived],
+    )
 
 
 def moves_of(raw: RawRecord, encoder_bound: float) -> NDArray[np.float64]:
     """How both axes (2, T) move at the rows of a series [rad a row]; 0 where an encoder's error [rad] may be all."""
-    angles = without_turns(raw.alpha), without_turns(raw.beta)
-    return np.stack([np.where(motion_of(a, encoder_bound) > 0.0, np.gradient(a), 0.0) for a in angles])
+    moves = []
+    for angle in (without_turns(raw.alpha), without_turns(raw.beta)):
+        moves.append(np.where(motion_of(angle, encoder_bound) > 0.0, np.gradient(angle), 0.0))
+    return np.stack(moves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +209,7 @@ class Travel:
         across, ends = np.cross(self.turning, middle), np.unique(np.append(self.first, self.last))
         sums = integrated(weights, count, across, ends)
         sums += slope[ends, :, None] * functions.at(values[ends])[:, None, :]
-        begin, end = (np.searchsorted(ends, rows) for rows in (self.first, self.last))
+        begin, end = np.searchsorted(ends, self.first), np.searchsorted(ends, self.last)
         (group,) = self.table.groups
         return group.columns(sums, np.zeros((3, count)), begin, end).reshape(-1, count)
 

@@ -34,8 +34,12 @@ QUANTITIES = {
     "hours": "time",
     "temperature": "temperature",
     "sense": "the sense of approach",
-    **{f"w{p}": f"the rate about axis {p}" for p in (1, 2, 3)},
-    **{f"dw{p}": f"the angular acceleration about axis {p}" for p in (1, 2, 3)},
+    "w1": "the rate about axis 1",
+    "w2": "the rate about axis 2",
+    "w3": "the rate about axis 3",
+    "dw1": "the angular acceleration about axis 1",
+    "dw2": "the angular acceleration about axis 2",
+    "dw3": "the angular acceleration about axis 3",
     "rate": "each gyro's own rate",
     "acceleration": "each gyro's own angular acceleration",
     "force": "the specific force along each gyro",
@@ -66,8 +70,15 @@ class Form:
     @property
     def coefficients(self) -> int:
         """How many functions it is made of."""
-        count = {"pieces": self.count + 1, "powers": self.count + 1, "around": self.count, "harmonics": 2 * self.count}
-        return count.get(self.kind, 2 if self.kind in ("harmonic", "wave") else 1)
+        if self.kind in ("pieces", "powers"):
+            return self.count + 1
+        if self.kind == "around":
+            return self.count
+        if self.kind == "harmonics":
+            return 2 * self.count
+        if self.kind in ("harmonic", "wave"):
+            return 2
+        return 1
 
     def knots(self, values: NDArray) -> NDArray[np.float64]:
         """Where pieces of a function of these values (n,) meet."""
@@ -83,9 +94,13 @@ class Form:
             return ((values >= self.at) & (values <= self.until)).astype(float)[:, None]
         if self.kind == "sawtooth":
             return (((values - self.at) / TURN) % 1.0 - 0.5)[:, None]
-        if self.kind in ("harmonic", "harmonics"):
-            orders = [self.count] if self.kind == "harmonic" else range(1, self.count + 1)
-            return np.stack([wave(h * values) for h in orders for wave in (np.cos, np.sin)], axis=1)
+        if self.kind == "harmonic":
+            return np.stack([np.cos(self.count * values), np.sin(self.count * values)], axis=1)
+        if self.kind == "harmonics":
+            waves = []
+            for order in range(1, self.count + 1):
+                waves += [np.cos(order * values), np.sin(order * values)]
+            return np.stack(waves, axis=1)
         if self.kind == "around":
             steps = ((values - self.at) / TURN * self.count) % self.count
             apart = np.abs(steps[:, None] - np.arange(self.count))
@@ -161,9 +176,10 @@ class Pair:
     def columns_of(self, forms: Sequence[Form]) -> list[NDArray[np.float64]]:
         """As `columns`, of several forms."""
         if self.members:
-            return [np.hstack(own) for own in zip(*(member.columns_of(forms) for member in self.members), strict=True)]
+            of_members = [member.columns_of(forms) for member in self.members]
+            return [np.hstack(of_form) for of_form in zip(*of_members, strict=True)]
         functions = [form.columns(self.values) for form in forms]
-        ends = np.cumsum([own.shape[1] for own in functions])[:-1]
+        ends = np.cumsum([form.coefficients for form in forms])[:-1]
         return np.split(self.spread(np.hstack(functions)), ends, axis=1)
 
     def ladders(self) -> Iterator[tuple[Form, ...]]:
@@ -173,7 +189,7 @@ class Pair:
         elif self.circle:
             for half in (0.0, 0.5):
                 yield tuple(Form("around", k, half * TURN / k) for k in PIECES if k >= LEAST_AROUND)
-            yield tuple(Form("harmonics", h) for h in range(1, HARMONICS + 1))
+            yield tuple(Form("harmonics", order) for order in range(1, HARMONICS + 1))
         elif np.ptp(self.values) > 0.0:
             yield tuple(Form("pieces", k) for k in PIECES)
             yield tuple(Form("powers", k) for k in range(1, POWERS + 1))
@@ -182,17 +198,24 @@ class Pair:
         """Forms with a number that is searched for: a jump at every gap, a harmonic of every order."""
         if self.told:
             return
-        values = np.unique(self.values % TURN if self.circle else self.values)
         if self.circle:
-            yield from (Form("harmonic", order) for order in range(1, ORDERS + 1))
-            gaps = np.append(values, values[0] + TURN)
-            yield from (Form("sawtooth", at=float(at % TURN)) for at in 0.5 * (gaps[1:] + gaps[:-1]))
-        else:
-            # What jumps between the last two values is one reading.
-            gaps = 0.5 * (values[1:] + values[:-1])
-            yield from (Form("jump", at=float(at)) for at in gaps[1:-1])
-            yield from (Form("wave", at=at) for at in WAVES if self.waves)
-            yield from (Form("while", at=begin, until=end) for begin, end in self.moves)
+            for order in range(1, ORDERS + 1):
+                yield Form("harmonic", order)
+            values = np.unique(self.values % TURN)
+            values = np.append(values, values[0] + TURN)
+            for gap in 0.5 * (values[1:] + values[:-1]):
+                yield Form("sawtooth", at=float(gap % TURN))
+            return
+        values = np.unique(self.values)
+        gaps = 0.5 * (values[1:] + values[:-1])
+        # What jumps between the last two values is one reading.
+        for gap in gaps[1:-1]:
+            yield Form("jump", at=float(gap))
+        if self.waves:
+            for wave in WAVES:
+                yield Form("wave", at=wave)
+        for begin, end in self.moves:
+            yield Form("while", at=begin, until=end)
 
 
 GYROS = ("gyro-1", "gyro-2", "gyro-3")
@@ -219,8 +242,12 @@ def named(quantity: str, factor: str | None) -> str:
 
 def function_in_words(where: str, quantity: str, factor: str | None) -> str:
     """Place, quantity and factor in words: "a function of the outer angle at the outer axis"."""
-    factor_words = in_words(factor or "")
-    times = f"{factor_words} times a function" if factor_words else "a function"
-    tilt = ", as a tilt," if factor in TILTS else ""
-    article = "" if where[-1].isdigit() else "the "
-    return f"{times} of {in_words(quantity)}{tilt} at {article}{where.replace('-', ' ')}"
+    function, place = "a function", where.replace("-", " ")
+    if factor_words := in_words(factor or ""):
+        function = f"{factor_words} times a function"
+    function += f" of {in_words(quantity)}"
+    if factor in TILTS:
+        function += ", as a tilt,"
+    if not where[-1].isdigit():
+        place = f"the {place}"
+    return f"{function} at {place}"

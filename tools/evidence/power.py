@@ -1,6 +1,5 @@
 """The greatest size that a fault of a class can have and be hidden in a record: its power, whatever the record."""
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,28 +33,34 @@ class Power:
         """Of the function's values; times a time or a temperature that is one at its largest."""
         if self.pair.where in GYROS:
             return {"w": "1", "d": "s"}.get(self.pair.factor[:1], "rad/s")
-        own = "rad" if self.pair.where in (*AXES, "base") else "g"
-        return "1" if self.pair.factor in INPUTS else own
+        if self.pair.factor in INPUTS:
+            return "1"
+        if self.pair.where in AXES or self.pair.where == "base":
+            return "rad"
+        return "g"
 
     @property
     def entry(self) -> dict[str, Any]:
         """As results write it: ``place``, ``quantity``, where there is one ``factor``, ``size``, ``unit``."""
-        factor = {"factor": self.pair.factor} if self.pair.factor else {}
-        own = {"place": self.pair.where, "quantity": self.pair.quantity, **factor}
-        return {**own, "size": finite_or_none(self.size if self.size <= LARGEST else math.inf), "unit": self.unit}
+        entry: dict[str, Any] = {"place": self.pair.where, "quantity": self.pair.quantity}
+        if self.pair.factor:
+            entry["factor"] = self.pair.factor
+        entry["size"] = finite_or_none(self.size) if self.size <= LARGEST else None
+        entry["unit"] = self.unit
+        return entry
 
 
-def largest_hidden(columns: NDArray, told: NDArray, room: NDArray) -> float:
+def largest_hidden(columns: NDArray, counted: NDArray, room: NDArray) -> float:
     """The greatest size that some fault of a class can have and be hidden; columns and what counts as of `class_of`."""
     possible = Possible(columns, np.zeros(len(room)), room)
     # Weights that give a value bound it; those of least squares are at hand.
-    weights = told / possible.scale @ possible.span @ np.linalg.pinv(possible.matrix / room[:, None])
-    missed = np.abs(weights @ (columns / room[:, None]) - told).max(axis=1)
+    weights = counted / possible.scale @ possible.span @ np.linalg.pinv(possible.matrix / room[:, None])
+    missed = np.abs(weights @ (columns / room[:, None]) - counted).max(axis=1)
     ceilings = np.where(missed > DETERMINED, np.inf, np.abs(weights).sum(axis=1))
     largest = 0.0
     for k in np.argsort(-ceilings, kind="stable"):
         if ceilings[k] > largest:
-            largest = max(largest, possible.reach(told[k]))
+            largest = max(largest, possible.reach(counted[k]))
     return largest
 
 
@@ -70,6 +75,7 @@ def powers_of_record(pairs: Sequence[Pair], nominal: NDArray, room: NDArray) -> 
         if pair.members or not np.ptp(pair.values) > 0.0:
             continue
         columns = pair.columns(form)
-        own = imitated(base, columns, Unknown(form.knots(pair.values), columns))
-        told = np.hstack((np.zeros((PIECES + 1, nominal.shape[1])), np.eye(PIECES + 1) - own @ own.T))
-        yield Power(pair, largest_hidden(np.hstack((nominal, columns)), told, room))
+        by_model = imitated(base, columns, Unknown(form.knots(pair.values), columns))
+        beyond = np.eye(PIECES + 1) - by_model @ by_model.T
+        counted = np.hstack((np.zeros((PIECES + 1, nominal.shape[1])), beyond))
+        yield Power(pair, largest_hidden(np.hstack((nominal, columns)), counted, room))

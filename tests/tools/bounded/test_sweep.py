@@ -20,7 +20,7 @@ def drawn(seed: int, spread: float) -> Rows:
     ways = spread * (part * rng.normal(size=(2, 2)) + part**2 * rng.normal(size=(2, 2)))
     rows = Rows(fixed, moving, ways, np.array([3, 4]), np.zeros(80), bound)
     true = rows.matrix(int(rng.integers(60))) @ rng.normal(size=5)
-    return Rows(fixed, moving, ways, rows.own, true + bound * rng.uniform(-1.0, 1.0, 80), bound)
+    return Rows(fixed, moving, ways, rows.moving_columns, true + bound * rng.uniform(-1.0, 1.0, 80), bound)
 
 
 def every(rows: Rows) -> dict[int, tuple[Possible, NDArray]]:
@@ -74,7 +74,7 @@ def test_what_no_value_explains_is_refused_by_a_few_of_them() -> None:
         rows.fixed,
         rows.moving,
         rows.ways,
-        rows.own,
+        rows.moving_columns,
         rows.residual + 9.0 * rows.bound * (-1.0) ** np.arange(80),
         rows.bound,
     )
@@ -98,19 +98,21 @@ def test_bounds_that_grow_hold_for_every_value_between(seed: int) -> None:
         return 0.3 * (part[:, None, None] * slopes + part[:, None, None] ** 2 * bends)
 
     values = np.linspace(-1.0, 1.0, 60)
-    true = Rows(rows.fixed, rows.moving, ways(np.array([0.2345])), rows.own, rows.residual, rows.bound)
+    true = Rows(rows.fixed, rows.moving, ways(np.array([0.2345])), rows.moving_columns, rows.residual, rows.bound)
     read = true.matrix(0) @ (3.0 * rng.normal(size=5)) + rows.bound * rng.uniform(-1.0, 1.0, 80)
-    rows = Rows(rows.fixed, rows.moving, ways(values), rows.own, read, rows.bound)
+    rows = Rows(rows.fixed, rows.moving, ways(values), rows.moving_columns, read, rows.bound)
     error = np.abs(rows.moving @ (0.3 * bends)) * (values[1] - values[0]) ** 2 / 4.0
     far = apart(rows, error)
     sizes = largest_sizes(rows, LIMIT, far, np.full(2, 1e3))
-    grown = Swept(Rows(rows.fixed, rows.moving, rows.ways, rows.own, read, rows.bound + far @ sizes), LIMIT, none)
+    grown = Swept(
+        Rows(rows.fixed, rows.moving, rows.ways, rows.moving_columns, read, rows.bound + far @ sizes), LIMIT, none
+    )
     assert any(radius <= LIMIT for _, radius in grown.search())
     stood = 0
     for part in rng.uniform(-1.0, 1.0, 40):
         (way,) = ways(np.array([part]))
         matrix = rows.fixed.copy()
-        matrix[:, rows.own] += rows.moving @ way
+        matrix[:, rows.moving_columns] += rows.moving @ way
         nearest = int(np.abs(values - part).argmin())
         assert (np.abs(rows.moving @ (way - rows.ways[nearest])) <= far + 1e-12).all()
         radius, x, _ = chebyshev_radius(matrix, read, rows.bound)
