@@ -53,8 +53,10 @@ def simulated_turns(
     on_gyros: list[tuple[EffectPlace, Sequence[float]]] = list(effects_of_model(gyros).items())
     for place, coefficients in effects.items():
         if place.definition.component == "GyroBlock":
-            since = [time for place_set_in, time in (set_in or {}).items() if place_set_in == place]
-            on_gyros.append((place, [*place.definition.from_coefficients(coefficients), *since]))
+            values = list(place.definition.from_coefficients(coefficients))
+            if set_in is not None and place in set_in:
+                values.append(set_in[place])
+            on_gyros.append((place, values))
         elif place.definition.turns_table:
             added = (travel.table.sums(place.definition.turns(place, travel.rows)) @ coefficients) @ travel.to_block.T
             hours = (time - time[0]) / 3600.0
@@ -78,7 +80,9 @@ def simulated_turns(
     for k in range(3):
         columns[f"f{k + 1}_mps2"] = 0.5 * (force[1:, k] + force[:-1, k])
         driven[f"gyros.specific_force[{k + 1}]"] = f"f{k + 1}_mps2"
-    warm = np.full(len(time), 20.0) if raw.temperature is None else raw.temperature
+    warm = raw.temperature
+    if warm is None:
+        warm = np.full(len(time), 20.0)
     columns["temperature_degC"] = np.interp(even, time, warm)[1:]
     driven["gyros.temperature"] = "temperature_degC"
     block: dict[str, Any] = {"bias": gyros[BIAS].tolist(), "scale_misalignment": gyros[MATRIX].tolist()}
@@ -102,4 +106,7 @@ def simulated_turns(
 
 def parameters_of(place: EffectPlace, values: Sequence[float]) -> dict[str, object]:
     """An effect as a scenario file writes it."""
-    return place.entry | dict(zip((p.name for p in place.definition.parameters), map(float, values), strict=True))
+    entry = dict(place.entry)
+    for parameter, value in zip(place.definition.parameters, values, strict=True):
+        entry[parameter.name] = float(value)
+    return entry

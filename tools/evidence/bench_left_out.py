@@ -77,13 +77,17 @@ class LeftOut:
         """Of each part in turn; None where the others would not do, or tell too few of them."""
         scored: list[tuple[NDArray, ...]] = []
         for left_out, fitted, without in split:
-            with_effects = model.predicted(fitted, left_out) if without else None
-            if without is None or with_effects is None:
+            if without is None:
+                return None
+            with_effects = model.predicted(fitted, left_out)
+            if with_effects is None:
                 return None
             predictable = (without[1] <= MAX_LEVERAGE) & (with_effects[1] <= MAX_LEVERAGE)
             scored.append(tuple(part[predictable] for part in (left_out, without[0], *with_effects)))
         reading_errors = LeftOut(*(np.concatenate(part) for part in zip(*scored, strict=True)))
-        return reading_errors if len(reading_errors.readings) >= FEWEST_SCORED else None
+        if len(reading_errors.readings) < FEWEST_SCORED:
+            return None
+        return reading_errors
 
     @property
     def errors(self) -> Errors:
@@ -128,7 +132,7 @@ def trials(
         return
     with_all = Linear(fit.jacobian[:, lasting], fit.residual, fit.allowed)
     turned = nominal.split(turns, usable)
-    folds, parts = (LeftOut.of(with_all, split) for split in (turned, nominal.split(blocks, usable)))
+    folds, parts = LeftOut.of(with_all, turned), LeftOut.of(with_all, nominal.split(blocks, usable))
     of_effects = lasting & (np.arange(len(fit.at)) >= bench)
     shuffled = _shuffled(_without(fit, lasting, of_effects), fit.jacobian[:, of_effects], turned, by_position)
     judged = [part.worst(fit, numbers) for part in (folds, parts) if part is not None]

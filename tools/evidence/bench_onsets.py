@@ -50,14 +50,16 @@ class SlipOnsets(Onsets):
     at_once: ClassVar[int] = 1
 
     @staticmethod
-    def of(raw: BenchRecord, both: WithTurns, moving: Moving, about: Fit | None) -> "SlipOnsets":
+    def of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | None) -> "SlipOnsets":
         """Linear at half the slip of a fit, and its parameters; by default at none, and the nominal model's."""
-        turns, own_count, count = both.turns, both.own, len(both.point)
-        point = np.append(both.point, 0.0) if about is None else about.point
-        half = np.zeros(3) if about is None else 0.5 * about.coefficients[about.blocks[about.places.index(SLIP)]]
-        turned = block_turns(raw, both, point[:count])
+        turns, own_count, count = fitted.turns, fitted.own, len(fitted.point)
+        point, half = np.append(fitted.point, 0.0), np.zeros(3)
+        if about is not None:
+            point = about.point
+            half = 0.5 * about.coefficients[about.blocks[about.places.index(SLIP)]]
+        turned = block_turns(raw, fitted, point[:count])
         step = np.linalg.norm(np.diff(turned, axis=0), axis=1).max() * 2.0 * np.linalg.norm(half)
-        step /= float(both.bound[-3 * len(turns.first) :].min())
+        step /= float(fitted.bound[-3 * len(turns.first) :].min())
         finer = int(np.clip(np.ceil(step / FINEST), 1, MOST_FINER))
         time = np.interp(np.arange((len(turned) - 1) * finer + 1) / finer, np.arange(len(turned)), raw.time_s)
         late = time - point[own_count + LAG]
@@ -68,12 +70,15 @@ class SlipOnsets(Onsets):
         at = replace(readings.at, slips=np.tile(half, (len(readings), 1)))
         slopes_read = slip_jacobian(readings.parametrisation, point[:own_count], at, readings.sign)
         gain = np.eye(3) + point[own_count:count][MATRIX].reshape(3, 3)
+        begin, end = moving.seen.span.T
         pieces = (
-            Pieces("rests", "readings", *(finer * moving.seen.span.T)),
+            Pieces("rests", "readings", finer * begin, finer * end),
             Pieces("turns", "turns", finer * turns.first, finer * turns.last),
         )
         # A gyro that is read now and then does not tell how far it turned at once.
-        across = np.full((len(turns.first), 3, 3), np.nan) if raw.increment is None else [gain] * len(turns.first)
+        across = np.full((len(turns.first), 3, 3), np.nan)
+        if raw.increment is not None:
+            across[:] = gain
         turning = np.broadcast_to(np.eye(3), (len(turns.first), 3, 3))
         grown = np.einsum("gi,kij,nj->ngk", gain, slopes, fine)
         return SlipOnsets(
@@ -82,14 +87,15 @@ class SlipOnsets(Onsets):
             np.zeros(len(time), dtype=bool),
             # Gyros of a block that stands otherwise have turned more; no mean at rest is taken out.
             lambda place: (grown, np.zeros_like(grown)),
-            (slopes_read, np.asarray(across)),
+            (slopes_read, across),
             step / finer,
         )
 
     def columns(self, acting: Acting | Fading, row: float) -> tuple[Columns, NDArray[np.float64]]:
         """As of other effects, with the slip itself; NaN of readings that are of both sides of it."""
         columns, mean = super().columns(acting, row)
-        readings, turned = (group.pieces for group in self.groups)
+        of_readings, of_turns = self.groups
+        readings, turned = of_readings.pieces, of_turns.pieces
         before, across = readings.last <= row, (turned.first <= row) & (row < turned.last)
         columns[0] = self.whole[0] * ~before[:, None, None]
         columns[0][~before & (readings.first <= row)] = np.nan
@@ -107,21 +113,24 @@ class SlipOnsets(Onsets):
         return columns
 
 
-def block_turns(raw: BenchRecord, both: WithTurns, point: NDArray) -> NDArray[np.float64]:
+def block_turns(raw: BenchRecord, fitted: WithTurns, point: NDArray) -> NDArray[np.float64]:
     """How far (N, 3) [rad] the block has turned up to each row, in its axes, by parameters of bench and gyros."""
     moments = moments_of(raw.time_s, without_turns(raw.alpha), without_turns(raw.beta))
-    targets, none = both.parametrisation.selection[0] @ point[: both.own], np.zeros(len(GYRO_PARAMETERS))
-    still = np.zeros((2, *moments.shape))
-    return integrated_readings(targets, none, moments, still, both.turns.mounting, both.turns.earth)
+    targets, ideal = fitted.parametrisation.selection[0] @ point[: fitted.own], np.zeros(len(GYRO_PARAMETERS))
+    still = np.stack([np.zeros_like(moments), np.zeros_like(moments)])
+    return integrated_readings(targets, ideal, moments, still, fitted.turns.mounting, fitted.turns.earth)
 
 
-SETTING_IN = tuple(
-    place
-    for effect in STRAPDOWN_EFFECTS.values()
-    if effect.component == "GyroBlock" and (effect.sets_in or effect.fades)
-    for place in effect.places
-)
-"""Effects of gyros that act from a time on, or settle."""
+def effects_setting_in() -> tuple[EffectPlace, ...]:
+    """Effects of gyros that act from a time on, or settle."""
+    places: list[EffectPlace] = []
+    for effect in STRAPDOWN_EFFECTS.values():
+        if effect.component == "GyroBlock" and (effect.sets_in or effect.fades):
+            places += effect.places
+    return tuple(places)
+
+
+SETTING_IN = effects_setting_in()
 ROUNDS = 2
 """So many times a slip is fitted again where it is linear about half of what it was."""
 SLACK = 0.5
@@ -134,7 +143,7 @@ def fades(fit: Fit) -> bool:
     return any(place.definition.fades for place in fit.places)
 
 
-def onsets_of_turns(raw: BenchRecord, whole: WithTurns, travel: Travel) -> Onsets:
+def onsets_of_turns(raw: BenchRecord, fitted: WithTurns, travel: Travel) -> Onsets:
     """Columns of effects of gyros on a table that set in after a row of its record."""
     hours = (raw.time_s - raw.time_s[0]) / 3600.0
 
@@ -142,10 +151,11 @@ def onsets_of_turns(raw: BenchRecord, whole: WithTurns, travel: Travel) -> Onset
         """What an effect adds to the gyros' integrals up to each row (N, 3, K); no mean at rest is taken out."""
         sums = travel.gyros.sums(place.definition.signature(place, travel.motion))
         # Between the rows that are looked at the table turns by little: rates, and what a bias adds, are even.
-        integral = interpolated(hours, travel.hours, sums.reshape(len(sums), -1)).reshape(len(hours), *sums.shape[1:])
+        _, axes, count = sums.shape
+        integral = interpolated(hours, travel.hours, sums.reshape(len(sums), -1)).reshape(len(hours), axes, count)
         return integral, np.zeros_like(integral)
 
-    pieces = Pieces("turns", "turns", whole.turns.first, whole.turns.last)
+    pieces = Pieces("turns", "turns", fitted.turns.first, fitted.turns.last)
     group = replace(travel.gyros.groups[0], pieces=pieces)
     return Onsets(hours, (group,), np.zeros(len(hours), dtype=bool), grown)
 
@@ -202,8 +212,9 @@ class TurnsInTime(SettingIn):
     @cached_property
     def says(self) -> NDArray[np.bool_]:
         """Which rows (M,) say something beside what sets in at its time."""
-        every = [np.isfinite(self.columns_set_in(place)).all(axis=1) for place in self.set_in if place == SLIP]
-        return np.all([np.ones(len(self.whole.bound), dtype=bool), *every], axis=0)
+        if SLIP not in self.set_in:
+            return np.ones(len(self.whole.bound), dtype=bool)
+        return np.asarray(np.isfinite(self.columns_set_in(SLIP)).all(axis=1))
 
     def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
         """Columns (S, 3, K) of the turns, or of readings and turns, as rows (M, K) over their bounds."""
@@ -218,9 +229,10 @@ class TurnsInTime(SettingIn):
         """
         if self.around is None:
             (place,) = (place for place in places if place in self.starting)
-            rest = [other for other in places if other != place]
-            bent = self.second_order_at(self.baseline_radius) if place == SLIP else 0.0
-            rough = self._replaced_by(loose=SLACK + bent)
+            rest, loose = [p for p in places if p != place], SLACK
+            if place == SLIP:
+                loose += self.second_order_at(self.baseline_radius)
+            rough = self._replaced_by(loose=loose)
             if not (stretches := list(rough.open_stretches(place, rest, work))):
                 return []
             begin, end = min(stretches, key=lambda ends: self._left_by(place, rest, 0.5 * (ends[0] + ends[1])))
@@ -242,10 +254,10 @@ class TurnsInTime(SettingIn):
             return about.mended_in_time(places, work)
         return super().mended_in_time(places, work)
 
-    def _left_by(self, place: EffectPlace, others: Sequence[EffectPlace], row: float) -> float:
+    def _left_by(self, place: EffectPlace, linear: Sequence[EffectPlace], row: float) -> float:
         """What least squares leave of the rows with an effect that sets in after a row."""
         columns, _ = self.onsets_of(place).columns(self.acting[place], int(row))
-        matrix = np.hstack([self.matrix(others), np.nan_to_num(self.over_bounds(columns))])
+        matrix = np.hstack([self.matrix(linear), np.nan_to_num(self.over_bounds(columns))])
         return float(np.linalg.norm(self.residual - matrix @ estimated(matrix, self.residual)))
 
     def acts_linearly(self, fit: Fit) -> bool:

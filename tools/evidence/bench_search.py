@@ -83,7 +83,7 @@ def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None
     """
     count, bound = len(start), readings.bound
     blocks = blocks_of(cast.places, cast.variants(readings, readings.rows(start)) or ())
-    x = np.append(start, np.zeros(blocks[-1].stop if blocks else 0))
+    x = np.append(start, np.zeros(_stop(blocks)))
     if before is not None:
         x[: len(before.at)] = before.at
     for iteration in range(ROUNDS + 1):
@@ -105,7 +105,14 @@ def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None
 def without_last(readings: Readings, fit: Fit) -> Fit:
     """The model linear at the bench of a fit, with all of its effects but the last, of the sizes that they have."""
     places, blocks, count = fit.places[:-1], fit.blocks[:-1], len(fit.point)
-    return _linear_at(readings, places, fit.at[: count + (blocks[-1].stop if blocks else 0)], count)
+    return _linear_at(readings, places, fit.at[: count + _stop(blocks)], count)
+
+
+def _stop(blocks: Sequence[slice]) -> int:
+    """How many coefficients the blocks of some effects have together."""
+    if not blocks:
+        return 0
+    return int(blocks[-1].stop)
 
 
 def _linear_at(readings: Readings, places: tuple[EffectPlace, ...], x: NDArray, count: int) -> Fit:
@@ -228,9 +235,9 @@ class BenchSearch:
     def relaxed(self) -> dict[EffectPlace, Relaxation]:
         """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
         rows = self.readings.rows(self.centre.point)
-        untold = [place for place in self.classes.places if untold_readings([place], rows).any()]
-        not_linear = [place for place in self.places if not is_linear(place) and place not in self.additive]
-        return {relaxation.place: relaxation for relaxation in self.readings.relaxations(rows, [*untold, *not_linear])}
+        places = [place for place in self.classes.places if untold_readings([place], rows).any()]
+        places += [place for place in self.places if not is_linear(place) and place not in self.additive]
+        return {relaxation.place: relaxation for relaxation in self.readings.relaxations(rows, places)}
 
     @cached_property
     def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting], tuple[Step, ...]]]:
@@ -350,8 +357,9 @@ class BenchSearch:
                 continue
             cast = Cast((*centre.places, place), {place: way})
             about = centre_of(self.readings, cast, self.start, centre)
-            stands_out = usual_misfit(about) <= STANDS_OUT * usual_misfit(centre)
-            steps = tuple(step for step in self.ways if step[0] == place) if stands_out else ()
+            steps: tuple[Step, ...] = ()
+            if usual_misfit(about) <= STANDS_OUT * usual_misfit(centre):
+                steps = tuple(step for step in self.ways if step[0] == place)
             settings[place] = Setting(without_last(self.readings, about), self.slack(about), steps)
             if len(settings) == MOST_ANCHORS:
                 break
@@ -359,7 +367,9 @@ class BenchSearch:
 
     def nearest(self, centre: Fit, settings: Sequence[Setting]) -> tuple[Step, ...]:
         """Of effects with no setting few ways at a centre: their time is not told, but for what looks most like it."""
-        standing = {place for setting in settings for place, _ in setting.steps}
+        standing = set[EffectPlace]()
+        for setting in settings:
+            standing |= {place for place, _ in setting.steps}
         steps = [step for step in self.ways if step[0] not in standing]
         return tuple(steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS])
 

@@ -86,7 +86,9 @@ def senses_of(angle: NDArray) -> NDArray:
     turns = np.remainder(np.diff(angle) + np.pi, 2.0 * np.pi) - np.pi
     senses = np.zeros(len(angle))
     for row, turn in enumerate(turns, start=1):
-        senses[row] = np.sign(turn) if abs(turn) > 1e-6 else senses[row - 1]
+        senses[row] = senses[row - 1]
+        if abs(turn) > 1e-6:
+            senses[row] = np.sign(turn)
     return senses
 
 
@@ -130,7 +132,8 @@ class Visits:
         kappa, outer, epsilon = (slopes[..., p.symbols.index(symbol)] for symbol in ("X1", "X2", "X3"))
         input_sense, sense_told = self._input_senses(point, at, n)
         targets = (p.selection @ point)[at.mounting]
-        plus, minus = (targets[:, [TARGETS.index(pair[k]) for pair in SYMMETRIC_PAIRS]] for k in (0, 1))
+        plus = targets[:, [TARGETS.index(positive) for positive, _ in SYMMETRIC_PAIRS]]
+        minus = targets[:, [TARGETS.index(negative) for _, negative in SYMMETRIC_PAIRS]]
         vertical = point[p.symbols.index("X2")]
         return Rows(
             hours=circumstances.hours,
@@ -158,7 +161,9 @@ class Visits:
     @property
     def _axis_rates(self) -> NDArray[np.float64]:
         rates = self.circumstances.axis_rates
-        return np.zeros((len(self), 2)) if rates is None else rates
+        if rates is None:
+            return np.zeros((len(self), 2))
+        return rates
 
     def rows_with(self, fit: Fit) -> Rows:
         """What signatures see where the table really stands with the effects of a fit."""
@@ -222,7 +227,9 @@ class Visits:
         """Encoder readings [rad] freed from what effects add to them: the readings of faultless encoders."""
         of_encoders = [entry for entry in sized if entry[0].definition.stage == "encoder_effects"]
         positions = self.at
-        for _ in range(6 if of_encoders else 0):
+        if not of_encoders:
+            return positions
+        for _ in range(6):
             turns = self._turns(positions, point, of_encoders)
             positions = replace(self.at, alpha=self.at.alpha + turns[:, 1], beta=self.at.beta + turns[:, 3])
         return positions
@@ -239,15 +246,15 @@ class Visits:
 
 def slip_slopes(targets: NDArray, n: NDArray, scale: NDArray) -> NDArray:
     """Derivatives (N, 3, 3) of the readings by further turns of the block, from targets (N, 18), inputs and scales."""
-    slopes = np.zeros((*n.shape, 3))
+    slopes = np.zeros((len(n), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         slopes[:, i, k], slopes[:, j, k] = n[:, j], -n[:, i]
     first, second = slopes[:, 0], slopes[:, 1]
     shear = [targets[:, TARGETS.index(name), None] for name in ("X6+X8", "X7+X12", "X11+X13")]
-    read = (1.0 + scale)[:, :, None] * slopes
-    read[:, 1] += shear[0] * first
-    read[:, 2] += shear[1] * first + shear[2] * second
-    return read
+    of_readings = (1.0 + scale)[:, :, None] * slopes
+    of_readings[:, 1] += shear[0] * first
+    of_readings[:, 2] += shear[1] * first + shear[2] * second
+    return of_readings
 
 
 def readings_at(rows: NDArray) -> NDArray:

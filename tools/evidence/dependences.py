@@ -143,8 +143,8 @@ class Way:
 
     def pair(self, values: NDArray, spread: Spread) -> Pair:
         """Return the pair at values (n,) of the quantity."""
-        own = (self.freedom, self.factor, self.circle, self.quantity == "sense")
-        return Pair(self.where, self.quantity, values, spread, *own)
+        told = self.quantity == "sense"
+        return Pair(self.where, self.quantity, values, spread, self.freedom, self.factor, self.circle, told)
 
 
 # A whole bench: what its gyros integrate stands behind the readings.

@@ -124,14 +124,17 @@ class Onsets:
     @cached_property
     def edges(self) -> NDArray[np.int_]:
         """Rows at which pieces begin or end, where enough of them are before and after."""
-        main = max((g.pieces for g in self.groups if g.pieces.kind not in ("rests", "norms")), key=len)
-        first, last = np.sort(main.first)[-FEWEST], np.sort(main.last)[FEWEST - 1]
-        every = self.ends_of_pieces
-        return every[(every >= last) & (every <= first)]
+        turning = [group.pieces for group in self.groups if group.pieces.kind not in ("rests", "norms")]
+        most = max(turning, key=len)
+        first, last = np.sort(most.first)[-FEWEST], np.sort(most.last)[FEWEST - 1]
+        rows = self.ends_of_pieces
+        return rows[(rows >= last) & (rows <= first)]
 
     def edges_of(self, acting: Acting | Fading) -> NDArray[np.int_]:
         """Ends of the least stretches: rows of an onset, or numbers of time constants."""
-        return self.edges if isinstance(acting, Acting) else np.arange(0, len(acting.times), TIMES_AT_ONCE)
+        if isinstance(acting, Acting):
+            return self.edges
+        return np.arange(0, len(acting.times), TIMES_AT_ONCE)
 
     def value(self, acting: Acting | Fading, number: float) -> float:
         """A time after a row and before the next, or a time constant [h]."""
@@ -152,8 +155,12 @@ class Onsets:
         """
         if not isinstance(acting, Fading):
             return float(self.hours[int(begin)]), float(self.hours[int(end) + self.at_once])
-        low = acting.time(begin) if begin > 0 else 0.0
-        return low, acting.time(end) if end < len(acting.times) - 1 else LAST_HOUR
+        low, high = 0.0, LAST_HOUR
+        if begin > 0:
+            low = acting.time(begin)
+        if end < len(acting.times) - 1:
+            high = acting.time(end)
+        return low, high
 
     def acting(self, place: EffectPlace) -> Acting | Fading:
         """What an effect does from each row on, or with each time constant."""
@@ -177,7 +184,8 @@ class Onsets:
 
     def _between(self, group: Group, sums: NDArray, mean: NDArray) -> NDArray[np.float64]:
         """Columns (S, d, K) of one group by sums up to the rows at which pieces begin or end."""
-        first, last = (np.searchsorted(self.ends_of_pieces, rows) for rows in (group.pieces.first, group.pieces.last))
+        ends = self.ends_of_pieces
+        first, last = np.searchsorted(ends, group.pieces.first), np.searchsorted(ends, group.pieces.last)
         return group.columns(sums, mean, first, last)
 
     def within(self, acting: Acting, begin: int, end: int) -> Columns:
@@ -208,7 +216,9 @@ class Onsets:
         for group in self.groups:
             holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
             turn = group.gain * holding[:, None, None]
-            moving.append(turn if group.mean is None else np.concatenate([turn, group.mean], axis=2))
+            if group.mean is not None:
+                turn = np.concatenate([turn, group.mean], axis=2)
+            moving.append(turn)
         if self.groups[0].mean is not None:
             ways.append(acting.at_rest[rows] - acting.at_rest[end])
         return self.columns(acting, end)[0], moving, np.concatenate(ways, axis=1)
@@ -220,7 +230,10 @@ class Onsets:
         """
         samples = [self._sample(acting, number) for number in self._nodes(begin, end)]
         missed = self._at_most(acting, np.full(len(acting.turning), MISSED))
-        return [np.concatenate(own, axis=2) for own in zip(*samples, strict=True)], missed
+        columns = []
+        for k in range(len(self.groups)):
+            columns.append(np.concatenate([sample[k] for sample in samples], axis=2))
+        return columns, missed
 
     def swept_times(self, acting: Fading, numbers: NDArray) -> tuple[Columns, NDArray[np.float64], Columns]:
         """What the effect does with time constants of some numbers (R,), evenly spaced.
@@ -231,7 +244,7 @@ class Onsets:
         """
         nodes = self._nodes(numbers[0], numbers[-1])
         samples = [self._sample(acting, number) for number in nodes]
-        stacked = np.array([np.concatenate([c.reshape(-1, c.shape[2]) for c in sample]) for sample in samples])
+        stacked = np.array([_stacked(sample) for sample in samples])
         count, rows, per_row = stacked.shape
         basis, sizes, parts = np.linalg.svd(stacked.transpose(1, 0, 2).reshape(rows, -1), full_matrices=False)
         retained, basis = sizes > HELD * sizes[0], basis * sizes
@@ -239,15 +252,18 @@ class Onsets:
         places = (numbers - nodes[0]) / SPACING
         own_nodes = np.clip(places.astype(int) - AROUND, 0, count - DEGREE - 1)[:, None] + np.arange(DEGREE + 1)
         ways = np.einsum("rj,rjtk->rtk", lagrange(places, own_nodes), at[own_nodes])
-        ends = np.cumsum([c[..., 0].size for c in samples[0]])[:-1]
-        moving = []
-        for part_basis, columns in zip(np.split(basis[:, retained], ends), samples[0], strict=True):
-            moving.append(part_basis.reshape(*columns.shape[:2], -1))
+        ends = np.cumsum([columns[..., 0].size for columns in samples[0]])[:-1]
+        width = acting.step * (numbers[1] - numbers[0])
+        slow = np.array([[acting.time(numbers[0]), acting.time(numbers[-1])]])
+        bent = most_bent(acting.hours[1:, None] / slow)[:, 0] * width**2 / 8.0
+        bases = np.split(basis[:, retained], ends)
         left_away = np.split(WEIGHED * np.linalg.norm(basis[:, ~retained], axis=1), ends)
-        width, slow = acting.step * (numbers[1] - numbers[0]), [[acting.time(n) for n in (numbers[0], numbers[-1])]]
-        bent = most_bent(acting.hours[1:, None] / np.array(slow))[:, 0] * width**2 / 8.0
-        straight = self._at_most(acting, bent + MISSED)
-        return moving, ways, [s + d.reshape(*s.shape[:2], 1) for s, d in zip(straight, left_away, strict=True)]
+        moving, missed = [], []
+        for k, straight in enumerate(self._at_most(acting, bent + MISSED)):
+            pieces, axes, _ = straight.shape
+            moving.append(bases[k].reshape(pieces, axes, -1))
+            missed.append(straight + left_away[k].reshape(pieces, axes, 1))
+        return moving, ways, missed
 
     @staticmethod
     def _nodes(begin: float, end: float) -> NDArray[np.int_]:
@@ -270,6 +286,11 @@ class Onsets:
         return [self._between(group.largest, grown, mean) for group in self.groups]
 
 
+def _stacked(columns: Columns) -> NDArray[np.float64]:
+    """Columns (S, d, K) of each part as rows (M, K)."""
+    return np.concatenate([part.reshape(-1, part.shape[2]) for part in columns])
+
+
 def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
     """What the values at nodes (R, j) count in the polynomials through them at some numbers (R,)."""
     weights = np.ones(nodes.shape)
@@ -286,8 +307,9 @@ def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
     basis = basis * sizes
     left_away = np.sqrt(np.cumsum((basis**2)[:, ::-1], axis=1)).max(axis=0, initial=0.0)
     count = int(np.searchsorted(left_away, most))
-    count_held = basis.shape[1] - count
-    return basis[:, :count_held], float(left_away[count - 1]) if count else 0.0
+    if not count:
+        return basis, 0.0
+    return basis[:, :-count], float(left_away[count - 1])
 
 
 def refused(matrix: NDArray, residual: NDArray, limit: float, work: Work) -> bool:

@@ -3,6 +3,7 @@
 Stretches of times that no bound refuses are swept row by row; what stands at any of them counts for the intervals.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -82,7 +83,10 @@ class SettingIn(Evidence):
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
         """Values of the parameters of some effects by a solution (P + k,); those that set in have their times."""
         values = super().values_of(places, solution)
-        return {p: (*v, self.set_in[p]) if p in self.set_in else v for p, v in values.items()}
+        for place in values:
+            if place in self.set_in:
+                values[place] = (*values[place], self.set_in[place])
+        return values
 
     most_with_onset: ClassVar[int] = 1
     """Sets of more effects have none that sets in: in a long record each such pair costs tens of programmes."""
@@ -95,10 +99,13 @@ class SettingIn(Evidence):
         if size > self.most_with_onset:
             return
         for place in self.starting:
-            beside = [()] if size == 1 else [(candidate,) for candidate in self._others_beside(place, work, slack)]
-            yield from ((*candidate, place) for candidate in beside)
+            if size == 1:
+                yield (place,)
+                continue
+            for candidate in self._candidates(place, work, slack):
+                yield candidate, place
 
-    def _others_beside(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
+    def _candidates(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
         """Linear effects beside which an effect may set in, in the order of their places."""
         every = self.classes.places
         if len(self.onsets_of(place).edges) < 2:
@@ -110,13 +117,15 @@ class SettingIn(Evidence):
             stretches.append((low, high, range(len(every))))
         while stretches:
             low, high, among = stretches.pop()
-            among = [k for k in among if k not in standing_places]
+            among = [number for number in among if number not in standing_places]
             columns_held, missed_by = self._of_stretch(place, int(edges[low]), int(edges[high]))
             finite = np.isfinite(columns_held).all(axis=1)
             nominal = np.hstack([self.nominal, columns_held])[finite]
             problem = Problem.of(self.residual[finite], nominal, [columns[k][finite] for k in among])
             open_sets = sets_of_size(problem, 1, self.limit - 1.0 + missed_by + slack, 0, work)
-            standing = [among[k] for one in open_sets for k in one.effects]
+            standing = []
+            for open_set in open_sets:
+                standing += [among[number] for number in open_set.effects]
             if high - low == 1:
                 standing_places.update(standing)
             elif standing:
@@ -130,22 +139,26 @@ class SettingIn(Evidence):
         These begin at zero where one that acts from the first row on would do as well.
         """
         (place,) = (place for place in places if place in self.starting)
-        beside_it, acting = [p for p in places if p != place], self.acting[place]
-        ends, fits, swept = (self._fading if isinstance(acting, Fading) else self._setting_in)(place, beside_it, work)
+        linear, acting = [p for p in places if p != place], self.acting[place]
+        if isinstance(acting, Fading):
+            ends, fits, swept = self._fading(place, linear, work)
+        else:
+            ends, fits, swept = self._setting_in(place, linear, work)
         if not fits:
             return []
         onsets = self.onsets_of(place)
         start, end = onsets.ends(acting, *ends)
-        best = sorted(fits, key=lambda one: one[0].radius)
-        first, *also = (setting_in_at(fit, place, onsets.value(acting, row), (start, end)) for fit, row in best)
-        return [replace(first, also=tuple(also), swept=tuple(swept))]
+        at_times = []
+        for fit, row in sorted(fits, key=lambda fit_at_row: fit_at_row[0].radius):
+            at_times.append(setting_in_at(fit, place, onsets.value(acting, row), (start, end)))
+        return [replace(at_times[0], also=tuple(at_times[1:]), swept=tuple(swept))]
 
-    def _setting_in(self, place: EffectPlace, beside: Sequence[EffectPlace], work: Work) -> Standing:
+    def _setting_in(self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work) -> Standing:
         """Ends of the rows at which an effect beside others can set in, fits at some of them, and all of them."""
         best, swept_stretches, ends = [], [], []
-        for begin, end in self.open_stretches(place, beside, work):
-            swept = self._swept(place, beside, (begin, end))
-            fits = self._searched(swept, [*beside, place], np.arange(begin, end + 1), work)
+        for begin, end in self.open_stretches(place, linear, work):
+            swept = self._swept(place, linear, (begin, end))
+            fits = self._searched(swept, [*linear, place], np.arange(begin, end + 1), work)
             if fits:
                 best.append(fits[0])
                 swept_stretches.append(swept)
@@ -153,28 +166,32 @@ class SettingIn(Evidence):
         if not best:
             return (0, 0), [], []
         # One that acts from the first row on would do as well.
-        always = self.with_onset(place, 0).refit([*beside, place]).radius <= self.limit
-        return (0 if always else min(ends), max(ends)), best, swept_stretches
+        always = self.with_onset(place, 0).refit([*linear, place]).radius <= self.limit
+        if always:
+            return (0, max(ends)), best, swept_stretches
+        return (min(ends), max(ends)), best, swept_stretches
 
-    def _fading(self, place: EffectPlace, beside: Sequence[EffectPlace], work: Work) -> Standing:
+    def _fading(self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work) -> Standing:
         """Numbers of time constants about all with which an effect beside others can fade, and fits, as above."""
-        stretches = list(self.open_stretches(place, beside, work))
+        stretches = list(self.open_stretches(place, linear, work))
         if not stretches:
             return (0, 0), [], []
-        begin, end = float(min(begin for begin, _ in stretches)), float(max(end for _, end in stretches))
+        begin, end = _around(stretches)
         parts, sizes, fits = 1.0, None, []
         while True:
             numbers = np.linspace(begin, end, max(2, round((end - begin) * parts)) + 1)
-            rows, error = self._rows_of_times(place, beside, numbers)
+            rows, error = self._rows_of_times(place, linear, numbers)
             far = apart(rows, error)
             if sizes is None:
                 sizes = largest_sizes(rows, self.limit, far, rows.bound[len(self.residual) :])
             growth = float((far @ sizes / rows.bound).max())
             swept = Swept(replace(rows, bound=rows.bound + far @ sizes), self.limit, np.zeros(rows.fixed.shape[1]))
             gap = numbers[1] - numbers[0]
-            within = [(numbers >= low - gap) & (numbers <= high + gap) for low, high in stretches]
-            swept.proven[~np.any(within, axis=0)] = np.inf
-            fits = self._searched(swept, [*beside, place], numbers, work) or fits
+            within = np.zeros(len(numbers), dtype=bool)
+            for low, high in stretches:
+                within |= (numbers >= low - gap) & (numbers <= high + gap)
+            swept.proven[~within] = np.inf
+            fits = self._searched(swept, [*linear, place], numbers, work) or fits
             # The first and the last that are not refused stand with the bounds as they have grown.
             for side in (0, -1):
                 while not swept.refused.all() and swept.tried(_standing(swept)[side]) > self.limit:
@@ -184,7 +201,8 @@ class SettingIn(Evidence):
             first, last = _standing(swept)
             begin, end = float(numbers[max(0, first - 1)]), float(numbers[min(len(numbers) - 1, last + 1)])
             # Nearer to each other bounds grow by less.
-            finer = min(parts * (growth / FINE if growth > FINE else FINER), MOST_TIMES / (end - begin))
+            nearer = growth / FINE if growth > FINE else FINER
+            finer = min(parts * nearer, MOST_TIMES / (end - begin))
             if (fits and growth <= FINE) or growth <= DECIDED or finer < LEAST_FINER * parts:
                 break
             parts = finer
@@ -196,7 +214,7 @@ class SettingIn(Evidence):
         return (begin, end), fits, [swept]
 
     def _rows_of_times(
-        self, place: EffectPlace, beside: Sequence[EffectPlace], numbers: NDArray
+        self, place: EffectPlace, linear: Sequence[EffectPlace], numbers: NDArray
     ) -> tuple[Rows, NDArray[np.float64]]:
         """An effect beside others with time constants of some numbers (R,), and what it misses (M, k) between these.
 
@@ -205,7 +223,7 @@ class SettingIn(Evidence):
         acting = self.acting[place]
         assert isinstance(acting, Fading)
         moving, ways, error = self.onsets.swept_times(acting, numbers)
-        before, errors_over = self.matrix(beside), self.over_bounds(error)
+        before, errors_over = self.matrix(linear), self.over_bounds(error)
         largest = np.abs(self.limits_of([place])).max(axis=0)
         (count, columns_before), none = before.shape, np.zeros((len(largest), len(largest)))
         fixed = np.zeros((count + len(largest), columns_before + len(largest)))
@@ -215,36 +233,42 @@ class SettingIn(Evidence):
         rows = Rows(fixed, columns, ways, columns_before + np.arange(len(largest)), residual, bound)
         return rows, np.vstack([errors_over, none])
 
-    def _swept(self, place: EffectPlace, beside: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
+    def _swept(self, place: EffectPlace, linear: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
         """An effect beside others at every row between two."""
         acting = self.acting[place]
         assert isinstance(acting, Acting)
-        fixed, moving, ways = self.onsets_of(place).swept(acting, *ends)
-        rows = [self.over_bounds(columns) for columns in (fixed, moving)]
-        matrix, residual = np.hstack([self.matrix(beside), rows[0]]), self.residual.copy()
-        numbers_moving = np.arange(matrix.shape[1] - rows[0].shape[1], matrix.shape[1])
+        begin, end = ends
+        columns, columns_moving, ways = self.onsets_of(place).swept(acting, begin, end)
+        fixed, moving = self.over_bounds(columns), self.over_bounds(columns_moving)
+        matrix, residual = np.hstack([self.matrix(linear), fixed]), self.residual.copy()
+        numbers_moving = np.arange(matrix.shape[1] - fixed.shape[1], matrix.shape[1])
         # What is not told there says nothing.
-        untold = ~np.isfinite(rows[0]).all(axis=1)
-        matrix[untold], rows[1][untold], residual[untold] = 0.0, 0.0, 0.0
-        every = Rows(matrix, rows[1], ways, numbers_moving, residual, self.bound)
-        return Swept(every, self.limit, np.zeros(matrix.shape[1]))
+        untold = ~np.isfinite(fixed).all(axis=1)
+        matrix[untold], moving[untold], residual[untold] = 0.0, 0.0, 0.0
+        rows = Rows(matrix, moving, ways, numbers_moving, residual, self.bound)
+        return Swept(rows, self.limit, np.zeros(matrix.shape[1]))
 
     def _searched(
         self, swept: Swept, places: Sequence[EffectPlace], numbers: NDArray, work: Work
     ) -> list[tuple[Fit, float]]:
         """The fit of a set of effects that mends the record at a value next to the best, with its number; or none."""
-        for count, _ in enumerate(swept.search()):
-            work.programme(*swept.rows.fixed.shape)
-            if swept.refused.all() or (count >= MOST_TRIED and min(r for r, _ in swept.radii.values()) <= self.limit):
+        best, least = 0, math.inf
+        rows, columns = swept.rows.fixed.shape
+        for count, (way, radius) in enumerate(swept.search()):
+            work.programme(rows, columns)
+            if radius < least:
+                best, least = way, radius
+            if swept.refused.all() or (count >= MOST_TRIED and least <= self.limit):
                 break
-        best, radius = min(((way, radius) for way, (radius, _) in swept.radii.items()), key=lambda one: one[1])
-        if radius > self.limit:
+        if least > self.limit:
             return []
         fit = self.with_onset(places[-1], numbers[best]).refit(places)
-        return [(fit, numbers[best])] if fit.radius <= self.limit else []
+        if fit.radius > self.limit:
+            return []
+        return [(fit, numbers[best])]
 
     def open_stretches(
-        self, place: EffectPlace, beside: Sequence[EffectPlace], work: Work
+        self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work
     ) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
         if len(self.onsets_of(place).edges) < 2:
@@ -252,7 +276,7 @@ class SettingIn(Evidence):
         if place in self.left_open:
             yield from self.left_open[place]
             return
-        edges, matrix = self._edges_of(place), self.matrix(beside)
+        edges, matrix = self._edges_of(place), self.matrix(linear)
         starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
         stretches = list(pairwise(starts.tolist()))[::-1]
         while stretches:
@@ -281,15 +305,23 @@ class SettingIn(Evidence):
         if stretch is None:
             acting = self.acting[place]
             if isinstance(acting, Fading):
-                every, error = (self.over_bounds(columns) for columns in self.onsets.faded(acting, begin, end))
+                faded, missed = self.onsets.faded(acting, begin, end)
                 largest = np.abs(self.limits_of([place])).max(axis=0)
-                columns, left_away = held(every, LEFT_AWAY / (WEIGHED * float(np.linalg.norm(largest))))
-                stretch = columns, float((error @ largest + left_away * WEIGHED * np.linalg.norm(largest)).max())
+                size = WEIGHED * np.linalg.norm(largest)
+                columns, left_away = held(self.over_bounds(faded), LEFT_AWAY / float(size))
+                error = self.over_bounds(missed) @ largest + left_away * size
+                stretch = columns, float(error.max())
             else:
                 onsets = self.onsets_of(place)
                 stretch = self.over_bounds(onsets.within(acting, begin, end - onsets.at_once)), 0.0
             self.stretches[place, begin, end] = stretch
         return stretch
+
+
+def _around(stretches: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The first beginning of some stretches, and the last end."""
+    begins, ends = zip(*stretches, strict=True)
+    return float(min(begins)), float(max(ends))
 
 
 def _standing(swept: Swept) -> tuple[int, int]:
@@ -302,15 +334,17 @@ def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float,
     """A fit whose last effect sets in at a time [h], of times within ends that are possible."""
     low, high = coefficient_limits(place)
 
+    limits = list(zip(low.tolist(), high.tolist(), strict=True))
+
     def values(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
         return (*coefficients.tolist(), start)
 
     way = variant(
         (0, 3),
-        (*zip(low.tolist(), high.tolist(), strict=True), ends),
+        (*limits, ends),
         columns=np.zeros((0, 3, len(low))),
         low=low,
         high=high,
         values=values,
     )
-    return replace(fit, variants=(*(None for _ in fit.places[:-1]), way))
+    return replace(fit, variants=(*[None] * (len(fit.places) - 1), way))
