@@ -466,9 +466,10 @@ def parameter_set(
         if variable.name not in values:
             continue
         value = values[variable.name]
-        scalars = [value]
         if isinstance(value, list):
             scalars = value
+        else:
+            scalars = [value]
         if len(scalars) != len(variable.elements):
             raise ValueError(f"{variable.name} has {len(variable.elements)} elements, not {len(scalars)}")
         units[variable.unit] = unit_named(variable.unit)

@@ -88,8 +88,11 @@ class UnpackedFmu:
 
     def says(self, *flags: str) -> bool:
         """Whether its description claims a capability, by the name of FMI 2.0 or of 3.0."""
-        claims = [getattr(self.description.coSimulation, flag, None) for flag in flags]
-        return any(str(flag).lower() in ("true", "1") for flag in claims)
+        for flag in flags:
+            claim = getattr(self.description.coSimulation, flag, None)
+            if str(claim).lower() in ("true", "1"):
+                return True
+        return False
 
 
 def fmi_version(description: ModelDescription) -> int:
@@ -117,9 +120,9 @@ def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
 def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -> None:
     """Refuse an archive that is not safe to unpack, or has not what makes it an FMU (an .ssp: an .ssd)."""
     ssp = needed.endswith(".ssd")
-    kind_of_file, standard, forbidden_kind = (
-        ("an .ssp", "SSP", "a link or a device") if ssp else ("an FMU", "FMI", "a link")
-    )
+    kind_of_file, standard, forbidden_kind = "an FMU", "FMI", "a link"
+    if ssp:
+        kind_of_file, standard, forbidden_kind = "an .ssp", "SSP", "a link or a device"
     for member in members:
         # orig_filename still has the backslashes and what stands after a zero, which zipfile takes away.
         for name in (member.orig_filename, member.filename):
@@ -235,7 +238,9 @@ def _described(xml: bytes, label: str) -> ModelDescription:
             what = "scheduled execution only"
         raise InputError(f"{label}: is for {what}; export it for co-simulation")
     if not kind.modelIdentifier:
-        what = "co-simulation" if kind is description.coSimulation else "model exchange"
+        what = "model exchange"
+        if kind is description.coSimulation:
+            what = "co-simulation"
         raise InputError(f"{name} gives no modelIdentifier for {what}")
     return description
 
@@ -252,8 +257,11 @@ def _library(names: set[str], description: ModelDescription, label: str) -> str:
         member = f"binaries/{platform}/{kind.modelIdentifier}{fmpy.sharedLibraryExtension}"
         if member in names:
             return member
-    platforms_inside = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and n.count("/") >= 2})
-    names_inside = ", ".join(platforms_inside) or "none at all"
+    platforms_inside = set()
+    for name in names:
+        if name.startswith("binaries/") and name.count("/") >= 2:
+            platforms_inside.add(name.split("/")[1])
+    names_inside = ", ".join(sorted(platforms_inside)) or "none at all"
     raise InputError(f"{label}: has no binary for this platform ({platforms[0]}); it has {names_inside}")
 
 
@@ -290,12 +298,15 @@ def unpack(path: Path, label: str, make_folder: Callable[[str], Path]) -> Unpack
             refuse_damaged(archive.read(library), label)
             folder = make_folder(sha256)
             # Sources and documentation are nothing that an FMU may read when it runs.
-            needed = [m for m in members if not m.filename.startswith(("sources/", "documentation/"))]
-            archive.extractall(folder, needed)
+            for member in members:
+                if not member.filename.startswith(("sources/", "documentation/")):
+                    archive.extract(member, folder)
     except DAMAGE as error:
         if full(error):
             raise
         raise InputError(f"{label}: is not a readable FMU archive ({error})") from error
     script = folder / "resources" / "slavemodule.txt"
-    module = script.read_text("utf-8", errors="replace").strip() if script.is_file() else None
+    module = None
+    if script.is_file():
+        module = script.read_text("utf-8", errors="replace").strip()
     return UnpackedFmu(label, sha256, folder, folder / library, description, module)

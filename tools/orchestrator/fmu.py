@@ -165,8 +165,11 @@ class Slave:
 
     def refuse_not_finite(self, variables: Iterable[Variable], values: Iterable[float], time: float) -> NoReturn:
         """Refuse the run because one of these outputs is not finite."""
-        infinite = [(v.name, float(x)) for v, x in zip(variables, values, strict=True) if not math.isfinite(x)]
-        raise InputError(f"{self}: {infinite[0][0]} is {infinite[0][1]} at {time:.9g} s")
+        infinite = []
+        for variable, value in zip(variables, values, strict=True):
+            if not math.isfinite(value):
+                infinite.append(f"{variable.name} is {float(value)}")
+        raise InputError(f"{self}: {infinite[0]} at {time:.9g} s")
 
     def call(self, name: str, *arguments: Any, time: float | None = None) -> None:
         """Call an FMI function by name with this instance; a status above Warning is an InputError."""
@@ -259,7 +262,10 @@ class Slave:
         finally:
             # After Fatal, FMI allows no further call.
             freeing = f"{self.prefix}FreeInstance"
-            status = self._host.close() if self._dead else self._host.free(freeing)
+            if self._dead:
+                status = self._host.close()
+            else:
+                status = self._host.free(freeing)
         if status and finished is not None:
             self.fail(freeing, status, finished)
 
@@ -272,15 +278,18 @@ class Slave3(Slave):
 
     def set_values(self, values: Iterable[tuple[Variable, Value]], interface: Interface) -> None:
         """Set variables, arrays as a whole: what is not given of an array keeps its start value."""
-        values = list(values)
-        structural = [(v, x) for v, x in values if v.causality == "structuralParameter"]
+        structural, remaining = [], []
+        for variable, value in values:
+            if variable.causality == "structuralParameter":
+                structural.append((variable, value))
+            else:
+                remaining.append((variable, value))
         if structural:
             self.call("fmi3EnterConfigurationMode")
             super().set_values(structural, interface)
             self.call("fmi3ExitConfigurationMode")
-        values = [(v, x) for v, x in values if v.causality != "structuralParameter"]
         arrays: dict[int, dict[Variable, Value]] = {}
-        for variable, value in values:
+        for variable, value in remaining:
             arrays.setdefault(variable.reference, {})[variable] = value
         for elements_of in arrays.values():
             first = next(iter(elements_of))

@@ -142,7 +142,9 @@ def between(
     offset = 0.0
     if not relative:
         offset = (source_scale.offset - target_scale.offset) / target_scale.factor
-    rounding = SAME if first == second else 1e-12
+    rounding = 1e-12
+    if first == second:
+        rounding = SAME
     if abs(factor - 1.0) <= rounding and abs(offset) <= SAME:
         return 1.0, 0.0
     return factor, offset
@@ -267,9 +269,15 @@ class Interface:
             raise InputError(
                 f"'{self.name}' has no variable '{name}'; {base} has elements 1 to {len(self.arrays[base])}"
             )
-        fit = [v.name for v in self.variables.values() if causalities is None or v.causality in causalities]
-        names = [n for n in self.arrays if self.arrays[n][0].name in fit]
-        names += [n for n in fit if "[" not in n or n.partition("[")[0] not in self.arrays]
+        names, elements = [], []
+        for variable in self.variables.values():
+            if causalities is None or variable.causality in causalities:
+                array = variable.name.partition("[")[0]
+                if "[" not in variable.name or array not in self.arrays:
+                    elements.append(variable.name)
+                elif self.arrays[array][0] is variable:
+                    names.append(array)
+        names += elements
         meant, nearest_of_all = nearest(name, names), nearest(name, list(self.arrays) + list(self.variables))
         if nearest_of_all.startswith("did you") and not meant.startswith("did you"):
             meant = nearest_of_all
@@ -433,7 +441,9 @@ def checked(value: Value, variable: Variable) -> Value:
         if not re.fullmatch(r"([0-9A-Fa-f]{2})*", value):
             raise InputError(f"{variable.name} = {value!r} must be hexadecimal digits, two for each byte")
     elif not (kind == "Boolean" and isinstance(value, bool)) and not (kind == "String" and isinstance(value, str)):
-        text = str(value).lower() if isinstance(value, bool) else repr(value)
+        text = repr(value)
+        if isinstance(value, bool):
+            text = str(value).lower()
         expected = {
             "Real": "a number",
             "Boolean": "true or false",

@@ -185,8 +185,10 @@ def _structural(
 ) -> tuple[dict[str, tuple[Variable, Value]], dict[str, Any]]:
     """The structural parameters among a setting's, which say how long arrays are, and the others."""
     structural: dict[str, tuple[Variable, Value]] = {}
-    settable = [n for n in parameters if n in interface.variables]
-    names = [n for n in settable if interface.variables[n].causality == "structuralParameter"]
+    names = []
+    for name in parameters:
+        if name in interface.variables and interface.variables[name].causality == "structuralParameter":
+            names.append(name)
     with said_of(f"fmus.{interface.name}.parameters"):
         for name in names:
             for variable, value in spread(parameters[name], (interface.variables[name],), name):
@@ -258,9 +260,10 @@ def _effects(name: str, setting: FmuSetting) -> "tuple[tuple[EffectPlace, ...], 
     # Most scenarios have none, and the catalogue takes time to read.
     from ...models import effects
 
-    extending = {
-        effect.name: effect for effect in effects.CATALOGUE.values() if effect.kernel is not None or effect.of_law
-    }
+    extending = {}
+    for effect in effects.CATALOGUE.values():
+        if effect.kernel is not None or effect.of_law:
+            extending[effect.name] = effect
     places: list[EffectPlace] = []
     values: dict[str, float] = {}
     for number, entry in enumerate(setting.effects, start=1):
@@ -350,7 +353,8 @@ def resolve_parameters(
                             f"{variable.name} is given twice, by '{origin_of[variable.name]}' and '{name}'"
                         )
                     origin_of[variable.name] = name
-                resolved |= {variable.name: (variable, item) for variable, item in spread(value, variables, name)}
+                for variable, item in spread(value, variables, name):
+                    resolved[variable.name] = (variable, item)
     return resolved
 
 

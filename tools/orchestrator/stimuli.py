@@ -159,7 +159,10 @@ def _read_csv(content: bytes, label: str, required: Sequence[str] | None) -> Num
         row = content[: error.start].count(b"\n") + 1
         raise InputError(f"{label}, row {row}: is not UTF-8 text") from error
     numbered = enumerate(text.replace("\r\n", "\n").split("\n"), start=1)
-    filled = [(number, line) for number, line in numbered if line.strip() and not line.startswith("#")]
+    filled = []
+    for number, line in numbered:
+        if line.strip() and not line.startswith("#"):
+            filled.append((number, line))
     if not filled:
         raise InputError(f"{label}: is empty; a header line with the columns' names is needed")
     (first, top), *rows = filled
@@ -452,7 +455,8 @@ def resolve_stimuli(
                 new_drives = resolve_rows(
                     stimulus, lambda columns, s=stimulus, n=name: table(s, n, columns), grids, interfaces
                 )
-            drives += [(name, drive) for drive in new_drives]
+            for drive in new_drives:
+                drives.append((name, drive))
     return grid, drives
 
 
@@ -464,7 +468,8 @@ def check_sources(wires: Iterable[Wire], drives: Iterable[tuple[str, Drive]], lo
     source_of: dict[tuple[str, str], str] = {}
     sources = [(w.target, w.input, f"'{w.source}.{w.output.name}'") for w in wires]
     for name, drive in drives:
-        sources += [(drive.fmu, variable, name) for variable in drive.variables]
+        for variable in drive.variables:
+            sources.append((drive.fmu, variable, name))
     for fmu, variable, source in sources:
         before = source_of.setdefault((fmu, variable.name), source)
         if before is not source:
