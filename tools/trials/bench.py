@@ -117,12 +117,16 @@ class Bench:
     @property
     def decimals(self) -> int | None:
         """Of the numbers of its record; None: they are written whole."""
-        return None if self.whole else RECORD_DECIMALS
+        if self.whole:
+            return None
+        return RECORD_DECIMALS
 
     @property
     def baseline(self) -> Literal["asymmetric", "symmetric"]:
         """The model that the bench is diagnosed with."""
-        return "symmetric" if self.symmetric else "asymmetric"
+        if self.symmetric:
+            return "symmetric"
+        return "asymmetric"
 
     @property
     def place(self) -> Place:
@@ -134,7 +138,9 @@ class Bench:
     def asked(self) -> dict[str, Any]:
         """What is known beside the record: σ, the mountings, the kind of block, and where a whole bench stands."""
         options = {"baseline": self.baseline, "mounting": self.matrices, "noise_bound": NOISE_BOUND}
-        return options | {"bench": self.place} if self.whole else options
+        if self.whole:
+            return options | {"bench": self.place}
+        return options
 
     @property
     def matrices(self) -> dict[str, NDArray]:
@@ -206,7 +212,10 @@ class Bench:
         if self.whole:
             return self._measured_whole(seed * 100_003 + (index or 0), hidden, progress=progress)
         alone = index is None
-        first = seed if alone else int(np.random.default_rng([seed, index, 0]).integers(2**31))
+        if alone:
+            first = seed
+        else:
+            first = int(np.random.default_rng([seed, index, 0]).integers(2**31))
         runs = []
         for mounting in range(len(self.mountings)):
             scenario = self.scenario(hidden, first + mounting, mounting, alone=alone)
@@ -258,20 +267,29 @@ class Bench:
         elif not alone and any(effect.place.effect == "hysteresis" for effect in hidden):
             # Within a step it cannot be seen which axis changed an input last.
             step_s = FINE_STEP_S
+        fluctuation = 0.0
+        if own_errors:
+            fluctuation = ENCODER_FLUCTUATION
         table = {
             **self.truth["TurntableMotion"],
             "mounting": PRESETS[self.mountings[mounting]].ravel().tolist(),
             "mounting_error": list(self.mounting_errors[mounting]),
-            "encoder_fluctuation_bound": ENCODER_FLUCTUATION if own_errors else 0.0,
+            "encoder_fluctuation_bound": fluctuation,
             "initial_angle": initial,
             **place,
             "seed": seed % 2**31,
         }
+        noise = 0.0
+        if own_errors:
+            noise = BLOCK_NOISE
+        # An error that is held over a rest is uniform within its bound; a mean of several would be small.
+        held_fraction = 1.0
+        if alone:
+            held_fraction = 0.8
         block = {
             **self.truth["AccelerometerBlock"],
-            "noise_bound": BLOCK_NOISE if own_errors else 0.0,
-            # An error that is held over a rest is uniform within its bound; a mean of several would be small.
-            "held_fraction": 0.8 if alone else 1.0,
+            "noise_bound": noise,
+            "held_fraction": held_fraction,
             "seed": (seed + self.whole) % 2**31,
         }
         seconds = np.arange(0.0, LONGEST_RUN_S, 1.0)
@@ -281,12 +299,18 @@ class Bench:
         if self.whole:
             wires.append(("table", "block", "block_rate", "rate"))
             wires += [("table", "gyros", name, name) for name in ("increment", "specific_force")]
-            increments = {f"dtheta{p}_rad": f"gyros.increment_reading[{p}]" for p in (1, 2, 3)}
+            increments = {}
+            for p in (1, 2, 3):
+                increments[f"dtheta{p}_rad"] = f"gyros.increment_reading[{p}]"
         warmed = [f"{name}.temperature" for name in ("table", "block", *gyros)]
+        effect_entries = []
+        for effect in hidden:
+            if effect.place.effect not in ("outlier", UNDERSAMPLING):
+                effect_entries.append(effect.entry)
         return composed(
             "a measured record",
             {"table": ("TurntableMotion", table), "block": ("AccelerometerBlock", block), **gyros},
-            [effect.entry for effect in hidden if effect.place.effect not in ("outlier", UNDERSAMPLING)],
+            effect_entries,
             {
                 "alpha_deg": "table.angle_reading[1]",
                 "beta_deg": "table.angle_reading[2]",
@@ -335,14 +359,20 @@ def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> Bench:
     count = int(rng.integers(positions[0], positions[1] + 1))
     two = count >= FEWEST_FOR_TWO and rng.random() < TWO_MOUNTINGS_SHARE
     rotated = [name for name in PRESETS if name != "identity"]
-    first = "identity" if rng.random() < 0.5 else rotated[rng.integers(len(rotated))]
+    if rng.random() < 0.5:
+        first = "identity"
+    else:
+        first = rotated[rng.integers(len(rotated))]
     names = (first,)
     if two:
         rest = [name for name in PRESETS if name != first]
         names = (first, rest[rng.integers(len(rest))])
     errors = tuple(tuple(rng.uniform(-STAND_BOUND, STAND_BOUND, 3).tolist()) for _ in names)
     alpha, beta = draw_positions(rng, count)
-    mounting = (np.arange(count) >= count // 2).astype(int) if two else np.zeros(count, dtype=int)
+    if two:
+        mounting = (np.arange(count) >= count // 2).astype(int)
+    else:
+        mounting = np.zeros(count, dtype=int)
     return Bench(truth, symmetric, names, errors, alpha, beta, mounting)
 
 
@@ -351,7 +381,9 @@ def draw_truth(rng: np.random.Generator, *, symmetric: bool) -> dict[str, dict[s
 
     def uniform(bound: float, size: int | None = None) -> Any:
         value = rng.uniform(-bound, bound, size)
-        return value.tolist() if size else float(value)
+        if size:
+            return value.tolist()
+        return float(value)
 
     plus = uniform(BLOCK_BOUND / 2, 3)
     return {
@@ -381,7 +413,8 @@ def bench_positions() -> tuple[NDArray, NDArray]:
     The extra ones share no angle: harmonics of the encoders that look alike at equal steps of 45 degrees differ there.
     """
     pairs = [(20 + 45 * k, beta) for k in range(8) for beta in (25, 145, 265)]
-    pairs += [((13 + 67 * k) % 360, (33 + 101 * k) % 360) for k in range(16)]
+    for k in range(16):
+        pairs.append(((13 + 67 * k) % 360, (33 + 101 * k) % 360))
     angles = np.radians(np.array(pairs, dtype=float))
     return angles[:, 0], angles[:, 1]
 
@@ -398,7 +431,9 @@ def draw_positions(rng: np.random.Generator, count: int) -> tuple[NDArray, NDArr
                 for s, t in ((1, 1), (-1, 1))]  # fmt: skip
     else:
         grid = []
-    chosen = {grid[k] for k in rng.permutation(len(grid))[: (2 * count) // 3].tolist()}
+    chosen = set()
+    for k in rng.permutation(len(grid))[: (2 * count) // 3].tolist():
+        chosen.add(grid[k])
     while len(chosen) < count:
         chosen.add((round(float(rng.uniform(0, 360)), 1), round(float(rng.uniform(0, 360)), 1)))
     angles = np.radians(np.remainder(np.array(sorted(chosen), dtype=float), 360.0))
@@ -417,7 +452,8 @@ def true_elementary(truth: Mapping[str, Mapping[str, Any]], mounting_error: tupl
     for variables in truth.values():
         for name, value in variables.items():
             if isinstance(value, list):
-                values |= {f"{name}_{k}": float(v) for k, v in enumerate(value, start=1)}
+                for k, v in enumerate(value, start=1):
+                    values[f"{name}_{k}"] = float(v)
             else:
                 values[name] = float(value)
     values |= {f"mounting_error_{k}": v for k, v in enumerate(mounting_error, start=1)}
@@ -460,7 +496,9 @@ def draw_days(rng: np.random.Generator, count: int, positions: tuple[int, int], 
     for _ in range(count):
         bench, of_day = draw_bench(rng, positions), draw_truth(rng, symmetric=False)
         # What the inner axis does on all days has one phase where the zero of its encoder is one.
-        shared = {name: truth["TurntableMotion"][name] for name in ("gravity_error", "beta_offset")}
+        shared = {}
+        for name in ("gravity_error", "beta_offset"):
+            shared[name] = truth["TurntableMotion"][name]
         table = {**of_day["TurntableMotion"], **shared}
         block = {**truth["AccelerometerBlock"], "bias": of_day["AccelerometerBlock"]["bias"]}
         day = replace(
@@ -480,7 +518,8 @@ def measured_on_days(
     days: Sequence[Bench], seed: int, index: int | None, hidden: Sequence[Hidden], *, progress: bool = False
 ) -> dict[str, PositionRecord]:
     """The records of one block on several days, by label; an effect `in_record` acts in that one alone."""
-    seed = seed if index is None else int(np.random.default_rng([seed, index, 0]).integers(2**31))
+    if index is not None:
+        seed = int(np.random.default_rng([seed, index, 0]).integers(2**31))
     records = {}
     for number, bench in enumerate(days):
         label = f"record-{number + 1}"
@@ -498,7 +537,9 @@ def record_of(scenario: Scenario, *, every: bool = False, progress: bool = False
     assert isinstance(raw, RawRecord)
     raw = replace(raw, path=Path("record"), sha256="")
     rests = find_rests(raw)
-    return average_rests(raw, [replace(rest, refused=None) for rest in rests] if every else rests)
+    if every:
+        rests = [replace(rest, refused=None) for rest in rests]
+    return average_rests(raw, rests)
 
 
 def drawn_errors(rng: np.random.Generator, noise: str, count: int) -> NDArray:

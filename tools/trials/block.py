@@ -110,7 +110,9 @@ class Instruments:
     @property
     def columns(self) -> tuple[list[str], list[str]]:
         """Names of the columns of what the gyros and the accelerometers read, with their units."""
-        unit = "rad" if self.increments else "radps"
+        unit = "radps"
+        if self.increments:
+            unit = "rad"
         return [f"w{p}_{unit}" for p in (1, 2, 3)], [f"f{p}_mps2" for p in (1, 2, 3)]
 
 
@@ -143,12 +145,15 @@ class Block:
 
     def answer(self, seed: int, index: int | None, hidden: Sequence[Hidden]) -> dict[str, Any]:
         """The secret and what is none of the instrument, for whoever wants to compare."""
+        hidden_entry, relative_size = None, 0.0
+        if hidden:
+            hidden_entry, relative_size = hidden[0].entry, hidden[0].relative_size
         return {
             "seed": seed,
             "case": index,
             "reference": self.reference,
-            "hidden": hidden[0].entry if hidden else None,
-            "size": hidden[0].relative_size if hidden else 0.0,
+            "hidden": hidden_entry,
+            "size": relative_size,
             "stamps_jitter_periods": self.jitter,
             "gyros": dict(self.instruments.gyros),
             "accelerometers": dict(self.instruments.accelerometers),
@@ -166,7 +171,10 @@ class Block:
             raise ValueError(f"stamps may jitter by {FURTHEST_STAMP} periods, not {self.jitter}")
         motion, instruments, increments = self.motion, self.instruments, self.instruments.increments
         # Rates know nothing of the time stamps: only what is made of both is wrong.
-        effects = [effect for effect in hidden if effect.place.effect != STAMPS or increments]
+        effects = []
+        for effect in hidden:
+            if effect.place.effect != STAMPS or increments:
+                effects.append(effect)
         for effect in effects:
             if effect.place.effect == UNDERSAMPLING:
                 motion = replace(motion, increment=without_coning(motion.increment, effect.values[0]))
@@ -181,7 +189,10 @@ class Block:
         else:
             true_turns = motion.rate + slow_rate
         force = STANDARD_GRAVITY * (motion.force + slow_force)
-        warm = np.full(rows, 20.0) if self.temperature is None else self.temperature
+        if self.temperature is None:
+            warm = np.full(rows, 20.0)
+        else:
+            warm = self.temperature
         stamps = np.round(period * (np.arange(rows) + self.jitter * rng.uniform(-1.0, 1.0, rows)), 9)
         turns, forces = instruments.columns
         table = pl.DataFrame(
@@ -202,13 +213,19 @@ class Block:
             wrong = Rotation.from_rotvec(rng.uniform(-1.0, 1.0, (rows, 3)) * instruments.truth_noise)
             observed = Rotation.from_quat(np.roll(motion.attitude, -1, axis=1)) * wrong
             attitude = np.roll(observed.as_quat(), 1, axis=1)[1:]
+        rates, increments_read = gyros, None
+        if increments:
+            rates, increments_read = None, gyros
+        temperature = None
+        if self.temperature is not None:
+            temperature = self.temperature[1:]
         return StrapdownRecord(
             time_s=stamps[1:],
-            rate=None if increments else gyros,
-            increment=gyros if increments else None,
+            rate=rates,
+            increment=increments_read,
             specific_force=readings.select(forces).to_numpy(),
             attitude=attitude,
-            temperature=None if self.temperature is None else self.temperature[1:],
+            temperature=temperature,
         )
 
 
@@ -216,17 +233,28 @@ def reading_scenario(
     table: pl.DataFrame, period: float, instruments: Instruments, hidden: Sequence[Hidden], seed: int
 ) -> Scenario:
     """The scenario in which both blocks read what a table gives them, one row a step."""
-    kind = INCREMENTS if instruments.increments else HELD_RATES
-    source, output = ("increment", "increment_reading") if instruments.increments else ("rate", "rate_reading")
+    if instruments.increments:
+        kind, source, output = INCREMENTS, "increment", "increment_reading"
+    else:
+        kind, source, output = HELD_RATES, "rate", "rate_reading"
     turns, forces = instruments.columns
-    driven = {f"gyros.{source}[{p}]": name for p, name in enumerate(turns, start=1)}
+    driven = {}
+    for p, name in enumerate(turns, start=1):
+        driven[f"gyros.{source}[{p}]"] = name
     driven["gyros.interval"] = "interval_s"
     for block in ("gyros", "accelerometers"):
-        driven |= {f"{block}.specific_force[{p}]": name for p, name in enumerate(forces, start=1)}
+        for p, name in enumerate(forces, start=1):
+            driven[f"{block}.specific_force[{p}]"] = name
         driven[f"{block}.temperature"] = "temperature_degC"
     gyros = {"input_kind": kind, "noise_bound": instruments.gyro_noise.bound(period), "seed": seed}
     noise_bound = instruments.accelerometer_noise.bound(period)
     accelerometers = {"noise_bound": noise_bound, "held_fraction": 0.0, "seed": seed}
+    gyro_columns = {}
+    for p, name in enumerate(turns, start=1):
+        gyro_columns[name] = f"gyros.{output}[{p}]"
+    force_columns = {}
+    for p, name in enumerate(forces, start=1):
+        force_columns[name] = f"accelerometers.reading[{p}]"
     return composed(
         "a block that is moved by hand",
         {
@@ -234,10 +262,7 @@ def reading_scenario(
             "accelerometers": ("AccelerometerBlock", {**instruments.accelerometers, **accelerometers}),
         },
         [effect.entry for effect in hidden],
-        {
-            **{name: f"gyros.{output}[{p}]" for p, name in enumerate(turns, start=1)},
-            **{name: f"accelerometers.reading[{p}]" for p, name in enumerate(forces, start=1)},
-        },
+        gyro_columns | force_columns,
         run={"step_s": period, "stop_s": len(table) * period},
         stimuli=[{"table": table, "stamp": "end", "columns": driven}],
     )
@@ -277,7 +302,11 @@ def draw_motion(rng: np.random.Generator, schedule: Schedule, period: float) -> 
     attitude = Rotation.from_quat(rng.normal(size=4))
     count = int(rng.integers(schedule.moves[0], schedule.moves[1] + 1))
     for k in range(count + 1):
-        still = round(rng.uniform(*(schedule.first_rest if k == 0 else schedule.rest)) / period)
+        if k == 0:
+            limits = schedule.first_rest
+        else:
+            limits = schedule.rest
+        still = round(rng.uniform(*limits) / period)
         # The first row is the start; each rest and each move adds the rows after its own beginning.
         increments.append(np.zeros((still, 3)))
         rates.append(np.zeros((still + (k == 0), 3)))

@@ -42,7 +42,10 @@ class Case:
     @property
     def places(self) -> tuple[EffectPlace, ...]:
         """What is hidden."""
-        return tuple(hidden.place for hidden in self.hidden)
+        places = []
+        for hidden in self.hidden:
+            places.append(hidden.place)
+        return tuple(places)
 
     def measured(self, *, progress: bool = False) -> Any:
         """The record, of positions or strapdown, or several by label: what a laboratory would hand over."""
@@ -92,13 +95,18 @@ class Options:
         if self.noise not in (*NOISES, "all"):
             raise InputError(f"--noise {self.noise}: {nearest(self.noise, (*NOISES, 'all'))}")
         for name in self.effects:
-            every = (*hidden_effects(), *IN_MOTION) if self.whole else hidden_effects()
+            if self.whole:
+                every = (*hidden_effects(), *IN_MOTION)
+            else:
+                every = hidden_effects()
             if name not in every:
                 raise InputError(f"--effects {name}: {nearest(name, every)}")
         if not 1 <= self.records <= MOST_RECORDS:
             raise InputError(f"--records {self.records}: must be a whole number from 1 to {MOST_RECORDS}")
         if self.records > 1 and (self.mode not in OF_SEVERAL or self.size is not None):
-            option = f"--mode {self.mode}" if self.size is None else "--size"
+            option = "--size"
+            if self.size is None:
+                option = f"--mode {self.mode}"
             raise InputError(f"{option}: is of one record; of several there is --mode {' or '.join(OF_SEVERAL)}")
         low, high = self.positions
         if not 6 <= low <= high <= 1000:
@@ -131,8 +139,14 @@ def hidden_effects() -> tuple[str, ...]:
 
 def hideable_in_block() -> tuple[str, ...]:
     """Names of effects that some record of a moved block can hide."""
-    forces = [e.name for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock" and e.variants is None]
-    turns = [e.name for e in STRAPDOWN_EFFECTS.values() if e.variants is None and e.name not in TAKEN_OUT]
+    forces = []
+    for e in POSITION_EFFECTS.values():
+        if e.component == "AccelerometerBlock" and e.variants is None:
+            forces.append(e.name)
+    turns = []
+    for e in STRAPDOWN_EFFECTS.values():
+        if e.variants is None and e.name not in TAKEN_OUT:
+            turns.append(e.name)
     return (*turns, *forces)
 
 

@@ -67,9 +67,14 @@ def draw_case(options: Options, seed: int, index: int) -> Case:
     """
     if options.strapdown and not options.whole and options.records == 1:
         clean = draw_clean_block(seed, index)
-        return clean if options.mode == "clean" else _hidden_in_block(clean, options)
+        if options.mode == "clean":
+            return clean
+        return _hidden_in_block(clean, options)
     rng, redrawn = np.random.default_rng([seed, index]), 0
-    noise = NOISES[index % len(NOISES)] if options.noise == "all" else options.noise
+    if options.noise == "all":
+        noise = NOISES[index % len(NOISES)]
+    else:
+        noise = options.noise
     for _ in range(MOST_BENCHES):
         clean = _clean_bench(rng, options, noise, Case(seed, index, None))
         if options.mode == "clean":
@@ -108,7 +113,10 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
         yield None if hidden is None else (hidden,)
     elif options.records > 1:
         records = clean.measured()
-        joint = join({name: bench_evidence(record, noise_bound=NOISE_BOUND) for name, record in records.items()})
+        evidence_of = {}
+        for name, record in records.items():
+            evidence_of[name] = bench_evidence(record, noise_bound=NOISE_BOUND)
+        joint = join(evidence_of)
         for _ in range(0 if joint.missing() else TRIES):
             yield draw_shared_and_own(rng, joint, options.effects)
     else:
@@ -117,7 +125,11 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
             yield None
             return
         for _ in range(TRIES if drawing.names else 0):
-            yield drawing.pair() if options.mode == "pairs" else drawing.single()
+            if options.mode == "pairs":
+                drawn = drawing.pair()
+            else:
+                drawn = drawing.single()
+            yield drawn
 
 
 def _as_it_can_be_read(clean: Case, hidden: Sequence[Hidden]) -> Case:
@@ -168,7 +180,10 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     for name in effects or ():
         if name not in usable:
             raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")
-    names = usable if effects is None else list(effects)
+    if effects is None:
+        names = usable
+    else:
+        names = list(effects)
     if not names:
         return Case(seed, None, bench)
     place, direction = draw_place(rng, names[rng.integers(len(names))], visible, len(alpha))
@@ -185,7 +200,9 @@ def _sure_size(nominal: NDArray, unit: NDArray, bound: float) -> float:
     That distance, in the maximum norm, is from all that the nominal model can say; nominal (M, P), unit (M,).
     """
     radius, _, _ = chebyshev_radius(nominal, unit, np.ones(len(unit)))
-    return 2.0 * bound / radius if radius > 1e-9 else math.inf
+    if radius > 1e-9:
+        return 2.0 * bound / radius
+    return math.inf
 
 
 # Records of a block moved by hand
@@ -199,7 +216,11 @@ def draw_clean_block(seed: int, index: int, reference: Reference | None = None) 
     chosen: Reference = reference or ("truth" if index % 2 else "gravity")
     rng = np.random.default_rng([seed, index])
     period = 1.0 / rng.choice(RATES_HZ)
-    motion = draw_motion(rng, BEFORE_A_CAMERA if chosen == "truth" else BETWEEN_RESTS, period)
+    if chosen == "truth":
+        schedule = BEFORE_A_CAMERA
+    else:
+        schedule = BETWEEN_RESTS
+    motion = draw_motion(rng, schedule, period)
     instruments = draw_instruments(rng, delivered=chosen == "truth")
     temperature = None
     if rng.random() < 0.5:
@@ -214,7 +235,10 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
     rng = np.random.default_rng([clean.seed, index or 0, 1])
     if evidence is None:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
-    unseen = (*TAKEN_OUT, *(UNSEEN_BETWEEN_RESTS if block.reference == "gravity" else ()))
+    unseen_by_gravity = ()
+    if block.reference == "gravity":
+        unseen_by_gravity = UNSEEN_BETWEEN_RESTS
+    unseen = (*TAKEN_OUT, *unseen_by_gravity)
     every = (*evidence.places, *evidence.starting)
     possible = {place.effect for place in every if not options.effects or place.effect in options.effects}
     names = sorted(possible - set(unseen))
@@ -256,7 +280,10 @@ def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) ->
 
     Beside what the effect contains: where that does as well, it is what is named.
     """
-    contained = [p for p in evidence.places if p.effect in place.definition.contains and p.where == place.where]
+    contained = []
+    for p in evidence.places:
+        if p.effect in place.definition.contains and p.where == place.where:
+            contained.append(p)
     return _sure_size(evidence.matrix(contained), evidence.columns_of([place]) @ direction, 1.0)
 
 
@@ -269,4 +296,6 @@ def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:
     if evidence is None or place not in evidence.places:
         return None
     part = wanted * size_in_block(evidence, place, np.ones(1))
-    return part * FURTHEST_STAMP if part <= 1.0 else None
+    if part <= 1.0:
+        return part * FURTHEST_STAMP
+    return None

@@ -74,7 +74,9 @@ def faultless_record(bench: Bench) -> PositionRecord:
     senses = np.sign(ways)
     for row in range(1, len(senses)):
         senses[row] = np.where(senses[row] == 0.0, senses[row - 1], senses[row])
-    names = tuple(bench.mountings[k] for k in bench.mounting) if len(bench.mountings) > 1 else None
+    names = None
+    if len(bench.mountings) > 1:
+        names = tuple(bench.mountings[k] for k in bench.mounting)
     return PositionRecord(
         position=np.arange(1, len(reading) + 1),
         time_s=time,
@@ -116,8 +118,13 @@ def classes_with(mountings: tuple[str, ...], *, symmetric: bool) -> Classes:
 @lru_cache(maxsize=64)
 def _classes_with(mountings: tuple[str, ...], effects: tuple[Effect, ...], symmetric: bool) -> Classes:
     p = parametrise({name: PRESETS[name] for name in mountings}, symmetric=symmetric)
-    baseline = "symmetric" if symmetric else "asymmetric"
-    linear = [e for e in effects if e.within != baseline and e.variants is None]
+    baseline = "asymmetric"
+    if symmetric:
+        baseline = "symmetric"
+    linear = []
+    for e in effects:
+        if e.within != baseline and e.variants is None:
+            linear.append(e)
     places = [place for effect in linear for place in effect.places]
     return Classes.of(places, dense_spaces(p, places))
 
@@ -164,7 +171,9 @@ class Drawing:
         """The sizes of an effect against one rival of each class that is that of none of some effects."""
         rivals, ways = [], []
         if apart:
-            rivals = [rival for rival in self.classes.places if not set(self.classes.whole_class(rival)) & set(apart)]
+            for rival in self.classes.places:
+                if not set(self.classes.whole_class(rival)) & set(apart):
+                    rivals.append(rival)
             ways = self.other_ways(place)
         return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside, ways=ways)
 
@@ -177,7 +186,8 @@ class Drawing:
             if effect.variants is None or effect.stage not in ADDING:
                 continue
             for place in effect.places:
-                ways += [(place, way) for way in effect.variants(place, rows, rows.prediction, NOISE_BOUND)]
+                for way in effect.variants(place, rows, rows.prediction, NOISE_BOUND):
+                    ways.append((place, way))
         return ways
 
     def other_ways(self, place: EffectPlace) -> list[Way]:
@@ -211,7 +221,9 @@ class Drawing:
             return None
         # The run begins before the record's first row.
         warmth, first = self.circumstances.temperature, float(temperature_at(np.zeros(1))[0])
-        warm = None if warmth is None else (first, float(warmth[0]))
+        warm = None
+        if warmth is not None:
+            warm = (first, float(warmth[0]))
         hidden = Hidden(place, values, float(size), sizes).since(-self.circumstances.began / 3600.0, warm)
         if "settling" in hidden.parameters and warmth is not None:
             # Then, too, the lag was where it may have been.
@@ -239,7 +251,9 @@ class Drawing:
             if np.isfinite(sizes.detected):
                 size = self.rng.uniform(sizes.detected, max(top, sizes.detected))
         hidden = hidden_at(place, direction, size, sizes)
-        return None if hidden is None else (hidden,)
+        if hidden is None:
+            return None
+        return (hidden,)
 
     def pair(self) -> tuple[Hidden, ...] | None:
         """Two effects, each at a size at which nothing can stand for it even when the other one is free."""
@@ -261,7 +275,10 @@ class Drawing:
         largest = min(parameter.largest, float(np.abs(self.here.prediction[:, place.index]).max()))
         low = max(parameter.smallest or 0.0, 1e-3 * largest)
         levels = np.exp(self.rng.uniform(np.log(low), np.log(max(largest, low)), TRIES)).tolist()
-        rivals = [rival for rival in self.classes.places if place not in self.classes.whole_class(rival)]
+        rivals = []
+        for rival in self.classes.places:
+            if place not in self.classes.whole_class(rival):
+                rivals.append(rival)
         margins = level_margins(self.here, self.circumstances, place, levels, rivals)
         for level, sizes in zip(levels, margins, strict=True):
             fits = ABOVE * sizes.excluded <= 1.0
@@ -305,17 +322,28 @@ def draw_shared_and_own(
 
     Each is `ABOVE` times as large as excludes every other effect beside the two; None where that is not possible.
     """
-    places = [place for place in joint.classes.places if not names or place.effect in names]
+    places = []
+    for place in joint.classes.places:
+        if not names or place.effect in names:
+            places.append(place)
     label = joint.labels[rng.integers(len(joint.labels))]
-    common = [place for place in places if not isinstance(place, InRecord)]
-    alone = [place for place in places if type(place) is InRecord and place.record == label]
+    common = []
+    for place in places:
+        if not isinstance(place, InRecord):
+            common.append(place)
+    alone = []
+    for place in places:
+        if type(place) is InRecord and place.record == label:
+            alone.append(place)
     if not common or not alone:
         return None
     first, second = common[rng.integers(len(common))], alone[rng.integers(len(alone))]
     if (first.where, first.effect) == (second.where, second.effect):
         return None
     shared, single = _beside(rng, joint, first, second), _beside(rng, joint, second, first)
-    return None if shared is None or single is None else (shared, single)
+    if shared is None or single is None:
+        return None
+    return (shared, single)
 
 
 def _beside(rng: np.random.Generator, joint: Joint, place: EffectPlace, other: EffectPlace) -> Hidden | None:
@@ -344,7 +372,10 @@ def hidden_in(rng: np.random.Generator, bench: Bench, clean: PositionRecord, opt
     possible = [place for place in hideable if place.effect == name]
     place = possible[rng.integers(len(possible))]
     in_time = place in evidence.starting
-    at_time = evidence.with_onset(place, drawn_time(rng, evidence, place)) if in_time else evidence
+    if in_time:
+        at_time = evidence.with_onset(place, drawn_time(rng, evidence, place))
+    else:
+        at_time = evidence
     direction = draw_direction(rng, place)
     change = at_time.columns_of([place]) @ direction
     columns = {}
@@ -366,4 +397,6 @@ def hidden_in(rng: np.random.Generator, bench: Bench, clean: PositionRecord, opt
     hidden = Hidden(place, values, float(size), sizes)
     # What acts at rest counts from the first rest on.
     began = evidence.readings.circumstances.began / 3600.0
-    return hidden.since(-began) if in_time and acts_at_rest(place) else hidden
+    if in_time and acts_at_rest(place):
+        return hidden.since(-began)
+    return hidden

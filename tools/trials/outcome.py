@@ -78,28 +78,36 @@ class Outcome(Told):
     @property
     def secrets(self) -> tuple[Secret, ...]:
         """What was hidden in a bench, with its sizes."""
-        return () if self.hidden is None or self.reference is not None else tuple(self.hidden)  # type: ignore[arg-type]
+        if self.hidden is None or self.reference is not None:
+            return ()
+        return tuple(self.hidden)  # type: ignore[arg-type]
 
     @property
     def places(self) -> tuple[EffectPlace, ...]:
         """What was hidden."""
         if self.reference is None:
             return tuple(secret.place for secret in self.secrets)
-        return () if self.hidden is None else (NamedEffect.model_validate(self.hidden).place,)
+        if self.hidden is None:
+            return ()
+        return (NamedEffect.model_validate(self.hidden).place,)
 
     @property
     def relative_size(self) -> float | None:
         """Size of the first effect over that of sure detection; None of a clean record."""
         if not self.places:
             return None
-        return self.secrets[0].relative_size if self.secrets else self.size
+        if self.secrets:
+            return self.secrets[0].relative_size
+        return self.size
 
     @property
     def size_errors(self) -> tuple[float, ...]:
         """Relative error of the estimated size of each effect that was named by its own name."""
         if self.reference is None:
             return self.errors
-        return () if self.error is None else (self.error,)
+        if self.error is None:
+            return ()
+        return (self.error,)
 
     @property
     def hidden_words(self) -> str:
@@ -114,12 +122,19 @@ class Outcome(Told):
         if self.verdict == "ambiguous":
             return "ambiguous, not among them"
         if self.verdict == "explained":
-            return self.hidden_words if self.outcome == "right" else _names(self.named)
-        return NOTHING if self.verdict == "consistent" else self.verdict
+            if self.outcome == "right":
+                return self.hidden_words
+            return _names(self.named)
+        if self.verdict == "consistent":
+            return NOTHING
+        return self.verdict
 
     def titles(self, *, named: bool, between: str = " + ") -> str:
         """What was hidden, or what was named, by effect and place."""
-        places = [effect.place for effect in self.named] if named else self.places
+        if named:
+            places = [effect.place for effect in self.named]
+        else:
+            places = self.places
         return between.join(place.title for place in places)
 
 
@@ -152,14 +167,20 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
         fields["errors"] = errors
     else:
         why = "; ".join((*(result.not_named or ()), *map(str, result.missing or ())))
-        fields |= {"error": errors[0] if errors else None, "why": why}
+        error = None
+        if errors:
+            error = errors[0]
+        fields |= {"error": error, "why": why}
+    named = ()
+    if sets:
+        named = tuple(NamedEffect.of(cause.place) for cause in sets[0])
     return Outcome(
         **fields,
         redrawn=case.redrawn,
         radius=result.radius,
         verdict=result.verdict,
         outcome=kind,
-        named=tuple(NamedEffect.of(cause.place) for cause in sets[0]) if sets else (),
+        named=named,
         inside=inside,
     )
 
@@ -177,9 +198,13 @@ def kind_of(
     cannot be told from the one that is named, `containing` such as are not excluded beside it, as they contain it.
     """
     if verdict in ("consistent", "insufficient", "unexplained"):
-        return "right" if not places and verdict != "unexplained" else verdict
+        if not places and verdict != "unexplained":
+            return "right"
+        return verdict
     if any(_is_same(causes, places) for causes in sets):
-        return "right" if verdict == "explained" else "candidate"
+        if verdict == "explained":
+            return "right"
+        return "candidate"
     if verdict == "explained":
         if _is_among(places, equivalent_sets):
             return "right"
@@ -240,14 +265,21 @@ def as_readings_tell(hidden: Hidden, table: Mapping[str, Any] | None) -> tuple[f
         turn = (place.order or 1) * float(table["beta_offset"])
     values = []
     for name, value in hidden.parameters.items():
-        values.append(value - turn if name.endswith("phase") else value * factor)
+        if name.endswith("phase"):
+            fitted = value - turn
+        else:
+            fitted = value * factor
+        values.append(fitted)
     return tuple(values)
 
 
 def is_inside(values: Iterable[float], cause: Cause) -> bool:
     """Whether true parameters are inside a cause's intervals, phases up to whole turns."""
     for value, (low, high), parameter in zip(values, cause.intervals, cause.place.definition.parameters, strict=True):
-        turns = (-1, 0, 1) if parameter.name.endswith("phase") else (0,)
+        if parameter.name.endswith("phase"):
+            turns = (-1, 0, 1)
+        else:
+            turns = (0,)
         if not any(low <= value + 2.0 * math.pi * turn <= high for turn in turns):
             return False
     return True

@@ -141,7 +141,9 @@ class Secret(NamedEffect):
     @property
     def relative_size(self) -> float:
         """Size over that of sure detection."""
-        return 0.0 if self.surely_detected is None else self.size / self.surely_detected
+        if self.surely_detected is None:
+            return 0.0
+        return self.size / self.surely_detected
 
 
 def sure_sizes(
@@ -179,11 +181,16 @@ def sure_sizes(
         (here.jacobian, _untold_columns([place], rows), *(_freed_columns(companion, rows) for companion in beside))
     )
     possible = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
-    reading = None if place.effect != "outlier" else int(np.flatnonzero(columns[:, 0])[0])
-    directions = spread_directions(columns.shape[1], DIRECTIONS) if direction is None else [direction]
-    by_direction = [
-        _sizes_of_change(nominal, columns @ d, here.bound, possible, own_reading=reading) for d in directions
-    ]
+    reading = None
+    if place.effect == "outlier":
+        reading = int(np.flatnonzero(columns[:, 0])[0])
+    if direction is None:
+        directions = spread_directions(columns.shape[1], DIRECTIONS)
+    else:
+        directions = [direction]
+    by_direction = []
+    for d in directions:
+        by_direction.append(_sizes_of_change(nominal, columns @ d, here.bound, possible, own_reading=reading))
     worst = max(by_direction, key=lambda sizes: sizes.excluded)
     return SureSizes(max(sizes.detected for sizes in by_direction), worst.excluded, worst.rival)
 
@@ -269,7 +276,10 @@ def _sizes_of_change(
             break
         if _is_farther(np.hstack((model, candidates[k])), target, (1.0 - TOLERANCE) * least, np.abs(duals)):
             continue
-        rival = rivals[k] if k < len(rivals) else ONE_READING
+        if k < len(rivals):
+            rival = rivals[k]
+        else:
+            rival = ONE_READING
         parts = (model, target, candidates[k])
         if k >= len(rivals):
             none = np.zeros((len(bound), 0))
@@ -280,8 +290,14 @@ def _sizes_of_change(
     last = None
     if nearest is not None:
         row, accelerometer = divmod(nearest - len(rivals), 3)
-        last = rivals[nearest].title if nearest < len(rivals) else place_of(row + 1, accelerometer + 1).title
-    excluded = 2.0 / (scale * least) if least > NOTHING_LEFT else math.inf
+        if nearest < len(rivals):
+            last = rivals[nearest].title
+        else:
+            last = place_of(row + 1, accelerometer + 1).title
+    if least > NOTHING_LEFT:
+        excluded = 2.0 / (scale * least)
+    else:
+        excluded = math.inf
     return SureSizes(2.0 / (scale * alone), excluded, last)
 
 
@@ -356,7 +372,9 @@ def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
     direction = rng.normal(size=coefficient_count(place))
     direction /= np.linalg.norm(direction)
     only_grow = all(parameter.smallest == 0.0 for parameter in place.definition.linear_parameters)
-    return np.abs(direction) if only_grow else direction
+    if only_grow:
+        return np.abs(direction)
+    return direction
 
 
 def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace) -> int:
@@ -377,7 +395,9 @@ def most_alike(evidence: SettingIn, place: EffectPlace, change: NDArray) -> NDAr
     acting = evidence.acting[place]
     onsets = evidence.onsets_of(place)
     every = onsets.edges_of(acting)
-    candidates = [np.nan_to_num(evidence.over_bounds(onsets.columns(acting, row)[0])) for row in every]
+    candidates = []
+    for row in every:
+        candidates.append(np.nan_to_num(evidence.over_bounds(onsets.columns(acting, row)[0])))
     base = column_space(evidence.nominal)
     remainder = change - base @ (base.T @ change)
 

@@ -205,7 +205,10 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
         case = draw_case(options, seed, index)
         record = case.measured()
         if records is not None:
-            several = record if isinstance(record, dict) else {"": record}
+            if isinstance(record, dict):
+                several = record
+            else:
+                several = {"": record}
             for label, day in several.items():
                 name = f"case-{index:05d}{label and '-'}{label}.csv"
                 write_record(case.instrument.as_measured(day), records / name)
@@ -214,9 +217,15 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
 
 def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     """A suite from the outcomes of its cases, in their order."""
-    clean = [outcome for outcome in outcomes if not outcome.places]
+    clean = []
+    for outcome in outcomes:
+        if not outcome.places:
+            clean.append(outcome)
     errors_found = np.array([error for outcome in outcomes for error in outcome.size_errors])
-    inside = [outcome.inside for outcome in outcomes if outcome.inside is not None]
+    inside = []
+    for outcome in outcomes:
+        if outcome.inside is not None:
+            inside.append(outcome.inside)
     errors = {
         "estimates": len(errors_found),
         "mean": float(errors_found.mean()) if len(errors_found) else None,
@@ -225,10 +234,13 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
         "cases_with_intervals": len(inside),
         "inside_intervals": sum(inside),
     }
+    records_entry = {}
+    if options.records > 1:
+        records_entry = {"records": options.records}
     of_kind: dict[str, Any] = {
         "schema": "trihedron.hidden-suite/1",
         "mode": options.mode,
-        **({"records": options.records} if options.records > 1 else {}),
+        **records_entry,
         "positions": options.positions,
         "noise": options.noise,
         "size": options.size,
@@ -238,12 +250,22 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     if options.strapdown:
         del errors["mean"]
         of = {name: [one for one in outcomes if one.reference == name] for name in ("gravity", "truth")}
+        size = None
+        if options.mode != "clean":
+            size = options.sizes
+        by_reference = {}
+        for reference, those in of.items():
+            if those:
+                by_reference[reference] = kinds(those)
         of_kind = {
             "schema": "trihedron.hidden-strapdown-suite/1",
             "clean": options.mode == "clean",
-            "size": None if options.mode == "clean" else options.sizes,
-            "by_reference": {reference: kinds(those) for reference, those in of.items() if those},
+            "size": size,
+            "by_reference": by_reference,
         }
+    confused = {}
+    for name, row in confusion(outcomes).items():
+        confused[name] = dict(sorted(row.items()))
     return Suite(
         **of_kind,
         effects=options.effects,
@@ -251,7 +273,7 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
         cases=len(outcomes),
         outcomes=kinds(outcomes),
         false_alarms={"clean": len(clean), "alarms": sum(outcome.outcome != "right" for outcome in clean)},
-        confusion={name: dict(sorted(row.items())) for name, row in confusion(outcomes).items()},
+        confusion=confused,
         size_errors=errors,
         results=tuple(outcomes),
     )
@@ -260,7 +282,11 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
 def kinds(outcomes: Sequence[Outcome]) -> dict[str, int]:
     """How many of each kind, in the order of `KINDS`."""
     counts = Counter(outcome.outcome for outcome in outcomes)
-    return {kind: counts[kind] for kind in KINDS if counts[kind]}
+    kinds_there = {}
+    for kind in KINDS:
+        if counts[kind]:
+            kinds_there[kind] = counts[kind]
+    return kinds_there
 
 
 def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
@@ -273,14 +299,22 @@ def confusion(outcomes: Sequence[Outcome]) -> dict[str, Counter[str]]:
 
 def detection(outcomes: Sequence[Outcome]) -> list[Detection]:
     """Single effects counted by their size relative to that of sure detection; ranges without cases are left out."""
-    singles = [outcome for outcome in outcomes if len(outcome.secrets) == 1]
+    singles = []
+    for outcome in outcomes:
+        if len(outcome.secrets) == 1:
+            singles.append(outcome)
     ranges = []
     for low, high in pairwise(BINS):
-        within = [outcome for outcome in singles if low <= outcome.secrets[0].relative_size < high]
+        within = []
+        for outcome in singles:
+            if low <= outcome.secrets[0].relative_size < high:
+                within.append(outcome)
         if within:
             detected = sum(outcome.verdict not in ("consistent", "insufficient") for outcome in within)
             right = sum(outcome.outcome == "right" for outcome in within)
-            top = high if math.isfinite(high) else None
+            top = None
+            if math.isfinite(high):
+                top = high
             ranges.append(Detection(low=low, high=top, cases=len(within), detected=detected, named=right))
     return ranges
 
@@ -299,15 +333,27 @@ def _row(o: Outcome) -> dict[str, object]:
     size, above = o.relative_size, ""
     if o.secrets:
         first = o.secrets[0]
-        detected, excluded = (math.inf if x is None else x for x in (first.surely_detected, first.rivals_excluded))
+        limits = []
+        for x in (first.surely_detected, first.rivals_excluded):
+            limits.append(math.inf if x is None else x)
+        detected, excluded = limits
         above = digits(excluded / detected, 4)
-    sizes = {"hidden": o.titles(named=False), "size_over_detection": "" if size is None else digits(size, 4)}
+    size_in_words = ""
+    if size is not None:
+        size_in_words = digits(size, 4)
+    sizes = {"hidden": o.titles(named=False), "size_over_detection": size_in_words}
+    radius = ""
+    if o.radius is not None:
+        radius = exactly(o.radius)
+    inside = ""
+    if o.inside is not None:
+        inside = int(o.inside)
     judgement = {
-        "radius": "" if o.radius is None else exactly(o.radius),
+        "radius": radius,
         "verdict": o.verdict,
         "outcome": o.outcome,
         "named": o.titles(named=True),
-        "inside": "" if o.inside is None else int(o.inside),
+        "inside": inside,
     }
     if o.reference is not None:
         return {"case": o.case, "reference": o.reference, "rows": o.rows, **sizes, **judgement}
