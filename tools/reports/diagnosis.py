@@ -31,6 +31,8 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     The answer is the cause or the candidates, the gain, the first residuals and what to bear in mind; behind it stand
     record, model, evidence, and what is excluded. `record` is that of positions, where the diagnosis is of one.
     """
+    if result.evidence is None:
+        return _page_of_file(result)
     kind = kind_of(result)
     warnings = list(result.warnings)
     if result.cut_off_at is not None:
@@ -46,6 +48,28 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
         provenance=about.provenance,
         sources=sources(result),
         warnings=warnings,
+    )
+
+
+def _page_of_file(result: Diagnosis) -> Page:
+    """Return what a diagnosis that came from its file says: the verdict, and the causes with their intervals."""
+    rows: list[list[Cell]] = []
+    texts = []
+    for number, explanation in enumerate(result.explanations, start=1):
+        for cause in explanation.causes:
+            texts.append(sentence(cause.sentence))
+            for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
+                rows.append([number, cause.place.title, p.name, *interval(value, *ends), unit_text(p.unit)])
+    header = ["set", "effect", "parameter", "estimate", "low", "high", "unit"]
+    table = Table(header, rows) if rows else None
+    answer = [Section("What explains the record", texts, table=table)] if texts else []
+    return Page(
+        "A diagnosis from its file",
+        f"{result.verdict.capitalize()}.",
+        answer,
+        tone=TONES.get(result.verdict, "attention"),
+        key={"largest residual over its bound": residual(result.radius)},
+        warnings=result.warnings,
     )
 
 

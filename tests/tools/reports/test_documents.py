@@ -343,3 +343,13 @@ def test_effects_that_are_compared_begin_with_those_that_were_found():
     compared = compared_places(explained.evidence.classes.places, [explained.findings[0].places], ranked)
     assert compared[0] == explained.causes[0].place
     assert np.diag(likeness(explained.evidence, compared)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["bench, explained", "bench, ambiguous", "bench, insufficient", "block, explained"])
+def test_a_diagnosis_from_its_file_is_shown_without_its_record(name):
+    result, _ = shown(name)
+    again = type(result).model_validate_json(result.json_text())
+    assert str(again).splitlines()[0] == f"{result.verdict.capitalize()}."
+    assert again._repr_html_()
+    for cause in result.best.causes if result.best is not None else ():
+        assert cause.place.title in str(again)
