@@ -97,7 +97,9 @@ def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_
     trend = trend_of_instrument(tmp_path / "unit")
     assert trend.dates == DATES
     by_name = {item.name: item for item in trend.parameters}
-    ends_of = {(p.symbol, None): (p.low, p.high) for p in together.parameters}
+    ends_of: dict[tuple[str, str | None], tuple[float | None, float | None]] = {}
+    for p in together.parameters:
+        ends_of[p.symbol, None] = (p.low, p.high)
     for label, record in together.of_record.items():
         ends_of |= {(p.symbol, label): (p.low, p.high) for p in record.parameters}
     ends = {name: [(r.low, r.high) for r in item.records] for name, item in by_name.items()}
@@ -119,7 +121,7 @@ def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_
         path.write_text(f"# date: {date}\n{path.read_text('utf-8')}", "utf-8")
     diagnosis = th.diagnose_together(*files, noise_bound=SIGMA)
     changed = Cause(effect="parameter", where="X4", record="1", equivalents=(), parameters=())
-    alone = {item.name: [(r.low, r.high) for r in item.records] for item in diagnosis.repeatability}
+    alone = {item.name: [(r.low, r.high) for r in item.records] for item in diagnosis.repeatability or ()}
     together = {p.symbol: (p.low, p.high) for p in diagnosis.stated.parameters}
     nothing = (None, None)
     in_both = (changed, changed.model_copy(update={"record": "0"}))

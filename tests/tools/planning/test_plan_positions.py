@@ -214,6 +214,7 @@ def test_the_fewest_positions_that_keep_an_error_or_that_none_do() -> None:
     assert plan.azimuth_error == pytest.approx(plan.levelling_error)
     assert plan.azimuth_error == pytest.approx(plan.accuracy_kept / 2e-5)
     assert plan.accuracy == pytest.approx(100e-6)
+    assert plan.accuracy is not None
     assert plan.accuracy_kept <= plan.accuracy
     assert plan.fewer_keep is not None
     assert plan.fewer_keep > 100e-6

@@ -12,8 +12,12 @@ from generator.runs import ARCSEC, PROGRAMME, Bench, mean_errors, up
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import RawRecord
 from trihedron.tools.records.noise import scatter_of_mean, student_quantile
-from trihedron.tools.records.rests import average_rests, find_rests, without_turns
-from trihedron.tools.records.rests import position_record_of as averaged
+from trihedron.tools.records.rests import average_rests, find_rests, position_record_of, without_turns
+
+
+def averaged(raw: RawRecord) -> Any:
+    """The position record of a raw record, with all that such a record can have."""
+    return position_record_of(raw)
 
 
 def test_a_run_without_errors_gives_its_positions_exactly():

@@ -192,9 +192,11 @@ def figures(pattern: str, lines: Iterable[str]) -> list[float]:
 def test_a_small_attitude_error_has_its_digits_and_its_unit():
     """3.9e-7 rad is 2.2e-5 degrees, not 0.000."""
     small = {"rms": 3.9e-7, "maximum": 1.2345e-6, "final": 5e-8, "drift": -2e-10, "bridged_bound": 7.77e-7}
-    *motion, attitude = drawn_motion(np.random.default_rng(3), moves=2)
+    time_s, rate, specific_force, attitude = drawn_motion(np.random.default_rng(3), moves=2)
     true = attitude.as_quat()[:, [3, 0, 1, 2]]
-    run = measured.attitude_of_record(strapdown_record(motion, attitude=true)).model_copy(update=small)
+    run = measured.attitude_of_record(strapdown_record((time_s, rate, specific_force), attitude=true)).model_copy(
+        update=small
+    )
     lines = str(run).splitlines()
     shown = figures(r"(\S+) deg rms, (\S+) deg at most, (\S+) deg at the end, drift (\S+) deg/min", lines)
     wanted = np.degrees([small["rms"], small["maximum"], small["final"], 60.0 * small["drift"]])
