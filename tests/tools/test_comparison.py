@@ -92,7 +92,7 @@ def test_the_gate_of_the_command_and_its_page(tmp_path: Path, capsys, window: Wi
     pair = ["compare", str(tmp_path / "before"), str(tmp_path / "after")]
     page = tmp_path / "page.html"
     assert cli.main([*pair, "--report", str(page)]) == 0
-    assert "different: " in capsys.readouterr().out
+    assert "Different: " in capsys.readouterr().out
     assert cli.main([*pair, "--within", "0.1"]) == 0
     assert cli.main([*pair, "--within", "1e-6"]) == 3
     assert "1 of 2 columns" in capsys.readouterr().err
