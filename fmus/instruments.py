@@ -80,7 +80,7 @@ ACCELEROMETER_BLOCK = Component(
         work("added", "what effects add", 3),
         work("own", "what each accelerometer's own input adds to its reading [g]", 3),
     ),
-    model=(accelerometer.initialise, accelerometer.step, accelerometer.respond),
+    model=(accelerometer.initialise_accelerometers, accelerometer.step_accelerometers, accelerometer.respond),
     messages=(
         "gravity must be positive",
         "specific_force is not finite",
@@ -187,7 +187,7 @@ GYRO_BLOCK = Component(
         work("added", "what effects add", 3),
         work("own", "what each gyro's own input adds to its reading [rad/s]", 3),
     ),
-    model=(gyro.initialise, gyro.step),
+    model=(gyro.initialise_gyros, gyro.step_gyros),
     messages=(
         "gravity must be positive",
         "specific_force is not finite",
@@ -225,7 +225,7 @@ GYRO_COMPENSATION = Component(
         work("right", "right side of the equations", 3),
         work("n", "their solution", 3),
     ),
-    model=(gyro.initialise_inverse, gyro.step_inverse),
+    model=(gyro.initialise_gyro_inverse, gyro.step_gyro_inverse),
     messages=(
         "gravity must be positive",
         "the errors are too large for one inverse: 1 + Γ of each gyro must exceed its |Γ| of the two other axes",
@@ -320,7 +320,7 @@ ATTITUDE_COMPUTER = Component(
         state("sample", "increment of the part of a sample that has passed", 3),
         *_RATE_INPUTS[2:],
     ),
-    model=(inputs.initialise, inputs.step),
+    model=(inputs.initialise_attitude, inputs.step_attitude),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "the communication step is not the sample period, or does not follow the last one: one increment for each "
@@ -384,7 +384,7 @@ VELOCITY_COMPUTER = Component(
         state("sample_v", "velocity increment of the part of a sample that has passed", 3),
         work("node", "attitude at a node", 4),
     ),
-    model=(velocity.initialise, velocity.step),
+    model=(velocity.initialise_velocity, velocity.step_velocity),
     messages=(
         *ATTITUDE_COMPUTER.messages[:-1],
         f"velocity_increment is not finite or beyond {velocity.LARGEST_INCREMENT:g} m/s",

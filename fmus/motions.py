@@ -8,12 +8,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..models import harmonic_motion, table_commands, turntable
+from ..models import harmonic_motion, table_commands
+from ..models.bench import table
+from ..models.bench.table import STAND_SIZE
 from ..models.harmonic_motion import HARMONICS
 from ..models.random_numbers import GENERATOR_SIZE
 from ..models.restricted import CONTEXT_SIZE
 from ..models.table_commands import AXIS_PLAN_SIZE, POSITIONS
-from ..models.turntable_geometry import STAND_SIZE
 from . import units
 from .component import COUNT, FLAG, GRAVITY, Component, Type, Variable, fixed, input_, output, seed, state, work
 
@@ -134,8 +135,8 @@ TURNTABLE_MOTION = Component(
         work("turns", "small turns that effects add", 7),
         work("turn_rates", "rates of those of the table", 4),
     ),
-    model=(turntable.initialise, turntable.step),
-    next_event=turntable.next_event,
+    model=(table.initialise_table, table.step_table),
+    next_event=table.next_event,
     exchange=True,
     messages=(
         "mounting is not a proper orthogonal matrix (rows orthonormal to 1e-6, determinant +1)",
@@ -344,7 +345,7 @@ HARMONIC_MOTION = Component(
         work("angle_rate", "rates of the angles", 3),
         work("work", "a quaternion", 4),
     ),
-    model=(harmonic_motion.initialise, harmonic_motion.step),
+    model=(harmonic_motion.initialise_motion, harmonic_motion.step_motion),
     exchange=True,
     messages=(
         "trapezoid_nodes - 1 is not a multiple of step_samples: the intervals of one increment must be a whole number",

@@ -15,8 +15,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..models.bench import SYMMETRIC_PAIRS, TARGETS, checked_rotation
-from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
+from ..models.bench import BIAS, GYRO_PARAMETERS, MATRIX, SYMMETRIC_PAIRS, TARGETS, checked_rotation
 from .component import Component
 from .units import Unit, base_unit, number, unit_named
 

@@ -144,7 +144,7 @@ def follow_rate(step: float, rate: Vector, context: Vector) -> None:
         context[RATE + p] = rate[p]
 
 
-def initialise(
+def initialise_accelerometers(
     time: float,
     specific_force: Vector,
     temperature: float,
@@ -191,7 +191,7 @@ def initialise(
     return 0
 
 
-def step(
+def step_accelerometers(
     time: float,
     step: float,
     specific_force: Vector,

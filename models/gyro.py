@@ -102,7 +102,7 @@ def draw_error(noise_bound: float, generator: Vector, error: Vector) -> None:
         error[p] = noise_bound * symmetric(generator)
 
 
-def initialise(
+def initialise_gyros(
     time: float,
     rate: Vector,
     temperature: float,
@@ -159,7 +159,7 @@ def keep_rate(first: int, rate_of_step: Vector, context: Vector) -> None:
                 context[at + p] = context[at - 3 + p]
 
 
-def step(
+def step_gyros(
     time: float,
     step: float,
     input_kind: float,
@@ -262,7 +262,7 @@ def can_be_solved(scale_misalignment: Vector) -> float:
     return 1.0
 
 
-def initialise_inverse(
+def initialise_gyro_inverse(
     time: float,
     gravity: float,
     scale_misalignment: Vector,
@@ -304,7 +304,7 @@ def take_out(
         result[p] = nominal[p] - n[p]
 
 
-def step_inverse(
+def step_gyro_inverse(
     time: float,
     step: float,
     increment_reading: Vector,

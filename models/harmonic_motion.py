@@ -123,7 +123,7 @@ def integrate_exactly(
                 increment[i] = increment[i] + 0.5 * piece * weight * rate[i]
 
 
-def initialise(
+def initialise_motion(
     time: float,
     psi_amplitude: Vector,
     psi_frequency: Vector,
@@ -169,7 +169,7 @@ def initialise(
     return 0
 
 
-def step(
+def step_motion(
     time: float,
     step: float,
     gravity: float,

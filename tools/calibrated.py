@@ -14,7 +14,7 @@ from typing_extensions import TypedDict
 
 from ..fmus import version
 from ..fmus.parameters import GRAVITIES, calibration_of
-from ..models.bench_turns import GYRO_PARAMETERS
+from ..models.bench import GYRO_PARAMETERS
 from .errors import InputError, nearest
 from .quantity import Quantity
 from .result import ABSENT, Result, finite_or_none

@@ -15,8 +15,7 @@ import numpy as np
 import polars as pl
 
 from ..fmus import components, version
-from ..models.bench import TARGETS, target_values
-from ..models.bench_turns import BIAS, GYRO_PARAMETERS, MATRIX
+from ..models.bench import BIAS, GYRO_PARAMETERS, MATRIX, TARGETS, target_values
 from ..models.effects import EffectPlace
 from .calibrated import LATENCIES
 from .calibration import Bench, Calibration, calibrate_whole

@@ -102,7 +102,7 @@ def increments_of_inputs(kind: float, samples: int, inputs: Vector, weights: Vec
         at = at + samples + 1
 
 
-def initialise(
+def initialise_attitude(
     time: float,
     rate: Vector,
     input_kind: float,
@@ -146,7 +146,7 @@ def initialise(
     return refused
 
 
-def step(
+def step_attitude(
     time: float,
     step: float,
     increment: Vector,

@@ -294,7 +294,7 @@ def velocity_of_step(
     return 0
 
 
-def initialise(
+def initialise_velocity(
     time: float,
     algorithm: float,
     sample_period: float,
@@ -342,7 +342,7 @@ def initialise(
     )
 
 
-def step(
+def step_velocity(
     time: float,
     step: float,
     increment: Vector,

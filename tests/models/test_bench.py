@@ -17,13 +17,13 @@ from trihedron.models.bench import (
     input_jacobian,
     nominal_input,
     regressors,
-    rotation_vector,
     sign_margin,
     small_turn,
     target_jacobian,
     target_reading,
     target_values,
     up,
+    vector_of_rotation,
 )
 from trihedron.tools.calibration.model import PRESETS
 
@@ -132,7 +132,7 @@ def test_positive_tilt_puts_the_outer_axis_below_the_horizon():
 def test_small_turn_is_a_frame_rotation_and_rotation_vector_its_inverse(theta):
     matrix = small_turn(np.array(theta))
     np.testing.assert_allclose(matrix, Rotation.from_rotvec(theta).inv().as_matrix(), rtol=0, atol=3e-15)
-    np.testing.assert_allclose(rotation_vector(matrix), theta, rtol=0, atol=3e-13)
+    np.testing.assert_allclose(vector_of_rotation(matrix), theta, rtol=0, atol=3e-13)
 
 
 @pytest.mark.parametrize("mounting", MOUNTINGS)

@@ -25,7 +25,7 @@ from ...fmus.parameters import (
     of_one_record,
     parameter_set,
 )
-from ...models.bench_turns import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
+from ...models.bench import BIAS, GYRO_PARAMETERS, LAG, MATRIX, SENSITIVITY
 from ..calibrated import LATENCIES
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, whole_file

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...fmus.units import ARCMIN
-from ...models.bench import TARGETS
-from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base
+from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base
 from ..bounded.programmes import SolverError
 from ..calibrated import Calibration, Gain, Gyros, Open, Parameter, Turn
 from ..errors import InputError

@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench import SYMMETRIC_PAIRS, TARGETS
-from ...models.bench_turns import GYRO_PARAMETERS, LAG, rates_of_turning
+from ...models.bench import GYRO_PARAMETERS, LAG, SYMMETRIC_PAIRS, TARGETS, rates_of_turning
 from ...models.effects import CATALOGUE, MotionRows
 from ..calibrated import LATENCIES
 from ..motion.rest_noise import factor_for

@@ -13,8 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench import small_turn
-from ...models.bench_turns import (
+from ...models.bench import (
     GYRO_PARAMETERS,
     LAG,
     MATRIX,
@@ -22,8 +21,9 @@ from ...models.bench_turns import (
     growth_of,
     integrated_jacobian,
     integrated_readings,
+    small_turn,
 )
-from ...models.bench_turns import moments_of as integrated_angles
+from ...models.bench import moments_of as integrated_angles
 from ..errors import InputError
 from ..motion.increments import mean_rates
 from ..motion.rest_noise import factor_for, rest_noise
@@ -56,7 +56,7 @@ class Turns:
     """Pieces of a bench record.
 
     `first`, `last` (S,) are rows of the raw record; `integral` (S, 3) [rad] what the gyros integrate from one to the
-    other; `moments` (S, 13), `growth` (2, S, 13) as of `models.bench_turns`; `noise` (S,) [rad] bounds what gyros add;
+    other; `moments` (S, 13), `growth` (2, S, 13) as of `models.bench`; `noise` (S,) [rad] bounds what gyros add;
     `swept` (S, 3) [rad] what encoders and stamps do to the turn about each axis of the inner frame; `coning` (S, 3)
     sums of γ' × γ over the gyros' increments γ of the rows, γ' being the one before; `period` [s] from row to row.
     """

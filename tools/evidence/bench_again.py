@@ -12,8 +12,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.bench import small_turn
-from ...models.bench_turns import BIAS, LAG, MATRIX, SENSITIVITY
+from ...models.bench import BIAS, LAG, MATRIX, SENSITIVITY, small_turn
 from ...models.effects import EffectPlace
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns

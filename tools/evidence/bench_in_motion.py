@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.parameters import elements_of
-from ...models.bench_turns import BIAS, MATRIX
+from ...models.bench import BIAS, MATRIX
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size

@@ -13,8 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench import small_turn
-from ...models.bench_turns import GYRO_PARAMETERS, LAG, MATRIX, integrated_readings, moments_of
+from ...models.bench import GYRO_PARAMETERS, LAG, MATRIX, integrated_readings, moments_of, small_turn
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from ...models.effects.steps import MOUNTING_SLIP
 from ..bounded.sets import Work

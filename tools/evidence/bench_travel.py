@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench_turns import axes_of_turns, turning_of
+from ...models.bench import axes_of_turns, turning_of
 from ...models.effects import CATALOGUE, STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of

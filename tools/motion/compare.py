@@ -354,7 +354,7 @@ def read_increments(
 @cache
 def _reader(makers: Makers) -> Callable[..., int]:
     kernel_made, loop_made = makers
-    initialise, step = cast("tuple[Any, Any]", (kernel_made(gyro.initialise), kernel_made(gyro.step)))
+    initialise, step = cast("tuple[Any, Any]", (kernel_made(gyro.initialise_gyros), kernel_made(gyro.step_gyros)))
 
     @loop_made
     def read(period, rows, to_initialise, to_step, ports):

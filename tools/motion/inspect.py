@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.turntable import EARTH_RATE
+from ...models.bench import EARTH_RATE
 from ..bounded.programmes import chebyshev_radius
 from ..calibrated import Calibration
 from ..errors import InputError

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ...models.turntable import EARTH_RATE
+from ...models.bench import EARTH_RATE
 from ..records import StrapdownRecord
 from ..records.noise import SCATTER_FACTOR, allan_deviation
 from ..rounding import digits

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.bench import TARGETS, nominal_input
-from ...models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_readings, moments_of
+from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, integrated_readings, moments_of, nominal_input
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..bounded.programmes import Polytope
 from ..calibration import Bench

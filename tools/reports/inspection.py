@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench import EARTH_RATE
 from ...models.effects.definition import matrix_formula
-from ...models.turntable import EARTH_RATE
 from ..calibrated import Calibration
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Section, Table, table_of

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 import trihedron as th
 from generator.tables import AZIMUTH, LATITUDE, PROGRAMME, Errors, Programme, Truth, attitudes_of, bench_record
 from scenario_runs import SCENARIOS
-from trihedron.models.bench import TARGETS
-from trihedron.models.bench_turns import GYRO_PARAMETERS, earth_in_base, integrated_jacobian, integrated_readings
+from trihedron.models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, integrated_jacobian, integrated_readings
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.programmes import Polytope
 from trihedron.tools.calibrated import LATENCIES, Calibration, Gyros

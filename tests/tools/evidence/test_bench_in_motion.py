@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trihedron.models.bench_turns import moments_of
+from trihedron.models.bench import moments_of
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded.programmes import chebyshev_radius

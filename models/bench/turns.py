@@ -20,8 +20,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .bench import small_turn
-from .turntable import EARTH_RATE
+from .rests import small_turn
+from .table import EARTH_RATE
 
 GYRO_PARAMETERS = (
     *(f"B{p}" for p in (1, 2, 3)),

@@ -273,7 +273,7 @@ def target_values(parameters: ArrayLike, mounting: ArrayLike) -> NDArray:
     mounting = np.asarray(mounting, dtype=float)
     theta = np.array([p["mounting_error_1"], p["mounting_error_2"], p["mounting_error_3"]])
     offset = small_turn(np.array([0.0, 0.0, -p["beta_offset"]]))
-    turn = rotation_vector(small_turn(theta) @ mounting @ offset @ mounting.T)
+    turn = vector_of_rotation(small_turn(theta) @ mounting @ offset @ mounting.T)
     true_g = 1.0 - p["gravity_error"]
     scale = [
         p[f"scale_error_{sense}_{i}"] * true_g - p["gravity_error"] for i in (1, 2, 3) for sense in ("plus", "minus")
@@ -283,7 +283,7 @@ def target_values(parameters: ArrayLike, mounting: ArrayLike) -> NDArray:
     return np.array([p["kappa"], p["alpha_offset"] + p["alpha_star"], p["epsilon"], *scale, *shear, *turn[::-1], *bias])
 
 
-def rotation_vector(matrix: ArrayLike) -> NDArray:
+def vector_of_rotation(matrix: ArrayLike) -> NDArray:
     """The rotation vector θ [rad] (3,) with exp(θ̂) equal to a matrix of direction cosines (3, 3); |θ| < π."""
     r = np.asarray(matrix, dtype=float)
     twice_sine = np.array([r[1, 2] - r[2, 1], r[2, 0] - r[0, 2], r[0, 1] - r[1, 0]])

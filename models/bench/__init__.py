@@ -1,0 +1,82 @@
+"""The bench model: a block of accelerometers and gyros on a two-axis turntable. All its formulas are here.
+
+`rests` has the readings at rest and `turns` what the gyros integrate, both as exact functions of parameters that can be
+fitted. `table` moves the table in time, for the simulation; the block's own kernels are `models.accelerometer` and
+`models.gyro`. Tests hold the two sets together.
+"""
+
+from .rests import (
+    ASYMMETRIC_SLOTS,
+    ELEMENTARY,
+    SYMMETRIC_PAIRS,
+    TARGETS,
+    admissible,
+    checked_rotation,
+    elementary,
+    elementary_reading,
+    input_direction,
+    input_jacobian,
+    nominal_input,
+    regressors,
+    sign_margin,
+    small_turn,
+    target_jacobian,
+    target_reading,
+    target_values,
+    up,
+    vector_of_rotation,
+)
+from .table import EARTH_RATE
+from .turns import (
+    BIAS,
+    GYRO_PARAMETERS,
+    LAG,
+    MATRIX,
+    MOMENTS,
+    SENSITIVITY,
+    axes_of_turns,
+    earth_in_base,
+    growth_of,
+    integrated_jacobian,
+    integrated_readings,
+    moments_of,
+    rates_of_turning,
+    turning_of,
+)
+
+__all__ = [
+    "ASYMMETRIC_SLOTS",
+    "BIAS",
+    "EARTH_RATE",
+    "ELEMENTARY",
+    "GYRO_PARAMETERS",
+    "LAG",
+    "MATRIX",
+    "MOMENTS",
+    "SENSITIVITY",
+    "SYMMETRIC_PAIRS",
+    "TARGETS",
+    "admissible",
+    "axes_of_turns",
+    "checked_rotation",
+    "earth_in_base",
+    "elementary",
+    "elementary_reading",
+    "growth_of",
+    "input_direction",
+    "input_jacobian",
+    "integrated_jacobian",
+    "integrated_readings",
+    "moments_of",
+    "nominal_input",
+    "rates_of_turning",
+    "regressors",
+    "sign_margin",
+    "small_turn",
+    "target_jacobian",
+    "target_reading",
+    "target_values",
+    "turning_of",
+    "up",
+    "vector_of_rotation",
+]
