@@ -321,9 +321,9 @@ def _summarise_diagnosis(diagnosis: Diagnosis, findings: Findings) -> None:
     if diagnosis.records:
         findings.kind, records = "diagnosis of several records", f"{len(diagnosis.records)} records, "
     summary = f"{records}{diagnosis.verdict}"
-    if diagnosis.verdict in ("explained", "ambiguous") and diagnosis.explanations:
+    if diagnosis.best is not None:
         causes, separator = [], ", "
-        for cause in diagnosis.explanations[0].causes:
+        for cause in diagnosis.best.causes:
             text = f"{cause.effect} {cause.where}"
             if diagnosis.records:
                 text, separator = cause.place.title, "; "

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NotRequired
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 from typing_extensions import TypedDict
 
 from ...models.effects import EffectPlace
@@ -287,9 +287,11 @@ class Diagnosis(Told):
     calibration : Calibration
         of the model without effects
     explanations : tuple of Explanation
-        with which the record stands, the best set of the catalogue first: what is named, or what remains
+        with which the record stands: what is named, or what remains. The one that needs the fewest numbers comes
+        first; of several, the one with the least radius
     causes, alternatives : tuple of Cause, tuple of such
-        those of the first explanation where it is named; else none; sets that remain beside the first explanation
+        the effects of the explanation that is named; else none; the sets that remain beside the best one, in the order
+        in which they explain the record
     level : str or None
         how far the record carries the verdict: "law", "quantity" or "place"
     proven : Proven or None
@@ -408,6 +410,11 @@ class Diagnosis(Told):
     dependence: Any = Field(default=None, exclude=True)
     beyond: Any = Field(default=None, exclude=True)
 
+    @field_validator("explanations")
+    @classmethod
+    def _simplest_first(cls, explanations: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
+        return tuple(sorted(explanations, key=_complexity_and_radius))
+
     @model_validator(mode="after")
     def _agree(self) -> "Diagnosis":
         if (self.verdict == "explained") != bool(self.causes):
@@ -435,22 +442,26 @@ class Diagnosis(Told):
 
     @property
     def best(self) -> Explanation | None:
-        """What is named, or the first of what remains."""
-        named = self.verdict in ("explained", "ambiguous") and self.explanations
-        return self.explanations[0] if named else None
+        """The set of effects that is named, or the one beside which `alternatives` remain."""
+        if self.verdict not in ("explained", "ambiguous"):
+            return None
+        for explanation in self.explanations:
+            rival = explanation.causes in (self.alternatives or ())
+            if explanation.causes and explanation.extension is None and not rival:
+                return explanation
+        return None
 
     @property
     def sets(self) -> tuple[tuple[Cause, ...], ...]:
         """The effects that are named, or the sets of the catalogue that remain, the best first."""
-        if self.best is None:
-            return ()
-        return tuple(one.causes for one in self.explanations if one.causes and one.extension is None)
+        return () if self.best is None else (self.best.causes, *(self.alternatives or ()))
 
     @property
     def stated(self) -> Calibration:
         """The calibration beside the effects that are named; without effects where none are."""
-        if self.verdict == "explained" and self.explanations and self.explanations[0].calibration is not None:
-            return self.explanations[0].calibration
+        named = self.best if self.verdict == "explained" else None
+        if named is not None and named.calibration is not None:
+            return named.calibration
         return self.calibration
 
     @property
@@ -529,6 +540,11 @@ def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
     if records:
         present["records"] = records
     return {**present, "explanations": [one.to_json() for one in explanations]}
+
+
+def _complexity_and_radius(explanation: Explanation) -> tuple[int, float]:
+    """The key by which explanations are ordered; one that was not fitted comes behind those that were."""
+    return explanation.numbers, float("inf") if explanation.radius is None else explanation.radius
 
 
 def _places_of(sets: tuple[tuple[NamedEffect, ...], ...] | None) -> tuple[tuple[EffectPlace, ...], ...]:

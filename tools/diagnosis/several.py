@@ -190,9 +190,10 @@ class Together:
         """Keys of the sets with which the records stand."""
         rivals, untried = self._with_unsought(len(best.fit.places))
         explanations = []
-        for one in self.found.explanations:
-            causes = tuple(sorted(one.causes, key=lambda cause: not cause.is_of_instrument))
-            explanations.append(one.model_copy(update={"causes": causes}))
+        by_causes = {one.causes: one for one in self.found.explanations}
+        for found in self.found.sets:
+            causes = tuple(sorted(found, key=lambda cause: not cause.is_of_instrument))
+            explanations.append(by_causes[found].model_copy(update={"causes": causes}))
         explanations += [Explanation.of_causes(causes) for causes in rivals]
         owners: list[Collection[str | None]] = [{cause.record for cause in one.causes} for one in explanations]
         # What was not tried in a record is of that run.
