@@ -269,7 +269,7 @@ def apply(
     *,
     noise_bound: float = 0.0,
     channels: Channels = (),
-) -> "calibrations.Application | diagnosis.Applied":
+) -> "calibrations.Applied":
     """Correct the readings of a record by a calibration, or by what a diagnosis of another record names.
 
     By a calibration: the equation, and what it is worth for levelling. By a diagnosis: what its effects add is taken
@@ -296,7 +296,8 @@ def apply(
         result = diagnosis.read_diagnosis(Path(found)) or found
     if not isinstance(result, diagnosis.Diagnosis):
         applied = calibrations.apply_calibration(result, record, noise_bound=noise_bound, channels=channels)
-        warnings = checks.channels_warning(applied.record, applied.correction.mounting)
+        mounting = None if applied.correction is None else applied.correction.mounting
+        warnings = checks.channels_warning(applied.record, mounting)
         return applied.model_copy(update={"warnings": [*applied.warnings, *warnings]})
     run = records.read_record(record, records.PositionRecord, records.StrapdownRecord, channels=channels)
     bound = noise_bound or None

@@ -31,7 +31,7 @@ from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of, whole_file
 from ..records import BenchRecord, PositionRecord, RawRecord, Source, StrapdownRecord, read_record
 from ..records.rests import average_rests, find_rests
-from ..result import ABSENT, Result
+from ..result import Result, Told
 from ..rounding import exactly
 from .model import checked_mounting
 from .targets import corners
@@ -286,54 +286,79 @@ class LevellingError(Result):
     corrected_at_most: float
 
 
-class Application(Result):
-    """A corrected record: the correction's numbers, and what it is worth for levelling.
+class AppliedEffect(Result):
+    """An effect that a diagnosis names, and what became of it in another record.
+
+    "corrected": what it adds was taken out of the readings; "simulated": the extended FMUs have it, but no inverse;
+    "left": it does not show in a record of this kind, or is not linear in its sizes.
+    """
+
+    effect: str
+    how: Literal["corrected", "simulated", "left"]
+
+
+class Applied(Told):
+    """A record with what a calibration, or a diagnosis of another record, says of its instrument.
 
     Attributes
     ----------
-    gravity_mps2, scale_plus, scale_minus, gamma, bias_g
-        of the `Correction`
     rows : int
         of the record
-    gyros : str
-        "corrected" where calibration and record have gyros
+    gravity_mps2, scale_plus, scale_minus, gamma, bias_g
+        of the `Correction`, by a calibration
     levelled_at : str
         where the vertical was looked at: "positions", "rests" or "rows"
     levelling_error : LevellingError
+    gyros : str
+        "corrected" where calibration and record have gyros
+    effects : tuple of AppliedEffect
+        of a diagnosis
+    over, unit, rms_without, rms_with, max_without, max_with
+        errors of the record simulated by FMUs, without and with the effects, over what `over` says; what is the
+        record's own, its biases, is fitted to it in both. Absent where nothing can be run
     correction : Correction
         not published
     record : PositionRecord, RawRecord or StrapdownRecord
-        with corrected specific force; not published
+        corrected; None where nothing could be taken out; not published
     levelling : Levelling
         at each position, rest or row; not published
     """
 
-    schema_: Literal["trihedron.correction/1"] = Field(default="trihedron.correction/1", alias="schema")
-    gravity_mps2: float
-    scale_plus: list[float]
-    scale_minus: list[float]
-    gamma: list[list[float]]
-    bias_g: list[float]
+    schema_: Literal["trihedron.applied/2"] = Field(default="trihedron.applied/2", alias="schema")
     rows: int
-    levelled_at: Literal["positions", "rests", "rows"]
-    levelling_error: LevellingError = Field(alias="levelling_error_rad")
-    gyros: Literal["corrected"] = ABSENT
-    warnings: list[str]
-    correction: Correction = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
-    record: Measured = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
-    levelling: Levelling = Field(default=None, exclude=True)  # pyright: ignore[reportAssignmentType]
+    gravity_mps2: float | None = None
+    scale_plus: list[float] | None = None
+    scale_minus: list[float] | None = None
+    gamma: list[list[float]] | None = None
+    bias_g: list[float] | None = None
+    levelled_at: Literal["positions", "rests", "rows"] | None = None
+    levelling_error: LevellingError | None = Field(default=None, alias="levelling_error_rad")
+    gyros: Literal["corrected"] | None = None
+    effects: tuple[AppliedEffect, ...] | None = None
+    over: str | None = None
+    unit: str | None = None
+    rms_without: float | None = None
+    rms_with: float | None = None
+    max_without: float | None = None
+    max_with: float | None = None
+    warnings: list[str] = Field(default=[])
+    correction: Correction | None = Field(default=None, exclude=True)
+    record: Any = Field(default=None, exclude=True)
+    levelling: Levelling | None = Field(default=None, exclude=True)
 
-    def to_polars(self) -> "DataFrame":
-        """The corrected readings: time_s, f1_mps2, f2_mps2, f3_mps2."""
+    def to_polars(self) -> "DataFrame | None":
+        """The corrected readings: time_s, f1_mps2, f2_mps2, f3_mps2; None where nothing was taken out of any."""
         import polars as pl
 
+        if self.record is None:
+            return None
         force = {f"f{p + 1}_mps2": self.record.specific_force[:, p] for p in range(3)}
         return pl.DataFrame({"time_s": self.record.time_s, **force})
 
 
 def apply_calibration(
     calibration: str | Path | Result, record: Source, *, noise_bound: float = 0.0, channels: Sequence[str] = ()
-) -> Application:
+) -> Applied:
     """Correct the readings of a record by a calibration or its file; arguments and errors as of `trihedron.apply`.
 
     The noise bound is that of the averaged readings' own errors [g], for what remains after the correction.
@@ -367,7 +392,7 @@ def apply_calibration(
     if correction.gyros is not None and isinstance(measured, BenchRecord | StrapdownRecord):
         of_gyros = {"gyros": "corrected"}
         channels_of_gyros = _corrected_gyros(correction.gyros, measured, better / correction.gravity)
-    return Application(
+    return Applied(
         gravity_mps2=correction.gravity,
         scale_plus=correction.plus.tolist(),
         scale_minus=correction.minus.tolist(),

@@ -238,10 +238,7 @@ def apply(
     """
     distinct_files({"the calibration": found, "the record": record, "--out": out, "--json": json})
     result = measured.apply(found, record, noise_bound=noise_bound, **options)
-    if isinstance(result, diagnosis.Applied):
-        text = str(result)
-    else:
-        text = document.text(reports.application_page(result, latitude_deg))
+    text = document.text(reports.applied_page(result, latitude_deg))
     if out is not None:
         if result.record is None:
             raise InputError(f"--out {out}: nothing that was found can be taken out of readings")

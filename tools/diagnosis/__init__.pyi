@@ -1,4 +1,3 @@
-from .applied import Applied as Applied
 from .applied import applied_to as applied_to
 from .applied import export_extended as export_extended
 from .applied import read_diagnosis as read_diagnosis

@@ -2,55 +2,20 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
+from ..calibration import Applied, AppliedEffect
 from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..files import LARGEST_RESULT, bytes_of, whole_folder
 from ..records import PositionRecord, StrapdownRecord
-from ..result import Result, Told, object_of, result_of
-from .cause import Cause, Finding, Number
+from ..result import object_of, result_of
+from .cause import Cause, Finding
 from .helps import figures_of
 from .result import DIAGNOSES, Diagnosis, in_present_schema
-
-How: TypeAlias = Literal["corrected", "simulated", "left"]
-
-
-class AppliedEffect(Result):
-    """An effect that was found, and what became of it in another record.
-
-    "corrected": what it adds was taken out of the readings; "simulated": the extended FMUs have it, but no inverse;
-    "left": it does not show in a record of this kind, or is not linear in its sizes.
-    """
-
-    effect: str
-    how: How
-
-
-class Applied(Told):
-    """Another record with what was found in one.
-
-    Errors are of the simulation of the record by FMUs, without and with the effects, over what `over` says, in `unit`;
-    None where nothing can be run. What is the record's own, its biases, is fitted to it in both. `record` is the record
-    with what could be taken out.
-    """
-
-    schema_: Literal["trihedron.applied/1"] = Field(default="trihedron.applied/1", alias="schema")
-    rows: int
-    effects: tuple[AppliedEffect, ...]
-    over: str | None = None
-    unit: str | None = None
-    rms_without: Number | None = None
-    rms_with: Number | None = None
-    max_without: Number | None = None
-    max_with: Number | None = None
-    warnings: tuple[str, ...] = ()
-
-    record: Any = Field(default=None, exclude=True)
 
 
 def read_diagnosis(path: Path) -> Diagnosis | None:
@@ -96,13 +61,13 @@ def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, e
     corrected, readings = evidence.without_added(sizes)
     effects = []
     for cause in causes:
-        how: How = "left"
+        how = "left"
         if cause.place in corrected:
             how = "corrected"
         elif cause.place in sizes:
             how = "simulated"
-        effects.append(AppliedEffect(effect=cause.place.title, how=how))
-    errors: dict[str, Any] = {"rows": len(record), "warnings": tuple(record.warnings)}
+        effects.append(AppliedEffect.model_validate({"effect": cause.place.title, "how": how}))
+    errors: dict[str, Any] = {"rows": len(record), "warnings": list(record.warnings)}
     before = after = None
     if sizes:
         before, after = evidence.applied({}), evidence.applied(sizes)

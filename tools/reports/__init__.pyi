@@ -1,4 +1,4 @@
-from .calibration import application_page as application_page
+from .calibration import applied_page as applied_page
 from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calibrated import Calibration, Gyros, Parameter
-from ..calibration.correction import Application, Correction, correction_of, face_readings, levelling
+from ..calibration.correction import Applied, Correction, correction_of, face_readings, levelling
 from ..calibration.estimates import joint_sets
 from ..calibration.gyros import said_of_place
 from ..calibration.targets import ARCSEC
@@ -352,35 +352,22 @@ def gyro_sections(result: Calibration) -> list[Section]:
     return [Section("The gyros, in the accelerometers' axes", texts, table=None if falsified else table)]
 
 
-def application_page(result: Application, latitude_deg: float | None = None) -> Page:
-    """Return the equation with its numbers, and what the correction is worth for an alignment.
+HOW = {
+    "corrected": "taken out of the readings",
+    "simulated": "simulated: it has no inverse that could be taken out of readings",
+    "left": "left: a record of this kind does not show it, or its size alone does not say what it does",
+}
 
-    The latitude is what is given, or what comment lines of the record say, or `LATITUDE_DEG`.
 
-    Raises
-    ------
-    InputError
-        for a latitude at which there is no azimuth to find
+def applied_page(result: Applied, latitude_deg: float | None = None) -> Page:
+    """Return what was taken out of a record: by a calibration the equation and its worth, by a diagnosis each effect.
+
+    The latitude is what is given, or what comment lines of the record say, or `LATITUDE_DEG`. An InputError for one at
+    which there is no azimuth to find.
     """
-    if latitude_deg is None:
-        latitude_deg = said_of_place(result.record).get("latitude_deg", LATITUDE_DEG)
-    if not abs(latitude_deg) <= 89.0:
-        raise InputError(
-            f"--latitude-deg {exactly(latitude_deg)}: must be from -89 to 89; there is no azimuth at a pole"
-        )
-    gained = result.levelling
-    worst = int(np.argmax(gained.before))
-    before, after = gained.worst
-    azimuth = abs(math.tan(math.radians(latitude_deg)))
-    lines = []
-    lines += [
-        f"{len(gained.before)} {result.levelled_at}; largest error of the vertical, in arcseconds:",
-        f"  as read {upwards(before / ARCSEC, 3)} ({result.levelled_at.removesuffix('s')} {worst + 1}), "
-        f"corrected at most {upwards(after / ARCSEC, 3)}, guaranteed",
-        f"  its part in the azimuth of a gyrocompass at latitude {exactly(latitude_deg)}°: "
-        f"as read up to {upwards(azimuth * before / ARCSEC, 3)}, "
-        f"corrected at most {upwards(azimuth * after / ARCSEC, 3)}",
-    ]
+    if result.correction is None:
+        return _effects_page(result)
+    lines = [*correction_equation(result.correction), *_levelling_lines(result, _latitude(result, latitude_deg))]
     if result.gyros is not None and result.correction.gyros is not None:
         gyros = result.correction.gyros
         lags = [f"their lag of {exactly(1e3 * gyros.lag, 3)} ms stays"]
@@ -389,8 +376,45 @@ def application_page(result: Application, latitude_deg: float | None = None) -> 
         lines.append(f"gyros, too: w = (I + M)^-1 (reading - B - S n), as calibrated; {', '.join(lags)}")
     if result.levelled_at == "rows":
         lines.append("  (of the direction of the specific force; it is the vertical where the block is at rest)")
-    verdict, *equations = correction_equation(result.correction)
-    return Page("Correction", verdict, [Section("Correction", [*equations, *lines])], warnings=result.warnings)
+    return Page("Correction", lines[0], [Section("Correction", lines[1:])], warnings=result.warnings)
+
+
+def _effects_page(result: Applied) -> Page:
+    """Return what became of each effect, and the errors of the simulation without and with them."""
+    lines = [f"{effect.effect}: {HOW[effect.how]}" for effect in result.effects or ()]
+    if result.rms_without is not None:
+        rms = f"{digits(result.rms_without)} -> {digits(result.rms_with or 0.0)}"
+        largest = f"{digits(result.max_without or 0.0)} -> {digits(result.max_with or 0.0)}"
+        lines.append(f"{result.over}, simulated without and with them: {rms} {result.unit} rms, at most {largest}")
+    return Page("Effects applied to a record", lines[0], [Section("Effects", lines[1:])], warnings=result.warnings)
+
+
+def _latitude(result: Applied, latitude_deg: float | None) -> float:
+    if latitude_deg is None:
+        latitude_deg = said_of_place(result.record).get("latitude_deg", LATITUDE_DEG)
+    if not abs(latitude_deg) <= 89.0:
+        raise InputError(
+            f"--latitude-deg {exactly(latitude_deg)}: must be from -89 to 89; there is no azimuth at a pole"
+        )
+    return latitude_deg
+
+
+def _levelling_lines(result: Applied, latitude_deg: float) -> list[str]:
+    """Return the errors of the vertical as read and corrected, and their parts in an azimuth."""
+    gained = result.levelling
+    if gained is None:
+        return []
+    before, after = gained.worst
+    azimuth = abs(math.tan(math.radians(latitude_deg)))
+    places = result.levelled_at or "rows"
+    worst = f"{places.removesuffix('s')} {int(np.argmax(gained.before)) + 1}"
+    return [
+        f"{len(gained.before)} {places}; largest error of the vertical, in arcseconds:",
+        f"  as read {upwards(before / ARCSEC, 3)} ({worst}), "
+        f"corrected at most {upwards(after / ARCSEC, 3)}, guaranteed",
+        f"  its part in the azimuth of a gyrocompass at latitude {exactly(latitude_deg)}°: as read up to "
+        f"{upwards(azimuth * before / ARCSEC, 3)}, corrected at most {upwards(azimuth * after / ARCSEC, 3)}",
+    ]
 
 
 def correction_equation(correction: Correction) -> list[str]:

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from ..orchestrator.run import Simulation
 
 PAGES = {
-    "Application": ("calibration", "application_page"),
-    "Applied": ("several", "applied_page"),
+    "Applied": ("calibration", "applied_page"),
     "AttitudeComparison": ("inspection", "comparison_page"),
     "AttitudeRun": ("inspection", "attitude_page"),
     "Calibration": ("calibration", "calibration_page"),

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from ..calibrated import Calibration, Parameter
 from ..calibration.targets import NAMES
-from ..diagnosis.applied import Applied
 from ..diagnosis.cause import Cause, SizedParameter
 from ..diagnosis.result import Diagnosis, Explanation, InOneRecord, Repeated
 from ..document.blocks import Page, Section, Table, Tone, table_of
@@ -24,24 +23,6 @@ VERDICTS = {
 TONES: dict[str, Tone] = {"consistent": "good", "explained": "good"}
 MOST_SETS = 6
 """So many sets that remain are printed."""
-
-
-HOW = {
-    "corrected": "taken out of the readings",
-    "simulated": "simulated: it has no inverse that could be taken out of readings",
-    "left": "left: a record of this kind does not show it, or its size alone does not say what it does",
-}
-
-
-def applied_page(result: Applied) -> Page:
-    """Return what became of each effect, and the errors of the simulation without and with them."""
-    lines = [f"{effect.effect}: {HOW[effect.how]}" for effect in result.effects]
-    if result.rms_without is not None:
-        rms = f"{digits(result.rms_without)} -> {digits(result.rms_with or 0.0)}"
-        largest = f"{digits(result.max_without or 0.0)} -> {digits(result.max_with or 0.0)}"
-        lines.append(f"{result.over}, simulated without and with them: {rms} {result.unit} rms, at most {largest}")
-    verdict, *further = lines or ["nothing was applied"]
-    return Page("Effects applied to a record", verdict, [Section("Effects", further)], warnings=result.warnings)
 
 
 def helps_lines(result: Diagnosis) -> list[str]:

@@ -27,7 +27,7 @@ from trihedron.tools.document.text import text
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import read_record, write_record
 from trihedron.tools.records.kinds import StrapdownRecord
-from trihedron.tools.reports.calibration import application_page, correction_equation
+from trihedron.tools.reports.calibration import applied_page, correction_equation
 
 SIGMA = 1e-5
 
@@ -227,7 +227,7 @@ def test_the_gyrocompass_is_where_the_record_says_it_was_measured(tmp_path):
         write_record(placed, path)
         application = apply_calibration(file, path)
         assert f"gyrocompass at latitude {latitude}°" in str(application)
-        assert "gyrocompass at latitude 10°" in text(application_page(application, 10.0))
+        assert "gyrocompass at latitude 10°" in text(applied_page(application, 10.0))
 
 
 def test_another_convention_gives_the_same_correction():

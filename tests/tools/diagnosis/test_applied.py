@@ -10,9 +10,9 @@ import pytest
 import trihedron as th
 from generator.positions import of_one_instrument
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.calibration import calibrate
+from trihedron.tools.calibration import Applied, calibrate
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis import Applied, Diagnosis, applied_to, diagnose, evidence_of
+from trihedron.tools.diagnosis import Diagnosis, applied_to, diagnose, evidence_of
 from trihedron.tools.diagnosis.cause import Cause
 from trihedron.tools.diagnosis.result import Explanation, OneRecord
 from trihedron.tools.errors import InputError

@@ -13,7 +13,7 @@ from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
 from trihedron import calibrate_together
 from trihedron.tools.calibrated import Calibration, Parameter
-from trihedron.tools.calibration.correction import Application, correction_of, read_correction
+from trihedron.tools.calibration.correction import Applied, correction_of, read_correction
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.records import write_record
@@ -102,7 +102,7 @@ def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, c
     assert float(written[1]) == pytest.approx(bias["record-2"], abs=1e-9)
     for file, of in ((first, "record-1"), (second, "record-2"), (third, "record-2")):
         applied = th.apply(out, file)
-        assert isinstance(applied, Application)
+        assert isinstance(applied, Applied)
         assert applied.bias_g[0] == pytest.approx(bias[of], abs=1e-9)
         assert any("of its own is that of b, the last" in text for text in applied.warnings) == (file == third)
     content = json.loads(out.read_text(encoding="utf-8"))
