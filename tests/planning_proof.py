@@ -5,7 +5,7 @@ import numpy as np
 from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.planning.certificate import ceiling, lower_bound
 from trihedron.tools.planning.forms import Sheet, clearance, dual_forms, sheets, value
-from trihedron.tools.planning.targets import Grid, Plan
+from trihedron.tools.planning.targets import Plan, PositionGrid
 
 LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
 """By how much |F'y| may exceed one, tried in turn: the lower bound is divided by what is proven."""
@@ -36,7 +36,7 @@ def proven_gap(plan: Plan) -> float:
     if plan.grid_deg is None:
         bound = _ceiling(block, best.dual)
     else:
-        bound = Grid(block, plan.grid_deg).ceiling(best.dual)
+        bound = PositionGrid(block, plan.grid_deg).ceiling(best.dual)
         if bound > 1.0 + LEVELS[-1]:
             raise ProofError(f"the dual is not admissible: |F'y| is {bound:.6g} on the grid")
     return max(best.cost - lower_bound(target, best.dual, bound), 0.0) / best.cost

@@ -308,7 +308,7 @@ def _reading_inputs(record: "records.RawRecord") -> _Inputs:
     import numpy as np
 
     count = len(record.time_s)
-    warnings = tuple(records.limits_of(record).lines)
+    warnings = tuple(records.channel_limits(record).lines)
     if count < 2:
         raise InputError(f"{record.path}: has one row; at least two are needed")
     period = float(record.time_s[-1] - record.time_s[0]) / (count - 1)

@@ -27,7 +27,7 @@ from ...models.bench import moments_of as integrated_angles
 from ..errors import InputError
 from ..motion.increments import mean_rates
 from ..motion.rest_noise import factor_for, rest_noise
-from ..motion.rests import Sampling, quiet_rests, rates_of, sampling_of
+from ..motion.rests import RecordSampling, quiet_rests, rates_of, sampling_of
 from ..records import BenchRecord, PositionRecord, StrapdownRecord
 from ..records.kinds import Rest
 from ..records.rests import without_turns
@@ -212,7 +212,7 @@ def _smear(lag: float, period: float) -> float:
     return min(0.5 * size * period, period**2 / 8.0)
 
 
-def _noise(gyros: StrapdownRecord, sampling: Sampling, seconds: NDArray) -> NDArray[np.float64]:
+def _noise(gyros: StrapdownRecord, sampling: RecordSampling, seconds: NDArray) -> NDArray[np.float64]:
     """Bounds (S,) of the gyros' noise over pieces [rad], from what they do within rests."""
     noise = rest_noise(rates_of(gyros), gyros.time_s, quiet_rests(gyros, sampling), sampling.period)
     if noise is None:

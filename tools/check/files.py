@@ -41,13 +41,13 @@ from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import Scenario
 from ..orchestrator.stimuli import read_table
 from ..parquet import MAGIC
-from ..planning.check import read_angles
+from ..planning.check import read_settings
 from ..planning.imu import ImuPlan
 from ..planning.positions import PositionPlan
 from ..planning.targets import Plan, Plans
 from ..records.columns import ANGLES, FORCE, VELOCITY, Columns, extra_warning, warnings
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
-from ..records.limits import limits_of
+from ..records.limits import channel_limits
 from ..records.read import all_faults, read_record
 from ..records.rests import position_record_of
 from ..result import Location, dotted, field_problems, not_for_files
@@ -190,7 +190,7 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) ->
     if isinstance(record, PositionRecord):
         findings.warnings += channels_warning(record)
         return
-    findings.warnings += tuple(limits_of(record).lines)
+    findings.warnings += tuple(channel_limits(record).lines)
     if isinstance(record, StrapdownRecord):
         findings.warnings += channels_warning(record)
         return
@@ -247,7 +247,7 @@ def _check_commands(findings: Findings, names: list[str]) -> None:
     try:
         if any(name.startswith("planned_") for name in names):
             findings.kind = "angles of a plan"
-            findings.summary = (f"{len(read_angles(findings.path)[0])} positions",)
+            findings.summary = (f"{len(read_settings(findings.path)[0])} positions",)
             return
         table, _ = read_table(findings.path, str(findings.path), [name for name in names if name != "mounting"])
     except InputError as error:

@@ -13,7 +13,7 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.effects import POSITION_EFFECTS, STRAPDOWN_EFFECTS, Effect, EffectPlace
 from ..bounded.sets import Work
 from ..errors import InputError
-from ..motion.carry import GyroModel, Motion, carried_attitude, motion_of
+from ..motion.carry import GyroModel, Motion, carried_attitude, mean_motion
 from ..motion.inspect import Inspection, inspect_record
 from ..motion.norm import LARGEST, NAMES, inputs_of, norm_equations, norm_values
 from ..motion.rest_noise import gyro_noise, rest_lengths
@@ -118,9 +118,9 @@ def linear_evidence(
     A record without true attitude has a consistent or falsified norm calibration. `block`, "calibrated" or "nominal",
     says whether the gyros' scale factors and misalignments are parameters; beside their bias, but with true attitude,
     where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else. `rates` is as
-    for `motion_of`; `further` are effects to be tried beside those of the catalogue.
+    for `mean_motion`; `further` are effects to be tried beside those of the catalogue.
     """
-    motion = motion_of(found.record, found.sampling, found.gravity, rates)
+    motion = mean_motion(found.record, found.sampling, found.gravity, rates)
     x, model, own = np.zeros(0), GyroModel(bias=rest_mean(found)), (BIAS, SCALE) if block == "calibrated" else ()
     reference = truth_reference(found) if has_truth(found) else gravity_reference(found)
     if isinstance(reference, Gravity):

@@ -29,7 +29,7 @@ from ..records.read import significant_digits, written_resolution
 from .layout import COMMENT
 from .mapping import OPEN, plural
 from .names import DATE, SAMPLE, TIMES
-from .numbers import BLANKS, bare, clock, is_missing, moment, numbers_of, sexagesimal, unit_behind
+from .numbers import BLANKS, bare, clock, is_missing, numbers_of, parsed_moment, sexagesimal, unit_behind
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable
 from .units import DEGREE, TIME, LaboratoryUnit, known_unit, scaled_unit
 
@@ -216,10 +216,10 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
     dates = texts.get(DATE, [""] * len(lines))
     seconds = []
     for text, date, line in zip(texts[TIMES], dates, lines, strict=True):
-        at = clock(text, mapping.clock) if origin.form == CLOCK else moment(text, order, mapping.clock)
+        at = clock(text, mapping.clock) if origin.form == CLOCK else parsed_moment(text, order, mapping.clock)
         midnight = 0.0
         if DATE in texts:
-            midnight = moment(date, order)
+            midnight = parsed_moment(date, order)
         if at is None or midnight is None:
             what = f"column {origin.name!r}: {quoted(text.strip())} is no time like those before"
             raise InputError(f"{table.sheet.path}: row {line}, {what}")

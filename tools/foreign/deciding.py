@@ -25,7 +25,7 @@ from ..records.columns import (
 from .layout import COMMENT, layout_of
 from .mapping import OPEN, Mapping
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
-from .numbers import Marks, bare, date_of, is_clock, is_missing, moment, number, orders_of, two_parts
+from .numbers import Marks, bare, date_of, date_orders, is_clock, is_missing, parsed_moment, parsed_number, two_parts
 from .sheet import Sheet, cell
 from .understanding import CLOCK, MOMENT, NAME, NUMBER, STANDING_DEG, Field, Origin, UnderstoodTable, decide_units
 from .units import ANGLE, TIME
@@ -329,10 +329,10 @@ def _decide_dates(table: UnderstoodTable, field: Field) -> None:
             date = date_of(text)
         if date:
             texts.setdefault(date)
-    orders = orders_of(texts)
+    orders = date_orders(texts)
     times: dict[str, list[float]] = {}
     for order in orders:
-        moments = [moment(text, order) or 0.0 for text in texts]
+        moments = [parsed_moment(text, order) or 0.0 for text in texts]
         times[order] = [at - moments[0] for at in moments]
     answer = table.mapping.dates.replace(OPEN, "")
     differing = [text for text, *at in zip(texts, *times.values(), strict=True) if len(set(at)) > 1]
@@ -440,7 +440,7 @@ def _is_reading(table: UnderstoodTable, line: int, places: list[int]) -> bool:
 
 
 def _beside(table: UnderstoodTable, text: str) -> str:
-    if number(bare(text), OTHER_MARK[table.decimal]) is None:
+    if parsed_number(bare(text), OTHER_MARK[table.decimal]) is None:
         return ""
     return f" with decimal {table.decimal!r}"
 

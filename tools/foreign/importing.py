@@ -18,7 +18,17 @@ from ..rounding import upwards
 from .conversion import Conversion, converted, record_columns
 from .deciding import understood
 from .layout import has_table, upright
-from .mapping import OPEN, Mapping, plural, printable, read_mapping, refuse_edited, shell_word, text_of, with_answers
+from .mapping import (
+    OPEN,
+    Mapping,
+    mapping_text,
+    plural,
+    printable,
+    read_mapping,
+    refuse_edited,
+    shell_word,
+    with_answers,
+)
 from .names import DATE
 from .sheet import (
     LARGEST,
@@ -140,7 +150,7 @@ def import_record(
         if out is not None:
             write_record(record, out)
         if mapping_file is not None and (answers or not is_own):
-            write_text(mapping_file, text_of(table.whole_mapping, (), _first_rows_as_written(table)))
+            write_text(mapping_file, mapping_text(table.whole_mapping, (), _first_rows_as_written(table)))
     return _imported(table, conversion, record, (file, out, mapping_file))
 
 
@@ -187,7 +197,7 @@ def _questions(table: UnderstoodTable, file: Path, mapping_file: Path | None, *,
         return InputError(what)
     if not is_own:
         with at_once():
-            write_text(mapping_file, text_of(table.whole_mapping, table.questions, _first_rows_as_written(table)))
+            write_text(mapping_file, mapping_text(table.whole_mapping, table.questions, _first_rows_as_written(table)))
         what += f"; or fill in {mapping_file} and give --mapping {shell_word(str(mapping_file))}"
     return InputError(what)
 

@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
 from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, of_name
-from .numbers import bare, has_degree_mark, is_missing, number, unit_behind
+from .numbers import bare, has_degree_mark, is_missing, parsed_number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, cell, is_data, is_value, is_word
 from .units import known_unit
 
@@ -106,7 +106,7 @@ def layout_of(sheet: Sheet, mapping: Mapping) -> SheetLayout:
     last = mapping.last or _last_data(sheet, first)
     if last:
         around += sheet.rows(last + 1)
-    return SheetLayout(names, units, first, last, from_one(headings), rows, remarks_of(around))
+    return SheetLayout(names, units, first, last, from_one(headings), rows, _remarks(around))
 
 
 def has_table(sheet: Sheet, mapping: Mapping) -> bool:
@@ -212,7 +212,7 @@ def _with_unit(head: Heading, unit: str) -> Heading:
 def _unit_in(rows: Sequence[Row], place: int) -> str:
     """The unit behind the first number of a column; "" where there is none."""
     text = next((cell(texts, place) for _, texts in rows if not is_missing(cell(texts, place))), "")
-    if has_degree_mark(text) or (number(bare(text), ".") is None and number(bare(text), ",") is None):
+    if has_degree_mark(text) or (parsed_number(bare(text), ".") is None and parsed_number(bare(text), ",") is None):
         return ""
     unit = unit_behind(text)
     if known_unit(unit):
@@ -242,7 +242,7 @@ def _last_data(sheet: Sheet, first: int) -> int:
     return 0
 
 
-def remarks_of(rows: Sequence[Row]) -> dict[str, str]:
+def _remarks(rows: Sequence[Row]) -> dict[str, str]:
     """The lines around a table as key and text: "Serial number: A-17", "Operator;Meier"; others are remarks."""
     remarks: dict[str, str] = {}
     for _, texts in rows[:MOST_REMARKS]:

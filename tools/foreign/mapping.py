@@ -204,7 +204,7 @@ def _put_inside(section: dict[str, Any], name: str, inner: str, value: Any, opti
         section[key] = value
 
 
-def text_of(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str]) -> str:
+def mapping_text(mapping: Mapping, questions: Sequence[Question], notes: Sequence[str]) -> str:
     """A mapping as the text of its file: open keys with their answers, `notes` as comments at the end."""
     open_keys = {question.key: question for question in questions}
     lines = ["# What a file means to Trihedron: edit what is wrong, and use it again with --mapping."]

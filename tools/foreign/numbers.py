@@ -81,7 +81,7 @@ class Marks:
             proof.setdefault(points[0], text)
 
 
-def number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
+def parsed_number(text: str, decimal: str = ".", thousands: str = "") -> float | None:
     """A finite number; None where the text is none.
 
     Blanks and apostrophes between groups of three digits are passed over, and `thousands` where it is given.
@@ -236,7 +236,7 @@ def _date(year: str, month: int, on: str) -> date | None:
         return None
 
 
-def orders_of(texts: Iterable[str]) -> list[str]:
+def date_orders(texts: Iterable[str]) -> list[str]:
     """The orders of day, month and year in which all texts are dates."""
     orders = list(ORDERS)
     for text in texts:
@@ -251,7 +251,7 @@ def _spelled(text: str) -> str:
     return _COMPACT.sub(r"\1-\2-\3 \4:\5:\6", text)
 
 
-def moment(text: str, order: str, form: str = "") -> float | None:
+def parsed_moment(text: str, order: str, form: str = "") -> float | None:
     """Seconds since the year 2020 began of a date, or of a date and time in one cell; None where it is neither."""
     text = _spelled(text)
     on, seconds = day(text, order), 0.0

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from ..errors import InputError, nearest
 from ..records.read import PACKED
-from .numbers import Typed, bare, date_of, has_degree_mark, is_clock, is_missing, number
+from .numbers import Typed, bare, date_of, has_degree_mark, is_clock, is_missing, parsed_number
 
 LARGEST = 400_000_000
 """Bytes of a file that is read."""
@@ -211,7 +211,7 @@ def is_value(text: str) -> bool:
     """Whether a text is a number with either decimal mark, an angle, a time or a date."""
     if not any(map(str.isdigit, text)):
         return False
-    if number(text, ".", ",") is not None or number(text, ",", ".") is not None:
+    if parsed_number(text, ".", ",") is not None or parsed_number(text, ",", ".") is not None:
         return True
     return is_clock(text) or has_degree_mark(text) or date_of(text) is not None
 
@@ -371,7 +371,7 @@ def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:
     body = lines[of_table:]
     names = next((line for line, text in enumerate(body, of_table + 1) if text.strip()), 0)
     seconds = first.get("X_Dimension", "") in ("", "Time")
-    period = number(first.get("Delta_X", ""), decimal)
+    period = parsed_number(first.get("Delta_X", ""), decimal)
     is_periodic = seconds and period and first.get("X_Columns") == "No"
     time = ""
     if is_periodic:

@@ -6,11 +6,11 @@ from functools import cached_property
 from typing import Literal
 
 from ..errors import InputError
-from ..records.columns import ANGLES, FORCE, POSITION, Kind
+from ..records.columns import ANGLES, FORCE, POSITION, RecordKind
 from .layout import COMMENT, SheetLayout
 from .mapping import OPEN, Mapping, Question
 from .names import QUANTITY_OF, SAMPLE, TIMES, Heading
-from .numbers import bare, is_missing, number, sexagesimal, unit_behind
+from .numbers import bare, is_missing, parsed_number, sexagesimal, unit_behind
 from .sheet import Row, Sheet, cell
 from .units import (
     COUNTS,
@@ -117,7 +117,7 @@ class UnderstoodTable:
     origins: dict[str, Origin] = field(default_factory=dict)
     questions: list[Question] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    kind: Kind = POSITION
+    kind: RecordKind = POSITION
     decimal: str = "."
     thousands: str = ""
     settled: dict[str, object] = field(default_factory=dict)
@@ -169,9 +169,9 @@ class UnderstoodTable:
 
     def value(self, text: str) -> float | None:
         """A number as this file writes it."""
-        value = number(text, self.decimal, self.thousands)
+        value = parsed_number(text, self.decimal, self.thousands)
         if value is None:
-            return number(bare(text), self.decimal, self.thousands)
+            return parsed_number(bare(text), self.decimal, self.thousands)
         return value
 
     def reading(self, column: str, text: str) -> float | None:

@@ -92,7 +92,7 @@ def read_programme(path: Path, mounting: str = "identity") -> Programme:
         raise InputError(f"{path}: is for {len(plan.mountings)} mountings ({names}); plan and measure each by itself")
     rows = []
     for number in plan.programme:
-        if number and not 1 <= number <= len(plan.positions):
+        if not 1 <= number <= len(plan.positions):
             raise InputError(f"{path}: programme: {number} is no position of the plan")
         position = plan.positions[number - 1]
         rows.append([position.alpha_deg, position.beta_deg])

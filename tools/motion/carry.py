@@ -19,7 +19,7 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
-from .rests import GAP, Sampling, check_meaning, mean_rates
+from .rests import GAP, RecordSampling, check_meaning, mean_rates
 
 ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""
@@ -96,7 +96,9 @@ class Motion:
         )
 
 
-def motion_of(record: StrapdownRecord, sampling: Sampling, gravity: float, rates: str = "instantaneous") -> Motion:
+def mean_motion(
+    record: StrapdownRecord, sampling: RecordSampling, gravity: float, rates: str = "instantaneous"
+) -> Motion:
     """The means of a record over its intervals, gravity [m/s²] and rates as of `attitude_of_record`.
 
     Turns of more than half a turn between two rows, which cannot be told, count as none: pieces with them are not used.

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..records import StrapdownRecord
-from ..records.limits import Limits, limits_of
+from ..records.limits import Limits, channel_limits
 from ..rounding import exactly, upwards
 from .gaps import Bridge, without_gaps
 from .rests import GAP, check_meaning, check_turns, mean_rates
@@ -190,7 +190,7 @@ def gyro_input(
     gyro_bias: Sequence[float] | np.ndarray | None = None,
 ) -> GyroInput:
     """What is taken of a record to carry its attitude; options and errors as of `attitude_of_record`."""
-    limits, measured = limits_of(record), record.time_s
+    limits, measured = channel_limits(record), record.time_s
     record, bridges = without_gaps(record, bridge_gaps)
     first, start = starting_attitude(record)
     increments = increments_from(record, first, rates, gyro_bias)

@@ -16,7 +16,7 @@ from ..records import StrapdownRecord
 from ..result import ABSENT, Array, Result
 from .norm import calibrate_by_norm, inputs_of, norm_values
 from .rest_noise import RestNoise, factor_for, gyro_noise, rest_lengths
-from .rests import Rests, Sampling, quiet_rests, rates_of, sampling_of
+from .rests import RecordSampling, Rests, quiet_rests, rates_of, sampling_of
 from .turning import TurningCheck, check_turning
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ class Inspection(Result):
     seen: RecordSeen = Field(alias="record")
     gravity: float = Field(alias="gravity_mps2")
     input: Literal["rates", "increments"]
-    sampling: Sampling
+    sampling: RecordSampling
     temperature: bool
     true_attitude: bool
     rests: Rests

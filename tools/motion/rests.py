@@ -14,7 +14,7 @@ from ...models.attitude_algorithms import MAX_INCREMENT
 from ..errors import InputError, nearest
 from ..records import StrapdownRecord
 from ..records.columns import LARGEST_FORCE
-from ..records.limits import Limits, limits_of, runs_of
+from ..records.limits import Limits, channel_limits, runs_of
 from ..records.noise import SCATTER_FACTOR, deviation_at_dwell
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
@@ -69,7 +69,7 @@ class Gap(Result):
     length_s: float
 
 
-class Sampling(Result):
+class RecordSampling(Result):
     """How a record is sampled.
 
     Attributes
@@ -160,7 +160,7 @@ def check_turns(record: StrapdownRecord, turns: NDArray[np.float64]) -> None:
         )
 
 
-def sampling_of(record: StrapdownRecord) -> Sampling:
+def sampling_of(record: StrapdownRecord) -> RecordSampling:
     """How a record is sampled; InputError where it has fewer than 16 rows."""
     if len(record) < FEWEST_ROWS:
         raise InputError(f"{record.path}: has {len(record)} rows; at least {FEWEST_ROWS} are needed")
@@ -173,7 +173,7 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
     for i, v in enumerate(record.specific_force.T):
         channels[f"f{i + 1}"] = v
     limits, wrapped = (
-        limits_of(record),
+        channel_limits(record),
         wrapped_rows(record, np.concatenate([[period], np.where(is_gap, period, between)])),
     )
     first_limits = {}
@@ -186,7 +186,7 @@ def sampling_of(record: StrapdownRecord) -> Sampling:
     wrapped_from = None
     if wrapped.any():
         wrapped_from = float(record.time_s[np.argmax(wrapped)])
-    return Sampling(
+    return RecordSampling(
         period_s=period,
         jitter_rms_s=float(np.sqrt(np.mean(off**2))),
         jitter_max_s=float(np.abs(off).max()),
@@ -263,7 +263,7 @@ class Rests(Result):
         return self.count
 
 
-def quiet_rests(record: StrapdownRecord, sampling: Sampling) -> Rests:
+def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     """Find the rests of a record and average them.
 
     A window is quiet when each channel scatters in it less than three times as much as its noise, which is taken from
@@ -382,7 +382,7 @@ def _steady_turns(rate: NDArray, force: NDArray, rests: list[slice], noise: NDAr
 
 def _averaged(
     record: StrapdownRecord,
-    sampling: Sampling,
+    sampling: RecordSampling,
     rows: tuple[slice, ...],
     noise: NDArray,
     *,

@@ -1,9 +1,9 @@
 from .check import SettingCheck as SettingCheck
 from .check import check_settings as check_settings
-from .check import read_angles as read_angles
+from .check import read_settings as read_settings
 from .imu import ImuPlan as ImuPlan
+from .imu import Planned as Planned
 from .imu import imu_programme as imu_programme
-from .imu_stops import Planned as Planned
 from .positions import DWELL_S as DWELL_S
 from .positions import PositionPlan as PositionPlan
 from .positions import checked_dwell as checked_dwell

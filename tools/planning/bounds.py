@@ -18,9 +18,9 @@ import scipy
 from numpy.typing import NDArray
 
 from ..bounded.programmes import SolverError
-from .certificate import Columns
-from .forms import basis
-from .task import TURN, Places, Readings, Task, allowed, clearances, on_all_mountings, readings
+from .certificate import ColumnProgramme
+from .forms import harmonics
+from .task import TURN, CertainReadings, Places, Task, allowed, clearances, on_all_mountings, readings
 
 SAMPLES = 40
 """Positions, drawn at random, at which a symmetry is checked: forms of nine terms are the same if they agree there."""
@@ -79,7 +79,7 @@ def _best_sheets(task: Task, angle: NDArray) -> tuple[NDArray, NDArray]:
     """F (N, 3, P) of the sheets with the larger clearance, and that clearance (N, 3), with every mounting."""
     places = on_all_mountings(angle, len(task.parametrisation.mountings))
     clear = clearances(task, places)
-    a, b = basis(places.angle[:, 0]), basis(places.angle[:, 1])
+    a, b = harmonics(places.angle[:, 0]), harmonics(places.angle[:, 1])
     f = np.einsum("spij,ni,nj->nsp", task.regressor, a, b, optimize=True)
     clear = np.stack([np.where(task.accelerometer == p, clear, -np.inf) for p in range(3)], axis=1)
     best = clear.argmax(axis=2)[..., None]
@@ -129,12 +129,12 @@ def _permutation(regressor: NDArray, image: NDArray) -> NDArray | None:
 
 
 @dataclass(frozen=True)
-class Pool:
+class PositionPool:
     """Positions on which bounds are proven, the group (n,) that each forms with its images, and all their readings."""
 
     places: Places
     orbit: NDArray
-    readings: Readings
+    readings: CertainReadings
 
     def heights(self, duals: NDArray) -> NDArray:
         """The greatest |F'y| (n,) over the readings of each position and the duals (D, P)."""
@@ -142,7 +142,7 @@ class Pool:
         return np.maximum.reduceat(np.abs(self.readings.regressor @ duals.T).max(axis=1), first)
 
 
-def pool_of(task: Task, known: Places) -> Pool:
+def pool_of(task: Task, known: Places) -> PositionPool:
     """Crossings of lines at fixed distances from the multiples of 90°, optimal plans, known positions; all images too.
 
     Positions in a keep-out, and those where no reading counts, are left out.
@@ -164,7 +164,7 @@ def pool_of(task: Task, known: Places) -> Pool:
     counted = counted[allowed(task, places.angle[counted])]
     _, orbit = np.unique(orbit[counted], return_inverse=True)
     places = places.chosen(counted)
-    return Pool(places, orbit.ravel(), readings(task, places))
+    return PositionPool(places, orbit.ravel(), readings(task, places))
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class Bound:
 class HittingSet:
     """The cuts found so far on a pool, for any ratio and any number of positions."""
 
-    def __init__(self, task: Task, pool: Pool):
+    def __init__(self, task: Task, pool: PositionPool):
         self._task, self._pool = task, pool
         self._rng = np.random.default_rng(task.request.seed)
         self._height = np.zeros((len(pool.places), 0))
@@ -282,7 +282,7 @@ class _Gathering:
     Where |F'y| of no dual exceeds one, the targets cost a'y at least, the group the root of the sum of their squares.
     """
 
-    def __init__(self, task: Task, pool: Pool, k: int, ratio: float):
+    def __init__(self, task: Task, pool: PositionPool, k: int, ratio: float):
         self._limit, self._least = ratio * task.least[k] * (1.0 + SAFE), float(task.least[k])
         self._targets = task.weights[list(task.groups[k])]
         measured = readings(task, task.measured).regressor
@@ -290,7 +290,7 @@ class _Gathering:
         # One programme for each target: for another aim the last solution is of no use.
         self._programmes = []
         for target in self._targets:
-            programme = Columns(self._targets.shape[1])
+            programme = ColumnProgramme(self._targets.shape[1])
             programme.aim(target)
             if len(measured):
                 programme.add(measured)
@@ -359,7 +359,7 @@ class _Gathering:
                 programme.close(self._first + known, closed=closed)
 
 
-def bound_positions(task: Task, pool: Pool, count: int, reached: float) -> Bound:
+def bound_positions(task: Task, pool: PositionPool, count: int, reached: float) -> Bound:
     """The best bound for so many positions that the request's cuts give, aimed ever nearer to what was reached.
 
     That is the worst ratio of the best set known.

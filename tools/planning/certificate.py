@@ -104,7 +104,7 @@ def scaled_optimum(optimum: Callable[[NDArray], Optimum], target: NDArray) -> Op
     return optimum(target / size).times(size)
 
 
-def settled(
+def settled_optimum(
     target: NDArray, dual: NDArray, ceiling: float, regressors: NDArray, near: NDArray, places: tuple[NDArray, ...]
 ) -> Optimum:
     """An optimum from a solver's weights: made unbiased to rounding, readings without weight left out.
@@ -349,7 +349,7 @@ def _quadratic_maximum(h: NDArray, radius: NDArray) -> NDArray:
     return np.where(concave, np.minimum(separate, whole), separate)
 
 
-class Columns:
+class ColumnProgramme:
     """The restricted programme of column generation: min Σ|Φ| with Σ Φ F = a, over the columns found so far.
 
     One warm HiGHS model to which columns are added; a new target only changes the right-hand side. `regressors` (K, P)

@@ -105,7 +105,7 @@ class SettingCheck(Result):
     targets: tuple[TargetCheck, ...]
 
 
-def read_angles(path: Path, keep_out: Sequence[str] = ()) -> tuple[Places, Places]:
+def read_settings(path: Path, keep_out: Sequence[str] = ()) -> tuple[Places, Places]:
     """Planned and actual positions of an `angles.csv`.
 
     An InputError for another file, for angles that no table has, and for a position inside a keep-out, with its row.

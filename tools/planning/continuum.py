@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from .certificate import Columns, Optimum, UndeterminedError, ceiling, quietest, settled
-from .forms import INSIDE, Lines, Ridges, Sheet, clearance, dual_forms, regressors_at, value
+from .certificate import ColumnProgramme, Optimum, UndeterminedError, ceiling, quietest, settled_optimum
+from .forms import INSIDE, Ridges, Sheet, WholeGrid, clearance, dual_forms, regressors_at, value
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
@@ -54,9 +54,9 @@ class Continuum:
         self._sheets = sheets
         self._ridges = Ridges(sheets, INSIDE)
         angle = np.radians(np.arange(0.0, 360.0, FIRST_STEP_DEG))
-        self._first, self._angle = Lines(sheets, angle, np.arange(len(angle))), angle
+        self._first, self._angle = WholeGrid(sheets, angle, np.arange(len(angle))), angle
         size = sheets[0].regressor.shape[0]
-        self._columns = Columns(size)
+        self._columns = ColumnProgramme(size)
         self._place = np.zeros((0, 3))
         gram = np.zeros((size, size))
         for k, sheet in enumerate(sheets):
@@ -238,7 +238,7 @@ class Continuum:
         accelerometer = np.array([self._sheets[k].accelerometer for k in support.sheet])
         alpha, beta = np.mod(support.alpha, 2 * np.pi), np.mod(support.beta, 2 * np.pi)
         places = accelerometer, alpha, beta, np.degrees(alpha), np.degrees(beta)
-        return settled(target, dual, bound, support.regressors, support.weights, places)
+        return settled_optimum(target, dual, bound, support.regressors, support.weights, places)
 
 
 def _above(peaks: NDArray, limit: float) -> NDArray:

@@ -1,7 +1,7 @@
 """Regressors and admissible sets as bilinear forms in (cos α, sin α, 1) and (cos β, sin β, 1).
 
-For one accelerometer p and one sign s of its input every regressor of (1.10) is a form `basis(α)ᵀ C basis(β)` with
-a matrix C (3, 3), and so is F'y for any y: this is what makes pricing and bounding cheap. The set of (1.9) is
+For one accelerometer p and one sign s of its input every regressor of (1.10) is a form hᵀ(α) C h(β), with `harmonics` h
+and C (3, 3), and so is F'y for any y: this is what makes pricing and bounding cheap. The set of (1.9) is
 {c ≥ 0} with c = (1 − v) s m_p − w − Σ weight |term|, its terms forms too (w is v for the rule "tables", else 0).
 
 At a fixed α everything is a sinusoid in β. The admissible β form arcs, and the greatest ±F'y over them is at the
@@ -141,7 +141,7 @@ def padded_terms(block: Sequence[Sheet]) -> NDArray:
     return terms
 
 
-def basis(angle: ArrayLike) -> NDArray:
+def harmonics(angle: ArrayLike) -> NDArray:
     """(cos, sin, 1) of angles (...) [rad], as (..., 3)."""
     angle = np.asarray(angle, dtype=float)
     values = np.ones((*angle.shape, 3))
@@ -150,7 +150,7 @@ def basis(angle: ArrayLike) -> NDArray:
 
 
 def slopes(angle: NDArray) -> NDArray:
-    """Derivative (..., 3) of `basis`."""
+    """Derivative (..., 3) of `harmonics`."""
     return np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)], axis=-1)
 
 
@@ -161,7 +161,7 @@ def dual_forms(block: Sequence[Sheet], dual: NDArray) -> NDArray:
 
 def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
     """Values (..., K) of forms (K, 3, 3), or (...) of one form (3, 3), at angles (...) that broadcast [rad]."""
-    a, b = basis(alpha), basis(beta)
+    a, b = harmonics(alpha), harmonics(beta)
     if form.ndim == 2:
         rows = a @ form
         return rows[..., 0] * b[..., 0] + rows[..., 1] * b[..., 1] + rows[..., 2] * b[..., 2]
@@ -170,7 +170,7 @@ def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
 
 def regressors_at(block: Sequence[Sheet], sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
     """F (K, P) of each of the places: its sheet's index (K,), α and β (K,) [rad]."""
-    regressors, a, b = np.empty((len(sheet), len(block[0].regressor))), basis(alpha), basis(beta)
+    regressors, a, b = np.empty((len(sheet), len(block[0].regressor))), harmonics(alpha), harmonics(beta)
     for k in range(len(block)):
         places = np.flatnonzero(sheet == k)
         if len(places):
@@ -208,7 +208,7 @@ def _by_alpha(forms: NDArray) -> NDArray:
 
 def _in_beta(forms: Sequence[NDArray], sheet: NDArray, alpha: NDArray) -> NDArray:
     """Factors (3, N, K) of cos β, of sin β and of 1 of each sheet's forms, as of `_by_alpha`, at α (N,)."""
-    a, factors = basis(alpha), np.empty((len(sheet), forms[0].shape[1]))
+    a, factors = harmonics(alpha), np.empty((len(sheet), forms[0].shape[1]))
     for k, form in enumerate(forms):
         rows = np.flatnonzero(sheet == k)
         factors[rows] = a[rows] @ form
@@ -240,7 +240,7 @@ class Ridges:
             known = self._clearance(sheet, alpha, cos, sin) >= 2.0 * margin - abs(margin)
         row, end = np.divmod(np.flatnonzero(known), known.shape[1])
         upper, which = np.divmod(end, self._frozen.shape[1])
-        edge = (basis(alpha)[row, None, :] @ self._frozen[sheet[row], which])[:, 0]
+        edge = (harmonics(alpha)[row, None, :] @ self._frozen[sheet[row], which])[:, 0]
         with np.errstate(invalid="ignore"):
             spread = np.arccos((2.0 * margin - edge[:, 2]) / np.hypot(edge[:, 0], edge[:, 1]))
         count = known.sum(axis=1)
@@ -292,7 +292,7 @@ class Ridges:
 
         The forms (S, 3, 3) are F'y of each sheet, the senses (N,) ±1.
         """
-        f = sense[:, None] * (basis(arcs.alpha)[:, None, :] @ forms[arcs.sheet])[:, 0]
+        f = sense[:, None] * (harmonics(arcs.alpha)[:, None, :] @ forms[arcs.sheet])[:, 0]
         top_beta = np.arctan2(f[:, 1], f[:, 0])
         top = np.hypot(f[:, 0], f[:, 1]) + f[:, 2]
         if self._free:
@@ -333,11 +333,11 @@ class Ridges:
         return alpha, beta, best
 
 
-class Lines:
+class WholeGrid:
     """A grid that is priced whole: every admissible position of the given lines of both angles (n,) [rad]."""
 
     def __init__(self, sheets: Sequence[Sheet], angle: NDArray, lines: NDArray):
-        self._lines, self._basis = lines, basis(angle[lines])
+        self._lines, self._basis = lines, harmonics(angle[lines])
         at = angle[lines]
         self._inside = [(clearance(s, at[:, None], at[None, :]) > 0.0).astype(float) for s in sheets]
         self._values = np.empty((len(lines), len(lines)))
@@ -357,16 +357,16 @@ class Lines:
         return ceiling + slack, np.array(above, dtype=int).reshape(-1, 3)
 
 
-class Rows:
+class FineGrid:
     """A grid of angles (n,) [rad] that is priced row by row, and only where a row may hold a position above one."""
 
     def __init__(self, sheets: Sequence[Sheet], angle: NDArray):
-        self._sheets, self._angle, self._basis = sheets, angle, basis(angle)
+        self._sheets, self._angle, self._basis = sheets, angle, harmonics(angle)
         self._ridges = Ridges(sheets, OUTSIDE)
         self._arcs = [self._ridges.arcs(np.full(len(angle), k), angle) for k in range(len(sheets))]
 
     def price(self, forms: NDArray, most: int | None) -> tuple[float, NDArray]:
-        """As `Lines.price`; of each sheet and sense at most `most` rows, the most promising, are looked at."""
+        """As `WholeGrid.price`; of each sheet and sense at most `most` rows, the most promising, are looked at."""
         limit, slack = 1.0 + TOLERANCE, _rounding(forms)
         above, ceiling = [], limit
         for k in range(len(self._sheets)):

@@ -186,7 +186,7 @@ def plan_check(
     >>> import trihedron as th
     >>> th.plan_check("plan12/angles.csv").advice  # doctest: +SKIP
     """
-    planned, actual = planning.read_angles(Path(file), keep_out)
+    planned, actual = planning.read_settings(Path(file), keep_out)
     request = planning.Request(
         keep_out=tuple(keep_out),
         admissible=admissible,

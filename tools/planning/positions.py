@@ -23,7 +23,7 @@ from ..rounding import downwards
 from .bounds import Bound, HittingSet, bound_positions, pool_of
 from .check import EffectDistance, detecting, named_effects
 from .request import GOALS, Request
-from .search import drawn, rounded, search
+from .search import random_places, rounded, search_positions
 from .targets import Degrees
 from .task import Costs, Places, Task, allowed, costs, task_of
 from .tour import measuring_order, unwound
@@ -206,7 +206,7 @@ def common_positions(
     beginnings = []
     if stored:
         beginnings = [places.joined(task.measured) for places in _starting_positions(task, count)]
-    best, starts, interrupted = search(task, count, beginnings=beginnings, enough=enough, progress=progress)
+    best, starts, interrupted = search_positions(task, count, beginnings=beginnings, enough=enough, progress=progress)
     if best is None:
         less = ", or leave more angles by --keep-out" if request.keep_out else ""
         raise NoSetError(
@@ -454,9 +454,9 @@ def plan_curve(low: int, high: int, request: Request, *, progress: bool = False)
     for count in range(low, high + 1):
         beginnings = _starting_positions(task, count)
         if before is not None:
-            beginnings.append(before.joined(drawn(task, 1, np.random.default_rng(request.seed))))
+            beginnings.append(before.joined(random_places(task, 1, np.random.default_rng(request.seed))))
         try:
-            best, _, interrupted = search(task, count, beginnings=beginnings, progress=progress)
+            best, _, interrupted = search_positions(task, count, beginnings=beginnings, progress=progress)
             if best is None:
                 continue
             before = best.places

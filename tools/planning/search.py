@@ -22,7 +22,7 @@ from ..bounded.programmes import UNSCALED, Solver, linear_programme
 from ..progress import progress_bar
 from ..rounding import upwards
 from .certificate import NO_WEIGHT
-from .forms import basis, slopes
+from .forms import harmonics, slopes
 from .task import NOT_DETERMINED, Costs, Places, Task, allowed, costs, free_arcs, freedom
 
 BEST_SETS = 6
@@ -101,7 +101,7 @@ class BestSets:
         return any(step == steps and value > self.merits[-1] + share * room for steps, share in GIVE_UP)
 
 
-def search(
+def search_positions(
     task: Task, count: int, *, beginnings: Sequence[Places] = (), enough: float = 0.0, progress: bool = False
 ) -> tuple[Costs | None, int, bool]:
     """Look for the best set of so many positions; Ctrl-C ends the search and keeps the best so far, if there is any.
@@ -152,19 +152,19 @@ def _start(task: Task, count: int, rng: np.random.Generator, best_sets: BestSets
     trials = []
     if not best_sets.full or rng.random() < FRESH:
         for _ in range(DRAWS):
-            trials.append(costs(task, drawn(task, count, rng).joined(task.measured)))
+            trials.append(costs(task, random_places(task, count, rng).joined(task.measured)))
     else:
         base = best_sets.sets[int(rng.integers(BEST_SETS))].places
         for _ in range(2):
             rows = rng.choice(count, min(count, int(rng.integers(1, 3))), replace=False)
-            new = drawn(task, len(rows), rng)
+            new = random_places(task, len(rows), rng)
             angle, mounting = base.angle.copy(), base.mounting.copy()
             angle[rows], mounting[rows] = new.angle, new.mounting
             trials.append(costs(task, Places(angle, mounting)))
     return min(trials, key=lambda trial: (min(trial.worst, NOT_DETERMINED), trial.mean))
 
 
-def drawn(task: Task, count: int, rng: np.random.Generator) -> Places:
+def random_places(task: Task, count: int, rng: np.random.Generator) -> Places:
     """Random positions outside the keep-outs: anywhere, or near multiples of 90° of both axes."""
     if rng.integers(2):
         angle = np.radians(90.0 * rng.integers(0, 4, (count, 2)) + rng.normal(0.0, SPREAD_DEG, (count, 2)))
@@ -311,8 +311,8 @@ def _by_angles(task: Task, present: Costs) -> NDArray:
     places, counted = present.places, present.readings
     alpha, beta = places.angle[counted.position].T
     f = task.regressor[counted.sheet]
-    by_alpha = np.einsum("mpij,mi,mj->mp", f, slopes(alpha), basis(beta), optimize=True)
-    by_beta = np.einsum("mpij,mi,mj->mp", f, basis(alpha), slopes(beta), optimize=True)
+    by_alpha = np.einsum("mpij,mi,mj->mp", f, slopes(alpha), harmonics(beta), optimize=True)
+    by_beta = np.einsum("mpij,mi,mj->mp", f, harmonics(alpha), slopes(beta), optimize=True)
     by = np.stack([by_alpha, by_beta], axis=1)
     targets = len(present.weights)
     moved = np.zeros((len(places), targets, 2, f.shape[1]))
@@ -323,7 +323,7 @@ def _by_angles(task: Task, present: Costs) -> NDArray:
 def _boundary(task: Task, sheet: NDArray, angle: NDArray) -> tuple[NDArray, NDArray]:
     """Base and terms (M, 1 + T) of the clearances of sheets (M,) at angles (M, 2), and their slopes (M, 1 + T, 2)."""
     forms = np.concatenate([task.base[sheet][:, None], task.terms[sheet]], axis=1)
-    alpha, beta = basis(angle[:, 0]), basis(angle[:, 1])
+    alpha, beta = harmonics(angle[:, 0]), harmonics(angle[:, 1])
     values = np.einsum("mtij,mi,mj->mt", forms, alpha, beta, optimize=True)
     by_alpha = np.einsum("mtij,mi,mj->mt", forms, slopes(angle[:, 0]), beta, optimize=True)
     by_beta = np.einsum("mtij,mi,mj->mt", forms, alpha, slopes(angle[:, 1]), optimize=True)

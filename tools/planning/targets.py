@@ -14,9 +14,9 @@ from ..calibration.targets import Target, asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import tracked
 from ..result import Result
-from .certificate import Columns, Optimum, UndeterminedError, scaled_optimum, settled
+from .certificate import ColumnProgramme, Optimum, UndeterminedError, scaled_optimum, settled_optimum
 from .continuum import Continuum
-from .forms import Lines, Rows, Sheet, clearance, dual_forms, regressors_at, sheets
+from .forms import FineGrid, Sheet, WholeGrid, clearance, dual_forms, regressors_at, sheets
 from .request import Request
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ Degrees = Annotated[Number, AfterValidator(_plain)]
 Cost = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-class Grid:
+class PositionGrid:
     """A grid over [0°, 360°] × [0°, 360°] and the columns found on it so far, shared by all targets.
 
     Positions that coincide (0° and 360°) count once. A coarse grid is priced whole. Of a fine one no list of positions
@@ -55,11 +55,11 @@ class Grid:
         self._degrees = degrees[degrees < 360.0 - 1e-9 * step_deg]
         self._angle = np.radians(self._degrees)
         self._sheets = sheets
-        self._columns = Columns(sheets[0].regressor.shape[0])
+        self._columns = ColumnProgramme(sheets[0].regressor.shape[0])
         self._at = np.zeros((0, 3), dtype=int)
         lines = np.arange(0, len(self._angle), -(-len(self._angle) // WHOLE))
-        self._coarse = Lines(sheets, self._angle, lines)
-        self._fine = Rows(sheets, self._angle) if len(lines) < len(self._angle) else None
+        self._coarse = WholeGrid(sheets, self._angle, lines)
+        self._fine = FineGrid(sheets, self._angle) if len(lines) < len(self._angle) else None
         first = lines[np.unique(np.linspace(len(lines) // 90, len(lines) - 1, FIRST_LINES).astype(int))]
         i, j = np.repeat(first, len(first)), np.tile(first, len(first))
         for k, sheet in enumerate(sheets):
@@ -80,7 +80,7 @@ class Grid:
         return self._fine.price(forms, None)[0]
 
     def _price(self, dual: NDArray) -> tuple[float, NDArray]:
-        """As `Lines.price`, of the whole grid once its coarser lines and its best rows hold nothing above one."""
+        """As `WholeGrid.price`, of the whole grid once its coarser lines and its best rows hold nothing above one."""
         forms = dual_forms(self._sheets, dual)
         bound, places = self._coarse.price(forms)
         if self._fine is not None and not len(places):
@@ -107,7 +107,7 @@ class Grid:
         sheet, i, j = self._at[used].T
         accelerometer = np.array([self._sheets[k].accelerometer for k in sheet])
         at = accelerometer, self._angle[i], self._angle[j], self._degrees[i], self._degrees[j]
-        return settled(target, dual, bound, self._columns.regressors[used], weights[used], at)
+        return settled_optimum(target, dual, bound, self._columns.regressors[used], weights[used], at)
 
 
 class PlannedReading(Result):
@@ -220,7 +220,7 @@ def optimal_plans(
         raise InputError(f"--mounting: holds {len(p.mountings)} mountings ({names}); a plan is for one")
     block = sheets(p, bounds=request.bounds, rule=request.admissible)
     estimated = asked_targets(targets, p) if targets else convention_targets(p, request.convention)
-    positions = Continuum(block) if grid is None else Grid(block, grid)
+    positions = Continuum(block) if grid is None else PositionGrid(block, grid)
     plans = []
     for target in tracked(estimated, "plans", show=progress):
         try:

@@ -20,9 +20,9 @@ from ..calibration.targets import Target, asked_targets, convention_targets
 from ..errors import InputError
 from ..progress import shown_status
 from ..records import PositionRecord, read_record
-from .certificate import Columns, UndeterminedError, scaled_optimum
+from .certificate import ColumnProgramme, UndeterminedError, scaled_optimum
 from .continuum import Continuum
-from .forms import basis, padded_terms, sheets
+from .forms import harmonics, padded_terms, sheets
 from .request import FACES, Request, parsed_keep_out
 
 CORNERS = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
@@ -257,7 +257,7 @@ def clearances(task: Task, places: Places) -> NDArray:
     """Clearance (N, S) [g] of each sheet at each position, setting errors allowed for; a reading counts above 0."""
     lowest = np.full((len(places), len(task.base)), np.inf)
     for shift in task.shifts:
-        a, b = basis(places.angle[:, 0] + shift[0]), basis(places.angle[:, 1] + shift[1])
+        a, b = harmonics(places.angle[:, 0] + shift[0]), harmonics(places.angle[:, 1] + shift[1])
         clear = np.einsum("sij,ni,nj->ns", task.base, a, b, optimize=True)
         clear -= np.abs(np.einsum("stij,ni,nj->nst", task.terms, a, b, optimize=True)).sum(axis=2)
         lowest = np.minimum(lowest, clear)
@@ -267,7 +267,7 @@ def clearances(task: Task, places: Places) -> NDArray:
 
 
 @dataclass(frozen=True)
-class Readings:
+class CertainReadings:
     """The readings that count: positions and sheets (M,), regressors F (M, P), clearances (M,) [g]."""
 
     position: NDArray
@@ -276,13 +276,13 @@ class Readings:
     clearance: NDArray
 
 
-def readings(task: Task, places: Places) -> Readings:
+def readings(task: Task, places: Places) -> CertainReadings:
     """The readings of a set of positions whose inputs are certain."""
     clear = clearances(task, places)
     position, sheet = np.nonzero(clear > 0.0)
-    a, b = basis(places.angle[position, 0]), basis(places.angle[position, 1])
+    a, b = harmonics(places.angle[position, 0]), harmonics(places.angle[position, 1])
     f = np.einsum("mpij,mi,mj->mp", task.regressor[sheet], a, b, optimize=True)
-    return Readings(position, sheet, f, clear[position, sheet])
+    return CertainReadings(position, sheet, f, clear[position, sheet])
 
 
 @dataclass(frozen=True)
@@ -292,7 +292,7 @@ class Costs:
     Attributes
     ----------
     places : Places
-    readings : Readings
+    readings : CertainReadings
     weights : (K, M) array
         Φ of each target's estimator
     duals : (K, P) array
@@ -304,7 +304,7 @@ class Costs:
     """
 
     places: Places
-    readings: Readings
+    readings: CertainReadings
     weights: NDArray
     duals: NDArray
     ratio: NDArray
@@ -330,7 +330,7 @@ def costs(task: Task, places: Places) -> Costs:
     counted = readings(task, places)
     weights = np.zeros((len(task.targets), len(counted.position)))
     duals, errors = np.zeros_like(task.weights), np.zeros(len(task.targets))
-    programme = Columns(task.weights.shape[1])
+    programme = ColumnProgramme(task.weights.shape[1])
     if len(counted.position):
         programme.add(counted.regressor)
     for k, target in enumerate(task.weights):

@@ -32,7 +32,7 @@ def measuring_order(places: Places, commands: NDArray, request: Request) -> tupl
         times = move_times(commands[rows], request)
         order = shortest_tour(times) if request.order == "tour" else rng.permutation(len(rows))
         share = round(request.repeat * len(rows) / len(places))
-        order = apart(repeated(order, share), commands[rows])
+        order = separated(with_repeats(order, share), commands[rows])
         duration += tour_duration(times, order)
         whole.append(rows[order])
     return np.concatenate(whole), duration
@@ -158,7 +158,7 @@ def _exchanges(order: NDArray, i: int, j: int) -> list[NDArray]:
     return trials
 
 
-def repeated(order: NDArray, count: int) -> NDArray:
+def with_repeats(order: NDArray, count: int) -> NDArray:
     """The order with `count` of its positions measured again, spread over it, half the programme after the first time.
 
     Half a programme apart, the two readings of a position tell drift and repeatability as well as any can.
@@ -176,7 +176,7 @@ def repeated(order: NDArray, count: int) -> NDArray:
     return np.array(programme)
 
 
-def apart(order: NDArray, commands: NDArray) -> NDArray:
+def separated(order: NDArray, commands: NDArray) -> NDArray:
     """The order with no position right after one in the same place, where others can come between.
 
     A position that a plan has twice, for its weight, would make one long rest. The second one goes to where the first

@@ -45,7 +45,7 @@ CORRUPT_FORCE = 1e5
 
 
 @dataclass(frozen=True)
-class Kind:
+class RecordKind:
     """A kind of record: its name, the columns that it must and may have, and the most rows that are read of it."""
 
     name: str
@@ -61,16 +61,16 @@ class Kind:
 
 _TIME = ("time_s",)
 _TEMPERATURES = (TEMPERATURE,)
-POSITION = Kind(
+POSITION = RecordKind(
     "position record", ("position", "time_s", *ANGLES, *FORCE), (TEMPERATURE, *APPROACH, MOUNTING), most_rows=100_000
 )
-RAW = Kind("raw record", _TIME + ANGLES + FORCE, _TEMPERATURES)
-BENCH_RATES = Kind("bench record", _TIME + ANGLES + RATE + FORCE, _TEMPERATURES)
-BENCH_INCREMENTS = Kind("bench record", _TIME + ANGLES + INCREMENT + FORCE, _TEMPERATURES)
+RAW = RecordKind("raw record", _TIME + ANGLES + FORCE, _TEMPERATURES)
+BENCH_RATES = RecordKind("bench record", _TIME + ANGLES + RATE + FORCE, _TEMPERATURES)
+BENCH_INCREMENTS = RecordKind("bench record", _TIME + ANGLES + INCREMENT + FORCE, _TEMPERATURES)
 BENCH = (BENCH_RATES, BENCH_INCREMENTS)
-STRAPDOWN_RATES = Kind("strapdown record", _TIME + RATE + FORCE, QUATERNION + _TEMPERATURES)
-STRAPDOWN_INCREMENTS = Kind("strapdown record", _TIME + INCREMENT + FORCE, QUATERNION + _TEMPERATURES)
-STRAPDOWN_VELOCITIES = Kind("strapdown record", _TIME + INCREMENT + VELOCITY, FORCE + QUATERNION + _TEMPERATURES)
+STRAPDOWN_RATES = RecordKind("strapdown record", _TIME + RATE + FORCE, QUATERNION + _TEMPERATURES)
+STRAPDOWN_INCREMENTS = RecordKind("strapdown record", _TIME + INCREMENT + FORCE, QUATERNION + _TEMPERATURES)
+STRAPDOWN_VELOCITIES = RecordKind("strapdown record", _TIME + INCREMENT + VELOCITY, FORCE + QUATERNION + _TEMPERATURES)
 STRAPDOWN_KINDS = (POSITION, STRAPDOWN_VELOCITIES, STRAPDOWN_RATES, STRAPDOWN_INCREMENTS, RAW)
 """For a reader that wants gyros, and no angles of a table: the first whose required columns are all there."""
 
@@ -94,7 +94,7 @@ class RecordError(InputError):
 class Layout:
     """What is to be read from a file: the kind, its columns that are there, and the others."""
 
-    kind: Kind
+    kind: RecordKind
     present: tuple[str, ...]
     extra: tuple[str, ...]
 
@@ -161,7 +161,7 @@ def quoted(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
-def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence[Kind] = KINDS) -> Layout:
+def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence[RecordKind] = KINDS) -> Layout:
     """Find the kind of a record by its columns, in the order of the file; the kinds in the order of preference.
 
     A RecordError, at the header's row, when a name is empty or repeated, or the columns are those of no kind.
@@ -210,13 +210,13 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
     return Layout(kind, columns, tuple(unknown))
 
 
-def _distance(names: Sequence[str], kind: Kind) -> tuple[int, int]:
+def _distance(names: Sequence[str], kind: RecordKind) -> tuple[int, int]:
     """How far columns are from those of a kind: how many are missing, how few of its own are there."""
     columns = (set(kind.known) - {"time_s", *FORCE}) & set(names)
     return len(set(kind.required) - set(names)), -len(columns)
 
 
-def _what_is_missing(names: Sequence[str], kind: Kind) -> str:
+def _what_is_missing(names: Sequence[str], kind: RecordKind) -> str:
     missing = []
     for name in kind.required:
         if name not in names:

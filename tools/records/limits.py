@@ -89,7 +89,7 @@ class Limits:
         return lines
 
 
-def limits_of(record: StrapdownRecord | RawRecord) -> Limits:
+def channel_limits(record: StrapdownRecord | RawRecord) -> Limits:
     """The limits that a record's channels show; increments are not divided by logged times, which jitter."""
     channels, unit = {}, "rad/s"
     if isinstance(record, StrapdownRecord):

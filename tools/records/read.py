@@ -38,9 +38,9 @@ from .columns import (
     STRAPDOWN_KINDS,
     TEMPERATURE,
     Columns,
-    Kind,
     Layout,
     RecordError,
+    RecordKind,
     extra_warning,
     faults,
     quoted,
@@ -160,7 +160,7 @@ def table_in_memory(source: object) -> pl.DataFrame:
         raise InputError(f"a table in memory cannot be used: {str(error).splitlines()[0]}") from error
 
 
-def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Record:
+def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False) -> Record:
     if in_memory := not isinstance(source, str | os.PathLike):
         path, written = Path("table"), io.BytesIO()
         if not (table := table_in_memory(source)).width:
@@ -185,7 +185,7 @@ def _parsed(source: Any, kinds: Sequence[Kind], *, trusted: bool = False) -> Rec
     return replace(record_from(columns), warnings=lines, sha256=hashlib.sha256(content).hexdigest())
 
 
-def all_faults(path: Path, content: bytes, kinds: Sequence[Kind] = KINDS, *, trusted: bool = False) -> Faults:
+def all_faults(path: Path, content: bytes, kinds: Sequence[RecordKind] = KINDS, *, trusted: bool = False) -> Faults:
     """Everything that is wrong with the columns and numbers of a record's file, of which `data` are the bytes.
 
     First the faults of the table and of its fields come, in the order of the rows; then those of the numbers. Returned
@@ -257,7 +257,7 @@ def record_from(columns: Columns) -> Record:
     return kind(**values)
 
 
-def _read_csv(path: Path, content: bytes, kinds: Sequence[Kind]) -> Faults:
+def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults:
     """CSV: UTF-8, comma, one header line, comments with `#`; raises RecordError where there is no table at all."""
     lines = _lines(path, content)
     written = [bool(line) and line[0] != "#" and not line.isspace() for line in lines]
@@ -476,7 +476,7 @@ def _too_many(path: Path, layout: Layout, rows: int) -> RecordError:
     return RecordError(path, None, None, f"has {rows} rows; at most {most} are read of a {layout.kind.name}")
 
 
-def _read_parquet(path: Path, content: bytes, kinds: Sequence[Kind], *, trusted: bool) -> Columns:
+def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, trusted: bool) -> Columns:
     """Parquet with the same column names; rows count from 1; raises RecordError for the first fault."""
     wrong = None
     if not trusted:

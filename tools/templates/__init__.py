@@ -11,7 +11,7 @@ from numpy import arange
 from ..errors import InputError, nearest
 from ..files import write_text
 from ..planning.positions import stored_counts, stored_positions
-from ..planning.tour import apart
+from ..planning.tour import separated
 from ..records.columns import POSITION, RAW, STRAPDOWN_RATES
 
 Template = Literal["scenario", "record", "raw-record", "strapdown-record", "mounting"]
@@ -70,7 +70,7 @@ def _angles(positions: int) -> list[tuple[float, float]]:
         raise InputError(
             f"--positions {positions}: there is no plan of so many; there are plans of {counts[0]} to {counts[-1]}"
         )
-    programme = places.angle[apart(arange(len(places)), places.angle)]
+    programme = places.angle[separated(arange(len(places)), places.angle)]
     return [(round(degrees(alpha), 4), round(degrees(beta), 4)) for alpha, beta in programme.tolist()]
 
 

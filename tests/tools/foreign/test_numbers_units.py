@@ -5,7 +5,7 @@ import math
 import pytest
 
 from trihedron.tools.foreign.names import heading
-from trihedron.tools.foreign.numbers import Marks, clock, moment, number, sexagesimal
+from trihedron.tools.foreign.numbers import Marks, clock, parsed_moment, parsed_number, sexagesimal
 from trihedron.tools.foreign.units import scaled_unit
 
 
@@ -27,7 +27,7 @@ from trihedron.tools.foreign.units import scaled_unit
     ],
 )
 def test_numbers(text: str, decimal: str, thousands: str, value: float | None):
-    assert number(text, decimal, thousands) == value
+    assert parsed_number(text, decimal, thousands) == value
 
 
 @pytest.mark.parametrize(
@@ -74,13 +74,13 @@ def test_times_and_dates():
     assert clock("10:15") is None
     assert (clock("10:15", "h:m"), clock("10:15", "m:s")) == (36900.0, 615.0)
     assert clock("10:15:60") is None
-    february, january = moment("01.02.2026", "day-first"), moment("01.02.2026", "month-first")
+    february, january = parsed_moment("01.02.2026", "day-first"), parsed_moment("01.02.2026", "month-first")
     assert february is not None
     assert january is not None
     assert february - january == 30 * 86400.0
-    assert moment("2026-02-01T10:00:00+01:00", "") == february + 9 * 3600.0
-    assert moment("1. Feb 2026", "") == moment("February 1, 2026", "") == february
-    assert moment("30.02.2026", "day-first") is None
+    assert parsed_moment("2026-02-01T10:00:00+01:00", "") == february + 9 * 3600.0
+    assert parsed_moment("1. Feb 2026", "") == parsed_moment("February 1, 2026", "") == february
+    assert parsed_moment("30.02.2026", "day-first") is None
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planning_tasks import planned
 from simulated_table import HEADER, SimulatedTable, text_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.measure import Asked, Measurement, Session, read_programme, source_of
@@ -255,6 +256,16 @@ def test_positions_that_determine_nothing_are_no_plan(tmp_path):
     path = tmp_path / "few.csv"
     path.write_text("alpha_deg,beta_deg\n20,25\n65,145\n", encoding="utf-8")
     with pytest.raises(InputError, match="its 2 positions do not determine X1"):
+        read_programme(path)
+
+
+@pytest.mark.parametrize("number", [0, 9])
+def test_a_programme_with_a_position_that_the_plan_lacks_is_refused(number: int, tmp_path):
+    plan = planned(8).to_json()
+    plan["programme"][0] = number
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(plan), encoding="utf-8")
+    with pytest.raises(InputError, match=f"programme: {number} is no position of the plan"):
         read_programme(path)
 
 

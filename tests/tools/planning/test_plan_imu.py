@@ -11,8 +11,7 @@ from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.planning import ImuPlan
-from trihedron.tools.planning.imu import ImuVisit
-from trihedron.tools.planning.imu_stops import Planned, Visit, record_of, seconds_of
+from trihedron.tools.planning.imu import ImuVisit, Planned, TableVisit, programme_record, seconds_of
 from trihedron.tools.reports.imu_plan import way_of, write_imu_plan
 
 EARTH = np.array([3e-5, -1e-5, 6e-5])
@@ -20,8 +19,8 @@ EARTH = np.array([3e-5, -1e-5, 6e-5])
 
 def test_the_planned_motion_is_that_of_the_table(tmp_path):
     """The FMU of the table moves as the planned record does, at the same times."""
-    visits = [Visit(7.5, 7.5, 3.0, 57.29577951308232), Visit(367.5, 7.5, 2.0, 57.29577951308232)]
-    visits.append(Visit(37.5, 127.5, 2.0, 57.29577951308232))
+    visits = [TableVisit(7.5, 7.5, 3.0, 57.29577951308232), TableVisit(367.5, 7.5, 2.0, 57.29577951308232)]
+    visits.append(TableVisit(37.5, 127.5, 2.0, 57.29577951308232))
     rows = "\n".join(f"{v.alpha_deg},{v.beta_deg},{v.dwell_s}" for v in visits)
     (tmp_path / "programme.csv").write_text(f"alpha_deg,beta_deg,dwell_s\n{rows}\n", encoding="utf-8")
     first, limits = np.radians([7.5, 7.5]).tolist(), {"max_rate": [1.0, 1.0], "max_acceleration": [1.0, 1.0]}
@@ -40,7 +39,7 @@ def test_the_planned_motion_is_that_of_the_table(tmp_path):
             },
         }
     )
-    planned = record_of(visits, EARTH)
+    planned = programme_record(visits, EARTH)
     assert run.table.height == len(planned)
     assert len(planned) - 1 == round(seconds_of(visits) / 0.01)
     for name in ("alpha", "beta"):
@@ -51,10 +50,12 @@ def test_more_is_never_known_worse_and_a_longer_rest_tells_the_bias_better():
     planned = Planned(Bench(50.0, 10.0, gyro_noise=1e-5, encoder_bound=2e-6), 1e-5)
     places = list(zip(np.tile(20.0 + 45.0 * np.arange(8), 3), np.repeat([25.0, 145.0, 265.0], 8), strict=True))
     places += [(0.0, 0.0), (720.0, 0.0), (0.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 450.0), (0.0, 90.0)]
-    some = [Visit(*place, 5.0, 100.0) for place in places]
+    some = [TableVisit(*place, 5.0, 100.0) for place in places]
     errors = planned.errors(planned.linearised(some))
     assert np.isfinite(errors).all()
-    better = planned.errors(planned.linearised([*some, Visit(90.0, 90.0, 5.0, 100.0), Visit(90.0, 810.0, 5.0, 100.0)]))
+    better = planned.errors(
+        planned.linearised([*some, TableVisit(90.0, 90.0, 5.0, 100.0), TableVisit(90.0, 810.0, 5.0, 100.0)])
+    )
     assert (better <= errors * (1.0 + 1e-3)).all()
     symbols = [target.symbol for target in planned.targets]
     longer = planned.errors(planned.linearised([visit._replace(dwell_s=20.0) for visit in some]))

@@ -16,22 +16,22 @@ from generator.stands import random_bench, simulated
 from planning_tasks import OPTIMA, angles, known_optima, planned, stored, tables_task
 from trihedron.models.bench import TARGETS, admissible, nominal_input, regressors
 from trihedron.tools.errors import InputError
-from trihedron.tools.planning import Request, read_angles, task_of
+from trihedron.tools.planning import Request, read_settings, task_of
 from trihedron.tools.planning.bounds import bound_positions, pool_of, symmetries
 from trihedron.tools.planning.forms import x_from_targets
 from trihedron.tools.planning.positions import stored_counts
 from trihedron.tools.planning.request import FACES, parsed_keep_out
-from trihedron.tools.planning.search import drawn, improve, rounded, search
+from trihedron.tools.planning.search import improve, random_places, rounded, search_positions
 from trihedron.tools.planning.task import Places, Task, allowed, clearances, costs, freedom
 from trihedron.tools.planning.tour import (
     SAME_PLACE,
-    apart,
     measuring_order,
     move_times,
-    repeated,
+    separated,
     shortest_tour,
     tour_duration,
     unwound,
+    with_repeats,
 )
 from trihedron.tools.records import write_record
 
@@ -91,7 +91,7 @@ def test_local_improvement_from_the_set_that_was_known() -> None:
 
 
 def test_the_search_repeats_and_improves() -> None:
-    (first, *_), (second, *_) = (search(tables_task(seed=3, starts=1), 8) for _ in range(2))
+    (first, *_), (second, *_) = (search_positions(tables_task(seed=3, starts=1), 8) for _ in range(2))
     assert first is not None
     assert second is not None
     np.testing.assert_array_equal(first.places.angle, second.places.angle)
@@ -108,7 +108,7 @@ def test_an_interrupted_search_keeps_its_best(monkeypatch: pytest.MonkeyPatch) -
         return start
 
     monkeypatch.setattr("trihedron.tools.planning.search.improve", improved)
-    best, starts, interrupted = search(tables_task(starts=5), 12, beginnings=[stored(12)])
+    best, starts, interrupted = search_positions(tables_task(starts=5), 12, beginnings=[stored(12)])
     assert best is not None
     assert (interrupted, starts) == (True, 2)
     assert best.worst <= 1.031
@@ -118,7 +118,7 @@ def test_reserve_holds_at_every_setting_error_within_it() -> None:
     """A reading that counts with a reserve is certain wherever the table stands within it."""
     task, bare = tables_task(reserve_deg=0.7), tables_task()
     rng = np.random.default_rng(5)
-    places = drawn(task, 400, rng)
+    places = random_places(task, 400, rng)
     counts = clearances(task, places) > 0.0
     assert counts.any()
     shifts = rng.uniform(-0.7, 0.7, (50, *places.angle.shape)).tolist()
@@ -152,7 +152,7 @@ def test_symmetries_leave_the_worst_ratio_as_it_is() -> None:
 def test_twelve_positions_from_nothing() -> None:
     """Without the stored set: at or below 1.031, and within 3 % of what is proven on the pool."""
     task = tables_task(seed=1, starts=60)
-    best, *_ = search(task, 12)
+    best, *_ = search_positions(task, 12)
     assert best is not None
     assert best.worst <= 1.031
     bound = bound_positions(tables_task(cuts=60), pool_of(task, best.places), 12, best.worst)
@@ -290,11 +290,11 @@ def test_a_position_in_a_keep_out_is_refused_with_its_row(tmp_path: Path) -> Non
     file = tmp_path / "angles.csv"
     header = "planned_alpha_deg,planned_beta_deg,alpha_deg,beta_deg"
     file.write_text(f"{header}\n100,0,100,0.01\n90,-90,90,-90\n150,10,150,20\n", encoding="utf-8")
-    assert len(read_angles(file, ("alpha:100:150", "beta:271:359"))[0]) == 3
+    assert len(read_settings(file, ("alpha:100:150", "beta:271:359"))[0]) == 3
     with pytest.raises(InputError, match=r"row 3.*, column 'planned_beta_deg': -90 is inside keep_out beta:260:300"):
         th.plan_check(file, keep_out=("beta:260:300",))
     with pytest.raises(InputError, match=r"row 4.*, column 'beta_deg': 20 is inside --keep-out beta:-345:-335"):
-        read_angles(file, ("beta:-345:-335",))
+        read_settings(file, ("beta:-345:-335",))
 
 
 def test_keep_outs_bound_every_move() -> None:
@@ -339,7 +339,7 @@ def test_a_longer_tour_is_an_order_and_better_than_chance() -> None:
 
 
 def test_repeats_are_half_a_programme_apart() -> None:
-    programme = repeated(np.arange(12), 4)
+    programme = with_repeats(np.arange(12), 4)
     assert len(programme) == 16
     rows, times = np.unique(programme, return_counts=True)
     assert (times == 2).sum() == 4
@@ -355,7 +355,7 @@ def neighbours_alike(order: NDArray, commands: NDArray) -> int:
 
 @pytest.mark.parametrize("count", stored_counts())
 def test_every_plan_that_the_package_holds_makes_as_many_rests_as_positions(count: int) -> None:
-    order = apart(np.arange(count), stored(count).angle)
+    order = separated(np.arange(count), stored(count).angle)
     assert sorted(order) == list(range(count))
     assert neighbours_alike(order, stored(count).angle) == 0
 
@@ -363,7 +363,7 @@ def test_every_plan_that_the_package_holds_makes_as_many_rests_as_positions(coun
 @given(st.lists(st.integers(0, 5), min_size=1, max_size=20))
 def test_they_are_kept_apart_wherever_there_are_enough_others(kinds: list[int]) -> None:
     commands, rows = np.array([[k, 0.0] for k in kinds]), np.arange(len(kinds))
-    order = apart(rows, commands)
+    order = separated(rows, commands)
     assert sorted(order) == rows.tolist()
     assert neighbours_alike(order, commands) <= neighbours_alike(rows, commands)
     if max(map(kinds.count, kinds)) <= len(kinds) // 3:
@@ -373,4 +373,4 @@ def test_they_are_kept_apart_wherever_there_are_enough_others(kinds: list[int]) 
 def test_an_order_without_repetitions_stays_as_it_is() -> None:
     commands = np.random.default_rng(0).uniform(-3.0, 3.0, (12, 2))
     order = np.random.default_rng(1).permutation(12)
-    assert apart(order, commands).tolist() == order.tolist()
+    assert separated(order, commands).tolist() == order.tolist()

@@ -15,7 +15,7 @@ from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.planning import Plans
 from trihedron.tools.planning.forms import sheets
-from trihedron.tools.planning.targets import Grid, Plan
+from trihedron.tools.planning.targets import Plan, PositionGrid
 
 GAP = 1e-9
 """What a proof over all angles may leave open, relative."""
@@ -143,7 +143,7 @@ def test_a_step_that_does_not_divide_the_circle() -> None:
 
 def test_one_search_serves_all_targets_in_any_order() -> None:
     """The grid keeps its columns: a search for the last target first costs the same."""
-    search, targets = Grid(sheets(parametrise({"tripod": PRESETS["tripod"]})), 3.0), np.eye(18)
+    search, targets = PositionGrid(sheets(parametrise({"tripod": PRESETS["tripod"]})), 3.0), np.eye(18)
     first = [search.optimum(a).cost for a in targets]
     again = [search.optimum(a).cost for a in targets[::-1]]
     np.testing.assert_allclose(first, again[::-1], rtol=1e-10)

@@ -12,11 +12,11 @@ from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.calibration.targets import expression_weights
-from trihedron.tools.planning.bounds import HittingSet, Pool, bound_positions
+from trihedron.tools.planning.bounds import HittingSet, PositionPool, bound_positions
 from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
 from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
-from trihedron.tools.planning.search import drawn
-from trihedron.tools.planning.targets import Grid, Plan
+from trihedron.tools.planning.search import random_places
+from trihedron.tools.planning.targets import Plan, PositionGrid
 from trihedron.tools.planning.task import Places, Task, clearances, costs, readings, task_of
 
 
@@ -122,7 +122,7 @@ def test_a_box_is_bounded_from_above_and_tightly() -> None:
 def test_a_grid_s_ceiling_allows_for_rounding() -> None:
     """Never below the greatest |F'y| of the grid in extended precision, and hardly above."""
     block = sheets(parametrise({"skew": PRESETS["skew"]}))
-    grid, angle = Grid(block, 30.0), np.radians(np.arange(0.0, 360.0, 30.0))
+    grid, angle = PositionGrid(block, 30.0), np.radians(np.arange(0.0, 360.0, 30.0))
     alpha, beta = np.tile(angle, len(angle)), np.repeat(angle, len(angle))
     for seed in range(40):
         dual = np.random.default_rng(seed).normal(size=18)
@@ -147,14 +147,14 @@ def test_room_for_setting_errors_is_nearly_used_up() -> None:
 
 
 @pytest.fixture(scope="module")
-def small_pool() -> tuple[Task, Pool]:
+def small_pool() -> tuple[Task, PositionPool]:
     """Ten positions: the seven that the package holds, and three at random."""
-    extra = drawn(tables_task(), 3, np.random.default_rng(3)).angle
+    extra = random_places(tables_task(), 3, np.random.default_rng(3)).angle
     places, task = Places(np.vstack([stored(7).angle, extra]), np.zeros(10, dtype=int)), tables_task(cuts=60, seed=2)
-    return task, Pool(places, np.arange(10), readings(task, places))
+    return task, PositionPool(places, np.arange(10), readings(task, places))
 
 
-def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, Pool]) -> None:
+def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, PositionPool]) -> None:
     """Of a small pool every set is tried; no more is proven where only worse sets are known."""
     task, pool = small_pool
     best, second = sorted(costs(task, pool.places.chosen(list(rows))).worst for rows in combinations(range(10), 7))[:2]
@@ -163,7 +163,7 @@ def test_a_bound_of_sets_is_that_of_the_best_set(small_pool: tuple[Task, Pool]) 
     assert 0.8 * best <= bound_positions(task, pool, 7, second).ratio <= best * (1 + 1e-9)
 
 
-def test_a_bound_where_some_are_measured_is_that_of_the_best_set(small_pool: tuple[Task, Pool]) -> None:
+def test_a_bound_where_some_are_measured_is_that_of_the_best_set(small_pool: tuple[Task, PositionPool]) -> None:
     task, pool = small_pool
     known = replace(task, measured=pool.places.chosen([0, 2, 3, 5]))
     sets = (pool.places.chosen(list(rows)).joined(known.measured) for rows in combinations(range(10), 3))
@@ -171,7 +171,7 @@ def test_a_bound_where_some_are_measured_is_that_of_the_best_set(small_pool: tup
     assert bound_positions(known, pool, 3, best).ratio == pytest.approx(best, rel=1e-7)
 
 
-def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[Task, Pool]) -> None:
+def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[Task, PositionPool]) -> None:
     task, pool = small_pool
     level = task_of(replace(task.request, goal="levelling", cuts=60), best=np.full(8, 2.0))
     sets = [list(rows) for rows in combinations(range(10), 7)]
@@ -191,7 +191,7 @@ def test_a_bound_of_a_goal_is_that_of_the_norm_of_its_targets(small_pool: tuple[
         assert (hitting._height[rows].max(axis=0) >= (1.0 - 1e-6) / reached).all()
 
 
-def test_a_position_that_just_reaches_a_ratio_counts_for_its_cut(small_pool: tuple[Task, Pool]) -> None:
+def test_a_position_that_just_reaches_a_ratio_counts_for_its_cut(small_pool: tuple[Task, PositionPool]) -> None:
     """Position 0 reaches the first cut to rounding and the second surely: it alone hits both."""
     hitting = HittingSet(*small_pool)
     heights = np.zeros((10, 2))

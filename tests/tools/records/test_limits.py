@@ -11,7 +11,7 @@ from generator import G
 from generator.carried import POSES, true_motion
 from record_files import measured
 from trihedron.tools.records import RawRecord, StrapdownRecord
-from trihedron.tools.records.limits import limits_of
+from trihedron.tools.records.limits import channel_limits
 
 PERIOD = 0.01
 KINDS = {
@@ -111,7 +111,7 @@ def test_no_sound_record_has_a_limit(motion, kind):
     """Rests, constant rates, plateaus of coarse steps, repeated samples: none of them is a limit."""
     for seed in range(12):
         record = motion(seed, kind).record(hold=1 + seed // 4 % 2)
-        assert limits_of(record).lines == [], seed
+        assert channel_limits(record).lines == [], seed
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -131,7 +131,7 @@ def test_a_clipped_gyro_is_found_and_no_other_channel_is(kind, side):
         if side == "both":
             limit[axis], least[axis] = (sign * min(limit[axis], -least[axis]) for sign in (1.0, -1.0))
         record: Any = drawn.record(limit, least)
-        limits = limits_of(record)
+        limits = channel_limits(record)
         assert limits.rows.keys() <= {f"w{axis + 1}"}, seed
         missed += not limits.rows
         for mask in limits.rows.values():
@@ -153,7 +153,7 @@ def test_a_few_rows_in_a_row_are_a_limit_where_noise_does_not_repeat(rows, is_li
         record = smooth_motion(200 + seed, "noisy").record()
         rate = np.array(record.rate)
         rate[1200 : 1200 + rows, 1] = -1.2 * np.abs(rate[:, 1]).max()
-        limits = limits_of(StrapdownRecord(record.time_s, rate, None, record.specific_force))
+        limits = channel_limits(StrapdownRecord(record.time_s, rate, None, record.specific_force))
         assert {name: np.flatnonzero(mask).tolist() for name, mask in limits.rows.items()} == (
             {"w2": list(range(1200, 1200 + rows))} if is_limit else {}
         )
@@ -166,8 +166,8 @@ def test_increments_are_judged_as_they_were_measured(jitter):
     record: Any = drawn.record(0.8 * np.abs(drawn.rate).max(axis=0))
     time = record.time_s + np.random.default_rng(0).uniform(-jitter, jitter, len(record))
     summed = StrapdownRecord(time, None, PERIOD * record.rate, record.specific_force)
-    limits = limits_of(summed)
-    assert limits.rows.keys() == limits_of(record).rows.keys() != set()
+    limits = channel_limits(summed)
+    assert limits.rows.keys() == channel_limits(record).rows.keys() != set()
     assert all(" rad, " in line for line in limits.lines)
 
 
@@ -180,19 +180,19 @@ def test_an_accelerometer_at_its_limit_in_one_rest_is_found_in_strapdown_and_raw
         StrapdownRecord(record.time_s, record.rate, None, force),
         RawRecord(record.time_s, np.zeros(len(record)), np.zeros(len(record)), force),
     ):
-        assert limits_of(limited).rows.keys() == {"f1", "f2", "f3"}
-        assert "saturated, at -7.84532 and 7.84532 m/s²" in limits_of(limited).lines[0]
+        assert channel_limits(limited).rows.keys() == {"f1", "f2", "f3"}
+        assert "saturated, at -7.84532 and 7.84532 m/s²" in channel_limits(limited).lines[0]
 
 
 def test_dead_channels_and_channels_of_few_values_have_no_limit():
     rate = np.zeros((400, 3))
     rate[:, 1], rate[:, 2] = np.sign(np.sin(np.arange(400))), np.round(3.0 * np.sin(0.02 * np.arange(400)))
-    assert limits_of(StrapdownRecord(PERIOD * np.arange(400), rate, None, rate[:, ::-1])).lines == []
+    assert channel_limits(StrapdownRecord(PERIOD * np.arange(400), rate, None, rate[:, ::-1])).lines == []
 
 
 @pytest.mark.parametrize("name", ["broad-03", "broad-21", "mpu9150-0", "mpu9150-1", "mpu9150-2", "xsens-imu-tk"])
 def test_no_measured_record_has_a_limit(name):
-    assert limits_of(measured(name)).lines == []
+    assert channel_limits(measured(name)).lines == []
 
 
 def test_a_limit_in_a_measured_record_is_found():
@@ -202,4 +202,4 @@ def test_a_limit_in_a_measured_record_is_found():
     step = 0.0625 * np.pi / 180.0
     rate = np.where(rate < record.rate, step * np.floor(rate / step), rate)
     hurt = StrapdownRecord(record.time_s, rate, None, record.specific_force)
-    assert limits_of(hurt).rows.keys() == {"w1", "w2", "w3"}
+    assert channel_limits(hurt).rows.keys() == {"w1", "w2", "w3"}
