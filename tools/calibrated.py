@@ -5,7 +5,8 @@ A `Calibration` is what `calibrate` returns, of positions, of a bench with gyros
 nothing is left out. Files of the schemas before are converted where they are read (`fmus.parameters`).
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NotRequired
 
@@ -71,6 +72,10 @@ class Sigma(Part):
         return Sigma.model_validate({"value": value, "kind": kind, "from": basis})
 
 
+EACH_ITS_OWN = Sigma.of(None, "each record has its own")
+"""σ of several records."""
+
+
 class Parameter(Part):
     """What is known of one parameter, or of a linear combination of parameters.
 
@@ -126,6 +131,11 @@ class Parameter(Part):
     def central(self) -> float | None:
         """The estimate where both ends are known; None of a falsified model."""
         return self.estimate if self.bounded else None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The ends of what is possible, infinite where nothing bounds it."""
+        return -math.inf if self.low is None else self.low, math.inf if self.high is None else self.high
 
     @property
     def error_bound(self) -> float | None:
@@ -269,6 +279,30 @@ class OfRecord(Part):
     provenance: Provenance
 
 
+class Change(Part):
+    """By how much a parameter of several records, each taken by itself, is no constant.
+
+    Attributes
+    ----------
+    symbol, unit : str
+    of : str
+        "instrument", or "run" where each record has its own
+    at_least, at_most : float or None
+        it changes by `at_least` surely between two of the records; by `at_most` over all of them, None where one leaves
+        it open
+    since, beside : str or None
+        the first record with which no constant explains the parameter, and one before that excludes it
+    """
+
+    symbol: str
+    unit: str
+    of: Literal["instrument", "run"]
+    at_least: Size
+    at_most: Size | None
+    since: str | None
+    beside: str | None
+
+
 class Calibration(Part):
     """What one or several records say of a model's parameters.
 
@@ -309,6 +343,8 @@ class Calibration(Part):
         table positions that would determine them
     of_record : dict of OfRecord
         of several records, by label
+    changes : list of Change
+        of records each of which is calibrated by itself: what changes from one to another
     provenance : Provenance or None
         None of several records: each has its own
     warnings : list of str
@@ -322,7 +358,7 @@ class Calibration(Part):
 
     omitted: ClassVar[frozenset[str]] = frozenset(
         {"stands_with_sigma", "gravity_mps2", "convention", "baseline", "mountings", "positions", "measurements"}
-        | {"no_estimate", "gyros", "reading_errors", "open", "next_positions", "of_record", "provenance"}
+        | {"no_estimate", "gyros", "reading_errors", "open", "next_positions", "of_record", "changes", "provenance"}
     )
 
     schema_: Literal["trihedron.calibration/3"] = Field(default="trihedron.calibration/3", alias="schema")
@@ -347,6 +383,7 @@ class Calibration(Part):
     open: list[Open] = Field(default=[])
     next_positions: list[TablePosition] = Field(default=[])
     of_record: dict[str, OfRecord] = Field(default={})
+    changes: list[Change] = Field(default=[])
     provenance: Provenance | None = None
     warnings: list[str] = Field(default=[])
     linearised: Any = Field(default=None, exclude=True)
@@ -377,6 +414,15 @@ class Calibration(Part):
     def missing(self) -> list[Parameter]:
         """The parameters of the bench and the accelerometers that the records do not determine."""
         return [p for p in self.targets if not p.determined]
+
+    def each(self, symbol: str) -> dict[str, Parameter]:
+        """Return a parameter as each record tells it by itself, by the labels of those that do."""
+        told = {}
+        for label, record in self.of_record.items():
+            for p in record.parameters:
+                if p.symbol == symbol:
+                    told[label] = p
+        return told
 
     def __getitem__(self, target: str) -> Parameter:
         """Return a parameter by its symbol, as X4, or its name, as bias-1; an InputError where there is none."""
@@ -412,3 +458,56 @@ class Calibration(Part):
 
         rows = [p.to_json() | {"error_bound": p.error_bound} for p in self.parameters]
         return pl.DataFrame(rows, schema_overrides=dict.fromkeys((*NUMBERS, "error_bound"), pl.Float64))
+
+
+def each_by_itself(
+    records: Mapping[str, OfRecord], is_of_instrument: Callable[[str], bool], provenance: Provenance | None = None
+) -> Calibration:
+    """Return what several records say, each by itself, and what changes between them.
+
+    It is falsified where a parameter of the instrument is no constant. Of `is_of_instrument` symbols are asked.
+    """
+    symbols: dict[str, str] = {}
+    for record in records.values():
+        symbols |= {p.symbol: p.unit for p in record.parameters}
+    alone = Calibration(
+        verdict="consistent",
+        sigma=EACH_ITS_OWN,
+        radius=None,
+        estimator=None,
+        parameters=[],
+        of_record=dict(records),
+        provenance=provenance,
+    )
+    changes = []
+    for symbol, unit in symbols.items():
+        intervals = {label: p.ends for label, p in alone.each(symbol).items()}
+        lows, highs = zip(*intervals.values(), strict=True)
+        since, beside = first_falsified(intervals)
+        changes.append(
+            Change(
+                symbol=symbol,
+                unit=unit,
+                of="instrument" if is_of_instrument(symbol) else "run",
+                at_least=max(0.0, max(lows) - min(highs)),
+                at_most=finite_or_none(max(highs) - min(lows)),
+                since=since,
+                beside=beside,
+            )
+        )
+    verdict = "consistent"
+    if any(change.of == "instrument" and change.since is not None for change in changes):
+        verdict = "falsified"
+    return alone.model_copy(update={"verdict": verdict, "changes": changes})
+
+
+def first_falsified(intervals: Mapping[str, tuple[float, float]]) -> tuple[str | None, str | None]:
+    """Return the first label at which no constant lies in all intervals so far, and one before that excludes it."""
+    labels = list(intervals)
+    for number, later in enumerate(labels):
+        least, most = intervals[later]
+        for earlier in labels[:number]:
+            low, high = intervals[earlier]
+            if least > high or most < low:
+                return later, earlier
+    return None, None

@@ -12,15 +12,14 @@ from hypothesis import strategies as st
 import trihedron as th
 from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
+from trihedron.tools.calibrated import Calibration, first_falsified
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis.cause import Cause
 from trihedron.tools.errors import InputError
 from trihedron.tools.instrument import (
-    Trend,
     add_to_instrument,
     entries_of,
-    first_falsified,
     nearest_of_instrument,
     trend_of_instrument,
 )
@@ -50,6 +49,18 @@ def root(tmp_path_factory) -> Path:
     return root
 
 
+def ends_over_time(trend: Calibration) -> dict[str, list[tuple[float | None, float | None]]]:
+    """Ends of each parameter in each record; two times None where it tells nothing."""
+    ends = {}
+    for change in trend.changes:
+        alone = trend.each(change.symbol)
+        ends[change.symbol] = []
+        for label in trend.of_record:
+            p = alone.get(label)
+            ends[change.symbol].append((None, None) if p is None else (p.low, p.high))
+    return ends
+
+
 def test_what_the_records_comment_lines_say_stands_in_the_folder_in_order_of_the_dates(root):
     content = entries_of(root / "unit")
     assert content.serial == "U-17"
@@ -76,11 +87,13 @@ def test_the_nearest_in_date_or_temperature(root, options, which):
 
 
 def test_a_scale_factor_that_changed_is_no_constant_since_that_date_and_nothing_else_is_said_to_change(root):
-    by_name = {item.name: item for item in trend_of_instrument(root / "unit").parameters}
+    trend = trend_of_instrument(root / "unit")
+    assert trend.verdict == "falsified"
+    by_name = {change.symbol: change for change in trend.changes}
     for symbol in ("X4", "X5"):
-        assert (by_name[symbol].falsified, by_name[symbol].against) == ("2026-09-07", "2026-03-02")
+        assert (by_name[symbol].since, by_name[symbol].beside) == ("2026-09-07", "2026-03-02")
         assert 1e-4 < by_name[symbol].at_least < 3e-4
-    assert {item.falsified for name, item in by_name.items() if name not in ("X4", "X5")} == {None}
+    assert {change.since for name, change in by_name.items() if name not in ("X4", "X5")} == {None}
 
 
 def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_share_stands_once(root, tmp_path):
@@ -95,17 +108,17 @@ def test_of_several_records_calibrated_together_each_has_its_date_and_what_they_
     )
     add_to_instrument(tmp_path / "unit", root / "2.json", records=[root / "2.csv"])
     trend = trend_of_instrument(tmp_path / "unit")
-    assert trend.dates == DATES
-    by_name = {item.name: item for item in trend.parameters}
+    assert tuple(trend.of_record) == DATES
+    by_name = {change.symbol: change for change in trend.changes}
     ends_of: dict[tuple[str, str | None], tuple[float | None, float | None]] = {}
     for p in together.parameters:
         ends_of[p.symbol, None] = (p.low, p.high)
     for label, record in together.of_record.items():
         ends_of |= {(p.symbol, label): (p.low, p.high) for p in record.parameters}
-    ends = {name: [(r.low, r.high) for r in item.records] for name, item in by_name.items()}
+    ends = ends_over_time(trend)
     assert ends["X16"][:2] == [ends_of["X16", "0"], ends_of["X16", "1"]]
     assert ends["X4"][:2] == [(None, None), ends_of["X4", None]]
-    assert (by_name["X4"].falsified, by_name["X4"].against) == ("2026-09-07", DATES[1])
+    assert (by_name["X4"].since, by_name["X4"].beside) == ("2026-09-07", DATES[1])
     with pytest.raises(InputError, match="is there already"):
         add_to_instrument(tmp_path / "unit", shared, records=files)
     with pytest.raises(InputError, match="is not the record of"):
@@ -121,7 +134,8 @@ def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_
         path.write_text(f"# date: {date}\n{path.read_text('utf-8')}", "utf-8")
     diagnosis = th.diagnose_together(*files, noise_bound=SIGMA)
     changed = Cause(effect="parameter", where="X4", record="1", equivalents=(), parameters=())
-    alone = {item.name: [(r.low, r.high) for r in item.records] for item in diagnosis.repeatability or ()}
+    assert diagnosis.repeatability is not None
+    alone = ends_over_time(diagnosis.repeatability)
     together = {p.symbol: (p.low, p.high) for p in diagnosis.stated.parameters}
     nothing = (None, None)
     in_both = (changed, changed.model_copy(update={"record": "0"}))
@@ -136,10 +150,7 @@ def test_of_several_records_diagnosed_together_what_is_a_runs_stands_at_its_own_
         (tmp_path / f"{name}.json").write_text(result.json_text(), encoding="utf-8")
         entry = add_to_instrument(tmp_path / name, tmp_path / f"{name}.json", records=files)
         assert (entry.kind, entry.date, len(entry.dates)) == ("diagnosis", DATES[1], 2)
-        ends = {
-            item.name: [(r.low, r.high) for r in item.records]
-            for item in trend_of_instrument(tmp_path / name).parameters
-        }
+        ends = ends_over_time(trend_of_instrument(tmp_path / name))
         assert ends["X16"] == alone["X16"]
         assert ends["X4"] == x4
         assert ends["X9"] == [nothing, together["X9"]]
@@ -182,7 +193,7 @@ def test_the_commands_list_show_and_page_it(root, capsys):
     assert main(["instrument", "trend", unit, "--report", str(page), "--json", str(out)]) == 0
     assert "no constant since 2026-09-07 (beside 2026-03-02)" in capsys.readouterr().out
     assert "<svg " in page.read_text(encoding="utf-8")
-    again = Trend.model_validate_json(out.read_text(encoding="utf-8"))
+    again = Calibration.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
 
 

@@ -15,7 +15,7 @@ OF_BASELINE = ("noise_bound", "noise_bound_basis", "noise_bound_from", "baseline
 OF_SETS = ("extended", "extension", "alternatives")
 OF_SEVERAL = {"gains": "cross_gain", "witnesses": "judgement"}
 """Keys of several records that have another name now."""
-EACH_ITS_OWN = "each record has its own"
+EACH_ITS_OWN_SIGMA = {"value": None, "kind": "unknown", "from": "each record has its own"}
 
 
 def of_former_schemas(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,11 +57,12 @@ def _of_several(content: Mapping[str, Any]) -> dict[str, Any]:
     present = {key: value for key, value in content.items() if key not in gone}
     for former, name in OF_SEVERAL.items():
         present[name] = content.get(former, [])
-    sigma = {"value": None, "kind": "unknown", "from": EACH_ITS_OWN}
+    sigma = EACH_ITS_OWN_SIGMA
     parameters = _parameters(content.get("parameters"))
     has_causes = bool(content.get("causes"))
     present |= {"schema": DIAGNOSIS, "baseline_model": "shared parameters"}
     present["calibration"] = _calibration(content, content.get("radius"), sigma, [] if has_causes else parameters)
+    present["repeatability"] = _each_by_itself(content.get("repeatability"), content.get("records"))
     radius = content.get("radius_with_causes")
     sets = {"verdict": content.get("verdict"), "causes": _causes(content.get("causes"))}
     sets["alternatives"] = [_causes(causes) for causes in content.get("alternatives") or ()]
@@ -92,6 +93,32 @@ def _calibration(content: Mapping[str, Any], radius: Any, sigma: Mapping[str, An
         "estimator": None,
         "parameters": parameters,
     }
+
+
+def _each_by_itself(former: Any, records: Any) -> Any:
+    """Repeatability as the calibration of each record by itself, with what changes."""
+    if not isinstance(former, list) or not isinstance(records, list):
+        return former
+    of_record = {}
+    for entry in records:
+        if isinstance(entry, Mapping):
+            label = entry.get("record")
+            of_record[label] = {"sigma": EACH_ITS_OWN_SIGMA, "parameters": [], "provenance": {"record": label}}
+    changes = []
+    for entry in former:
+        if not isinstance(entry, Mapping):
+            return former
+        named = {"symbol": entry.get("name"), "name": entry.get("name"), "unit": entry.get("unit")}
+        for alone in entry.get("records") or ():
+            known = isinstance(alone, Mapping) and (alone.get("low"), alone.get("high")) != (None, None)
+            if known and alone.get("record") in of_record:
+                values = {key: alone.get(key) for key in ("estimate", "low", "high")}
+                determined = {"determined": values["estimate"] is not None}
+                of_record[alone["record"]]["parameters"].append(named | determined | values)
+        change = {key: entry.get(key) for key in ("unit", "of", "at_least", "at_most")}
+        changes.append({"symbol": entry.get("name"), **change, "since": None, "beside": None})
+    present = _calibration({}, None, EACH_ITS_OWN_SIGMA, [])
+    return {**present, "of_record": of_record, "changes": changes}
 
 
 def _parameters(former: Any) -> list[Any]:

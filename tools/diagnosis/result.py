@@ -1,6 +1,7 @@
 """The result of a diagnosis, whatever the kind and number of records: what is published, and what is kept beside it."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NotRequired
 
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -205,30 +206,6 @@ class Length(Result):
     order_as_measured: OrderOfEffects | None
 
 
-class InOneRecord(Result):
-    """What one record leaves possible of a parameter; None where it does not bound it, or no model stands."""
-
-    record: str
-    estimate: Number | None
-    low: Number | None
-    high: Number | None
-
-
-class Repeated(Result):
-    """A parameter, of the instrument or of an effect, from record to record, each by itself.
-
-    Between two of the records it changes by `at_least` surely; over those with which a model stands by `at_most`, None
-    where one leaves it open.
-    """
-
-    name: str
-    unit: str
-    of: Literal["instrument", "run"]
-    records: tuple[InOneRecord, ...]
-    at_least: Number
-    at_most: Number | None
-
-
 class WithFound(Result):
     """Errors with what was found in one record."""
 
@@ -334,7 +311,8 @@ class Diagnosis(Told):
         whether every smallest set holds something that acts in all records alike: "yes", "no", or "open"
     runs : dict
         of each record whether every set holds something of that record alone
-    repeatability : tuple of Repeated
+    repeatability : Calibration
+        each record by itself, with the effects that are named, and what changes from record to record
     cross_gain : tuple of CrossGain
         errors of each record without effects, and with what was found in each
     helps : tuple of Helps
@@ -396,7 +374,7 @@ class Diagnosis(Told):
     own: tuple[str, ...] | None = None
     instrument: Whose | None = None
     runs: Mapping[str, Whose] | None = None
-    repeatability: tuple[Repeated, ...] | None = None
+    repeatability: Calibration | None = None
     cross_gain: tuple[CrossGain, ...] | None = None
     helps: tuple[Helps, ...] | None = None
     not_searched: tuple[str, ...] | None = None
@@ -413,7 +391,7 @@ class Diagnosis(Told):
     @field_validator("explanations")
     @classmethod
     def _simplest_first(cls, explanations: tuple[Explanation, ...]) -> tuple[Explanation, ...]:
-        return tuple(sorted(explanations, key=_complexity_and_radius))
+        return simplest_first(explanations)
 
     @model_validator(mode="after")
     def _agree(self) -> "Diagnosis":
@@ -542,9 +520,13 @@ def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
     return {**present, "explanations": [one.to_json() for one in explanations]}
 
 
-def _complexity_and_radius(explanation: Explanation) -> tuple[int, float]:
-    """The key by which explanations are ordered; one that was not fitted comes behind those that were."""
-    return explanation.numbers, float("inf") if explanation.radius is None else explanation.radius
+def simplest_first(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
+    """Return explanations by the numbers that they need, then by their radius; one without a radius comes last."""
+
+    def rank(explanation: Explanation) -> tuple[int, float]:
+        return explanation.numbers, math.inf if explanation.radius is None else explanation.radius
+
+    return tuple(sorted(explanations, key=rank))
 
 
 def _places_of(sets: tuple[tuple[NamedEffect, ...], ...] | None) -> tuple[tuple[EffectPlace, ...], ...]:

@@ -1,6 +1,5 @@
 """Several records of one instrument: what they say together, and what is the instrument's or the run's."""
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -13,18 +12,25 @@ import numpy as np
 from ...models.effects import EffectPlace
 from ..bounded.programmes import SolverError
 from ..bounded.sets import CutOff, Work
-from ..calibrated import Calibration, OfRecord, Open, Parameter, Provenance, ReadingError, Verdict
-from ..calibration.targets import NAMES, corners, error_weights
+from ..calibrated import (
+    Calibration,
+    OfRecord,
+    Open,
+    Parameter,
+    Provenance,
+    ReadingError,
+    each_by_itself,
+)
+from ..calibration.targets import corners, error_weights
 from ..errors import InputError, nearest
-from ..evidence.evidence import Evidence, undetermined
+from ..evidence.evidence import Evidence, undetermined, words_of
 from ..evidence.fit import Fit
-from ..evidence.joint import OF_EACH, Joint, join
+from ..evidence.joint import Joint, join
 from ..evidence.of_record import Differs, Mended, in_record, is_asked, is_of_instrument, named_alike, names_of
-from ..result import finite_or_none
 from .cause import Cause, Finding, NamedEffect, SizedParameter, causes_of, centred, parameters_of
 from .helps import cross_gains
 from .procedure import diagnosed
-from .result import Diagnosis, Explanation, InOneRecord, OneRecord, Repeated, Whose
+from .result import Diagnosis, Explanation, OneRecord, Whose, simplest_first
 from .search import MOST_WORK
 
 MOST_TRIED = 4
@@ -202,7 +208,7 @@ class Together:
         named = self.found.verdict == "explained" and len(explanations) == 1 and not caution
         return {
             "verdict": "explained" if named else "ambiguous",
-            "explanations": tuple(explanations),
+            "explanations": simplest_first(explanations),
             "causes": explanations[0].causes if named else (),
             "alternatives": tuple(one.causes for one in explanations[1:]),
             "complete": self.found.cut_off_at is None,
@@ -329,62 +335,38 @@ def _is_in_every(label: str | None, owners: Sequence[Collection[str | None]]) ->
 
 def repeated(
     alone: Mapping[str, Diagnosis], joint: Joint | None, places: Sequence[EffectPlace], *asked: Sequence[str]
-) -> tuple[Repeated, ...]:
-    """Parameters of the model and of shared effects from record to record, each record by itself.
+) -> Calibration:
+    """Parameters of the model and of shared effects as each record by itself tells them, and what changes.
 
     With the effects of `places` that act in it where it is judged with the others and stands with them, else with what
     explains it by itself, or with none. `asked` are names of what is shared, and of what is each record's own.
     """
-    values: dict[tuple[str, str], dict[str, SizedParameter]] = {}
+    records = {}
     for label, diagnosis in alone.items():
-        evidence = diagnosis.evidence
-        for key in getattr(evidence, "names", ()):
-            values.setdefault(key, {})
+        parameters: list[Parameter] = []
         fit = _standing(label, diagnosis, joint, places)
-        if fit is None:
-            continue
-        for sized in parameters_of(evidence, fit):
-            values.setdefault((sized.name, sized.unit), {})[label] = sized
-        for cause in causes_of(evidence, fit):
-            if cause.place in places:
-                for sized in cause.parameters:
-                    values.setdefault((f"{cause.place.title}: {sized.name}", sized.unit), {})[label] = sized
-    return tuple(repeated_of(*key, by_label, tuple(alone), *asked) for key, by_label in values.items())
+        if fit is not None:
+            parameters += [parameter_of(sized) for sized in parameters_of(diagnosis.evidence, fit)]
+            for cause in causes_of(diagnosis.evidence, fit):
+                if cause.place in places:
+                    parameters += [parameter_of(sized, cause.place) for sized in cause.parameters]
+        provenance = Provenance(record=label)
+        records[label] = OfRecord(sigma=diagnosis.calibration.sigma, parameters=parameters, provenance=provenance)
+    return each_by_itself(records, lambda symbol: ": " in symbol or is_of_instrument(symbol, *asked))
 
 
-def repeated_of(
-    name: str,
-    unit: str,
-    values: Mapping[str, SizedParameter],
-    labels: Sequence[str],
-    shared: Sequence[str] = (),
-    own: Sequence[str] = (),
-) -> Repeated:
-    """A parameter of which some of the records with these labels leave something; `shared`, `own` as for `join`."""
-    records = []
-    for label in labels:
-        low, high = values[label].ends if label in values else (-math.inf, math.inf)
-        bounded = math.isfinite(low) and math.isfinite(high)
-        records.append(
-            InOneRecord(
-                record=label,
-                estimate=values[label].estimate if bounded else None,
-                low=finite_or_none(low),
-                high=finite_or_none(high),
-            )
-        )
-    known = [sized.ends for sized in values.values()]
-    lows, highs = [low for low, _ in known], [high for _, high in known]
-    least = max(lows, default=-math.inf) - min(highs, default=math.inf)
-    most = max(highs, default=math.inf) - min(lows, default=0.0)
-    is_shared = ": " in name or is_of_instrument(name, shared, own)
-    return Repeated(
-        name=name,
-        unit=unit,
-        of="instrument" if is_shared else "run",
-        records=tuple(records),
-        at_least=max(0.0, least),
-        at_most=finite_or_none(most),
+def parameter_of(sized: SizedParameter, place: EffectPlace | None = None) -> Parameter:
+    """Return a parameter of a model, or of an effect at a place, as calibrations have it."""
+    symbol = sized.name if place is None else f"{place.title}: {sized.name}"
+    bounded = sized.low is not None and sized.high is not None
+    return Parameter(
+        symbol=symbol,
+        name=words_of(symbol),
+        unit=sized.unit,
+        determined=bounded,
+        estimate=float(sized.estimate) if bounded else None,
+        low=sized.low,
+        high=sized.high,
     )
 
 
@@ -418,55 +400,38 @@ def calibrated_together(
     all records, and `trihedron diagnose` says why.
     """
     joint = join(members_of(members, shared, own), shared, own)
-    missing: tuple[str, ...] = ()
-    parameters: dict[str, list[Parameter]] = {label: [] for label in ["", *members]}
-    errors: dict[str, list[ReadingError]] = {label: [] for label in members}
-    verdict: Verdict = "falsified"
+    fit, missing = None, ()
+    errors: Sequence[list[ReadingError]] = [[] for _ in members]
     if not joint.falsified:
         fit, missing = centred(joint, joint.baseline), joint.missing().get("missing", ())
-        for sized in parameters_of(joint, fit):
-            symbol, _, record = sized.name.partition(" in ")
-            bounded, estimate = sized.low is not None and sized.high is not None, None
-            if bounded:
-                estimate = float(sized.estimate)
-            target, at, mounting = symbol.partition("@")
-            parameters[record].append(
-                Parameter(
-                    symbol=symbol,
-                    name=NAMES[target][0] + at + mounting,
-                    unit=sized.unit,
-                    determined=bounded,
-                    estimate=estimate,
-                    low=sized.low,
-                    high=sized.high,
-                )
-            )
-        verdict = "insufficient" if missing else "consistent"
-    if verdict == "consistent":
-        errors = dict(zip(members, _reading_errors(joint, members, fit), strict=True))
-    of_record = {
-        label: OfRecord(
-            sigma=evidence.calibration.sigma,
-            mountings=evidence.calibration.mountings,
-            parameters=parameters[label],
-            reading_errors=errors[label],
-            provenance=Provenance(record=label, record_sha256=digest),
-        )
-        for (label, evidence), digest in zip(members.items(), sha256, strict=True)
-    }
+        if not missing:
+            errors = _reading_errors(joint, members, fit)
+    together = joint.calibration_of(fit)
+    of_record = {}
+    for (label, record), digest, of_readings in zip(together.of_record.items(), sha256, errors, strict=True):
+        changed = {
+            "parameters": _where_determined(record.parameters),
+            "reading_errors": of_readings,
+            "provenance": Provenance(record=label, record_sha256=digest),
+        }
+        of_record[label] = record.model_copy(update=changed)
     first = next(iter(members.values())).calibration
-    return Calibration(
-        verdict=verdict,
-        sigma=OF_EACH,
-        radius=joint.baseline_radius,
-        gravity_mps2=first.gravity,
-        convention="A1",
-        baseline=first.baseline,
-        estimator=None if verdict == "falsified" else "analytic centre",
-        parameters=parameters[""],
-        open=[Open(parameters=[name]) for name in missing],
-        of_record=of_record,
-    )
+    changed = {
+        "verdict": "insufficient" if missing else together.verdict,
+        "radius": joint.baseline_radius,
+        "gravity": first.gravity,
+        "convention": "A1",
+        "baseline": first.baseline,
+        "parameters": _where_determined(together.parameters),
+        "open": [Open(parameters=[name]) for name in missing],
+        "of_record": of_record,
+    }
+    return together.model_copy(update=changed)
+
+
+def _where_determined(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return parameters without the estimates of those that the records leave open."""
+    return [p if p.determined else p.model_copy(update={"estimate": None}) for p in parameters]
 
 
 def _reading_errors(joint: Joint, members: Mapping[str, Any], fit: Fit) -> list[list[ReadingError]]:

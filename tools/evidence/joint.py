@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.programmes import Interval, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
-from ..calibrated import Calibration, OfRecord, Parameter, Provenance, Sigma
+from ..calibrated import EACH_ITS_OWN, Calibration, OfRecord, Parameter, Provenance
 from ..motion.norm import LARGEST
 from .bench_left_out import trials_of_each
 from .bench_model import LARGEST_OF_BENCH, relinearised, with_possible_sizes
@@ -27,7 +27,6 @@ from .of_record import Differs, InRecord, differs, in_record, is_of_instrument, 
 
 OPEN = 0.01
 """An effect of which a record leaves open so much of what it does, relatively, is not sought in several records."""
-OF_EACH = Sigma.of(None, "each record has its own")
 LEAST_SLACK, MOST_SLACK = 1e-3, 0.5
 """What the linear model of a search may be wrong by, in bounds: at least, and at most."""
 LEAST_PART = 1e-3
@@ -367,7 +366,7 @@ class Joint(Evidence):
         falsified = self.falsified and not (fit is not None and fit.places)
         return Calibration(
             verdict="falsified" if falsified else "consistent",
-            sigma=OF_EACH,
+            sigma=EACH_ITS_OWN,
             radius=self.baseline_radius if fit is None else fit.radius,
             estimator=None if fit is None else "analytic centre",
             parameters=parameters[""],

@@ -1,10 +1,7 @@
 from .folder import INSTRUMENT as INSTRUMENT
 from .folder import Entries as Entries
 from .folder import Entry as Entry
-from .folder import Trend as Trend
-from .folder import Trended as Trended
 from .folder import add_to_instrument as add_to_instrument
 from .folder import entries_of as entries_of
-from .folder import first_falsified as first_falsified
 from .folder import nearest_of_instrument as nearest_of_instrument
 from .folder import trend_of_instrument as trend_of_instrument

@@ -9,12 +9,12 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ...fmus.parameters import CALIBRATIONS
-from ..calibrated import Calibration
-from ..diagnosis.cause import Number, SizedParameter
-from ..diagnosis.result import DIAGNOSES, Diagnosis, Repeated, in_present_schema
-from ..diagnosis.several import repeated_of
+from ..calibrated import Calibration, OfRecord, Parameter, Provenance, each_by_itself
+from ..diagnosis.cause import Number
+from ..diagnosis.result import DIAGNOSES, Diagnosis, in_present_schema
 from ..errors import InputError
-from ..evidence.of_record import plain
+from ..evidence.evidence import words_of
+from ..evidence.of_record import is_of_instrument, plain
 from ..files import LARGEST_RESULT, bytes_of, write_text
 from ..records import read_record
 from ..result import Result, Told, object_of, result_of
@@ -68,22 +68,6 @@ class Entries(Told):
     schema_: Literal["trihedron.instrument-list/1"] = Field(default="trihedron.instrument-list/1", alias="schema")
     serial: str | None
     entries: tuple[Entry, ...]
-
-
-class Trended(Repeated):
-    """A parameter from date to date; no constant explains it from `falsified` on, beside `against`; None: one does."""
-
-    falsified: str | None
-    against: str | None
-
-
-class Trend(Told):
-    """Parameters of an instrument over the dates, and which of them are no constants, since when."""
-
-    schema_: Literal["trihedron.trend/1"] = Field(default="trihedron.trend/1", alias="schema")
-    serial: str | None
-    dates: tuple[str, ...]
-    parameters: tuple[Trended, ...]
 
 
 def add_to_instrument(
@@ -231,8 +215,8 @@ def nearest_of_instrument(
     return of_kind[-1]
 
 
-def trend_of_instrument(folder: Path) -> Trend:
-    """Each parameter over the dates, with its intervals, and since when no constant is possible.
+def trend_of_instrument(folder: Path) -> Calibration:
+    """Return what each date tells of each parameter, and since when no constant is possible.
 
     A constant is falsified at the first date whose interval does not meet one before it: of intervals each two of which
     meet, all have a point in common. An InputError for a folder with fewer than two entries that tell parameters.
@@ -240,35 +224,15 @@ def trend_of_instrument(folder: Path) -> Trend:
     content = entries_of(folder)
     dated = []
     for entry in content.entries:
-        for date, values in _dated(entry):
-            if values:
-                dated.append((date, values))
+        dated += [(date, record) for date, record in _dated(entry) if record.parameters]
     dated.sort(key=lambda pair: moment(pair[0], ""))
     if len(dated) < 2:
         raise InputError(f"{folder}: two records at least must tell parameters, of consistent or explained results")
     labels = _labels([date for date, _ in dated])
-    by_name: dict[tuple[str, str], dict[str, SizedParameter]] = {}
-    for label, (_, values) in zip(labels, dated, strict=True):
-        for key, value in values.items():
-            by_name.setdefault(key, {})[label] = value
-    parameters = []
-    for (name, unit), values in by_name.items():
-        falsified, against = first_falsified({label: values[label].ends for label in labels if label in values})
-        repeated = repeated_of(name, unit, values, labels)
-        parameters.append(Trended(**dict(repeated), falsified=falsified, against=against))
-    return Trend(serial=content.serial, dates=tuple(labels), parameters=tuple(parameters))
-
-
-def first_falsified(intervals: Mapping[str, tuple[float, float]]) -> tuple[str | None, str | None]:
-    """The first label at which no constant lies in all intervals so far, and one before that excludes it; or None."""
-    labels = list(intervals)
-    for number, later in enumerate(labels):
-        least, most = intervals[later]
-        for earlier in labels[:number]:
-            low, high = intervals[earlier]
-            if least > high or most < low:
-                return later, earlier
-    return None, None
+    records = {label: record for label, (_, record) in zip(labels, dated, strict=True)}
+    comments = {} if content.serial is None else {"serial": content.serial}
+    about = Provenance(record=folder.name, kind="instrument", comments=comments)
+    return each_by_itself(records, lambda symbol: ": " in symbol or is_of_instrument(symbol), about)
 
 
 def digests_of(result: Held) -> dict[str, str]:
@@ -316,23 +280,37 @@ def _of_diagnosis(result: Diagnosis) -> Iterator[tuple[str, str, str, Any]]:
         if cause.effect != "parameter":
             title = plain(cause.place).title
             yield from ((cause.record or judged[-1], f"{title}: {p.name}", p.unit, p) for p in cause.parameters)
-    for parameter in result.repeatability or ():
-        for alone in parameter.records:
-            of_record = parameter.of == "run" or (alone.record, parameter.name) in apart
-            if of_record and alone.record in judged:
-                yield alone.record, parameter.name, parameter.unit, alone
+    if result.repeatability is None:
+        return
+    for change in result.repeatability.changes:
+        for label, p in result.repeatability.each(change.symbol).items():
+            if label in judged and (change.of == "run" or (label, change.symbol) in apart):
+                yield label, p.symbol, p.unit, p
 
 
-def _dated(entry: Entry) -> list[tuple[str, dict[tuple[str, str], SizedParameter]]]:
-    """Of each record of an entry its date, and by name and unit what is possible of each parameter that is bounded."""
+def _dated(entry: Entry) -> list[tuple[str, OfRecord]]:
+    """Of each record of an entry its date, and what is possible of each parameter that is bounded."""
     result, dates = _held(entry.result, entry.file), {on_date.record: on_date.date for on_date in entry.dates}
-    values: dict[str, dict[tuple[str, str], SizedParameter]] = {label: {} for label in digests_of(result)}
-    for label, name, unit, p in parameters_of(result):
+    nominal = result.calibration if isinstance(result, Diagnosis) else result
+    values: dict[str, dict[str, Parameter]] = {label: {} for label in digests_of(result)}
+    for label, symbol, unit, p in parameters_of(result):
         if label in values and None not in (p.estimate, p.low, p.high):
-            values[label][name, unit] = SizedParameter.of(name, unit, p.estimate, (p.low, p.high))
+            values[label][symbol] = Parameter(
+                symbol=symbol,
+                name=words_of(symbol),
+                unit=unit,
+                determined=True,
+                estimate=p.estimate,
+                low=p.low,
+                high=p.high,
+            )
     dated = []
-    for label, of_it in values.items():
-        dated.append((dates.get(label, entry.date), of_it))
+    for label, parameters in values.items():
+        own = nominal.of_record.get(label)
+        source = Provenance(record=label, record_sha256=digests_of(result)[label])
+        sigma = nominal.sigma if own is None else own.sigma
+        record = OfRecord(sigma=sigma, parameters=list(parameters.values()), provenance=source)
+        dated.append((dates.get(label, entry.date), record))
     return dated
 
 

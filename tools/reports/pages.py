@@ -48,7 +48,6 @@ PAGES = {
     "SettingCheck": ("plan", "setting_page"),
     "Simulation": ("pages", "simulation_page"),
     "Suite": ("campaign", "suite_page"),
-    "Trend": ("several", "trend_page"),
     "WordLength": ("papers", "word_length_page"),
 }
 """Kind of result -> module here, and its function that makes the page."""
@@ -80,6 +79,8 @@ def page_of(result: Result, record: Any = None) -> Page | None:
 
 def _of_calibration(result: Any) -> tuple[str, str]:
     """Return what makes the page of a calibration: of several records, by the norm of gravity, or at a table."""
+    if result.changes:
+        return "several", "trend_page"
     if result.of_record:
         return "several", "joint_calibration_page"
     return ("inspection", "norm_page") if result.convention is None else PAGES["Calibration"]

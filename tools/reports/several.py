@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from ..calibrated import Calibration, Parameter
 from ..calibration.targets import NAMES
 from ..diagnosis.cause import Cause, SizedParameter
-from ..diagnosis.result import Diagnosis, Explanation, InOneRecord, Repeated
+from ..diagnosis.result import Diagnosis, Explanation
 from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, minus, sentence, unit_text
-from ..instrument import Entries, Entry, Trend
+from ..instrument import Entries, Entry
 from ..rounding import digits, downwards, interval, residual, upwards
 from .pictures.several import drawable, repeatability_picture
 from .sources import cited, versions
@@ -88,7 +88,7 @@ def cause_text(cause: Cause) -> str:
     return f"{owner}: {cause.title}: {', '.join(sizes)}{same}"
 
 
-def _possible(parameter: SizedParameter | InOneRecord, unit: str = "1") -> str:
+def _possible(parameter: SizedParameter | Parameter, unit: str = "1") -> str:
     """What is stated, in a unit where one is said, and the ends of what is possible."""
     value, low, high = interval(parameter.estimate, parameter.low, parameter.high)
     return f"{_in_unit(value, unit)} ({low} to {high})"
@@ -125,11 +125,11 @@ def several_page(result: Diagnosis) -> Page:
         [
             Section("Together", together or ["Nothing must differ."]),
             Section("Each by itself", table=alone),
-            *_changes(result.repeatability or ()),
+            *_changes(result.repeatability),
             *_gains(result),
             Section("What is shared", shared),
         ],
-        lambda: _repeatability(result.repeatability or ()),
+        lambda: _repeatability(result.repeatability),
         TONES.get(result.verdict, "attention"),
         key,
         provenance,
@@ -137,17 +137,16 @@ def several_page(result: Diagnosis) -> Page:
     )
 
 
-def _changes(parameters: Sequence[Repeated]) -> list[Section]:
+def _changes(alone: Calibration | None) -> list[Section]:
     """Return the instrument's parameters that surely change between records; none where none do."""
-    changes = []
-    for parameter in parameters:
-        if parameter.of == "instrument" and parameter.at_least > 0.0:
-            most = "" if parameter.at_most is None else f", {upwards(parameter.at_most)} at most"
-            changes.append(
-                f"{words(parameter.name)} changes by {_in_unit(downwards(parameter.at_least), parameter.unit)} at "
-                f"least{most}."
+    lines = []
+    for change in alone.changes if alone is not None else ():
+        if change.of == "instrument" and change.at_least > 0.0:
+            most = "" if change.at_most is None else f", {upwards(change.at_most)} at most"
+            lines.append(
+                f"{words(change.symbol)} changes by {_in_unit(downwards(change.at_least), change.unit)} at least{most}."
             )
-    return [Section("What is no constant", changes)] if changes else []
+    return [Section("What is no constant", lines)] if lines else []
 
 
 def _titles(explanation: Explanation | None) -> str | None:
@@ -180,29 +179,30 @@ def _typeset(name: str) -> str:
     return words(name).replace("-X", "−X")
 
 
-def _repeatability(parameters: Sequence[Repeated]) -> list[Section]:
+def _repeatability(alone: Calibration | None) -> list[Section]:
     """Return each parameter in each record by itself; none where nothing is repeated."""
-    if not parameters:
+    if alone is None or not alone.changes:
         return []
     rows: list[list[Cell]] = []
-    for parameter in parameters:
-        cells: list[Cell] = [_typeset(parameter.name), parameter.of]
-        for record in parameter.records:
-            cells.append(None if record.estimate is None else minus(_possible(record)))
-        cells.append(downwards(parameter.at_least))
-        cells.append(None if parameter.at_most is None else upwards(parameter.at_most))
-        cells.append(unit_text(parameter.unit))
+    for change in alone.changes:
+        by_record = alone.each(change.symbol)
+        cells: list[Cell] = [_typeset(change.symbol), change.of]
+        for label in alone.of_record:
+            p = by_record.get(label)
+            cells.append(None if p is None or p.estimate is None else minus(_possible(p)))
+        cells.append(downwards(change.at_least))
+        cells.append(None if change.at_most is None else upwards(change.at_most))
+        cells.append(unit_text(change.unit))
         rows.append(cells)
-    labels = [record.record for record in parameters[0].records]
-    table = Table(["parameter", "of", *labels, "changes at least", "at most", "unit"], rows)
+    table = Table(["parameter", "of", *alone.of_record, "changes at least", "at most", "unit"], rows)
     paragraph = (
         "Each record by itself, with the effects that are named. Every value inside an interval is possible, "
         "none outside: where two intervals do not meet, the parameter is no constant."
     )
-    if not drawable(parameters):
+    if not drawable(alone):
         return [Section("Repeatability", [paragraph], table=table)]
     caption = "A bar for each record, in their order from above; each row has a scale of its own."
-    return [Section("Repeatability", [paragraph], repeatability_picture(parameters), caption, table)]
+    return [Section("Repeatability", [paragraph], repeatability_picture(alone), caption, table)]
 
 
 CALIBRATED = {
@@ -265,27 +265,28 @@ def entries_page(result: Entries) -> Page:
     return Page("Entries", verdict, [Section("Entries", further)] if further else [])
 
 
-def trend_page(result: Trend) -> Page:
+def trend_page(result: Calibration, _: object = None) -> Page:
     """Return which parameters are no constants, with the date since when, and all with their intervals."""
     changes, constants, judged = [], 0, 0
-    for parameter in sorted(result.parameters, key=lambda parameter: parameter.of == "run"):
-        judged_here = sum(record.low is not None for record in parameter.records) > 1
-        judged += judged_here
-        constants += judged_here and parameter.falsified is None
-        if parameter.falsified is not None:
-            owner = ", each run's own" if parameter.of == "run" else ""
-            change = f"changes by {_in_unit(downwards(parameter.at_least), parameter.unit)} at least"
-            since = f"no constant since {parameter.falsified} (beside {parameter.against})"
-            changes.append(sentence(f"{words(parameter.name)}{owner}: {since}: {change}"))
+    for change in sorted(result.changes, key=lambda change: change.of == "run"):
+        told_twice = len(result.each(change.symbol)) > 1
+        judged += told_twice
+        constants += told_twice and change.since is None
+        if change.since is not None:
+            owner = ", each run's own" if change.of == "run" else ""
+            by = f"changes by {_in_unit(downwards(change.at_least), change.unit)} at least"
+            since = f"no constant since {change.since} (beside {change.beside})"
+            changes.append(sentence(f"{words(change.symbol)}{owner}: {since}: {by}"))
     verdict = f"{len(changes)} parameters are no constants" if changes else "Every parameter may be a constant"
     tone: Tone = "attention" if changes else "good"
+    serial = result.provenance.comments.get("serial") if result.provenance is not None else None
     return Page(
-        "An instrument over time" if result.serial is None else f"{result.serial} over time",
-        f"{verdict}; {constants} of {judged} parameters may be constants over {len(result.dates)} dates.",
+        f"{serial or 'An instrument'} over time",
+        f"{verdict}; {constants} of {judged} parameters may be constants over {len(result.of_record)} dates.",
         [Section("Since when", changes)] if changes else [],
-        lambda: _repeatability(result.parameters),
+        lambda: _repeatability(result),
         tone,
-        {"dates": len(result.dates)},
+        {"dates": len(result.of_record)},
         versions(),
         cited("guaranteed"),
     )

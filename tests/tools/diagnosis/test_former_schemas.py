@@ -11,6 +11,17 @@ from trihedron.tools.diagnosis import read_diagnosis
 SIZE = {"name": "coefficient", "unit": "1/g", "estimate": 4e-4, "low": 3.9e-4, "high": 4.2e-4}
 QUADRATIC = {"effect": "quadratic", "where": "accelerometer-2"}
 CUBIC = {"effect": "cubic", "where": "accelerometer-1"}
+REPEATED = {
+    "name": "X4",
+    "unit": "1",
+    "of": "instrument",
+    "records": [
+        {"record": "a", "estimate": 1e-3, "low": 0.0, "high": 2e-3},
+        {"record": "b", "estimate": None, "low": None, "high": None},
+    ],
+    "at_least": 0.0,
+    "at_most": 2e-3,
+}
 CAUSE = {**QUADRATIC, "equivalents": [], "parameters": [SIZE]}
 OTHER = {**CUBIC, "equivalents": [], "parameters": [SIZE]}
 
@@ -49,6 +60,7 @@ def of_several() -> dict[str, Any]:
         "parameters": [{"name": "X9", "unit": "1", "estimate": 0.0, "low": -1e-3, "high": 1e-3}],
         "gains": [],
         "witnesses": [],
+        "repeatability": [REPEATED],
     }
 
 
@@ -92,6 +104,9 @@ def test_of_several_records_whose_a_cause_is(tmp_path):
     ]
     assert (diagnosis.radius, diagnosis.noise_bound, diagnosis.judged) == (5.0, 1e-5, ("a", "b"))
     assert diagnosis.stated["X9"].high == 1e-3
+    assert diagnosis.repeatability is not None
+    assert diagnosis.repeatability.each("X4")["a"].ends == (0.0, 2e-3)
+    assert [change.at_most for change in diagnosis.repeatability.changes] == [2e-3]
 
 
 @pytest.mark.parametrize(

@@ -58,10 +58,13 @@ def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(
 def test_together_they_tell_a_shared_effect_better_than_each_alone(found):
     """The joint interval is inside that of every record: all of them hold the truth."""
     (size,) = found.causes[0].parameters
-    (again,) = [one for one in found.repeatability if one.name == "quadratic accelerometer-2: coefficient"]
+    symbol = "quadratic accelerometer-2: coefficient"
+    (again,) = [change for change in found.repeatability.changes if change.symbol == symbol]
     assert again.of == "instrument"
     assert again.at_least == 0.0
-    for record in again.records:
+    alone = found.repeatability.each(symbol)
+    assert len(alone) == 3
+    for record in alone.values():
         assert record.low is not None
         assert record.high is not None
         assert size.low is not None
@@ -71,7 +74,7 @@ def test_together_they_tell_a_shared_effect_better_than_each_alone(found):
 
 def test_repeatability_of_the_days_parameters_is_surely_a_change(found):
     """Biases differ from day to day by design, scale factors do not."""
-    known = {one.name: one for one in found.repeatability}
+    known = {change.symbol: change for change in found.repeatability.changes}
     assert min(known[symbol].at_least for symbol in ("X16", "X17", "X18")) > 1e-3
     assert {known[symbol].at_least for symbol in ("X4", "X5", "X9", "X10", "X14", "X15")} == {0.0}
 
@@ -214,7 +217,7 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
     assert result.verdict in ("explained", "ambiguous")
     assert result.runs["record-3"] == "yes"
     assert result.instrument == "no"
-    known = {one.name: one for one in result.repeatability}
+    known = {change.symbol: change for change in result.repeatability.changes}
     assert known["X4"].at_least == pytest.approx(3e-4, abs=1e-4)
 
 
