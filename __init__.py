@@ -32,9 +32,10 @@ _FUNCTIONS = {
     ),
     "measured": (
         *("apply", "attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
-        *("import_record", "inspect", "read_record"),
+        *("import_record", "inspect"),
     ),
     "planning.library": ("plan", "plan_check", "plan_imu", "plan_positions"),
+    "records": ("read_record",),
     "together": ("calibrate_together", "diagnose_together"),
 }
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))

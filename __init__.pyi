@@ -21,12 +21,12 @@ from .tools.measured import check as check
 from .tools.measured import diagnose as diagnose
 from .tools.measured import import_record as import_record
 from .tools.measured import inspect as inspect
-from .tools.measured import read_record as read_record
 from .tools.orchestrator import Simulation as Simulation
 from .tools.planning.library import plan as plan
 from .tools.planning.library import plan_check as plan_check
 from .tools.planning.library import plan_imu as plan_imu
 from .tools.planning.library import plan_positions as plan_positions
+from .tools.records import read_record as read_record
 from .tools.together import calibrate_together as calibrate_together
 from .tools.together import diagnose_together as diagnose_together
 

@@ -13,7 +13,6 @@ import trihedron as th
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import write_fmpy_input
-from trihedron.tools.motion.attitude import attitude_of_record
 from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.rounding import upwards
 
@@ -46,7 +45,7 @@ def test_fmpy_gives_the_attitude_of_the_orchestrator(strapdown: Path, tmp_path: 
     )
     record = read_record(strapdown)
     assert isinstance(record, StrapdownRecord)
-    run = attitude_of_record(record)
+    run = th.attitude_of_record(record)
     updated = result["updated"] != 0
     attitude = np.column_stack([result[f"attitude[{i}]"] for i in (1, 2, 3, 4)])[updated]
     assert len(attitude) == 99
@@ -72,7 +71,7 @@ def test_increments_of_velocity_are_inputs_of_the_velocity_computer(tmp_path: Pa
     )
     record = read_record(tmp_path / "motion.parquet")
     assert isinstance(record, StrapdownRecord)
-    run = attitude_of_record(record)
+    run = th.attitude_of_record(record)
     velocity = np.column_stack([result[f"velocity[{i}]"] for i in (1, 2, 3)])[result["updated"] != 0]
     assert run.velocity is not None
     assert (velocity == run.velocity).all()
@@ -133,7 +132,7 @@ def test_a_gap_is_bridged_and_a_limit_is_said_as_by_attitude(strapdown: Path, tm
     inputs = write_fmpy_input(path, out, bridge_gaps=2)
     record = read_record(path)
     assert isinstance(record, StrapdownRecord)
-    run = attitude_of_record(record, algorithm="mean-rate", bridge_gaps=2)
+    run = th.attitude_of_record(record, algorithm="mean-rate", bridge_gaps=2)
     assert inputs.bridged_bound == run.bridged_bound > 0.0
     assert len(pl.read_csv(out)) == 197
     assert run.trusted_until is not None

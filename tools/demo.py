@@ -23,7 +23,7 @@ from .diagnosis import diagnose, export_extended
 from .document.blocks import Page, Section
 from .document.page import html
 from .files import make_folders, write_text
-from .motion.attitude import attitude_of_record, rate_at_rest
+from .motion.attitude import rate_at_rest, run_attitude
 from .orchestrator.run import simulate_table
 from .orchestrator.scenario import Scenario, read_scenario
 from .records import PositionRecord, StrapdownRecord, read_record
@@ -239,12 +239,12 @@ def attitude_of_measured_record(out: Path) -> Section:
         print(WHERE_TO_GET)
         return Section("A measured strapdown record", [WHERE_TO_GET])
     record = read_record(path, StrapdownRecord)
-    run = attitude_of_record(record, out=out / "attitude-run", progress=True)
+    run = run_attitude(record, out=out / "attitude-run", progress=True)
     print("\n".join([run_line(run), *error_lines(run)]))
     bias = rate_at_rest(record)
     if bias is None:
         return attitude_section([run])
-    freed = attitude_of_record(record, gyro_bias=bias, progress=True)
+    freed = run_attitude(record, gyro_bias=bias, progress=True)
     print("\n".join(error_lines(freed)))
     return attitude_section([run, freed])
 

@@ -5,7 +5,6 @@ The functions are as in `library`: documented once, and what one needs is import
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from . import calibration as calibrations
 from . import check as checks
@@ -26,17 +25,6 @@ from .options import (
     ReferenceBound,
     Targets,
 )
-
-
-def read_record(record: "records.Source", *wanted: type) -> Any:
-    """Read a position, raw or strapdown record, CSV or Parquet: which it is, its columns say.
-
-    Raises
-    ------
-    InputError
-        whatever is wrong with the file, in one line that names row and column
-    """
-    return records.read_record(record, *wanted)
 
 
 def import_record(
@@ -71,7 +59,7 @@ def import_record(
     >>> import trihedron as th
     >>> th.import_record("messung.csv", answers={"units.force": "mg"}).record  # doctest: +SKIP
     """
-    return foreign.import_record(
+    return foreign.make_record(
         Path(file),
         out=None if out is None else Path(out),
         mapping=None if mapping is None else Path(mapping),
@@ -154,7 +142,7 @@ def attitude_of_record(
     InputError
         unknown algorithm; a record that is not uniform, has a gap, or turns by more than the algorithm takes
     """
-    return motion.attitude_of_record(
+    return motion.run_attitude(
         records.read_record(record, records.StrapdownRecord, channels=channels),
         algorithm=algorithm,
         rates=rates,

@@ -1,2 +1,2 @@
 from .importing import Imported as Imported
-from .importing import import_record as import_record
+from .importing import make_record as make_record

@@ -116,7 +116,7 @@ class Imported(Result):
         return self.record.to_polars()
 
 
-def import_record(
+def make_record(
     file: Path, *, out: Path | None = None, mapping: Path | None = None, answers: AnyMapping[str, str] | None = None
 ) -> Imported:
     """Make a record of a measured file from elsewhere; `trihedron.import_record` says more.

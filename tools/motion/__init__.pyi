@@ -1,8 +1,8 @@
 from .attitude import AttitudeRun as AttitudeRun
 from .attitude import algorithm_named as algorithm_named
 from .attitude import angle_between as angle_between
-from .attitude import attitude_of_record as attitude_of_record
 from .attitude import attitudes_of_angles as attitudes_of_angles
+from .attitude import run_attitude as run_attitude
 from .compare import Samples as Samples
 from .compare import compare_algorithms as compare_algorithms
 from .compare import read_increments as read_increments

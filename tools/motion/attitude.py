@@ -199,7 +199,7 @@ def rate_at_rest(record: StrapdownRecord) -> np.ndarray | None:
     return None
 
 
-def attitude_of_record(
+def run_attitude(
     record: StrapdownRecord,
     *,
     algorithm: str = "two-sample-rodrigues",

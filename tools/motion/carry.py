@@ -19,7 +19,7 @@ from ..orchestrator import simulate
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
-from .rests import GAP, RecordSampling, check_meaning, mean_rates
+from .rests import GAP, RecordSampling, mean_rates
 
 ALGORITHM = "one-sample-rodrigues"
 """What carries the attitude: it updates at every sample."""
@@ -99,12 +99,10 @@ class Motion:
 def mean_motion(
     record: StrapdownRecord, sampling: RecordSampling, gravity: float, rates: str = "instantaneous"
 ) -> Motion:
-    """The means of a record over its intervals, gravity [m/s²] and rates as of `attitude_of_record`.
+    """The means of a record over its intervals, gravity [m/s²] and rates as of `run_attitude`.
 
     Turns of more than half a turn between two rows, which cannot be told, count as none: pieces with them are not used.
-    An InputError for an unknown meaning of the rates.
     """
-    check_meaning(rates)
     step = np.concatenate([[sampling.period], np.diff(record.time_s)])
     if record.increment is not None:
         rate = record.increment / step[:, None]

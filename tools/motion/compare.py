@@ -33,7 +33,7 @@ from ..progress import progress_bar
 from ..quantity import DEGREES, Quantity
 from ..records import StrapdownRecord
 from ..result import Result
-from .attitude import AttitudeRun, attitude_error, attitude_of_record
+from .attitude import AttitudeRun, attitude_error, run_attitude
 
 REFERENCE = "adaptive-degree"
 """The algorithm that the others are compared with, at the record's own rate."""
@@ -126,20 +126,20 @@ def compare_algorithms(
     algorithms: Sequence[Algorithm] = ALGORITHMS,
     progress: bool = False,
 ) -> AttitudeComparison:
-    """Run algorithms over a record through the attitude computer's FMU; options as of `attitude_of_record`.
+    """Run algorithms over a record through the attitude computer's FMU; options as of `run_attitude`.
 
     The reference runs at the record's own rate. An InputError for a record that no algorithm can take.
     """
     rows = []
     with progress_bar("attitude", 1 + len(algorithms), show=progress) as advance:
         options: dict[str, Any] = {"rates": rates, "bridge_gaps": bridge_gaps}
-        reference = attitude_of_record(record, algorithm=REFERENCE, **options)
+        reference = run_attitude(record, algorithm=REFERENCE, **options)
         advance(1)
         for algorithm in algorithms:
             entries: dict[str, Any] = {"algorithm": algorithm.name, "order": algorithm.order}
             entries["samples"] = algorithm.samples
             try:
-                run = attitude_of_record(record, algorithm=algorithm.name, rate_divisor=rate_divisor, **options)
+                run = run_attitude(record, algorithm=algorithm.name, rate_divisor=rate_divisor, **options)
             except InputError as error:
                 rows.append(ComparedAlgorithm(**entries, not_taken=str(error)))
             else:

@@ -10,7 +10,7 @@ from ..records import StrapdownRecord
 from ..records.limits import Limits, channel_limits
 from ..rounding import exactly, upwards
 from .gaps import Bridge, without_gaps
-from .rests import GAP, check_meaning, check_turns, mean_rates
+from .rests import GAP, check_turns, mean_rates
 
 JITTER = 0.01
 """Largest deviation of a row's time from the uniform grid that is none, in sampling periods."""
@@ -86,10 +86,9 @@ def increments_from(
     """Angle increments of the rows after row `first`, at which the attitude is known.
 
     Increments are taken as they are, rates are integrated, less a bias [rad/s]; what the rates mean as of
-    `attitude_of_record`. An InputError for a record that is not uniform, is too short, or turns by more than half a
+    `run_attitude`. An InputError for a record that is not uniform, is too short, or turns by more than half a
     turn between two rows.
     """
-    check_meaning(rates)
     period = sampling_period(record)
     count = len(record) - 1 - first
     if count < 1:
@@ -189,7 +188,7 @@ def gyro_input(
     bridge_gaps: int = 0,
     gyro_bias: Sequence[float] | np.ndarray | None = None,
 ) -> GyroInput:
-    """What is taken of a record to carry its attitude; options and errors as of `attitude_of_record`."""
+    """What is taken of a record to carry its attitude; options and errors as of `run_attitude`."""
     limits, measured = channel_limits(record), record.time_s
     record, bridges = without_gaps(record, bridge_gaps)
     first, start = starting_attitude(record)

@@ -208,10 +208,6 @@ def optimal_plans(
     An InputError for options that cannot be used, and for a grid that cannot determine a target.
     """
     request = Request(mountings=(mounting,), **options)
-    if request.convention not in ("A1", "A2"):
-        raise InputError(f"--convention {request.convention}: must be A1 or A2")
-    if request.baseline not in ("asymmetric", "symmetric"):
-        raise InputError(f"--baseline {request.baseline}: must be asymmetric or symmetric")
     if grid is not None and not isfinite(grid):
         raise InputError(f"--grid {grid}: must be a number of degrees")
     p = parametrise(mountings_of(mounting), symmetric=request.baseline == "symmetric")

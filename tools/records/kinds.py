@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -83,43 +83,6 @@ def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
     return result
 
 
-def _has(record: "_Record", what: str) -> bool:
-    return hasattr(record, "alpha" if what == "angles" else "rate")
-
-
-def _concern(channels: Channels, what: str) -> bool:
-    """Whether channels say anything of gyros, or of angles."""
-    if what == "gyros":
-        return channels.degrees or channels.gyros != Channels().gyros
-    return channels.radians or channels.alpha < 0 or channels.beta < 0
-
-
-def _turned(name: str) -> Callable[[np.ndarray, Channels], np.ndarray]:
-    return lambda angle, channels: getattr(channels, name) * angle * (180.0 / math.pi if channels.radians else 1.0)
-
-
-def _sense(name: str) -> Callable[[np.ndarray, Channels], np.ndarray]:
-    return lambda sense, channels: getattr(channels, name) * sense
-
-
-CHANGED: dict[str, Callable[[Any, Channels], Any]] = {
-    "specific_force": lambda force, settings: force @ settings.of_accelerometers.T,
-    "scatter": lambda scatter, settings: scatter @ np.abs(settings.of_accelerometers).T,
-    "dwell_noise": lambda noise, settings: replace(
-        noise, deviation=tuple((np.abs(settings.of_accelerometers) @ noise.deviation).tolist())
-    ),
-    "rate": lambda rate, settings: rate @ settings.of_gyros.T,
-    "increment": lambda increment, settings: increment @ settings.of_gyros.T,
-    "velocity_increment": lambda increment, settings: increment @ settings.of_accelerometers.T,
-    "alpha": _turned("alpha"),
-    "beta": _turned("beta"),
-    "approach_alpha": _sense("alpha"),
-    "approach_beta": _sense("beta"),
-    "angle_resolution": lambda resolution, settings: resolution * (180.0 / math.pi if settings.radians else 1.0),
-}
-"""How channels change what a record holds."""
-
-
 class _Record:
     """What the kinds have in common: arrays of one length, columns of a file, a line for a person."""
 
@@ -164,31 +127,45 @@ class _Record:
 
     def read_with(self, channels: Channels) -> Self:
         """The record as its file is read with these channels; an InputError for channels that it does not have."""
-        lacks = [
-            f"--channels {options}: {self.path} has no {what}"
-            for options, what, name in (
-                ("w=...", "gyros", "gyros"),
-                ("alpha=-1, beta=-1 or angles=rad", "angles of a table", "angles"),
-            )
-            if not _has(self, name) and _concern(channels, name)
-        ]
-        if lacks:
-            raise InputError(lacks[0])
+        usual = Channels()
+        if not hasattr(self, "rate") and (channels.degrees or channels.gyros != usual.gyros):
+            raise InputError(f"--channels w=...: {self.path} has no gyros")
+        if not hasattr(self, "alpha") and (channels.radians or channels.alpha < 0 or channels.beta < 0):
+            raise InputError(f"--channels alpha=-1, beta=-1 or angles=rad: {self.path} has no angles of a table")
+        of_forces, of_gyros = channels.of_accelerometers, channels.of_gyros
+        matrices = {
+            "specific_force": of_forces,
+            "velocity_increment": of_forces,
+            "scatter": np.abs(of_forces),
+            "rate": of_gyros,
+            "increment": of_gyros,
+        }
+        size = 180.0 / math.pi if channels.radians else 1.0
+        factors = {
+            "alpha": channels.alpha * size,
+            "beta": channels.beta * size,
+            "angle_resolution": size,
+            "approach_alpha": channels.alpha,
+            "approach_beta": channels.beta,
+        }
         changed: dict[str, Any] = {}
-        for name, value in ((name, getattr(self, name, None)) for name in CHANGED):
-            if value is not None:
-                changed[name] = CHANGED[name](value, channels)
+        for name, matrix in matrices.items():
+            if getattr(self, name, None) is not None:
+                changed[name] = getattr(self, name) @ matrix.T
+        for name, factor in factors.items():
+            if getattr(self, name, None) is not None:
+                changed[name] = factor * getattr(self, name)
+        if isinstance(noise := getattr(self, "dwell_noise", None), DwellNoise):
+            changed["dwell_noise"] = replace(noise, deviation=tuple((np.abs(of_forces) @ noise.deviation).tolist()))
+        options = f"{self.path}: read as it stands, as said"
         if channels.options:
             options = f"{self.path}: read with {channels}"
-        else:
-            options = f"{self.path}: read as it stands, as said"
         if isinstance(raw := getattr(self, "raw", None), RawRecord):
             changed["raw"] = raw.read_with(channels)
         warnings = []
         for line in self.warnings:
             if not (channels.radians and "are they radians?" in line):
                 warnings.append(line)
-        warnings = tuple(warnings)
         changed |= {"warnings": (*warnings, options), "channels": channels.after(self.channels or Channels())}
         return replace(cast("Any", self), **changed)
 

@@ -94,19 +94,19 @@ Source: TypeAlias = str | Path | pl.DataFrame | Mapping[str, ArrayLike] | NDArra
 
 
 @overload
-def read_record(source: Source, *, channels: Sequence[str] = ()) -> Record: ...
+def read_record(record: Source, *, channels: Sequence[str] = ()) -> Record: ...
 @overload
-def read_record(source: Source, kind: type[Wanted], /, *, channels: Sequence[str] = ()) -> Wanted: ...
+def read_record(record: Source, kind: type[Wanted], /, *, channels: Sequence[str] = ()) -> Wanted: ...
 @overload
 def read_record(
-    source: Source, kind: type[Wanted], second: type[Other], /, *, channels: Sequence[str] = ()
+    record: Source, kind: type[Wanted], second: type[Other], /, *, channels: Sequence[str] = ()
 ) -> Wanted | Other: ...
-def read_record(source: Source, *kinds: Any, channels: Sequence[str] = ()) -> Any:
+def read_record(record: Source, *kinds: Any, channels: Sequence[str] = ()) -> Any:
     """Read a record from a CSV or a Parquet file, a table in memory, or whatever else holds one.
 
     Parameters
     ----------
-    source : path, table in memory, record or Simulation
+    record : path, table in memory, record or Simulation
         the kind of record is recognised by its columns, the kind of file by its first bytes
     kinds : PositionRecord, StrapdownRecord
         which kinds will do; without any, every kind does. Where a PositionRecord does, what has the angles of a table
@@ -121,11 +121,10 @@ def read_record(source: Source, *kinds: Any, channels: Sequence[str] = ()) -> An
         of another kind, or no rest can be found in it
     """
     table = PositionRecord in kinds
-    if isinstance(source, PositionRecord | RawRecord | StrapdownRecord):
-        record = source
-    elif isinstance(source, Recorded):
+    source = record
+    if isinstance(source, Recorded):
         record = source.position_record()
-    else:
+    elif not isinstance(source, PositionRecord | RawRecord | StrapdownRecord):
         record = _parsed(source, STRAPDOWN_KINDS if kinds and not table and BenchRecord not in kinds else KINDS)
     if channels:
         record = record.read_with(Channels.given(channels))

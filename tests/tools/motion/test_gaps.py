@@ -8,9 +8,10 @@ import numpy as np
 import polars as pl
 import pytest
 
+import trihedron as th
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitude_of_record
+from trihedron.tools.motion.attitude import algorithm_named, angle_between
 from trihedron.tools.motion.compare import compare_algorithms, run_algorithm
 from trihedron.tools.motion.gaps import without_gaps
 from trihedron.tools.motion.increments import increments_from
@@ -88,8 +89,8 @@ def test_bounds_of_several_gaps_add_up_from_their_times_on(tmp_path):
     record, _ = drawn(3, "rates")
     hurt = with_lost(record, (60, 1), (180, 2))
     run, unbroken = (
-        attitude_of_record(hurt, bridge_gaps=2, algorithm="mean-rate"),
-        attitude_of_record(record, algorithm="mean-rate"),
+        th.attitude_of_record(hurt, bridge_gaps=2, algorithm="mean-rate"),
+        th.attitude_of_record(record, algorithm="mean-rate"),
     )
     assert [bridge.rows for bridge in run.bridges] == [1, 2]
     assert run.bridged_bound == pytest.approx(sum(bridge.bound for bridge in run.bridges), rel=1e-15)

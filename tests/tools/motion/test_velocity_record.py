@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
+import trihedron as th
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
-from trihedron.tools.motion import attitude_of_record
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
 
 PERIOD, AMPLITUDE, FORCE = 0.01, 0.3, 5.0
@@ -42,7 +42,7 @@ def test_a_record_of_increments_gives_the_velocity_of_strong_sculling(tmp_path, 
     # The specific force at a row is the mean of the intervals beside it, without a lag.
     error = np.abs(record.specific_force - sculled().specific_force)[1:-1]
     assert error.max() < 1.1 * FORCE * (2.0 * math.pi / 40) ** 2 / 6
-    run = attitude_of_record(record, algorithm="functional-iteration-8")
+    run = th.attitude_of_record(record, algorithm="functional-iteration-8")
     assert run.velocity_at_end is not None
     # Along the third axis: sculling's B J1(A), and the mean of g cos θ, g J0(A).
     end = 160 * PERIOD
@@ -51,7 +51,7 @@ def test_a_record_of_increments_gives_the_velocity_of_strong_sculling(tmp_path, 
     assert run.to_polars().columns[5:8] == ["v1_mps", "v2_mps", "v3_mps"]
     assert main(["attitude", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "velocity at the end" in capsys.readouterr().out
-    coarse = attitude_of_record(record, algorithm="functional-iteration-4", rate_divisor=2)
+    coarse = th.attitude_of_record(record, algorithm="functional-iteration-4", rate_divisor=2)
     assert coarse.velocity_at_end == pytest.approx(run.velocity_at_end, rel=1e-4)
 
 
@@ -79,7 +79,7 @@ def test_a_saturated_accelerometer_is_told() -> None:
     velocity[:, 1] = np.minimum(velocity[:, 1], 0.03)
     force, turn = record.specific_force + noise[1], np.asarray(record.increment) + 0.01 * noise[2]
     spoilt = StrapdownRecord(record.time_s, None, turn, force, velocity_increment=velocity)
-    lines = attitude_of_record(spoilt).warnings
+    lines = th.attitude_of_record(spoilt).warnings
     assert any(line.startswith("dv2: ") and "saturated, at 0.03 m/s" in line for line in lines)
     unclipped = StrapdownRecord(record.time_s, None, turn, force, velocity_increment=free)
-    assert not any("dv" in line for line in attitude_of_record(unclipped).warnings)
+    assert not any("dv" in line for line in th.attitude_of_record(unclipped).warnings)
