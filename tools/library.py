@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from . import campaign as campaigns
 from . import orchestrator, own_effects, reports, ssp, trials
 from .errors import InputError
-from .options import Baseline, EffectsFrom, NoiseBound, Progress
+from .options import Baseline, EffectsFrom, NoiseBound, Platform, Progress
 
 if TYPE_CHECKING:
     from .comparison import Compared
@@ -84,7 +84,7 @@ def export(
     *components: str,
     fmi: Literal[2, 3] = 2,
     flavour: Literal["python", "native"] = "python",
-    platform: str | None = None,
+    platform: Platform = None,
     effects: Sequence[str] = (),
     effects_from: EffectsFrom = None,
     out: str | Path = Path("fmus-exported"),
@@ -99,8 +99,6 @@ def export(
         FMI version; 3 needs --flavour native.
     flavour : str
         What the FMU runs: Python by PythonFMU, or machine code.
-    platform : str, optional
-        Of the native flavour: host (the default), all, or a name as aarch64-linux.
     effects : sequence of str
         Extend by an effect, as "quadratic accelerometer-3"; may be repeated.
     out : path

@@ -12,6 +12,7 @@ from . import diagnosis, foreign, motion, own_effects, records
 from .options import (
     Baseline,
     Bounds,
+    BridgeGaps,
     Channels,
     Convention,
     EffectsFrom,
@@ -112,7 +113,7 @@ def attitude_of_record(
     algorithm: str = "two-sample-rodrigues",
     rates: Rates = "instantaneous",
     rate_divisor: int = 1,
-    bridge_gaps: int = 0,
+    bridge_gaps: BridgeGaps = 0,
     gyro_bias: Sequence[float] | None = None,
     channels: Channels = (),
     out: Path | None = None,
@@ -130,8 +131,6 @@ def attitude_of_record(
         Name of the attitude algorithm; with --compare every one is run.
     rate_divisor : int
         Add up so many increments to one: a slower gyro.
-    bridge_gaps : int
-        Bridge gaps of up to so many lost rows, 10 at most; a bound of the attitude error that may cause is stated.
     gyro_bias : sequence of 3 float, optional
         Rate that is taken out of every sample [rad/s].
     out : path, optional

@@ -69,6 +69,12 @@ EffectsFrom = Annotated[
         typed=Path | None,
     ),
 ]
+Platform = Annotated[
+    str | None, Option("Of native FMUs: host (the default), all, or a name as aarch64-linux or x86_64-windows.")
+]
+BridgeGaps = Annotated[
+    int, Option("Bridge gaps of up to so many lost rows, 10 at most; the attitude error that may cause is bounded.")
+]
 Targets = Annotated[Sequence[str], Option("Another combination, as X4-X5; may be repeated.", name="--target")]
 Shared = Annotated[
     Sequence[str],

@@ -38,8 +38,25 @@ for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 __all__ = ["app", "main", "program"]
-GONE = {"choose": "attitude RECORD --compare measures them all; docs/choose-an-attitude-algorithm.md has the table"}
+GONE_COMMANDS = {
+    "choose": "attitude RECORD --compare measures them all; docs/choose-an-attitude-algorithm.md has the table"
+}
 """Commands of earlier versions, and what takes their place."""
+GONE_OPTIONS = {
+    "plan": {
+        "--minutes": "plans for minutes went: give a number of positions, or `plan imu --minutes` for the whole IMU",
+        "--fewest": "it went: --accuracy by itself finds the fewest positions",
+        "--lost": "plans with lost positions went: `plan check ANGLES.csv` says what the remaining ones are worth",
+        "--against-unlisted": "it went: `diagnose` says from which size on an unlisted fault would have shown",
+        "--goal force": "plans for the force went: --goal levelling and --goal gyrocompass stay",
+    },
+    "measure": {
+        "--baud": "the serial port went: give the file that another program fills (--from FILE), or pipe it (--from -)"
+    },
+}
+"""Options of commands of earlier versions, some with their value, and what to do instead."""
+OF_IMU = ("imu", "--imu")
+"""Words of `plan` for a whole IMU, where minutes stay."""
 QUIET = ("--quiet", "-q")
 """Options of every command, before or after its name."""
 
@@ -88,9 +105,21 @@ def main(arguments: list[str] | None = None) -> int:
     end = words.index("--") if "--" in words else len(words)
     quiet = any(word in QUIET for word in words[:end])
     words = [word for word in words[:end] if word not in QUIET] + words[end:]
-    if words and words[0] in GONE:
-        return refuse(f'Unknown command "{words[0]}". {GONE[words[0]]}')
+    if words and words[0] in GONE_COMMANDS:
+        return refuse(f'Unknown command "{words[0]}". {GONE_COMMANDS[words[0]]}')
+    if gone := gone_option(words[:end]):
+        return refuse(gone)
     return exit_status(lambda: say(lambda: app(words, exit_on_error=False, print_error=False), quiet=quiet))
+
+
+def gone_option(words: list[str]) -> str:
+    """Return what to do in place of an option that a command had before; empty where none is given."""
+    for option, instead in GONE_OPTIONS.get(words[0] if words else "", {}).items():
+        kept = option == "--minutes" and not set(words).isdisjoint(OF_IMU)
+        text = " ".join(words).replace("=", " ") + " "
+        if f" {option} " in text and not kept:
+            return f"Unknown option: {option}: {instead}"
+    return ""
 
 
 def program() -> int:

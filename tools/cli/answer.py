@@ -250,13 +250,17 @@ def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
     The functions are those of `trihedron.tools.library`, `measured` and `at_table`, documented by numpydoc. The
     command has its own parameters first, by position, and its own options last; ``**options`` are those of the
     functions. Its docstring holds the examples; the sentence is the first function's, and the words of a parameter are
-    those of the first that has it.
+    those of the first that has it. A command without a function has its own sentence, and the words of shared options.
     """
 
     def with_options(command: Command) -> Command:
         first, last, options = [], [], {}
+        examples, own_words = described(command)
         for p in inspect.signature(command).parameters.values():
             if p.kind is p.KEYWORD_ONLY:
+                if option_of(p.annotation):
+                    p = p.replace(annotation=typed(p))
+                    command.__annotations__[p.name] = p.annotation
                 last.append(p)
             elif p.kind is not p.VAR_KEYWORD:
                 first.append(p)
@@ -271,12 +275,11 @@ def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
                     options.setdefault(name, p.replace(annotation=typed(p)))
         signature = inspect.Signature([*first, *options.values(), *last])
         command.__signature__ = signature  # type: ignore[attr-defined]
-        examples, words = described(command)
         lines = ["Parameters", "----------"]
-        for name, text in (texts | words).items():
+        for name, text in (texts | own_words).items():
             if name in signature.parameters:
                 lines += [name, f"    {text}"]
-        parts = [described(functions[0])[0], examples]
+        parts = [*[described(function)[0] for function in functions[:1]], examples]
         command.__doc__ = "\n\n".join([*parts, "\n".join(lines)] if len(lines) > 2 else parts)
         return command
 

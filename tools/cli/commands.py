@@ -27,6 +27,7 @@ from .. import (
 )
 from ..errors import InputError, one_line
 from ..files import at_once, ordinary_file, ordinary_folder, write_text
+from ..options import BridgeGaps, Platform, Rates
 from .answer import (
     STANDARD_OUTPUT,
     Answer,
@@ -82,6 +83,7 @@ def export(*components: str, fmi: Literal["2", "3"] = "2", json: JsonFile = None
     return answer(library.export(*components, fmi=2 if fmi == "2" else 3, **options), json)
 
 
+@takes()
 def export_ssp(
     scenario: Path,
     /,
@@ -89,7 +91,7 @@ def export_ssp(
     out: Annotated[Path, Parameter(name="--out")],
     flavour: Literal["python", "native"] | None = None,
     fmi: int = 2,
-    platform: str | None = None,
+    platform: Platform = None,
     version: Annotated[Literal["1.0", "2.0"], Parameter(name="--ssp")] = "1.0",
     json: JsonFile = None,
 ) -> Answer:
@@ -109,8 +111,6 @@ def export_ssp(
         native: compiled, the default where there is a compiler; python: run by PythonFMU.
     fmi
         Version of FMI: 2, which the tools that open an .ssp run.
-    platform
-        Of native FMUs: host (the default), all, or a name such as x86_64-windows.
     version
         Version of SSP: 1.0, which more tools read, or 2.0.
     """
@@ -355,12 +355,13 @@ def attitude(
     return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 
+@takes()
 def fmpy_input(
     record: Path,
     /,
     *,
-    rates: Literal["instantaneous", "averaged"] = "instantaneous",
-    bridge_gaps: int = 0,
+    rates: Rates = "instantaneous",
+    bridge_gaps: BridgeGaps = 0,
     out: File = Path("input.csv"),
     json: JsonFile = None,
 ) -> Answer:
@@ -372,10 +373,6 @@ def fmpy_input(
     ----------
     record
         Strapdown record or raw record, CSV or Parquet.
-    rates
-        What a rate in the record means.
-    bridge_gaps
-        Bridge gaps of up to so many lost rows, 10 at most.
     out
         The table of inputs (CSV).
     """

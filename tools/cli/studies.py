@@ -11,6 +11,7 @@ from .. import at_table, document, library, own_effects, papers, reports, trials
 from .. import campaign as campaigns
 from ..errors import InputError
 from ..files import at_once, made_folder, ordinary_file
+from ..options import EffectsFrom
 from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, takes
 
 WORSE = 3
@@ -44,6 +45,7 @@ def measure(
     return answer(result, json)
 
 
+@takes()
 def hidden(
     record: File = None,
     /,
@@ -64,7 +66,7 @@ def hidden(
     records: int | None = None,
     positions: tuple[int, int] | None = None,
     noise: Literal["uniform", "edge", "correlated", "all"] | None = None,
-    effects_from: Annotated[Path | None, Parameter(name="--effects-from")] = None,
+    effects_from: EffectsFrom = None,
     json: JsonFile = None,
 ) -> Answer:
     """Make a "measured" record with one hidden effect, or with --cases a suite: many records, diagnosed and counted.
@@ -120,9 +122,6 @@ def hidden(
         Of a suite: fewest and most positions, 12 and 100 by default.
     noise
         Of a suite: uniform within σ, at ±σ everywhere, wandering within σ, or one after the other (the default).
-    effects_from
-        A file of effects of your own (Python, as in models/effects): it is run, checked, and its effects may be hidden
-        and are tried beside those of the catalogue.
     """
     if clean and (effect or mode not in (None, "clean")):
         raise InputError(f"--clean and --{'effect' if effect else 'mode'}: give one of the two")
