@@ -21,10 +21,31 @@ class Visits:
     temperature: np.ndarray
     senses: np.ndarray
 
+    @property
+    def alpha(self) -> np.ndarray:
+        """True outer angles (N,) [rad]."""
+        return self.angles[:, 0]
+
+    @property
+    def beta(self) -> np.ndarray:
+        """True inner angles (N,) [rad]."""
+        return self.angles[:, 1]
+
 
 def _changed_sign(n: np.ndarray) -> np.ndarray:
     """Sense (N,) of the last change of an input, from zero at first."""
     return np.sign(np.diff(n, prepend=0.0))
+
+
+def lagged(hours: np.ndarray, temperature: np.ndarray, constant: float) -> np.ndarray:
+    """Temperature (N,) behind a lag of first order [h], settled at the first row; linear between the rows."""
+    late = np.array(temperature)
+    for k in range(1, len(late)):
+        step = hours[k] - hours[k - 1]
+        slope = (temperature[k] - temperature[k - 1]) / step
+        steady = temperature[k - 1] - slope * constant
+        late[k] = steady + (late[k - 1] - steady) * np.exp(-step / constant) + slope * step
+    return late
 
 
 Law = Callable[[Visits, np.ndarray, Numbers, Sequence[int]], np.ndarray]
@@ -37,13 +58,15 @@ LAWS: dict[str, Law] = {
     "cubic": lambda v, x, s, _: s[0] * x**3,
     "cross-product": lambda v, x, s, axes: s[0] * v.n[:, axes[0] - 1] * v.n[:, axes[1] - 1],
     "cross-square": lambda v, x, s, axes: s[0] * v.n[:, axes[0] - 1] ** 2,
-    "dead-zone": lambda v, x, s, _: np.where(np.abs(x) < s[0], -x, 0.0),
-    "saturation": lambda v, x, s, _: np.clip(x, -s[0], s[0]) - x,
-    "quantisation": lambda v, x, s, _: s[0] * np.round(x / s[0]) - x,
     "hysteresis": lambda v, x, s, _: -0.5 * s[0] * _changed_sign(x),
     "bias-drift": lambda v, x, s, _: s[0] * v.hours,
     "scale-drift": lambda v, x, s, _: s[0] * v.hours * x,
     "bias-step": lambda v, x, s, _: s[0] * (v.hours > s[1]),
+    "scale-step": lambda v, x, s, _: s[0] * x * (v.hours > s[1]),
+    "warm-up": lambda v, x, s, _: s[0] * (1.0 - np.exp(-v.hours / s[1])),
+    "thermal-lag": lambda v, x, s, _: (
+        s[0] * (lagged(v.hours, v.temperature, s[2]) - 20.0) + s[1] * np.exp(-v.hours / s[2])
+    ),
     "temperature-bias": lambda v, x, s, _: s[0] * (v.temperature - 20.0),
     "temperature-scale": lambda v, x, s, _: s[0] * (v.temperature - 20.0) * x,
 }
@@ -56,10 +79,39 @@ def readings_added(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:
     for place, sizes in hidden:
         if place.effect == "outlier":
             added[int(place.where.removeprefix("position-")) - 1, place.axes[0] - 1] += sizes[0]
-        elif place.where.startswith("accelerometer-"):
+        elif place.effect in LAWS:
             p = int(place.where.removeprefix("accelerometer-")) - 1
             added[:, p] += LAWS[place.effect](visits, visits.n[:, p], sizes, place.axes)
     return added
+
+
+def last_stage(visits: Visits, own: np.ndarray, reading: np.ndarray, hidden: Sequence[Sized]) -> np.ndarray:
+    """Readings (N, 3) [g] after what acts on a whole reading; `own` (N, 3) is what each input adds to its channel."""
+    reading = reading.copy()
+    for place, sizes in hidden:
+        if place.effect not in ("dead-zone", "saturation", "quantisation", "exchanged-readings"):
+            continue
+        p, size = int(place.where.removeprefix("accelerometer-")) - 1, sizes[0]
+        if place.effect == "dead-zone":
+            reading[:, p] -= np.where(np.abs(visits.n[:, p]) < size, own[:, p], 0.0)
+        elif place.effect == "saturation":
+            reading[:, p] = np.clip(reading[:, p], -size, size)
+        elif place.effect == "quantisation":
+            reading[:, p] = size * np.round(reading[:, p] / size)
+        else:
+            late, q = visits.hours > size, place.axes[0] - 1
+            swapped = reading[:, [q, p]] if p != q else -reading[:, [p, p]]
+            reading[:, [p, q]] = np.where(late[:, None], swapped, reading[:, [p, q]])
+    return reading
+
+
+def slipped(visits: Visits, theta: np.ndarray, hidden: Sequence[Sized]) -> np.ndarray:
+    """Mounting errors (N, 3) [rad] of a block that slips at a time."""
+    turns = np.tile(theta, (len(visits.hours), 1))
+    for place, (*turn, start) in hidden:
+        if place.effect == "mounting-slip":
+            turns[visits.hours > start] += turn
+    return turns
 
 
 def encoders_off(visits: Visits, hidden: Sequence[Sized]) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from generator import SIGMA
 from generator.carried import HandMotion, mems_force, wandering, write_strapdown
+from generator.effects import lagged
 from generator.positions import Session, errors
 from generator.turns import up_in_body
 
@@ -25,17 +26,6 @@ class Fresh:
     hidden: frozenset[tuple[str, str]]
     values: dict[str, float] = field(default_factory=dict)
     targets: dict[str, float] = field(default_factory=dict)
-
-
-def lagged(time_h: np.ndarray, temperature: np.ndarray, constant: float) -> np.ndarray:
-    """Temperature (N,) behind a lag of first order [h], settled at the first row; linear between the rows."""
-    late = np.array(temperature)
-    for k in range(1, len(late)):
-        step = time_h[k] - time_h[k - 1]
-        slope = (temperature[k] - temperature[k - 1]) / step
-        steady = temperature[k - 1] - slope * constant
-        late[k] = steady + (late[k - 1] - steady) * np.exp(-step / constant) + slope * step
-    return late
 
 
 POSITION_KINDS = (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from generator import SIGMA, G
-from generator.effects import Sized, Visits, axes_off, encoders_off, readings_added
+from generator.effects import Sized, Visits, axes_off, encoders_off, last_stage, readings_added, slipped
 from generator.stands import Stand, record
 from trihedron.tools.records import PositionRecord, write_record
 
@@ -64,19 +64,26 @@ class Session:
         angles = np.stack([self.alpha, self.beta], axis=1) - offset
         return Visits(angles, n, self.hours, self.temperature, self.senses)
 
-    def read(self, hidden: Sequence[Sized] = ()) -> tuple[np.ndarray, np.ndarray]:
-        """Angles (N, 2) [rad] that the encoders read, and readings (N, 3) [g], with effects and without errors."""
+    def read(self, hidden: Sequence[Sized] = (), error: Any = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Angles (N, 2) [rad] that the encoders read, and readings (N, 3) [g], with effects and errors (N, 3)."""
         blind = self.visits(np.zeros((len(self.alpha), 3)))
         off = axes_off(blind, hidden)
-        tilted = replace(self.stand, kappa=self.stand.kappa + off[:, 0], epsilon=self.stand.epsilon + off[:, 2])
+        tilted = replace(
+            self.stand,
+            kappa=self.stand.kappa + off[:, 0],
+            epsilon=self.stand.epsilon + off[:, 2],
+            theta=slipped(blind, self.stand.theta, hidden),
+        )
         n = tilted.inputs(self.alpha + off[:, 1], self.beta + off[:, 3])
         angles = np.stack([self.alpha, self.beta], axis=1) + encoders_off(blind, hidden)
-        return angles, self.stand.readings(n) + readings_added(self.visits(n), hidden)
+        visits = self.visits(n)
+        reading = self.stand.readings(n) + readings_added(visits, hidden) + error
+        return angles, last_stage(visits, self.stand.own(n), reading, hidden)
 
     def record(self, hidden: Sequence[Sized] = (), error: Any = 0.0) -> PositionRecord:
         """The record with effects and errors (N, 3) [g]."""
-        angles, reading = self.read(hidden)
-        plain = record(reading + error, *angles.T)
+        angles, reading = self.read(hidden, error)
+        plain = record(reading, *angles.T)
         return replace(
             plain,
             time_s=self.time_s,
@@ -116,6 +123,29 @@ def hidden_record(
     session = standard_session(rng, symmetric=symmetric)
     hidden = [] if place is None else [(place, sizes)]
     return session.record(hidden, rng.uniform(-SIGMA, SIGMA, (40, 3)))
+
+
+def drawn_record(
+    seed: int,
+    hidden: Sequence[Sized] = (),
+    count: int = 30,
+    *,
+    at_bound: bool = False,
+    exact: bool = False,
+    temperature: bool = False,
+    symmetric: bool = False,
+) -> PositionRecord:
+    """Positions anywhere, every 10 s, with effects; errors are uniform within σ, or at it, or none."""
+    rng = np.random.default_rng([seed, count])
+    stand = Stand.drawn(rng)
+    if symmetric:
+        stand = replace(stand, minus=stand.plus)
+    session = Session.planned(stand, *np.radians(np.round(rng.uniform(0.0, 360.0, (2, count)), 3)))
+    error = rng.uniform(-SIGMA, SIGMA, (count, 3))
+    if at_bound:
+        error = SIGMA * np.sign(error)
+    record = session.record(hidden, 0.0 * error if exact else error)
+    return record if temperature else replace(record, temperature=None)
 
 
 def standard_session(rng: np.random.Generator, *, symmetric: bool = False) -> Session:

@@ -76,6 +76,10 @@ class Stand:
         block = turned(self.theta) @ (np.eye(3) if mounting is None else np.asarray(mounting))
         return (1.0 - self.gravity_error) * (block @ self.inner_frames(alpha, beta))[:, :, 2]
 
+    def own(self, n: np.ndarray) -> np.ndarray:
+        """What each input (N, 3) adds to its own channel [g]."""
+        return n * (1.0 + np.diagonal(self.gamma)) + np.where(n > 0.0, self.plus, self.minus) * n
+
     def readings(self, n: np.ndarray) -> np.ndarray:
         """Readings (N, 3) [g] at inputs (N, 3)."""
         return n + n @ self.gamma.T + np.where(n > 0.0, self.plus, self.minus) * n + self.bias

@@ -1,0 +1,45 @@
+"""Diagnoses as the tests ask for them, and what they are to say."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from generator import SIGMA
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.diagnosis import Cause, diagnose
+from trihedron.tools.records import PositionRecord
+
+Sizes = Sequence[float | tuple[float, float]]
+"""True values of an effect's parameters; a time between two rows is the two."""
+
+
+def diagnosed(record: Any, **options: Any) -> Any:
+    """The diagnosis of a record, without simulating again what was found."""
+    if isinstance(record, PositionRecord):
+        options.setdefault("noise_bound", SIGMA)
+    return diagnose(record, **{"rerun": False, **options})
+
+
+def sets_of(result: Any) -> list[set[EffectPlace]]:
+    """The effects of each set that would do."""
+    return [{cause.place for cause in causes} for causes in result.sets]
+
+
+def holds(cause: Cause, sizes: Sizes) -> bool:
+    """Whether the true sizes are within the intervals of a cause, phases up to whole turns."""
+    for parameter, size, (low, high) in zip(cause.parameters, sizes, cause.intervals, strict=True):
+        least, most = size if isinstance(size, tuple) else (size, size)
+        if parameter.name.endswith("phase"):
+            turns = 2.0 * math.pi * round((0.5 * (low + high) - least) / (2.0 * math.pi))
+            least, most = least + turns, most + turns
+        if not low <= least <= most <= high:
+            return False
+    return True
+
+
+def assert_named(result: Any, hidden: Mapping[EffectPlace, Sizes]) -> None:
+    """These effects and no others explain the record, and the intervals of their parameters hold the true sizes."""
+    assert result.verdict == "explained", str(result)
+    assert sets_of(result) == [set(hidden)]
+    for cause in result.causes:
+        assert holds(cause, hidden[cause.place]), (cause, hidden[cause.place])

@@ -1,0 +1,210 @@
+"""Nothing is named where nothing is wrong, where no name is right, and where several are."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from diagnoses import assert_named, diagnosed, sets_of
+from generator import SIGMA, G
+from generator.positions import Session, drawn_record, hidden_record
+from generator.stands import Stand
+from generator.unlisted import open_record
+from trihedron.models.effects import EffectPlace
+from trihedron.tools.records import PositionRecord
+
+HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param({"symmetric": True}, marks=pytest.mark.acceptance),
+        {"at_bound": True},
+        pytest.param({"temperature": True}, marks=pytest.mark.acceptance),
+    ],
+    ids=str,
+)
+def test_nothing_is_named_on_a_clean_record(options):
+    """Also where readings are off by exactly σ: the radius may reach one, and one is not falsified."""
+    baseline = "symmetric" if "symmetric" in options else "asymmetric"
+    for seed in range(3):
+        result = diagnosed(drawn_record(seed, count=40, **options), baseline=baseline)
+        assert (result.verdict, result.causes) == ("consistent", ())
+        assert result.radius <= 1.0 + 1e-7
+
+
+@pytest.mark.parametrize("swapped", [(0, 1), (1, 2)])
+def test_swapped_accelerometers_are_named_nothing(swapped):
+    """They are said to be swapped; of a person who says that they are not, nothing is named."""
+    record = hidden_record(5)
+    record.specific_force[:, swapped] = record.specific_force[:, swapped[::-1]]
+    with pytest.raises(th.InputError, match="--channels 2,1,3" if swapped == (0, 1) else "--channels 1,3,2"):
+        diagnosed(record)
+    as_written = {"noise_bound": SIGMA, "channels": ("1,2,3",)}
+    if swapped == (1, 2):
+        with pytest.raises(th.InputError, match="is its sign, or that of an angle, reversed"):
+            th.diagnose(record, **as_written)
+        return
+    result = th.diagnose(record, **as_written)
+    assert (result.verdict, result.findings) == ("unexplained", ())
+    assert any("far from an aligned bench" in warning for warning in result.warnings)
+
+
+def with_added(record: PositionRecord, added: np.ndarray, accelerometer: int = 1) -> PositionRecord:
+    record.specific_force[:, accelerometer - 1] += G * added
+    return record
+
+
+def rolled(record: PositionRecord) -> PositionRecord:
+    """Readings of other positions."""
+    return replace(record, specific_force=np.roll(record.specific_force, 1, axis=0))
+
+
+def doubled(record: PositionRecord) -> PositionRecord:
+    """Four readings and two angles are twice what they were, as by hands that copied them: no fit is found."""
+    rng = np.random.default_rng(22)
+    rows = rng.choice(len(record), 6, replace=False)
+    force, alpha = record.specific_force.copy(), record.alpha.copy()
+    force[rows[:4], rng.integers(0, 3, 4)] *= 2.0
+    alpha[rows[4:]] *= 2.0
+    return replace(record, specific_force=force, alpha=alpha)
+
+
+def with_product(record: PositionRecord) -> PositionRecord:
+    """A product of three inputs."""
+    return with_added(record, 2e-3 * np.prod(record.specific_force / G, axis=1))
+
+
+def with_fifth_power(record: PositionRecord) -> PositionRecord:
+    return with_added(record, 5e-3 * (record.specific_force[:, 0] / G) ** 5)
+
+
+def with_three_outliers(record: PositionRecord) -> PositionRecord:
+    """At most two may be a cause: enough outliers explain anything."""
+    for row, p, size in ((3, 1, 4e-4), (20, 2, -3e-4), (29, 0, 5e-4)):
+        record.specific_force[row, p] += G * size
+    return record
+
+
+def with_impossible_size(record: PositionRecord) -> PositionRecord:
+    """A cubic term of 0.4 per g² is not one that an accelerometer has."""
+    return with_added(record, 0.4 * (record.specific_force[:, 0] / G) ** 3)
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        *(rolled, doubled, with_fifth_power, with_impossible_size),
+        *(pytest.param(make, marks=pytest.mark.acceptance) for make in (with_product, with_three_outliers)),
+    ],
+)
+def test_what_the_catalogue_lacks_is_not_given_a_name(spoilt: Callable):
+    result = diagnosed(spoilt(hidden_record(5)))
+    assert (result.verdict, result.causes) == ("unexplained", ())
+    assert "lacks something that is not in the catalogue" in str(result)
+    structure = result.to_json()["residual_structure"]
+    assert all(0.0 <= entry["explained"] <= 1.0 for entry in structure)
+    if spoilt is with_fifth_power:
+        assert (structure[0]["accelerometer"], structure[0]["on"]) == (1, "input")
+
+
+@pytest.mark.acceptance
+def test_two_effects_in_time_get_no_name_from_three_that_look_like_them():
+    """A drift and the temperature stand for a bias that settles, beside a step: pairs in time are not tried."""
+    hidden = [(EffectPlace("warm-up", "accelerometer-1"), (2e-4, 0.03))]
+    hidden += [(EffectPlace("bias-step", "accelerometer-2"), (1e-4, 0.07))]
+    result = diagnosed(drawn_record(1, hidden, 40, temperature=True))
+    assert (result.verdict, result.causes) == ("unexplained", ())
+    assert any("two effects that set in, settle or lag" in text for text in result.not_named)
+
+
+def test_too_few_positions_are_insufficient_and_more_are_proposed():
+    result = diagnosed(hidden_record(3).selected(np.arange(5)))
+    assert (result.verdict, result.causes) == ("insufficient", ())
+    assert result.next_positions
+
+
+@pytest.mark.parametrize("row", [1, -1])
+def test_what_a_single_row_at_an_end_shows_is_no_step(row):
+    """The first or the last reading alone is off: an outlier tells it as well, and is what it is called."""
+    record = drawn_record(300)
+    record.specific_force[row:, 2] += 20.0 * SIGMA * G
+    sets = sets_of(diagnosed(record))
+    assert sets[0]
+    assert "bias-step" not in {place.effect for places in sets for place in places}
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("hidden", ["step", "fifth power"])
+def test_no_cause_may_be_zero_where_senses_are_open(hidden):
+    """What widens the bounds of readings whose sense is open is paid for by its size: nothing is had for nothing."""
+    for seed in np.random.default_rng(16).integers(1 << 30, size=2 if hidden == "fifth power" else 1):
+        result = diagnosed(open_record(seed, hidden)[0])
+        assert result.verdict != "consistent"
+        assert all(cause.acts for causes in result.sets for cause in causes)
+
+
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.acceptance)])
+def test_a_drift_is_named_alone_where_an_open_sense_would_have_absorbed_it(seed):
+    record, fault = open_record(seed, "drift")
+    assert_named(diagnosed(record), {EffectPlace("bias-drift", f"accelerometer-{fault.accelerometer}"): (fault.size,)})
+
+
+@pytest.mark.acceptance
+def test_two_harmonics_that_these_positions_cannot_tell_apart_are_ambiguous():
+    """At outer angles 20 + 45 k orders 2 and 6 are one up to a phase; where it is proposed the right one remains."""
+    stand = Stand.drawn(np.random.default_rng(6))
+    angles = np.radians(np.stack((np.repeat(20.0 + 45.0 * np.arange(8), 3), np.tile([25.0, 145.0, 265.0], 8))))
+
+    def result_at(angles: np.ndarray):
+        noise = np.random.default_rng(6).uniform(-SIGMA, SIGMA, (angles.shape[1], 3))
+        session = Session.planned(stand, *angles)
+        return diagnosed(session.record([(HARMONIC, (3e-4, 0.4))], noise))
+
+    result, sixth = result_at(angles), EffectPlace("encoder-harmonic", "outer-axis", 6)
+    assert result.verdict == "ambiguous"
+    assert {HARMONIC, sixth} <= set().union(*sets_of(result))
+    assert result.to_json()["alternatives"]
+    proposed = np.radians([[p["alpha_deg"], p["beta_deg"]] for p in result.next_positions]).T
+    settled = result_at(np.hstack((angles, proposed)))
+    assert HARMONIC in set().union(*sets_of(settled))
+    assert sixth not in {cause.place for cause in settled.causes}
+
+
+@pytest.mark.parametrize(
+    ("place", "sizes", "symmetric"),
+    [
+        pytest.param(HARMONIC, (2.5e-4, 0.7), False, marks=pytest.mark.acceptance),
+        (EffectPlace("quadratic", "accelerometer-2"), (-1.5e-3,), False),
+        pytest.param(EffectPlace("scale-asymmetry", "accelerometer-1"), (1.5e-3,), True, marks=pytest.mark.acceptance),
+    ],
+    ids=lambda value: getattr(value, "title", ""),
+)
+def test_the_loop_is_closed(place, sizes, symmetric):
+    """Named; the extended FMU predicts positions that were not used within the noise; the targets move to the truth."""
+    record = hidden_record(17, place, sizes, symmetric=symmetric)
+    result = diagnosed(record, baseline="symmetric" if symmetric else "asymmetric", rerun=True)
+    assert_named(result, {place: sizes})
+    content = result.to_json()
+    gain = content["gain"]
+    assert gain["held_out_max_after"] < 2.0 * SIGMA < gain["held_out_max_before"]
+    assert gain["held_out_rms_after"] < SIGMA < gain["held_out_rms_before"]
+    assert (content["schema"], content["calibration"]["verdict"]) == ("trihedron.diagnosis/3", "falsified")
+    assert 1 <= len(content["calibration"]["witness"]) <= 19
+    excluded = {(entry["effect"], entry["where"], entry.get("order")) for entry in content["excluded"]}
+    assert (place.effect, place.where, place.order) not in excluded
+    assert {"bias-drift", "cubic"} <= {effect for effect, *_ in excluded}
+    assert all(entry["above"] > 0.0 for entry in content["excluded"])
+
+
+def test_a_quadratic_term_that_passed_for_asymmetry_moves_the_targets_back():
+    size = 1.5e-3
+    stand = Stand.drawn(np.random.default_rng(17))
+    record = hidden_record(17, EffectPlace("quadratic", "accelerometer-2"), (size,))
+    moved = {entry["symbol"]: entry for entry in diagnosed(record).to_json()["targets"]}
+    assert abs(moved["X9"]["before"] - moved["X9"]["after"]) == pytest.approx(size, rel=0.3)
+    for symbol, truth in stand.targets().items():
+        assert moved[symbol]["low"] <= truth <= moved[symbol]["high"]
