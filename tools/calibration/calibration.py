@@ -14,7 +14,6 @@ from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input, up
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..calibrated import (
     Calibration,
-    Open,
     Parameter,
     Prior,
     Provenance,
@@ -38,7 +37,7 @@ from ..records.channels import (
 )
 from ..records.noise import NoiseBound, noise_bound_from
 from ..rounding import digits, exactly, residual, upwards
-from .estimates import Solution, fit, solve
+from .estimates import Solution, fit, open_directions, solve
 from .model import (
     Linearisation,
     Parametrisation,
@@ -182,7 +181,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         priors=[Prior(expression=x.text.rpartition("=")[0], limit=x.limit) for x in priors],
         reading_errors=solution.reading_errors,
         provenance=provenance_of(record, request.bounds),
-        open=[Open(parameters=[gap.symbol], close_by="the next positions") for gap in missing],
+        open=open_directions(bounded, targets, "the next positions"),
         next_positions=positions,
         warnings=warnings,
         linearised=linearised,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from ...models.bench import (
     admissible,
@@ -17,7 +18,7 @@ from ...models.bench import (
 from ..bounded.centre import Bounded, Central, Estimator, central
 from ..bounded.programmes import RELATIVE_TOLERANCE, Polytope, chebyshev_radius, shortened
 from ..calibrated import Estimator as KindOfEstimate
-from ..calibrated import Parameter, ReadingError
+from ..calibrated import Open, Parameter, ReadingError
 from ..errors import InputError
 from ..progress import tracked
 from ..result import finite_or_none
@@ -517,6 +518,28 @@ def _is_determined(system: Linearisation, weights: NDArray) -> bool:
     """Whether the measurements determine weights'X."""
     outside = float(np.linalg.norm(weights - system.span @ (system.span.T @ weights)))
     return outside <= NOT_OUTSIDE * float(np.linalg.norm(weights))
+
+
+def open_directions(system: Linearisation, targets: Sequence[Target], close_by: str) -> list[Open]:
+    """Return the directions that measurements leave open, each with the targets that it changes.
+
+    They are chosen so that each changes as few parameters as may be: of each some parameter is in no other.
+    """
+    rank = system.span.shape[1]
+    beyond = np.linalg.svd(system.span, full_matrices=True)[0][:, rank:]
+    if not beyond.size:
+        return []
+    of_one = qr(beyond.T, mode="r", pivoting=True)[1][: beyond.shape[1]]
+    directions = beyond @ np.linalg.inv(beyond[of_one])
+    found = []
+    for direction in (directions / np.linalg.norm(directions, axis=0)).T:
+        symbols = []
+        for target in targets:
+            if abs(target.weights @ direction) > NOT_OUTSIDE * float(np.linalg.norm(target.weights)):
+                symbols.append(target.symbol)
+        if symbols:
+            found.append(Open(parameters=symbols, close_by=close_by))
+    return found
 
 
 @dataclass(frozen=True)

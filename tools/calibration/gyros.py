@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from ...fmus.units import ARCMIN
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base
 from ..bounded.programmes import SolverError
-from ..calibrated import Calibration, Gain, Gyros, Open, Parameter, Turn
+from ..calibrated import Calibration, Gain, Gyros, Parameter, Turn
 from ..errors import InputError
 from ..motion.inspect import AtTable
 from ..motion.rests import check_meaning
@@ -25,7 +25,7 @@ from ..records.comments import INERTIAL
 from ..records.rests import position_record_of, without_turns
 from ..rounding import exactly, upwards
 from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets
-from .estimates import Solution, solve
+from .estimates import Solution, open_directions, solve
 from .in_motion import InMotion, lag_targets, with_motion
 from .model import Linearisation
 from .targets import Target, error_weights
@@ -216,7 +216,7 @@ def with_gyros(
             witness=witness,
         ),
         "parameters": of_bench + of_gyros,
-        "open": calibration.open + _open(of_gyros),
+        "open": calibration.open + open_directions(system, of_whole[count:], MORE_TURNS),
     }
     if contradicted and calibration.verdict == "consistent":
         changed |= {
@@ -238,7 +238,8 @@ def _with_latency(calibration: Calibration, record: PositionRecord, bench: Bench
     slack = reading_uncertainty(record.written_to(calibration.gravity))
     try:
         lags = lag_targets(len(system.point))
-        solution = solve(with_motion(system, moving, calibration.gravity), lags, slack, calibration.noise_bound)
+        with_lags = with_motion(system, moving, calibration.gravity)
+        solution = solve(with_lags, lags, slack, calibration.noise_bound)
     except SolverError as error:
         warning = f"the accelerometers' latency is not told: {error}"
         return calibration.model_copy(update={"warnings": [*calibration.warnings, warning]})
@@ -248,15 +249,10 @@ def _with_latency(calibration: Calibration, record: PositionRecord, bench: Bench
         warnings = [*warnings, NO_LAG]
     changed = {
         "parameters": calibration.parameters + parameters,
-        "open": calibration.open + _open(parameters),
+        "open": calibration.open + open_directions(with_lags, lags, MORE_TURNS),
         "warnings": warnings,
     }
     return calibration.model_copy(update=changed)
-
-
-def _open(parameters: Sequence[Parameter]) -> list[Open]:
-    """Return the parameters of gyros that a record leaves undetermined."""
-    return [Open(parameters=[p.symbol], close_by=MORE_TURNS) for p in parameters if not p.determined]
 
 
 def gyro_names() -> list[tuple[str, str]]:
