@@ -197,11 +197,8 @@ def of_second_schema(result: Calibration) -> dict:
         entry |= {"error_bound": parameter.error_bound, "estimate": parameter.central}
     if content["estimator"] == "least squares":
         content["estimator"] = None
-    if opened := content.pop("open", None):
-        names = {p.symbol: p.name for p in result.parameters}
-        content["missing"] = [
-            {"symbol": direction["parameters"][0], "name": names[direction["parameters"][0]]} for direction in opened
-        ]
+    if content.pop("open", None):
+        content["missing"] = [{"symbol": gap.symbol, "name": gap.name} for gap in result.missing]
     content.pop("stands_with_sigma")
     return content
 
@@ -225,7 +222,10 @@ def test_a_file_of_the_second_schema_says_the_same_as_one_of_the_third(verdict):
     again = Calibration.model_validate_json(json.dumps(of_second_schema(result)))
     assert [p.to_json() for p in again.parameters] == [p.to_json() for p in result.parameters]
     assert (again.sigma, again.radius, again.estimator) == (result.sigma, result.radius, result.estimator)
-    assert [direction.parameters for direction in again.open] == [direction.parameters for direction in result.open]
+    # Directions were not written: each parameter that is open stands by itself.
+    assert [direction.parameters for direction in again.open] == [[gap.symbol] for gap in result.missing]
+    moved = {symbol for direction in result.open for symbol in direction.parameters}
+    assert moved == {gap.symbol for gap in result.missing}
     assert again.reading_errors == result.reading_errors
 
 
