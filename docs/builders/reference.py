@@ -228,7 +228,7 @@ def change_along(effect: Effect, place: EffectPlace, sweep: Sweep) -> NDArray:
     """Changes (N, 3) of the readings, over the size of a linear effect [g per unit], or at a level [g]."""
     here = perfect_bench(sweep.at)
     rows = Visits(here.parametrisation, sweep.at, sweep.circumstances).rows(here.point)
-    if effect.variants is not None:
+    if not effect.linear:
         clean = rows.prediction
         if effect.component == "TurntableMotion":
             *turns, start = SHOWN_LEVELS[effect.name]

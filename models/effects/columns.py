@@ -5,7 +5,7 @@ branches on numbers that differ from row to row it runs again on the rows of eac
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from types import FunctionType, SimpleNamespace
@@ -24,6 +24,7 @@ from ..restricted import (
     HOURS,
     INPUT,
     INTERVAL,
+    KEPT,
     PREVIOUS_RATE,
     PREVIOUS_STEPS,
     RATE,
@@ -118,6 +119,8 @@ class Rows:
         half of a last digit of the readings [g]
     temperature_resolution : float
         half of a last digit of the temperature [K]
+    kept : (N,)
+        temperature that an effect with a memory keeps [degC]; zeros where not given
     axis_rates : (N, 2)
         rates of both axes [rad/s]; zeros where not given: at rest
     from_vertical : float
@@ -142,6 +145,7 @@ class Rows:
     prediction: NDArray[np.float64] = field(default_factory=_not_given)
     resolution: float = 0.0
     temperature_resolution: float = 0.0
+    kept: NDArray[np.float64] = field(default_factory=_not_given)
     from_vertical: float = 0.0
     axis_rates: NDArray[np.float64] = field(default_factory=_not_given)
 
@@ -149,7 +153,7 @@ class Rows:
         instead = {
             **dict.fromkeys(("by_kappa", "by_epsilon", "input_sense"), np.zeros_like(self.n)),
             "by_slip": np.zeros((*self.n.shape, 3)),
-            **dict.fromkeys(("sense_alpha", "sense_beta"), np.zeros_like(self.hours)),
+            **dict.fromkeys(("sense_alpha", "sense_beta", "kept"), np.zeros_like(self.hours)),
             **dict.fromkeys(("own", "prediction"), self.n),
             "axis_rates": np.zeros((len(self.hours), 2)),
             "sense_told": np.ones(self.n.shape, dtype=bool),
@@ -189,6 +193,7 @@ class Rows:
         for axis in range(3):
             context[SENSE_INPUT + axis] = column(self.input_sense[:, axis], count)
             context[INPUT + axis] = column(self.n[:, axis], count)
+            context[KEPT + axis] = column(self.kept, count)
         for axis in range(2):
             context[RATE + axis] = column(self.axis_rates[:, axis], count)
         return context
@@ -287,8 +292,10 @@ PORTS = {"encoder_effects": 2, "geometry_effects": 7, "reading_effects": 3, "fin
 """To how many values the effects of a stage add."""
 SHORT = 1e-6
 """A unit of a delay [s]: it stays within a step."""
-ALWAYS, NEVER = -1.0, math.inf
-"""The time [h] of an effect that acts from the first row on, and the time constant of one that does not fade."""
+ONSET, TIME_CONSTANT = "onset", "time constant"
+"""What a number is that a diagnosis searches."""
+WHOLE = {ONSET: -1.0, TIME_CONSTANT: math.inf}
+"""Numbers [h] with which an effect acts from the first row on, or does not fade."""
 
 
 @cache
@@ -308,13 +315,15 @@ def on_columns(kernel: Callable[..., None]) -> Callable[..., None]:
     )
 
 
-def units_of(effect: "Effect") -> list[tuple[list[float], float]]:
-    """Return the parameters of a unit of each linear coefficient, and its size.
+def units_of(effect: "Effect", number: float | None = None) -> list[tuple[list[float], float]]:
+    """Return the parameters of a unit of each linear coefficient, and its size; with a number that is searched.
 
     An amplitude with a phase has two coefficients: amplitude·cos(phase) and amplitude·sin(phase).
     """
-    start = [ALWAYS] * effect.sets_in + [NEVER] * effect.fades
     parameters = effect.linear_parameters
+    start = []
+    if effect.searched is not None:
+        start = [WHOLE[effect.searched] if number is None else number]
     units = []
     for k, parameter in enumerate(parameters):
         if parameter.name.endswith("phase"):
@@ -330,19 +339,29 @@ def units_of(effect: "Effect") -> list[tuple[list[float], float]]:
     return units
 
 
-def ports(effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows) -> NDArray[np.float64]:
-    """Return what a unit of each linear coefficient adds (N, ports, K) at the stage of an effect."""
+def ports(
+    effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, number: float | None = None
+) -> NDArray[np.float64]:
+    """Return what a unit of each linear coefficient adds (N, ports, K) at the stage of an effect.
+
+    Where a number is searched it has that value; by default the effect acts from the first row on, or does not fade.
+    """
     if effect.columns is not None:
         return effect.columns(place, rows)
+    units = units_of(effect, number)
+    added = [response(effect, place, rows, parameters) / unit for parameters, unit in units]
+    return np.stack(added, axis=2)
+
+
+def response(
+    effect: "Effect", place: "EffectPlace", rows: Rows | MotionRows, parameters: Sequence[float]
+) -> NDArray[np.float64]:
+    """Return what the kernel of an effect adds (N, ports) at its stage with some values of its parameters."""
     if "temperature" in effect.needs and rows.temperature is None:
         raise ValueError("effects of temperature need the temperature of the rows")
     context, values = rows.seen_by(effect.component)
-    kernel, numbers, size = on_columns(effect.kernel), effect.place_numbers(place), PORTS[str(effect.stage)]
-    units = units_of(effect)
-    columns = np.zeros((len(values[0]), size, len(units)))
-    for k, (parameters, unit) in enumerate(units):
-        columns[:, :, k] = added_by(kernel, context, values, (*numbers, *parameters), size) / unit
-    return columns
+    arguments = (*effect.place_numbers(place), *parameters)
+    return added_by(on_columns(effect.kernel), context, values, arguments, PORTS[str(effect.stage)])
 
 
 def added_by(

@@ -190,11 +190,10 @@ class Effect:
     of_place : callable or None
         place -> the effect there, where parameters and kernel differ between the places; a ValueError where the
         place's law is none
-    sets_in : bool
-        it acts from a time on, its last parameter "start" [h], which is found; the others are its linear coefficients
-    fades : bool
-        it fades with time as exp(-t/T), T [h] being its last parameter, which is found; the others, what it does at the
-        beginning, are its linear coefficients
+    searched : ONSET, TIME_CONSTANT or None
+        what its last parameter [h] is, where a diagnosis searches that number: the time from which the effect acts, or
+        the time constant T of e^(-t/T), with a memory that of the lag of the temperature. The others are linear
+        coefficients
     contains : tuple of str
         names of effects at the same place that it can be, with some values of its parameters: where one of them
         stands, it is no rival
@@ -220,8 +219,7 @@ class Effect:
     contains: tuple[str, ...] = ()
     rounds: bool = False
     of_place: "Callable[[EffectPlace], Effect] | None" = None
-    sets_in: bool = False
-    fades: bool = False
+    searched: str | None = None
 
     def at(self, place: EffectPlace) -> "Effect":
         """The effect as it is at one of its places."""
@@ -233,9 +231,16 @@ class Effect:
         return not self.places and self.of_place is not None
 
     @property
+    def linear(self) -> bool:
+        """Whether it is linear in all of its parameters: it has no variants, and no number is searched."""
+        return self.variants is None and self.searched is None
+
+    @property
     def linear_parameters(self) -> tuple[EffectParameter, ...]:
         """The parameters of an effect without variants that its linear coefficients give."""
-        return self.parameters[: len(self.parameters) - (self.sets_in or self.fades)]
+        if self.searched is None:
+            return self.parameters
+        return self.parameters[:-1]
 
     @property
     def in_motion(self) -> bool:
@@ -251,7 +256,7 @@ class Effect:
     @property
     def turns_table(self) -> bool:
         """Whether it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
-        return self.component == "TurntableMotion" and self.variants is None
+        return self.component == "TurntableMotion" and self.linear
 
     def turns(self, place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
         """Small turns (N, 4, K) [rad] of an effect that turns the table, as of `columns.turns`."""
@@ -266,13 +271,13 @@ class Effect:
             raise TypeError(f"{place.title} is not linear: it has variants, no signature")
         return columns.signature(self, place, rows)
 
-    def ports(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
+    def ports(self, place: EffectPlace, rows: Rows | MotionRows, number: float | None = None) -> NDArray[np.float64]:
         """What a unit of each linear coefficient adds at the stage (N, ports, K), as of `columns.ports`."""
-        return columns.ports(self, place, rows)
+        return columns.ports(self, place, rows, number)
 
     def from_coefficients(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
         """Values of the linear parameters, amplitude and phase of each harmonic; TypeError where it is not linear."""
-        if self.variants is not None and not self.sets_in:
+        if self.variants is not None:
             raise TypeError("an effect that is not linear has values for each of its variants")
         values = [float(value) for value in coefficients]
         for k, parameter in enumerate(self.linear_parameters):

@@ -14,6 +14,7 @@ import math
 from collections.abc import Mapping
 
 from ..restricted import HOURS, PREVIOUS_RATE, PREVIOUS_STEPS, RESPONSE, STEP_LENGTH, Vector
+from .columns import ONSET, TIME_CONSTANT
 from .definition import EffectParameter, EffectPlace, Sentence, gyro_effect
 from .gyro import gyro_bias, latency, listed, of_each_gyro, sentence_of
 from .last_stage import LAST_HOUR
@@ -58,7 +59,7 @@ BIAS_STEP = gyro_effect(
     gyro_bias_step,
     (*of_each_gyro("size", "rad/s", "change of the bias", 0.2), START),
     changed("the biases of the gyros", "rad/s"),
-    sets_in=True,
+    searched=ONSET,
     contains=("gyro-bias",),
     formula="Δω = ({size_1}, {size_2}, {size_3}) 'rad/s from' t = {start} 'h on'",
 )
@@ -86,7 +87,7 @@ WARM_UP = gyro_effect(
         EffectParameter("time_constant", "h", "of the exponential", LAST_HOUR, smallest=0.0),
     ),
     warm_up_sentence,
-    fades=True,
+    searched=TIME_CONSTANT,
     contains=("gyro-bias", "gyro-bias-drift"),
     formula="Δω = ({size_1}, {size_2}, {size_3}) e^(−t / ({time_constant} 'h')) 'rad/s'",
 )
@@ -106,7 +107,7 @@ SCALE_STEP = gyro_effect(
     gyro_scale_step,
     (*of_each_gyro("size", "1", "change of the scale factor", 0.2), START),
     changed("the scale factors of the gyros", ""),
-    sets_in=True,
+    searched=ONSET,
     formula="Δω = ({size_1} ω_1, {size_2} ω_2, {size_3} ω_3) 'from' t = {start} 'h on'",
 )
 
@@ -123,7 +124,7 @@ LATENCY_STEP = gyro_effect(
     lambda place, values: (
         f"the lag of the gyros changes by {1e3 * values['change']:+.4g} ms at {3600.0 * values['start']:.5g} s"
     ),
-    sets_in=True,
+    searched=ONSET,
     contains=("latency",),
     formula="ω_read(t) = ω(t − ({change}) 's') 'from' t = {start} 'h on'",
 )

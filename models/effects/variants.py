@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,16 +37,6 @@ class Variant:
     stands : callable
         rows at another fit (with `own` and `prediction` of the nominal part), coefficients -> whether the effect
         would change these readings there, and no others
-    paid : (N, 3, K) or None
-        by how much a reading may differ [g] per unit of the size of each coefficient, which then all have one sign: the
-        bounds grow by it; None where the columns are exact
-    sizes : (S, K) or None
-        sums of coefficients that are the first of the parameters; None where these are the coefficients
-    slipped : (N,) of bool or None
-        rows at which the coefficients, three, are the vector by which the block is turned on the table: the columns are
-        what that does to first order; None where they say it all
-    elsewhere : callable or None
-        other rows, later than these -> (n, 3, K): the columns there; None where only the kernel says what it does
     mixed : (N, 3, 3) or None
         what becomes of the three readings where channels are exchanged: matrix times readings; None where they are not
     undecided : callable
@@ -63,31 +53,23 @@ class Variant:
     limits: tuple[tuple[float, float], ...]
     lost: NDArray[np.bool_]
     fixed: NDArray[np.bool_]
-    paid: NDArray[np.float64] | None = None
-    sizes: NDArray[np.float64] | None = None
-    slipped: NDArray[np.bool_] | None = None
     mixed: NDArray[np.float64] | None = None
-    elsewhere: Callable[[Rows], NDArray[np.float64]] | None = None
     stands: Callable[[Rows, NDArray[np.float64]], bool] = lambda rows, coefficients: True
     undecided: Callable[[Rows, float], NDArray[np.bool_]] = lambda rows, sigma: np.zeros(rows.n.shape, dtype=bool)
 
+    one_sign: ClassVar[bool] = False
+    """Whether its coefficients all have one sign."""
+
     @property
     def directions(self) -> NDArray[np.float64]:
-        """Sums (S, K) of coefficients that are the first of the parameters."""
-        return np.eye(self.columns.shape[2]) if self.sizes is None else self.sizes
+        """The coefficients, which are the first of the parameters."""
+        return np.eye(self.columns.shape[2])
 
     @property
     def touched(self) -> NDArray[np.bool_]:
         """Readings (N, 3) that the effect changes, but for what widens their bounds."""
         changed = self.lost | self.fixed | (self.offset != 0.0) | np.any(self.columns != 0.0, axis=2)
         return changed if self.mixed is None else changed | np.any(self.mixed != np.eye(3), axis=2)
-
-    @property
-    def adds(self) -> bool:
-        """Whether it adds its columns and does no more: then it is linear."""
-        return self.mixed is None and not any(
-            values.any() for values in (self.offset, self.widening, self.lost, self.fixed)
-        )
 
 
 def variant(shape: tuple[int, ...], limits: tuple[tuple[float, float], ...], **fields: Any) -> Variant:

@@ -13,6 +13,7 @@ from named import Named
 from trihedron.fmus import components
 from trihedron.fmus.component import extend
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
+from trihedron.models.effects.columns import TIME_CONSTANT
 from trihedron.tools.errors import InputError
 from trihedron.tools.exporting import export_components
 
@@ -48,7 +49,7 @@ def test_it_undoes_effects_to_second_order(place):
     left, size = [], []
     for part in (1.0, 0.5):
         values = effect.from_coefficients(part * scale * direction)
-        if effect.fades:
+        if effect.searched == TIME_CONSTANT:
             values = (*values[:-1], FADES_IN)
         left.append(np.abs(undone([(place, values)], rows, regular=regular) - rows.rate).max())
         size.append(np.abs(undone([(place, values)], rows, regular=regular, known=[]) - rows.rate).max())

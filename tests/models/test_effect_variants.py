@@ -1,7 +1,6 @@
 """Effects that are not linear act as one of their variants; the step of rounded readings is found."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,7 +8,6 @@ import pytest
 from effect_readings import HOURS, G, readings, true_bench
 from trihedron.models.effects import CATALOGUE, EffectPlace, Variant
 from trihedron.models.effects.last_stage import LEAST_STEP, common_step, noisy_step, quantisation_variants
-from trihedron.tools.calibration.model import predicted_reading
 
 
 def predicted(variant: Variant, coefficients: np.ndarray) -> np.ndarray:
@@ -129,41 +127,3 @@ def test_exchanged_readings_are_one_of_the_variants_from_its_time_on(place):
     assert changed == pytest.approx(seen, abs=1e-14)
     assert np.array_equal(found[0].touched.any(axis=1), np.arange(7) > 2)
     assert not variants(place, rows, rows.prediction, 1e-9)
-
-
-def test_a_slip_of_the_mounting_is_exact_in_the_model_and_told_by_its_columns_to_first_order():
-    place = EffectPlace("mounting-slip", "mounting")
-    start, size = 0.5 * (HOURS[2] + HOURS[3]), np.array([4e-3, -6e-3, 5e-3])
-    (here, rows), seen = true_bench(), readings({place: (*size, start)})
-    variants = place.definition.variants
-    assert variants is not None
-    (found,) = (v for v in variants(place, rows, seen, 1e-5) if v.limits[3] == (HOURS[2], HOURS[3]))
-    assert found.adds
-    assert found.values(size) == pytest.approx((*size, start))
-    first_order = rows.prediction + found.columns @ size
-    assert 1e-6 < np.abs(first_order - seen).max() < size @ size
-    at = replace(here.positions, slips=np.where((start < HOURS)[:, None], size, 0.0))
-    assert predicted_reading(here.parametrisation, here.point, at) == pytest.approx(seen, abs=2e-14)
-    assert found.slipped is not None
-    assert found.slipped.tolist() == (start < HOURS).tolist()
-
-
-@pytest.mark.parametrize(
-    "place", [*CATALOGUE["bias-step"].places, *CATALOGUE["scale-step"].places], ids=lambda place: place.title
-)
-def test_a_step_of_bias_or_scale_is_one_of_the_variants_from_its_time_on(place):
-    start, size = 0.5 * (HOURS[2] + HOURS[3]), 3e-3
-    rows, seen = true_bench()[1], readings({place: (size, start)})
-    variants = CATALOGUE[place.effect].variants
-    assert variants is not None
-    every = variants(place, rows, rows.prediction, 1e-5)
-    found = [v for v in every if v.limits[1][0] <= start <= v.limits[1][1]]
-    assert len(found) == 1
-    assert found[0].limits[1] == (HOURS[2], HOURS[3])
-    assert found[0].adds
-    assert rows.prediction + found[0].columns @ np.array([size]) == pytest.approx(seen, abs=1e-14)
-    assert found[0].values(np.array([size])) == pytest.approx((size, start))
-    # Two rows at least on each side.
-    assert [v.limits[1] for v in every] == list(pairwise(HOURS[1:-1]))
-    within = replace(rows, hours=np.linspace(HOURS[2], HOURS[3], len(HOURS)))
-    assert np.array_equal(found[0].undecided(within, 1e-5).any(axis=1), [0, 1, 1, 1, 1, 1, 0])

@@ -56,7 +56,7 @@ CONTRACT = {
 }
 ON_AXES = {"encoder-harmonic", "axis-wobble", "sag", "backlash"}
 PLACES = [p for effect in POSITION_EFFECTS.values() if effect.kernel for p in effect.places]
-LINEAR = [p for p in PLACES if CATALOGUE[p.effect].variants is None]
+LINEAR = [p for p in PLACES if CATALOGUE[p.effect].linear]
 
 
 def test_the_catalogue_is_the_contracts():
@@ -168,7 +168,7 @@ def test_effects_of_temperature_need_the_temperature():
 def test_parameters_come_back_from_coefficients_and_have_one_name(place):
     effect = CATALOGUE[place.effect].at(place)
     names = [parameter.name for parameter in effect.parameters]
-    if effect.variants is None or effect.sets_in:
+    if effect.variants is None:
         coefficients = np.resize([3e-4, -4e-4, -5e-4, 2e-4], len(names))
         values = effect.from_coefficients(coefficients)
         back = []

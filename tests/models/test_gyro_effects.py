@@ -36,7 +36,7 @@ SETTING_IN = {"gyro-bias-step": (3, "rad/s"), "gyro-scale-step": (3, "1"), "late
 IN_GYROS = [p for effect in STRAPDOWN_EFFECTS.values() if effect.component == "GyroBlock" for p in effect.places]
 FADING = {"gyro-warm-up": (3, "rad/s")}
 """The same of those that fade with a time constant, without that."""
-LINEAR = [p for p in IN_GYROS if (e := p.definition).variants is None and not (e.sets_in or e.fades)]
+LINEAR = [p for p in IN_GYROS if p.definition.linear]
 
 
 def test_the_catalogue_is_the_contracts():

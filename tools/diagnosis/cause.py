@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from ...models.effects import EffectPlace
+from ...models.effects.columns import ONSET
 from ..bounded.possible import Proofs, Steps, largest_length
 from ..bounded.programmes import Interval
 from ..evidence.evidence import Evidence
@@ -159,7 +160,7 @@ class Finding:
     @property
     def sets_in(self) -> bool:
         """Whether it is shown that no effect of the set that acts from a time on did so from the beginning."""
-        return all(cause.intervals[-1][0] > 0.0 for cause in self.causes if cause.place.definition.sets_in)
+        return all(cause.intervals[-1][0] > 0.0 for cause in self.causes if cause.place.definition.searched == ONSET)
 
     def contains(self, other: "Finding") -> bool:
         """Whether this set can always do what another one does: by what its effects are, or by when they set in."""

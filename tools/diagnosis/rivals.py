@@ -88,8 +88,8 @@ class Listed:
     def is_wholly_of(self, fit: Fit, pair: Pair) -> bool:
         """Whether all effects of a fit are functions of a pair."""
         columns = fit.jacobian[:, len(fit.point) :]
-        for place, block, variant in fit.ways:
-            if variant is not None and not variant.adds:
+        for place, block, _ in fit.ways:
+            if place.definition.variants is not None:
                 # What does not only add its columns depends on its accelerometer's own input.
                 is_function = place.where == pair.where and f"n{place.where[-1]}" in pair.depends_on
             else:

@@ -31,7 +31,8 @@ from .bench_visits import (
     signature_columns,
     untold_readings,
 )
-from .fit import Fit, blocks_of, coefficient_limits, estimated
+from .cells import Cell, CellsAtRest
+from .fit import Fit, Way, blocks_of, coefficient_limits, estimated
 
 LARGEST_OF_BENCH = 0.5
 """No parameter of a bench [1], [rad], [g] is larger, as none of `--bounds`: accelerometers that are swapped or reversed
@@ -144,7 +145,7 @@ class Model:
     jacobian: NDArray
     bound: NDArray
     rate: NDArray
-    variants: tuple[Variant | None, ...]
+    variants: tuple[Way | None, ...]
     rows: Rows
 
 
@@ -171,10 +172,14 @@ class Readings(Visits):
         measured = {"reading": self.reading[rows], "bound": self.bound[readings_at(rows)], "sign": self.sign[rows]}
         return replace(super().selected(rows), **measured)
 
+    def ways(self, place: EffectPlace, rows: Rows) -> Sequence[Way]:
+        """The cells of an effect's unknown number, or the ways in which it can act on the readings."""
+        return CellsAtRest(place, rows) if place.definition.searched is not None else self.variants(place, rows)
+
     def variants(self, place: EffectPlace, rows: Rows) -> Sequence[Variant]:
-        """The ways in which an effect can act on the readings."""
-        seen = place.definition.variants
-        return [] if seen is None else seen(place, rows, self.reading, float(self.bound.min()))
+        """The ways in which an effect can act on the readings that is not linear; none of any other."""
+        variants = place.definition.variants
+        return [] if variants is None else variants(place, rows, self.reading, float(self.bound.min()))
 
     def relaxations(self, rows: Rows, places: Sequence[EffectPlace]) -> list[Relaxation]:
         """Of each effect that can act on the readings at all, what it may do at most."""
@@ -204,11 +209,11 @@ class Cast:
     places: tuple[EffectPlace, ...]
     ways: Mapping[EffectPlace, int] = field(default_factory=dict)
 
-    def variants(self, readings: Readings, rows: Rows) -> tuple[Variant | None, ...] | None:
+    def variants(self, readings: Readings, rows: Rows) -> tuple[Way | None, ...] | None:
         """The variant of each effect; None where one of the ways is none here."""
-        found: list[Variant | None] = []
+        found: list[Way | None] = []
         for place in self.places:
-            seen = readings.variants(place, rows) if place in self.ways else [None]
+            seen = readings.ways(place, rows) if place in self.ways else [None]
             if (way := self.ways.get(place, 0)) >= len(seen):
                 return None
             found.append(seen[way])
@@ -243,13 +248,15 @@ class Cast:
             return None
         fixed = np.zeros(rows.n.shape, dtype=bool)
         for place, variant in zip(self.places, variants, strict=True):
-            if variant is not None:
-                if variant.paid is not None:
-                    rate[:, len(point) :][:, own[place]] = variant.paid.reshape(len(reading), -1)
+            if isinstance(variant, Cell):
+                if variant.missed is not None:
+                    rate[:, len(point) :][:, own[place]] = variant.missed.reshape(len(reading), -1)
+                columns[place] = slipped.get(place, variant.columns).reshape(len(reading), -1)
+            elif variant is not None:
                 slopes = _without_lost(readings, point, at, variant, slopes)
                 reading = reading + variant.offset.ravel()
                 bound = bound + variant.widening.ravel()
-                columns[place] = slipped.get(place, variant.columns).reshape(len(reading), -1)
+                columns[place] = variant.columns.reshape(len(reading), -1)
                 fixed |= variant.fixed
         slopes[fixed] = 0.0
         rate[fixed.ravel()] = 0.0
@@ -260,7 +267,7 @@ class Cast:
                 reading = reading + columns[place] @ coefficients[block]
         jacobian = np.hstack([slopes.reshape(len(reading), -1), *(columns[place] for place in self.places)])
         for variant in variants:
-            if variant is not None and variant.mixed is not None:
+            if isinstance(variant, Variant) and variant.mixed is not None:
                 # Channels are exchanged last, with all that they read.
                 reading, jacobian = _mixed(variant.mixed, reading), _mixed(variant.mixed, jacobian)
                 bound, rate = (_mixed(np.abs(variant.mixed), values) for values in (bound, rate))
@@ -275,9 +282,8 @@ class Cast:
             return at, {}
         rows, after = readings.rows(point, at), {}
         for place in places:
-            slipped = readings.variants(place, rows)[self.ways[place]].slipped
-            assert slipped is not None
-            after[place] = slipped[:, None]
+            start = CellsAtRest(place, rows).ends[self.ways[place]]
+            after[place] = (rows.hours > start)[:, None]
         at = replace(at, slips=sum(after[place] * sizes[place] for place in places))
         slopes = slip_jacobian(readings.parametrisation, point, at, readings.sign)
         return at, {place: slopes * after[place][:, :, None] for place in places}
@@ -340,7 +346,7 @@ def fitted(
         paid = Paid.of(single, model.rate) + [
             Paid(slice(count + block.start, count + block.stop), float(way.low[0]), float(way.high[0]))
             for block, way in zip(blocks, model.variants, strict=True)
-            if way is not None and way.paid is not None
+            if way is not None and way.one_sign
         ]
         residual, growths = reading - model.reading, growths_of(paid, model.rate, x)
         if there:
@@ -443,7 +449,7 @@ def _stands(fit: Fit, rows: Rows) -> bool:
             continue
         middle = fit.coefficients[block]
         within = bool(np.all(middle >= variant.low - 1e-12) and np.all(middle <= variant.high + 1e-12))
-        if not within or not variant.stands(rows, middle):
+        if not within or (isinstance(variant, Variant) and not variant.stands(rows, middle)):
             return False
     return True
 

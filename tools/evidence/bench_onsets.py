@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import GYRO_PARAMETERS, LAG, MATRIX, integrated_readings, moments_of, small_turn
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
+from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.steps import MOUNTING_SLIP
 from ..bounded.sets import Work
 from ..calibration.model import slip_jacobian
@@ -124,7 +125,7 @@ def effects_setting_in() -> tuple[EffectPlace, ...]:
     """Effects of gyros that act from a time on, or settle."""
     places: list[EffectPlace] = []
     for effect in STRAPDOWN_EFFECTS.values():
-        if effect.component == "GyroBlock" and (effect.sets_in or effect.fades):
+        if effect.component == "GyroBlock" and effect.searched is not None:
             places += effect.places
     return tuple(places)
 
@@ -139,7 +140,7 @@ NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each
 
 def fades(fit: Fit) -> bool:
     """Whether an effect of a fit settles."""
-    return any(place.definition.fades for place in fit.places)
+    return any(place.definition.searched == TIME_CONSTANT for place in fit.places)
 
 
 def onsets_of_turns(raw: BenchRecord, fitted: WithTurns, travel: Travel) -> Onsets:

@@ -32,6 +32,7 @@ from ..orchestrator import simulate
 from .bench_model import LARGEST_OF_BENCH, MAX_LEVERAGE, Cast, Readings, fitted, leverages
 from .bench_scenario import COMPONENTS, READINGS, Visited, can_be_run
 from .bench_visits import Circumstances, Visits, acted_on, is_linear, readings_at, signature_columns, untold_readings
+from .cells import Cell
 from .fit import Fit, Gain, contains, gain_of, with_effects
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
@@ -62,7 +63,7 @@ def later_part(fit: Fit) -> list[tuple[EffectPlace, slice, Callable[[Rows], NDAr
     return [
         (place, block, variant.elsewhere)
         for place, block, variant in fit.ways
-        if variant is not None and variant.elsewhere is not None
+        if isinstance(variant, Cell) and variant.elsewhere is not None
     ]
 
 
@@ -435,7 +436,7 @@ def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArra
     for place in places:
         if is_linear(place):
             continue
-        seen = readings.variants(place, rows)
+        seen = readings.ways(place, rows)
         if not seen:
             return None
         beyond = [

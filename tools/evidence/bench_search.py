@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ...models.bench import admissible, nominal_input
 from ...models.effects import EffectPlace
 from ...models.effects.last_stage import EXCHANGED_READINGS, place_of
-from ...models.effects.variants import Variant
 from ..bounded.programmes import least_squares
 from ..bounded.sets import Problem, Work, project, sets_of_size
 from ..calibration.estimates import widening
@@ -33,6 +32,7 @@ from .bench_model import (
 )
 from .bench_visits import Circumstances, is_linear, signature_columns, untold_readings
 from .bench_wander import wanders
+from .cells import Cell, CellsAtRest
 from .fit import Classes, Fit, blocks_of
 
 USUAL = 0.9
@@ -207,14 +207,13 @@ class BenchSearch:
         return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.readings.bound.min())
 
     @cached_property
-    def additive(self) -> dict[EffectPlace, Sequence[Variant]]:
-        """Effects that only add columns, others in each of their ways: they are sought by these."""
+    def additive(self) -> dict[EffectPlace, Sequence[Cell]]:
+        """Effects with an unknown number, each with the cells of it: they are sought by these."""
         rows = self.readings.rows(self.centre.point)
-        additive: dict[EffectPlace, Sequence[Variant]] = {}
+        additive: dict[EffectPlace, Sequence[Cell]] = {}
         for place in self.places:
-            ways = () if is_linear(place) else self.readings.variants(place, rows)
-            if ways and all(way.adds for way in ways):
-                additive[place] = ways
+            if place.definition.searched is not None and (cells := CellsAtRest(place, rows)):
+                additive[place] = list(cells)
         return additive
 
     @property
@@ -278,7 +277,7 @@ class BenchSearch:
         One alone does not, in two of its ways: of these only steps are two events.
         """
         ways, problem = self.ways, replace(self.problem(self.centre, [], self.ways), alike=0)
-        events = [self.additive[place][way].paid is None for place, way in ways]
+        events = [not self.additive[place][way].one_sign for place, way in ways]
         for pair in sets_of_size(problem, 2, self.slack(self.centre), 0, work):
             first, second = pair.effects
             if ways[first][0] != ways[second][0] or events[first]:

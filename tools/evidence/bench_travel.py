@@ -55,7 +55,7 @@ def effects_of_gyros() -> tuple[EffectPlace, ...]:
     for name, effect in STRAPDOWN_EFFECTS.items():
         if name in (*IN_THE_MODEL, *CONTAINING) or effect.component not in OF_GYROS:
             continue
-        if not (effect.sets_in or effect.fades or effect.of_law or effect.variants):
+        if effect.linear and not effect.of_law:
             places += effect.places
     return tuple(places)
 

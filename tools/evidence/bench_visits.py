@@ -94,7 +94,7 @@ def senses_of(angle: NDArray) -> NDArray:
 
 def is_linear(place: EffectPlace) -> bool:
     """Whether an effect is linear in its coefficients, so that its signature says it all."""
-    return place.definition.variants is None
+    return place.definition.linear
 
 
 @dataclass(frozen=True)

@@ -102,12 +102,7 @@ def carried_evidence(
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
     """Places of those effects that are linear and whose circumstances the record tells."""
     told = [e for e in effects if "temperature" not in e.needs or motion.temperature is not None]
-    return [
-        place
-        for effect in told
-        if effect.variants is None and not (effect.sets_in or effect.fades)
-        for place in effect.places
-    ]
+    return [place for effect in told if effect.linear for place in effect.places]
 
 
 def linear_evidence(
@@ -151,7 +146,7 @@ def linear_evidence(
         names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
         point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
         whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
-        setting_in = [p for e in STRAPDOWN_EFFECTS.values() if e.sets_in or e.fades for p in e.places]
+        setting_in = [p for e in STRAPDOWN_EFFECTS.values() if e.searched is not None for p in e.places]
         starting = tuple(setting_in) if tried and len(motion) <= LONG else ()
         return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest, starting=starting)
 

@@ -31,6 +31,7 @@ from ..bounded.programmes import (
 from ..bounded.sweep import Swept
 from ..orchestrator.scenario import Scenario
 from ..result import Told
+from .cells import Cell
 
 DETERMINED = 1e-10
 """Directions with so small a part of the largest singular value are not determined by least squares."""
@@ -38,6 +39,10 @@ FIRST_ROWS, MORE_ROWS = 300, 100
 """Rows that a linear programme begins with, and takes in at a time."""
 TOLERANCE = 1e-9
 """How far, relatively, a row that was not taken in may be beyond the radius."""
+
+
+Way = Variant | Cell
+"""How an effect acts that is not linear, or a cell of its unknown number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +72,7 @@ class Fit:
     radius: float
     estimate: NDArray[np.float64]
     stated: NDArray[np.float64]
-    variants: tuple[Variant | None, ...] = ()
+    variants: tuple[Way | None, ...] = ()
     growths: tuple[Growth, ...] = ()
     also: tuple["Fit", ...] = ()
     swept: tuple[Swept, ...] = ()
@@ -98,7 +103,7 @@ class Fit:
         return self.bound + self.growths[0].at(self.step) if self.growths else self.bound
 
     @property
-    def ways(self) -> tuple[tuple[EffectPlace, slice, Variant | None], ...]:
+    def ways(self) -> tuple[tuple[EffectPlace, slice, Way | None], ...]:
         """Each effect with its coefficients and the way in which it acts."""
         return tuple(zip(self.places, self.blocks, self.variants or (None,) * len(self.places), strict=True))
 
@@ -115,7 +120,7 @@ class Fit:
         """
         own = self.central[len(self.point) :]
         bent = [(variant, own[block]) for _, block, variant in self.ways if variant is not None]
-        sums = [(v.directions if v.paid is None else v.directions[:1]) @ values for v, values in bent]
+        sums = [(v.directions[:1] if v.one_sign else v.directions) @ values for v, values in bent]
         return tuple(float(np.sign(c)) for several in sums for c in several)
 
     @property
@@ -289,7 +294,7 @@ def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
     return tuple(found)
 
 
-def _variant_intervals(variant: Variant, reach: Reach) -> tuple[Interval, ...]:
+def _variant_intervals(variant: Way, reach: Reach) -> tuple[Interval, ...]:
     """Intervals of the parameters of an effect that is not linear, for the way in which it acts."""
     sizes = [
         (max(low, -reach(-along)), min(high, reach(along)))
@@ -378,7 +383,7 @@ class Gain(Told):
         return self.held_out_rms_after < self.held_out_rms_before
 
 
-def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Variant | None] = ()) -> tuple[slice, ...]:
+def blocks_of(places: Sequence[EffectPlace], variants: Sequence[Way | None] = ()) -> tuple[slice, ...]:
     """The columns of each effect, in the way in which it acts, one after the other."""
     acting = zip(places, variants or [None] * len(places), strict=True)
     counts = [coefficient_count(place) if variant is None else variant.columns.shape[2] for place, variant in acting]

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
+from ...models.effects.columns import ONSET
 from ...models.effects.last_stage import LAST_HOUR
-from ...models.effects.settling import most_bent
 from ..bounded.sets import Work, sharpened
+from .cells import most_bent
 from .fit import estimated, least_radius
 from .observation import Group, rows_of
 
@@ -165,7 +166,7 @@ class Onsets:
     def acting(self, place: EffectPlace) -> Acting | Fading:
         """What an effect does from each row on, or with each time constant."""
         integral, counted = self.grown(place)
-        if not place.definition.fades:
+        if place.definition.searched == ONSET:
             return Acting(integral, np.cumsum(counted, axis=0))
         low, high = SHORTEST * self.hours[self.edges[0]], LONGEST * self.hours[-1]
         count = TIMES_AT_ONCE * max(1, math.ceil(math.log(high / low) / math.log(RATIO) / TIMES_AT_ONCE)) + 1

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ...models.effects.variants import variant
 from ..bounded.sets import Problem, Work, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes
+from .cells import Cell
 from .evidence import Evidence
-from .fit import Fit, coefficient_limits
+from .fit import Fit, coefficient_count
 from .onsets import STRETCHES, WEIGHED, Acting, Fading, Onsets, held, refused
 
 MOST_TRIED = 12
@@ -332,19 +332,6 @@ def _standing(swept: Swept) -> tuple[int, int]:
 
 def setting_in_at(fit: Fit, place: EffectPlace, start: float, ends: tuple[float, float]) -> Fit:
     """A fit whose last effect sets in at a time [h], of times within ends that are possible."""
-    low, high = coefficient_limits(place)
-
-    limits = list(zip(low.tolist(), high.tolist(), strict=True))
-
-    def values(coefficients: NDArray[np.float64]) -> tuple[float, ...]:
-        return (*coefficients.tolist(), start)
-
-    way = variant(
-        (0, 3),
-        (*limits, ends),
-        columns=np.zeros((0, 3, len(low))),
-        low=low,
-        high=high,
-        values=values,
-    )
+    count = coefficient_count(place)
+    way = Cell(place, ends, np.zeros((0, 3, count)), np.full(count, start))
     return replace(fit, variants=(*[None] * (len(fit.places) - 1), way))

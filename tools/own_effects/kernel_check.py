@@ -18,7 +18,7 @@ from ...fmus.native.translate import RestrictionError, translate
 from ...fmus.source import flat_parts
 from ...fmus.units import UNITS, unit_named
 from ...models.effects import Effect, EffectParameter, EffectPlace, MotionRows, Rows, Variant
-from ...models.effects.columns import ALWAYS, NEVER, PORTS, ports
+from ...models.effects.columns import ONSET, PORTS, WHOLE, ports
 from ...models.effects.definition import ACCELEROMETERS, AXES, GYRO_BLOCK, whole_numbers
 from ..errors import InputError, nearest, one_line
 
@@ -228,14 +228,15 @@ def added_by(
 def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     """Check that a linear effect's kernel adds each parameter times a column, alone and together, and nothing else."""
     rows, count = rows_for(effect), len(effect.linear_parameters)
+    # What sets in at a time acts on all of these rows; what settles does so while they last.
+    number = WHOLE[ONSET] if effect.searched == ONSET else float(rows.hours[-1])
+    last = [] if effect.searched is None else [number]
     if effect.in_motion:
         part, agree = (IN_MOTION, FIRST_ORDER)
     else:
         part, agree = (AT_REST, AGREE)
 
     def added(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-        # What sets in at a time acts on all of these rows, and what fades has not begun to.
-        last = [ALWAYS] * effect.sets_in + [NEVER] * effect.fades
         with errors_of_field(refuse, "kernel"):
             ports_added = added_by(place, effect, (*effect.from_coefficients(coefficients), *last), rows)
         if not np.isfinite(ports_added).all():
@@ -262,7 +263,7 @@ def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     if np.abs(added(size * np.ones(count)) / size - slopes[0].sum(axis=2)).max() > agree * scale * count:
         raise refuse("kernel", "does not add its parameters' parts: together they do something else than each alone")
     with errors_of_field(refuse, "columns" if effect.columns else "kernel"):
-        columns = ports(effect, place, rows)
+        columns = ports(effect, place, rows, number)
     if columns.shape != slopes[0].shape:
         raise refuse("columns", f"give an array {columns.shape} for {COUNT} rows; {slopes[0].shape} is right")
     miss = np.abs(columns - slopes[0])

@@ -141,7 +141,7 @@ def hideable_in_block() -> tuple[str, ...]:
     """Names of effects that some record of a moved block can hide."""
     forces = []
     for e in POSITION_EFFECTS.values():
-        if e.component == "AccelerometerBlock" and e.variants is None:
+        if e.component == "AccelerometerBlock" and e.linear:
             forces.append(e.name)
     turns = []
     for e in STRAPDOWN_EFFECTS.values():

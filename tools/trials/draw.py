@@ -134,7 +134,7 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
 
 def _as_it_can_be_read(clean: Case, hidden: Sequence[Hidden]) -> Case:
     """The case with uniform noise where something rounds or clips: it has to act on errors that are there already."""
-    if clean.days or all(effect.place.definition.variants is None for effect in hidden):
+    if clean.days or all(effect.place.definition.linear for effect in hidden):
         return clean
     return replace(clean, instrument=replace(clean.instrument, noise="uniform"))
 
@@ -171,7 +171,7 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     basis, _ = np.linalg.qr(model.jacobian)
     visible = []
     for effect in POSITION_EFFECTS.values():
-        for place in effect.places if effect.within != bench.baseline and effect.variants is None else ():
+        for place in effect.places if effect.within != bench.baseline and effect.linear else ():
             columns = signature_columns([place], rows)
             if np.linalg.norm(columns - basis @ (basis.T @ columns)) > 1e-9:
                 visible.append(place)

@@ -11,13 +11,13 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import elementary_reading
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, Effect, EffectPlace
 from ...models.effects.last_stage import place_of
-from ...models.effects.settling import beginnings
 from ..calibration.calibration import Asked, fit_record
 from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
 from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.bench_predictions import dense_spaces
 from ..evidence.bench_travel import acts_at_rest
 from ..evidence.bench_visits import Circumstances, Visits, circumstances_of
+from ..evidence.cells import CellsAtRest, beginnings
 from ..evidence.fit import Classes, contains
 from ..evidence.joint import Joint
 from ..evidence.of_record import InRecord, plain
@@ -48,8 +48,6 @@ from .sizes import (
     sure_sizes,
 )
 
-ADDING = ("reading_effects", "geometry_effects")
-"""Stages of effects that are not linear but for a time that is found."""
 ABOVE = 1.5
 """So many times the size that excludes every rival an effect has, where it is to be named."""
 MOST_ABOVE = 30.0
@@ -123,7 +121,7 @@ def _classes_with(mountings: tuple[str, ...], effects: tuple[Effect, ...], symme
         baseline = "symmetric"
     linear = []
     for e in effects:
-        if e.within != baseline and e.variants is None:
+        if e.within != baseline and e.linear:
             linear.append(e)
     places = [place for effect in linear for place in effect.places]
     return Classes.of(places, dense_spaces(p, places))
@@ -155,7 +153,7 @@ class Drawing:
         """Names of effects that this bench can hide."""
         hideable = {place.effect for place in self.linear} | {"outlier"}
         if self.options.mode != "pairs":
-            hideable |= {name for name in hidden_effects() if POSITION_EFFECTS[name].variants is not None}
+            hideable |= {name for name in hidden_effects() if not POSITION_EFFECTS[name].linear}
         if self.options.effects:
             hideable &= set(self.options.effects)
         return tuple(name for name in hidden_effects() if name in hideable)
@@ -179,15 +177,13 @@ class Drawing:
 
     @cached_property
     def ways(self) -> list[Way]:
-        """Every effect that is not linear and adds to a reading, or turns the block, in each of its ways."""
+        """Every effect with an unknown number, in each cell of it."""
         rows = Visits.of(self.here, self.circumstances).rows(self.here.point)
         ways: list[Way] = []
         for effect in POSITION_EFFECTS.values():
-            if effect.variants is None or effect.stage not in ADDING:
-                continue
-            for place in effect.places:
-                for way in effect.variants(place, rows, rows.prediction, NOISE_BOUND):
-                    ways.append((place, way))
+            for place in effect.places if effect.searched is not None else ():
+                for cell in CellsAtRest(place, rows):
+                    ways.append((place, cell))
         return ways
 
     def other_ways(self, place: EffectPlace) -> list[Way]:
@@ -199,10 +195,10 @@ class Drawing:
         ways, options = [way for nonlinear, way in self.ways if nonlinear == place], self.options
         way = ways[self.rng.integers(len(ways))]
         unit = np.eye(way.columns.shape[2])[0] * self.rng.choice([-1.0, 1.0])
-        if way.sizes is not None and len(way.sizes) > 1:
+        if way.one_sign and len(way.directions) > 1:
             # What it was before is somewhere between the ends of what it may have been.
             unit = self.rng.dirichlet(np.ones(len(unit))) * unit.sum()
-        if way.slipped is not None:
+        if place.definition.stage == "geometry_effects":
             unit = self.rng.normal(size=len(unit))
             unit /= np.linalg.norm(unit)
         change, rivals = way.columns @ unit, self.classes.places

@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace, Rows
+from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.last_stage import place_of
-from ...models.effects.settling import lagged
-from ...models.effects.variants import Variant
 from ..bounded.programmes import chebyshev_radius, column_space, spread_directions
 from ..bounded.sets import sharpened
 from ..calibration.model import Linearisation
 from ..diagnosis.cause import NamedEffect
 from ..evidence.bench_visits import Circumstances, Visits, acted_on, signature_columns, untold_readings
+from ..evidence.cells import Cell, lagged
 from ..evidence.fit import coefficient_count
 from ..evidence.setting_in import SettingIn
 from ..result import finite_or_none
@@ -46,7 +46,7 @@ SHORT_OF_RECORD = 0.02, 0.4
 than a drift shows."""
 
 
-Way = tuple[EffectPlace, Variant]
+Way = tuple[EffectPlace, Cell]
 """An effect that is not linear in one of its ways."""
 
 
@@ -232,7 +232,7 @@ ONE_READING = _Rival("outlier", np.zeros((0, 1)))
 
 
 def _of_ways(ways: Sequence[Way]) -> list[_Rival]:
-    return [_Rival(p.title, w.columns.reshape(-1, w.columns.shape[2]), w.paid is not None) for p, w in ways]
+    return [_Rival(p.title, w.columns.reshape(-1, w.columns.shape[2]), w.one_sign) for p, w in ways]
 
 
 def _untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
@@ -383,7 +383,7 @@ def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace
     At any but near the ends, where it shows in hardly any piece.
     """
     onsets, acting = evidence.onsets_of(place), evidence.acting[place]
-    if place.definition.fades:
+    if place.definition.searched == TIME_CONSTANT:
         low, high = (round(onsets.number(acting, part * float(onsets.hours[-1]))) for part in SHORT_OF_RECORD)
     else:
         low, high = np.quantile(onsets.edges, MIDDLE_OF_RECORD)

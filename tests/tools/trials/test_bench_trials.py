@@ -9,10 +9,10 @@ import pytest
 
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import CATALOGUE, EffectPlace
-from trihedron.models.effects.settling import lagged
 from trihedron.tools import cli
 from trihedron.tools.diagnosis.cause import Cause, NamedEffect
 from trihedron.tools.errors import InputError
+from trihedron.tools.evidence.cells import lagged
 from trihedron.tools.evidence.of_record import in_record
 from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors
 from trihedron.tools.trials.case import Case, Options

@@ -11,11 +11,11 @@ from generator.stands import random_bench, record
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.last_stage import place_of
-from trihedron.models.effects.variants import variant
 from trihedron.tools.bounded.programmes import chebyshev_radius, spread_directions
 from trihedron.tools.calibration.calibration import fit_record
 from trihedron.tools.calibration.model import Linearisation
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits, circumstances_of, signature_columns
+from trihedron.tools.evidence.cells import Cell
 from trihedron.tools.trials.sizes import DIRECTIONS, level_change, level_margins, sizes_of_way, sure_sizes
 
 SIGMA = 1e-5
@@ -154,10 +154,10 @@ def test_a_rival_whose_coefficients_have_one_sign_is_excluded_where_a_free_one_i
     columns, change = np.zeros((len(hours), 3, 2)), np.zeros((len(hours), 3))
     columns[:, 1] = np.stack((np.sin(9.0 * hours), np.sin(9.0 * hours) + np.exp(-3.0 * hours)), axis=1)
     change[:, 1] = columns[:, 1, 1] - columns[:, 1, 0]
-    place, shape = EffectPlace("thermal-lag", "accelerometer-2"), change.shape
-    free = variant(shape, ((-1.0, 1.0),), columns=columns)
+    place = EffectPlace("thermal-lag", "accelerometer-2")
+    free = Cell(place, (0.0, 1.0), columns, np.ones(2))
     assert sizes_of_way(*nominal, change, [], [(place, free)]).excluded == math.inf
-    nearest = sizes_of_way(*nominal, change, [], [(place, replace(free, paid=np.zeros_like(columns)))])
+    nearest = sizes_of_way(*nominal, change, [], [(place, replace(free, missed=np.zeros_like(columns)))])
     matrix = np.hstack((model.jacobian, columns.reshape(-1, 2))) / model.bound[:, None]
     scale = np.abs(matrix).max(axis=0)
     target, count = change.ravel() / model.bound / 1e5, matrix.shape[1] - 2

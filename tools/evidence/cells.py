@@ -1,0 +1,282 @@
+"""An effect with one unknown number, a time or a time constant, as cells of it that miss none.
+
+Between two rests a step acts on the same readings whenever it comes: a cell is a gap. Within a cell of time constants
+a response is a mean of those at its two ends, with weights of one sign, but for an error that the second
+derivative by the constant's logarithm bounds: the bounds of the readings grow by it, times the size of the effect.
+
+Where the lag of a temperature is at the first row follows from temperatures before it, which no record has. It is taken
+to lie within the range of the record's temperatures, widened by `BEFORE` of that range on both sides: its response is a
+mean, again with weights of one sign, of those from these two ends.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace, Rows
+from ...models.effects.columns import ONSET, on_columns, ports, response
+from ...models.effects.last_stage import LAST_HOUR
+
+FEWEST_ROWS = 2
+"""So many rows on each side of a step; what only one row shows is an outlier."""
+CELL = 0.15
+"""Width of a cell of time constants, as a difference of their logarithms."""
+LONGEST = 10.0
+"""Time constants up to so many times a record's length are sought: a longer one cannot be told from a drift."""
+SHORTEST_ROW = 2
+"""What settles before this row is an outlier of the first."""
+SHORTER = 0.05
+"""A lag of so small a part of the time of that row is still sought; a shorter one is none."""
+BEFORE = 0.5
+"""By so many times the range of a record's temperatures those before it may be beyond it, on both sides."""
+MOST_THIRD = 0.43
+"""The largest third derivative of e^(−x) by the logarithm of x."""
+AT_ONCE = 1e-300
+"""A time constant [h] with which nothing is left of what fades."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """An effect whose unknown number lies between two ends: there it is linear in its coefficients.
+
+    Attributes
+    ----------
+    place : EffectPlace
+    ends : (float, float)
+        of the number [h]
+    columns : (N, 3, K)
+        what a unit of each coefficient adds to the readings [g]
+    numbers : (K,)
+        the number at which each coefficient adds that
+    missed : (N, 3, K) or None
+        by how much a reading may differ [g] per unit of the size of each coefficient, which then all have one sign;
+        None where the columns are exact
+    sums : (S, K) or None
+        sums of coefficients that are the first of the parameters; None where these are the coefficients
+    elsewhere : callable or None
+        other rows, later than these -> (n, 3, K): the columns there
+    """
+
+    place: EffectPlace
+    ends: tuple[float, float]
+    columns: NDArray[np.float64]
+    numbers: NDArray[np.float64]
+    missed: NDArray[np.float64] | None = None
+    sums: NDArray[np.float64] | None = None
+    elsewhere: Callable[[Rows], NDArray[np.float64]] | None = None
+
+    @property
+    def one_sign(self) -> bool:
+        """Whether its coefficients all have one sign."""
+        return self.missed is not None
+
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """Sums (S, K) of coefficients that are the first of the parameters."""
+        return np.eye(len(self.numbers)) if self.sums is None else self.sums
+
+    @property
+    def limits(self) -> tuple[tuple[float, float], ...]:
+        """The possible values of each parameter."""
+        limits = []
+        for parameter in self.place.definition.linear_parameters:
+            smallest = -parameter.largest if parameter.smallest is None else parameter.smallest
+            limits.append((smallest, parameter.largest))
+        return (*limits, self.ends)
+
+    @property
+    def low(self) -> NDArray[np.float64]:
+        """Lower ends (K,) of the coefficients: of each that of the first parameter which it is a part of."""
+        return np.array([self.limits[k][0] for k in self._parameters])
+
+    @property
+    def high(self) -> NDArray[np.float64]:
+        """Upper ends (K,) of the coefficients."""
+        return np.array([self.limits[k][1] for k in self._parameters])
+
+    @property
+    def _parameters(self) -> NDArray[np.int_]:
+        return (self.directions != 0.0).argmax(axis=0)
+
+    def values(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
+        """Values of the parameters; the number is the mean of those of the coefficients, by logarithms."""
+        sizes = (self.directions @ coefficients).tolist()
+        number = float(self.numbers[0])
+        if self.one_sign:
+            weights = np.full(len(self.numbers), 1.0 / len(self.numbers))
+            if sizes[0] != 0.0:
+                weights = coefficients / sizes[0]
+            number = float(np.exp(weights @ np.log(self.numbers)))
+        return (*sizes, number)
+
+    def undecided(self, rows: Rows, sigma: float) -> NDArray[np.bool_]:
+        """Readings (n, 3) of other rows that lie between the ends of a time, so that it leaves open what they are."""
+        within = (rows.hours > self.ends[0]) & (rows.hours < self.ends[1])
+        return within[:, None] & np.any(self.columns != 0.0, axis=(0, 2)) & (not self.one_sign)
+
+
+@dataclass(frozen=True, eq=False)
+class CellsAtRest(Sequence[Cell]):
+    """The cells of an effect's unknown number for readings at rest, each made when it is looked at."""
+
+    place: EffectPlace
+    rows: Rows
+
+    def __len__(self) -> int:
+        return max(0, len(self.ends) - 1)
+
+    def __getitem__(self, k: Any) -> Any:
+        """One cell."""
+        if not 0 <= k < len(self):
+            raise IndexError(k)
+        low, high = self.ends[k : k + 2].tolist()
+        if self.place.definition.searched == ONSET:
+            columns = self.from_first(self.rows)
+            after = columns * (self.rows.hours > low)[:, None, None]
+            middles = np.full(columns.shape[2], 0.5 * (low + high))
+            return Cell(self.place, (low, high), after, middles, elsewhere=self.from_first)
+        # What the record shows at an end of all that is sought it does not tell from what is beyond.
+        limits = (0.0 if k == 0 else low, LAST_HOUR if k == len(self) - 1 else high)
+        count = len(self.beginnings)
+        sums = np.vstack((np.ones(2 * count), np.tile(self.beginnings.T, 2)))
+        numbers, missed = np.repeat(self.ends[k : k + 2], count), np.tile(self.missed(k), 2)
+        elsewhere = partial(self.with_constants, k)
+        return Cell(self.place, limits, elsewhere(self.rows), numbers, missed, sums, elsewhere)
+
+    @cached_property
+    def ends(self) -> NDArray[np.float64]:
+        """Ends (C + 1,) of the cells [h]."""
+        hours, effect = self.rows.hours, self.place.definition
+        if effect.searched == ONSET:
+            times, counts = np.unique(hours, return_counts=True)
+            before = np.cumsum(counts)
+            enough = np.flatnonzero((before[:-1] >= FEWEST_ROWS) & (len(hours) - before[:-1] >= FEWEST_ROWS))
+            return times[enough[0] : enough[-1] + 2] if len(enough) else times[:0]
+        return time_constants(hours, SHORTER if effect.memory else 1.0)
+
+    def read(self, added: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
+        """What additions (N, ports, K) at the effect's stage do to the readings (N, 3, K)."""
+        return rows.by_ports(self.place.definition.stage) @ added
+
+    def from_first(self, rows: Rows) -> NDArray[np.float64]:
+        """Columns (N, 3, K) of an effect that acts from the first row on."""
+        return self.read(ports(self.place.definition, self.place, rows), rows)
+
+    @cached_property
+    def beginnings(self) -> NDArray[np.float64]:
+        """What further coefficients may be at the least and at the most per unit of the first: (B, 0) or (B, 1)."""
+        if self.place.definition.memory is None:
+            return np.zeros((1, 0))
+        return beginnings(self.warmth)[:, None]
+
+    @property
+    def warmth(self) -> NDArray[np.float64]:
+        """Temperature of the record [degC]; ValueError where it is not known."""
+        if self.rows.temperature is None:
+            raise ValueError("effects of temperature need the temperature of the rows")
+        return self.rows.temperature
+
+    def with_constants(self, k: int, rows: Rows) -> NDArray[np.float64]:
+        """Columns (N, 3, 2 B) with the time constants at both ends of a cell, of each from every beginning."""
+        place, columns = self.place, []
+        for number in (k, k + 1):
+            at = rows if place.definition.memory is None else replace(rows, kept=self.lag(number, rows))
+            for further in self.beginnings.tolist():
+                parameters = (1.0, *further, float(self.ends[number]))
+                columns.append(response(place.definition, place, at, parameters))
+        return self.read(np.stack(columns, axis=2), rows)
+
+    def lag(self, number: int, rows: Rows) -> NDArray[np.float64]:
+        """The lagging temperature (N,) at the rows of the record, or at others as if each were the next after it."""
+        effect, lag = self.place.definition, lagged_of(self.rows.hours.tobytes(), self.warmth.tobytes())[0][:, number]
+        if rows is self.rows:
+            return lag
+        kept, numbers = [lag[-1]] * 3, effect.place_numbers(self.place)
+        parameters = [0.0] * len(effect.linear_parameters) + [float(self.ends[number])]
+        before = self.rows.hours[-1], self.warmth[-1]
+        on_columns(effect.memory)(rows.seen_by(effect.component)[0], before, *numbers, *parameters, kept)
+        return np.asarray(kept[self.place.index], dtype=float)
+
+    def missed(self, k: int) -> NDArray[np.float64]:
+        """By how much (N, 3, B) means of the columns at the ends of a cell may err within it, per unit of size."""
+        place, rows, ends = self.place, self.rows, self.ends[k : k + 2]
+        faded = fading_error(rows.hours, ends)[:, 0]
+        if place.definition.memory is None:
+            # What fades is the difference of what does not, and of what has faded at once.
+            whole, none = (ports(place.definition, place, rows, constant) for constant in (np.inf, AT_ONCE))
+            error = np.abs(whole - none) * faded[:, None, None]
+            return np.abs(rows.by_ports(place.definition.stage)) @ error
+        error = lagged_of(rows.hours.tobytes(), self.warmth.tobytes())[1][:, k] + rows.temperature_resolution
+        missed = np.zeros((len(rows.hours), 3, len(self.beginnings)))
+        missed[:, place.index] = error[:, None] + faded[:, None] * np.abs(self.beginnings[:, 0])
+        return missed
+
+
+def time_constants(hours: NDArray[np.float64], part: float = 1.0) -> NDArray[np.float64]:
+    """Ends (C + 1,) of the cells of time constants [h] for rows at some hours (N,); none where these are too few.
+
+    The shortest is a `part` of the time of the third row.
+    """
+    times = np.unique(hours)
+    if len(times) <= SHORTEST_ROW:
+        return np.zeros(0)
+    shortest, longest = part * (times[SHORTEST_ROW] - times[0]), LONGEST * (times[-1] - times[0])
+    count = int(np.ceil(np.log(longest / shortest) / CELL))
+    return np.geomspace(shortest, longest, count + 1)
+
+
+def fading_error(hours: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """By how much (N, C) means of e^(−t/τ) at two ends of cells (C + 1,) may err within them."""
+    return most_bent(hours[:, None] / ends) * np.log(ends[1:] / ends[:-1]) ** 2 / 8.0
+
+
+def most_bent(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The largest second derivatives (N, C) of e^(−x) by log x, each between two neighbours of falling x (N, C + 1)."""
+    by_log = np.abs(x * x - x) * np.exp(-x)
+    largest = np.maximum(by_log[:, :-1], by_log[:, 1:])
+    # Where it has its two extremes.
+    for peak in (0.5 * (3.0 - 5.0**0.5), 0.5 * (3.0 + 5.0**0.5)):
+        inside = (x[:, 1:] <= peak) & (x[:, :-1] >= peak)
+        largest = np.where(inside, abs(peak * peak - peak) * np.exp(-peak), largest)
+    return largest
+
+
+def lagged(
+    hours: NDArray[np.float64], temperature: NDArray[np.float64], ends: NDArray[np.float64]
+) -> tuple[NDArray, NDArray]:
+    """Return the lag (N, C + 1) of a temperature at ends of cells, and by how much (N, C) their means may err.
+
+    The temperature (N,) is linear between the rows, and its lag begins with it.
+    """
+    ages = np.maximum(0.0, hours[:, None] - hours)
+    slopes = np.diff(temperature) / np.where(np.diff(hours) > 0.0, np.diff(hours), np.inf)
+    values, by_log = np.zeros((2, len(hours), len(ends)))
+    for k, end in enumerate(ends):
+        x = ages / end
+        faded = np.exp(-x)
+        # Of a slope that began so long ago: how far the lag is behind, and its second derivative by log τ.
+        behind = end * (1.0 - faded)
+        bent = end * (1.0 - faded * (1.0 + x + x * x))
+        values[:, k] = temperature - (behind[:, :-1] - behind[:, 1:]) @ slopes
+        by_log[:, k] = np.abs((bent[:, :-1] - bent[:, 1:]) @ slopes)
+    travelled = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(temperature)))))
+    width = np.log(ends[1:] / ends[:-1])
+    largest = np.maximum(by_log[:, :-1], by_log[:, 1:]) + 0.5 * width * MOST_THIRD * travelled[:, None]
+    return values, largest * width**2 / 8.0
+
+
+@lru_cache(maxsize=4)
+def lagged_of(hours: bytes, temperature: bytes) -> tuple[NDArray, NDArray]:
+    """What `lagged` says of a record, which is the same of each accelerometer."""
+    when = np.frombuffer(hours)
+    return lagged(when, np.frombuffer(temperature), time_constants(when, SHORTER))
+
+
+def beginnings(temperature: NDArray[np.float64]) -> NDArray[np.float64]:
+    """By how much (2,) [K] a lag is above the first of some temperatures (N,) at the least, and at the most."""
+    low, high = float(temperature.min()), float(temperature.max())
+    return np.array([low - BEFORE * (high - low), high + BEFORE * (high - low)]) - temperature[0]
