@@ -8,6 +8,7 @@ import logging
 import os
 import signal
 import threading
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, wait
@@ -24,6 +25,8 @@ AHEAD = 2
 """Calls for each process that are under way at once: the next one waits where it will be made."""
 IDLE_SECONDS = 300.0
 """A process of this machine that has nothing to do ends."""
+PARENT_SECONDS = 0.2
+"""So often a process looks whether the main one is still there."""
 Argument = TypeVar("Argument")
 Returned = TypeVar("Returned")
 
@@ -94,7 +97,7 @@ def _completed(
 
 @contextlib.contextmanager
 def _processes(jobs: int) -> Iterator[tuple[Executor, Callable[[], int]]]:
-    pool = ProcessPoolExecutor(jobs, timeout=IDLE_SECONDS, initializer=_leave_interrupts)
+    pool = ProcessPoolExecutor(jobs, timeout=IDLE_SECONDS, initializer=_begin, initargs=(os.getpid(),))
     completed = False
     try:
         with warnings.catch_warnings():
@@ -111,9 +114,16 @@ def _processes(jobs: int) -> Iterator[tuple[Executor, Callable[[], int]]]:
         threading.excepthook = hook
 
 
-def _leave_interrupts() -> None:
-    """In a new process: Ctrl-C is for the main one."""
+def _begin(parent: int) -> None:
+    """Leave Ctrl-C to the main process, whose number is `parent`, and end with it, even if it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(PARENT_SECONDS)
+    os._exit(1)
 
 
 @contextlib.contextmanager

@@ -79,7 +79,8 @@ def test_the_main_process_killed_at_random_moments(tmp_path, unbroken):
         if main.poll() is not None:
             break
         main.kill()
-        main.communicate()
+        # Workers hold the pipe: it ends only when they end with their main process.
+        main.communicate(timeout=60.0)
         kills += 1
     _, complaints = main.communicate()
     assert main.returncode == 0, complaints
