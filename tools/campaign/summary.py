@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import polars as pl
@@ -22,6 +22,7 @@ from pydantic import Field
 from scipy import stats
 
 from ..errors import InputError
+from ..quantity import Quantity
 from ..result import Result
 from ..rounding import digits
 from .file import Campaign, Computation
@@ -84,9 +85,9 @@ class Results:
 class Failure(Result):
     """Runs that failed with the same message: how many, and the first of them."""
 
-    message: str
-    runs: int
-    first_run: int
+    message: Annotated[str, Quantity("message")]
+    runs: Annotated[int, Quantity("runs")]
+    first_run: Annotated[int, Quantity("first run")]
 
 
 @dataclass(frozen=True)
@@ -315,13 +316,13 @@ class Change(Result):
         how many runs this rests on
     """
 
-    name: str
-    what: str
-    before: float | None
-    after: float | None
-    p: float | None
-    verdict: Verdict = "same"
-    runs: int
+    name: Annotated[str, Quantity("scalar")]
+    what: Annotated[str, Quantity("what")]
+    before: Annotated[float | None, Quantity("before", "", "nearest", 6)]
+    after: Annotated[float | None, Quantity("after", "", "nearest", 6)]
+    p: Annotated[float | None, Quantity("p", "", "nearest", 2)]
+    verdict: Annotated[Verdict, Quantity("verdict")] = "same"
+    runs: Annotated[int, Quantity("runs")]
     direction: int = Field(default=0, exclude=True)
     """+1 where the scalar grew, −1 where it fell."""
     better: str | None = Field(default=None, exclude=True)

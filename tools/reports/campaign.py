@@ -11,8 +11,8 @@ import numpy as np
 from ..calibration.targets import NAMES
 from ..campaign.file import Campaign
 from ..campaign.store import PAGE, Store, open_result
-from ..campaign.summary import CHANCE, CampaignResult, Comparison, Results, rate, summarise
-from ..document.blocks import Page, Section, Table
+from ..campaign.summary import CHANCE, CampaignResult, Change, Comparison, Results, rate, summarise
+from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, minus, unit_text
 from ..document.page import write_page
 from ..files import write_text
@@ -26,78 +26,105 @@ from .sources import versions
 
 MOST_ROWS = 24
 """Lines of one table on a terminal; the page has all."""
+CHANGED = ("verdict", "name", "what", "before", "after", "p", "runs")
+"""Columns of what changed between two campaigns, the worst first."""
+RANK = {"worse": 0, "better": 1, "changed": 2, "same": 3}
 
 
 def result_page(result: CampaignResult) -> Page:
-    """Return what was computed over all runs, and what it took."""
+    """Return what was computed over all runs, and what it took, as a terminal shows it."""
     answer = []
-    if result.failures:
-        rows: list[list[Cell]] = [[entry.runs, entry.first_run, entry.message] for entry in result.failures[:5]]
-        answer.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
-    for item in result.computed:
-        answer += _computed_sections(item)
+    for section in [*_failures(result), *_computed(result)]:
+        table = section.table
+        if table is not None and len(table.rows) > MOST_ROWS:
+            note = f"The first {MOST_ROWS} of {len(table.rows)} rows:"
+            section = Section(section.title, [note], table=Table(table.header, table.rows[:MOST_ROWS]))
+        answer.append(section)
     if result.cost is not None:
         answer.append(Section("Cost", [str(result.cost)]))
     return Page("Campaign", f"{result.runs} runs, {result.failed} failed", answer)
 
 
-def _computed_sections(item: Mapping[str, Any]) -> list[Section]:
-    """Return a section for each table of one item that a campaign computes."""
-    result = item["result"]
-    if "quantiles" in item:
-        return [_of_most_rows("Quantiles", _quantile_table(result))]
-    if "rate" in item:
-        title = f"{item['rate']} is {told_values(item)}"
-        if "against" not in item:
-            return [Section(title, [f"{title}: {rate_text(result[0])}"])]
-        rows: list[list[Cell]] = []
-        for entry in result:
-            if entry["cases"]:
-                rows.append([exactly(entry["low"]), exactly(entry["high"]), rate_text(entry)])
-        return [_of_most_rows(f"{title}, by {item['against']}", Table(["from", "to", "rate"], rows))]
-    if "confusion" in item:
-        return [_of_most_rows(f"{item['of']}, and what {item['confusion']} was", _confusion_table(result))]
-    sections = []
-    for name, entry in result.items():
-        head = "Sobol indices, first order and total" if entry["method"] == "sobol" else "rank correlations"
-        sections.append(_of_most_rows(f"{name}: {head}", _sensitivity_table(entry)))
+def _failures(result: CampaignResult) -> list[Section]:
+    """Return the messages of runs that failed; none where all went well."""
+    if not result.failures:
+        return []
+    return [Section("Runs that failed", table=table_of(result.failures, ("runs", "first_run", "message")))]
+
+
+def _computed(result: CampaignResult, results: Results | None = None) -> list[Section]:
+    """Return a section for each table of what a campaign computes; with pictures where its runs are given."""
+    sections: list[Section] = []
+    for item in result.computed:
+        outcome = item["result"]
+        if "quantiles" in item:
+            sections.append(_quantiles(item, results))
+        elif "rate" in item and "against" not in item:
+            title = f"How often {item['rate']} is {values_text(item)}"
+            sections.append(Section(title, [f"{title}: {rate_text(outcome[0])}."]))
+        elif "rate" in item:
+            sections.append(_rates(item, results))
+        elif "confusion" in item:
+            sections.append(_confusion(item, results))
+        else:
+            sections += [_sensitivity(name, entry, results) for name, entry in outcome.items()]
     return sections
 
 
-def _of_most_rows(title: str, table: Table) -> Section:
-    """Return a section with the first rows of a table, and how many there are beside them."""
-    further = len(table.rows) - MOST_ROWS
-    note = [f"The first {MOST_ROWS} of {len(table.rows)} rows:"] if further > 0 else []
-    return Section(title, note, table=Table(table.header, table.rows[:MOST_ROWS]))
-
-
-def _quantile_table(result: Mapping[str, Any]) -> Table:
-    """Return mean and quantiles of each scalar."""
-    header = ["scalar", "mean"]
+def _quantiles(item: Mapping[str, Any], results: Results | None) -> Section:
+    """Return the distribution of each scalar: mean, quantiles, largest value."""
+    header = ["scalar", "meaning", "unit", "runs", "mean"]
     rows: list[list[Cell]] = []
-    for entry in result.values():
-        if entry["runs"]:
-            header += [f"{exactly(q['at'])} quantile" for q in entry["quantiles"]]
-            break
-    for name, entry in result.items():
-        cells: list[Cell] = [name, "no values"]
-        if entry["runs"]:
-            cells = [name, digits(entry["mean"], 4)]
-            cells += [digits(q["value"], 4) for q in entry["quantiles"]]
-        rows.append(cells + [None] * (len(header) - len(cells)))
-    return Table(header, rows)
+    columns, marks = {}, {}
+    for name, entry in item["result"].items():
+        if not entry["runs"]:
+            continue
+        if not rows:
+            header += [f"{exactly(round(100.0 * quantile['at'], 9))} %" for quantile in entry["quantiles"]]
+        words = scalar_words(name)
+        marks[words] = [quantile["value"] for quantile in entry["quantiles"]]
+        figures = [digits(value, 4) for value in (entry["mean"], *marks[words])]
+        rows.append([name, *words, entry["runs"], *figures, upwards(entry["largest"], 4)])
+        if results is not None:
+            columns[words] = np.asarray(results.numbers(name))
+    table = Table([*header, "largest"], rows).without_empty_columns()
+    names = list(item["result"])
+    title = "Distributions" if len(names) > 1 else f"Distribution of {names[0]}"
+    if not columns:
+        return Section(title, table=table)
+    picture = suites.distributions_picture(columns, marks)
+    return Section(title, [], picture, "Runs over values; dashed lines are the quantiles.", table)
 
 
-def _confusion_table(result: Mapping[str, Mapping[str, int]]) -> Table:
+def _rates(item: Mapping[str, Any], results: Results | None) -> Section:
+    """Return a rate over ranges of a scalar, with its intervals."""
+    rows: list[list[Cell]] = []
+    for entry in item["result"]:
+        if entry["cases"]:
+            rows.append([digits(entry["low"], 6), digits(entry["high"], 6), rate_text(entry)])
+    table = Table(["from", "to", "rate"], rows)
+    title = f"{item['rate']} is {values_text(item)}, by {item['against']}"
+    if results is None:
+        return Section(title, table=table)
+    curve = {f"{item['rate']}: {values_text(item)}": item["result"]}
+    picture = suites.rates_picture(curve, item["against"])
+    return Section(title, [], picture, "Lines are intervals of 95 % (Wilson).", table)
+
+
+def _confusion(item: Mapping[str, Any], results: Results | None) -> Section:
     """Return what each true value was taken for, the most frequent first."""
     rows: list[list[Cell]] = []
-    for true, counts in result.items():
+    for true, counts in item["result"].items():
         ordered = sorted(counts.items(), key=lambda pair: -pair[1])
         rows.append([true, ", ".join([f"{name} {count}" for name, count in ordered])])
-    return Table(["true", "taken for"], rows)
+    table = Table(["true", "taken for"], rows)
+    title = f"{item['of']}, and what {item['confusion']} was"
+    if results is None:
+        return Section(title, table=table)
+    return Section(title, [], suites.confusion_picture(item["result"]), f"Rows: {item['of']}.", table)
 
 
-def _sensitivity_table(entry: Mapping[str, Any]) -> Table:
+def _sensitivity(name: str, entry: Mapping[str, Any], results: Results | None) -> Section:
     """Return the Sobol indices or the rank correlation of each parameter, the largest first."""
     sobol = entry["method"] == "sobol"
     key = "total" if sobol else "correlation"
@@ -110,7 +137,23 @@ def _sensitivity_table(entry: Mapping[str, Any]) -> Table:
             rows.append([parameter, _index_text(numbers, "first"), _index_text(numbers, "total")])
         else:
             rows.append([parameter, digits(numbers["correlation"]), digits(numbers["p"], 2)])
-    return Table(["parameter", "first order", "total"] if sobol else ["parameter", "correlation", "p"], rows)
+    table = Table(["parameter", "first order", "total"] if sobol else ["parameter", "correlation", "p"], rows)
+    title = f"What {name} depends on"
+    if results is None:
+        return Section(title, table=table)
+    runs = int(np.isfinite(results.numbers(name)).sum())
+    return Section(title, [], suites.sensitivity_picture(name, entry, runs), _method(entry, runs), table)
+
+
+def _method(entry: Mapping[str, Any], runs: int) -> str:
+    if entry["method"] == "sobol":
+        without = f" {entry['rows_with_failures']} had a run that failed." if entry["rows_with_failures"] else ""
+        indices = f"First-order and total Sobol indices from {entry['rows']} rows"
+        return f"{indices}, with bootstrapped intervals of 95 %.{without}"
+    return (
+        f"Spearman's rank correlation with each parameter. With no connection 95 % of the correlations of {runs} runs "
+        f"lie in the band, ±{upwards(suites.chance_of(runs))}."
+    )
 
 
 def _index_text(numbers: Mapping[str, Any], index: str) -> str:
@@ -118,7 +161,7 @@ def _index_text(numbers: Mapping[str, Any], index: str) -> str:
     return f"{value} [{low}, {high}]"
 
 
-def told_values(item: Mapping[str, Any]) -> str:
+def values_text(item: Mapping[str, Any]) -> str:
     """The values that a rate counts, in words."""
     return " or ".join(str(v).lower() if isinstance(v, bool) else str(v) for v in item["is"])
 
@@ -133,24 +176,17 @@ def rate_text(entry: Mapping[str, Any]) -> str:
 
 def comparison_page(comparison: Comparison) -> Page:
     """Return what got better or worse."""
-    counts = []
-    for kind in ("worse", "better", "changed", "same"):
-        counts.append(f"{len(comparison.of(kind))} {kind}")
+    counts = [f"{len(comparison.of(kind))} {kind}" for kind in ("worse", "better", "changed", "same")]
     how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
-    rows: list[list[Cell]] = []
-    for change in sorted(comparison.changes, key=lambda c: (c.verdict != "worse", c.verdict, c.name)):
-        if change.verdict == "same":
-            continue
-        values = [_value_text(change.before), _value_text(change.after)]
-        rows.append([change.verdict, change.name, change.what, *values, digits(change.p, 2)])
-    header = ["verdict", "scalar", "what", "before", "after", "p"]
-    answer = [Section("Changes", table=Table(header, rows))] if rows else []
+    changed = [change for change in comparison.changes if change.verdict != "same"]
+    answer = [Section("Changes", table=_change_table(changed))] if changed else []
     verdict = f"{len(comparison.changes)} scalars compared ({how}): {', '.join(counts)}"
     return Page("Two campaigns", verdict, answer)
 
 
-def _value_text(value: float | None) -> str:
-    return "no value" if value is None else digits(value, 6)
+def _change_table(changes: Sequence[Change]) -> Table:
+    ordered = sorted(changes, key=lambda change: (RANK[change.verdict], 1.0 if change.p is None else change.p))
+    return table_of(ordered, CHANGED)
 
 
 WHAT = {
@@ -161,8 +197,6 @@ WHAT = {
 }
 MOST_VALUES = 12
 """Of a list of values that are shown."""
-LISTED = 200
-"""Rows of one table on the page."""
 SALTELLI = "Saltelli et al., Computer Physics Communications 181 (2010), 259–270: Sobol indices"
 
 
@@ -178,31 +212,23 @@ def campaign_page(store: Store, manifest: Mapping[str, Any], comparison: Compari
     """The page of a campaign that is complete, as `trihedron.tools.campaign.store.open_result` gives it."""
     campaign, results = store.campaign, Results(store)
     summary = summarise(store)
-    sections = [] if comparison is None else [_changes(comparison)]
-    sections += [_about(campaign), *_computed(summary.computed, results)]
+    sections = [*_changes(comparison), _about(campaign), *_computed(summary, results)]
     if (records := results.records()) is not None:
         sections += spread_over_time(records[0], f"Records of {records[1]} runs: quantiles over the runs at each time.")
-    if summary.failures:
-        rows = [[entry.runs, entry.first_run, entry.message] for entry in summary.failures]
-        sections.append(Section("Runs that failed", table=Table(["runs", "first run", "message"], rows)))
+    sections += _failures(summary)
     verdict = [f"{campaign.runs} {WHAT[campaign.kind]}, {summary.failed or 'none'} failed.", *counted(summary)]
-    worse = False
+    tone: Tone = "attention" if summary.failed else "neutral"
     if comparison is not None:
-        changed = {word: len(comparison.of(word)) for word in ("worse", "better")}
-        worse, changes_text = (
-            changed["worse"] > 0,
-            ", ".join(f"{count} {word}" for word, count in changed.items() if count),
-        )
-        verdict.append(
-            f"Beyond chance got {changes_text}." if changes_text else "Nothing got better or worse beyond chance."
-        )
+        got = [f"{len(comparison.of(word))} {word}" for word in ("worse", "better") if comparison.of(word)]
+        verdict.append(f"Beyond chance got {', '.join(got) or 'nothing better or worse'}.")
+        tone = "attention" if summary.failed or comparison.worse else "good"
     sobol = campaign.sampling.method == "saltelli" and any(item.sensitivity for item in campaign.compute)
     return Page(
         campaign.title or f"Campaign of {WHAT[campaign.kind]}",
         " ".join(verdict),
         [],
         lambda: sections,
-        tone="attention" if summary.failed or worse else "good" if comparison is not None else "neutral",
+        tone=tone,
         provenance={
             "campaign, SHA-256": manifest["order_sha256"],
             "code, SHA-256": manifest["code_sha256"],
@@ -223,24 +249,19 @@ def counted(summary: CampaignResult) -> list[str]:
         entry = item["result"][0]
         if entry["cases"]:
             count = entry["count"] or "none"
-            sentences.append(f"{item['rate'].capitalize()} was {told_values(item)} in {count} of {entry['cases']}.")
+            sentences.append(f"{item['rate'].capitalize()} was {values_text(item)} in {count} of {entry['cases']}.")
     return sentences
 
 
-def _changes(comparison: Comparison) -> Section:
-    order = {"worse": 0, "better": 1, "changed": 2, "same": 3}
-    changes = sorted(comparison.changes, key=lambda c: (order[c.verdict], 1.0 if c.p is None else c.p))
-    rows = [
-        [c.name, c.verdict, c.what, digits(c.before, 6), digits(c.after, 6), digits(c.p, 2), c.runs]
-        for c in changes[:LISTED]
-    ]
+def _changes(comparison: Comparison | None) -> list[Section]:
+    """Return every change against another campaign; none where there is no other."""
+    if comparison is None:
+        return []
     pairs = "Runs of the same number are held against each other: " if comparison.paired else "Two samples of runs: "
     test = "Wilcoxon's and McNemar's tests." if comparison.paired else "the tests of Mann and Whitney, and of Fisher."
-    return Section(
-        "Against the other campaign",
-        [f"{pairs}{test} p is corrected for the number of scalars (Holm); beyond chance is p ≤ {exactly(CHANCE)}."],
-        table=Table(["scalar", "verdict", "what", "before", "after", "p", "runs"], rows),
-    )
+    corrected = f"p is corrected for the number of scalars (Holm); beyond chance is p ≤ {exactly(CHANCE)}."
+    text = f"{pairs}{test} {corrected}"
+    return [Section("Against the other campaign", [text], table=_change_table(comparison.changes))]
 
 
 def _about(campaign: Campaign) -> Section:
@@ -258,91 +279,13 @@ def _about(campaign: Campaign) -> Section:
         paragraphs.append(f"{campaign.samples} points, {how}.")
     if campaign.repeats > 1 and campaign.hidden is None:
         paragraphs.append(f"Each is run {campaign.repeats} times with other random errors.")
-    rows: list[list[str]] = []
+    rows: list[list[Cell]] = []
     for name, axis in campaign.parameters.items():
         ((form, value),) = axis.model_dump(exclude_none=True).items()
-        values_text = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
-        rows.append([name, form.replace("_", " "), minus(values_text) + (", ..." if len(value) > MOST_VALUES else "")])
+        values = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
+        rows.append([name, form.replace("_", " "), minus(values) + (", ..." if len(value) > MOST_VALUES else "")])
     table = Table(["parameter", "distribution", "of"], rows) if rows else None
     return Section("What was run", [" ".join(paragraphs)], table=table)
-
-
-def _computed(items: Sequence[Mapping[str, Any]], results: Results) -> list[Section]:
-    """Return rates against scalars, then a section for each other item that a campaign computes."""
-    sections: list[Section] = []
-    curves: dict[str, dict[str, Any]] = {}
-    for item in items:
-        outcome = item["result"]
-        if "quantiles" in item:
-            sections.append(_quantiles(item, results))
-        elif "against" in item:
-            label = f"{item['rate']}: {told_values(item)}"
-            curves.setdefault(item["against"], {})[label] = outcome
-        elif "rate" in item:
-            title = f"How often {item['rate']} is {told_values(item)}"
-            sections.append(Section(title, [rate_text(outcome[0]) + "."]))
-        elif "confusion" in item:
-            title = f"{item['of']}, and what {item['confusion']} was"
-            sections.append(Section(title, picture=suites.confusion_picture(outcome), caption=f"Rows: {item['of']}."))
-        else:
-            for name, entry in outcome.items():
-                runs = int(np.isfinite(results.numbers(name)).sum())
-                picture = suites.sensitivity_picture(name, entry, runs)
-                sections.append(Section(f"What {name} depends on", picture=picture, caption=_method(entry, runs)))
-    rates = [_rates(against, by_label) for against, by_label in curves.items()]
-    return rates + sections
-
-
-def _method(entry: Mapping[str, Any], runs: int) -> str:
-    if entry["method"] == "sobol":
-        without = f" {entry['rows_with_failures']} had a run that failed." if entry["rows_with_failures"] else ""
-        indices = f"First-order and total Sobol indices from {entry['rows']} rows"
-        return f"{indices}, with bootstrapped intervals of 95 %.{without}"
-    return (
-        f"Spearman's rank correlation with each parameter. With no connection 95 % of the correlations of {runs} runs "
-        f"lie in the band, ±{upwards(suites.chance_of(runs))}."
-    )
-
-
-def _rates(against: str, curves: Mapping[str, Sequence[Mapping[str, Any]]]) -> Section:
-    """Return rates over ranges of a scalar, a column for each of several rates."""
-    rows: list[list[Cell]] = []
-    for ranges in zip(*curves.values(), strict=True):
-        if any(entry["cases"] for entry in ranges):
-            ends = [digits(ranges[0]["low"], 6), digits(ranges[0]["high"], 6)]
-            counts = [str(entry["count"]) for entry in ranges]
-            rows.append([*ends, ranges[0]["cases"], *counts])
-    return Section(
-        f"Rates against {against}",
-        picture=suites.rates_picture(curves, against),
-        caption="Lines are intervals of 95 % (Wilson).",
-        table=Table(["from", "to", "runs", *curves], rows),
-    )
-
-
-def _quantiles(item: Mapping[str, Any], results: Results) -> Section:
-    """Return the distribution of each scalar: mean, quantiles, largest value."""
-    header = ["scalar", "meaning", "unit", "runs", "mean"]
-    rows: list[list[Cell]] = []
-    columns, marks = {}, {}
-    for name, entry in item["result"].items():
-        if not entry["runs"]:
-            continue
-        quantiles = entry["quantiles"]
-        if not rows:
-            header += [f"{exactly(round(100.0 * quantile['at'], 9))} %" for quantile in quantiles]
-        words = scalar_words(name)
-        columns[words] = np.asarray(results.numbers(name))
-        marks[words] = [quantile["value"] for quantile in quantiles]
-        figures = [digits(value, 4) for value in (entry["mean"], *marks[words])]
-        rows.append([name, *words, entry["runs"], *figures, upwards(entry["largest"], 4)])
-    names = list(item["result"])
-    return Section(
-        "Distributions" if len(names) > 1 else f"Distribution of {names[0]}",
-        picture=suites.distributions_picture(columns, marks),
-        caption="Runs over values; dashed lines are the quantiles.",
-        table=Table([*header, "largest"], rows).without_empty_columns(),
-    )
 
 
 OF_TARGETS = {
