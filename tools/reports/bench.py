@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.bench import TARGETS
 from ..calibrated import Calibration
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..document.blocks import Download, Section, Table
-from ..document.notation import Cell, effect_formula, equation, half_width, minus, signed, typeset
+from ..document.notation import Cell, effect_formula, equation, minus, signed, typeset
 from ..records import PositionRecord
 from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
 from .pictures.records import bench_tour
@@ -233,19 +232,6 @@ def calibration_sources(result: Calibration) -> list[str]:
     return cited("guaranteed", "simplex", falsified and "chebyshev", "Allan" in result.sigma.basis and "allan")
 
 
-# The model of bench and block, with its numbers
-
-Value = tuple[float | None, float | None]
-"""A target's value, None where it is open, and the bound of its error, None where there is none."""
-
-OPEN = "?"
-"""In place of a number that the readings do not determine."""
-
-SCALE = (("X4", "X5"), ("X9", "X10"), ("X14", "X15"))
-CROSS: tuple[tuple[str, ...], ...] = ((), ("X6+X8",), ("X7+X12", "X11+X13"))
-BIAS = ("X16", "X17", "X18")
-
-
 PHYSICAL_WORDS = (
     (r"gyro-bias-(\d)", r"bias of gyro \1"),
     (r"gyro-scale-factor-error-(\d)", r"scale-factor error of gyro \1"),
@@ -304,83 +290,13 @@ def missing_texts(result: Calibration) -> list[str]:
     ]
 
 
-def bench_section(result: Calibration, values: Mapping[str, Value], causes: "Sequence[Cause]" = ()) -> Section:
-    """Return the model of bench and block with its numbers, of case (A1); an extended one with its effects."""
-    scales = "of either sign" if result.baseline == "asymmetric" else "the same for both signs"
-    paragraphs = [
-        "The bench: a block of three accelerometers with biases, misalignments and scale factors "
-        f"{scales}, mounted on a table whose axes are not quite horizontal and perpendicular. n is what the "
-        "accelerometers feel, in units of g; angles are in radians. Numbers are rounded to what the bounds of their "
-        "errors justify.",
-    ]
-    if any(value is None for value, _ in values.values()):
-        paragraphs.append("A question mark stands for what the readings do not determine.")
-    mountings = list(result.mountings)
-    if len(mountings) > 1:
-        paragraphs.append(f"Table and mounting as in {mountings[0]}.")
-    table = [
-        "n = exp(ϑ) Q up(α − Δα, β; κ, ε)",
-        f"κ = {number(values['X1'])}, Δα = {number(values['X2'])}, ε = {number(values['X3'])}",
-        f"ϑ = ({number(values['X13'])}, {number(values['-X12'])}, {number(values['X8'])})",
-    ]
-    return section_of_model(paragraphs, [*_block(values), *table], causes)
-
-
-def calibrated_values(result: Calibration) -> dict[str, Value]:
-    """Return the targets of case (A1): estimates where there are such, else the fit."""
-    values: dict[str, Value] = dict.fromkeys(TARGETS, (None, None))
-    if result.linearised is not None:
-        fit = result.linearised.parametrisation.selection[0] @ result.linearised.point
-        for symbol, value in zip(TARGETS, fit.tolist(), strict=True):
-            values[symbol] = (value, None)
-    for p in result.targets:
-        if p.central is not None:
-            values[p.symbol] = (p.central, half_width(p.low, p.high))
-        elif not p.determined:
-            values[p.symbol] = (None, None)
-    return values
-
-
-def _block(values: Mapping[str, Value]) -> list[str]:
-    """Return the equations of the three accelerometers."""
-    lines = []
-    for p in range(3):
-        n = f"n_{p + 1}"
-        plus, minus_ = number(values[SCALE[p][0]]), number(values[SCALE[p][1]])
-        scale = f"{{{plus} {n} ; 'where' {n} > 0 | {minus_} {n} ; 'where' {n} < 0}}"
-        if plus == minus_ != OPEN:
-            scale = f"({plus}) {n}"
-        terms = [f"f_{p + 1}/g = {n} +", scale]
-        for k, symbol in enumerate(CROSS[p], start=1):
-            terms.append(_signed_term(values[symbol], f"n_{k}"))
-        terms.append(_signed_term(values[BIAS[p]], ""))
-        lines.append(" ".join(terms))
-    return lines
-
-
-def _signed_term(value: Value, factor: str) -> str:
-    """Return a term with its sign before it."""
-    text = number(value)
-    sign = "−" if text.startswith("−") else "+"
-    return f"{sign} {text.lstrip('−')} {factor}"
-
-
-def section_of_model(paragraphs: Sequence[str], lines: Sequence[str], causes: "Sequence[Cause]") -> Section:
-    """Return the equations of a model, those of the effects by which it was extended behind them."""
-    texts = list(paragraphs)
-    if causes:
-        texts.append("The last lines are the effects by which the simulation was extended.")
-    equations = [equation(line) for line in lines]
-    return Section("What was simulated", texts, equations=equations + cause_lines(causes))
-
-
 def cause_lines(causes: "Sequence[Cause]") -> list[str]:
     """Return what each effect adds, as MathML; none for an effect without a formula."""
     lines = []
     for cause in causes:
         texts = {}
         for parameter, value, (low, high) in zip(cause.parameters, cause.values, cause.intervals, strict=True):
-            texts[parameter.name] = number((value, 0.5 * (high - low)))
+            texts[parameter.name] = minus(to_bound(value, 0.5 * (high - low)))
         formula = effect_formula(cause.place, texts)
         if formula is not None:
             lines.append(equation(formula))
@@ -406,8 +322,3 @@ def correction_terms(
         reading = f"({' '.join(terms)})"
         equations.append((f"n{below}{p + 1}", reading, text(correction.plus[p]), text(correction.minus[p])))
     return equations
-
-
-def number(value: Value) -> str:
-    """Return a number as its bound justifies it, or the sign for one that is open."""
-    return minus(to_bound(*value)) or OPEN

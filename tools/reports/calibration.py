@@ -46,7 +46,7 @@ def calibration_page(result: Calibration, record: PositionRecord | None) -> Page
         sections: list[Section | None] = []
         if record is not None:
             sections += [residual_section(result, record.position), bench.measured_section(record, result)]
-        sections += [bench.bench_section(result, bench.calibrated_values(result)), beside_section(result)]
+        sections.append(beside_section(result))
         if record is not None:
             sections += [bench.proof_section(result, record.position), *rest_sections(record)]
         sections += joint_set_sections(result)

@@ -140,9 +140,8 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
         paragraphs.append(sentence(text if named else f"set {number}: {text}"))
     paragraphs += _cause_remarks(result)
     equations = []
-    if not named:
-        for finding in first_sets:
-            equations += cause_lines(finding.causes)
+    for finding in first_sets:
+        equations += cause_lines(finding.causes)
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
     table = Table(header, rows).without_empty_columns()
     title = "The cause" if named else "Causes that remain"

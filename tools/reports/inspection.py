@@ -2,26 +2,22 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.bench import EARTH_RATE
-from ...models.effects.definition import matrix_formula
 from ..calibrated import Calibration
-from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Section, Table, table_of
-from ..document.notation import Cell, half_width, sentence, unit_text
+from ..document.notation import Cell, sentence, unit_text
 from ..errors import InputError
 from ..motion.attitude import AttitudeRun, split_error
 from ..motion.compare import AttitudeComparison
 from ..motion.inspect import EXCITED, AtTable, GyrosAtRest, Inspection
-from ..motion.norm import COLUMNS, ROWS
 from ..motion.rests import rest_warnings
 from ..rounding import Number, digits, downwards, exactly, outwards, residual, upwards
-from .bench import Value, number, section_of_model
 from .pictures.records import allan_picture, attitude_picture
 
 DIGITS_OF_STAMPS = 1e-6
@@ -340,9 +336,6 @@ def comparison_page(result: AttitudeComparison) -> Page:
     return Page("Attitude algorithms", verdict, [Section("Algorithms", table=table)], warnings=care_lines(result))
 
 
-# The model of a block that is carried
-
-AXES = ("1", "2", "3")
 _OWN = re.compile(r"(?P<sensor>accelerometer|gyro) (?P<kind>gamma|bias)_(?P<first>\d)(?P<second>\d?)")
 
 
@@ -356,62 +349,3 @@ def own_words(name: str) -> str:
         return f"bias of {sensor}"
     same = match["first"] == match["second"]
     return f"scale factor of {sensor}" if same else f"misalignment of {sensor} towards axis {match['second']}"
-
-
-def carried_section(result: Diagnosis) -> Section:
-    """The model of a block that is carried: block, attitude and effects, where the result names them."""
-    values: dict[str, Value] = {
-        p.symbol: (p.estimate, half_width(p.low, p.high)) for p in result.stated.parameters if p.estimate is not None
-    }
-    gravity = result.reference == "gravity"
-    free = "biases, scale factors and misalignments" if result.baseline_model == "calibrated" else "biases"
-    freedom = f"whose {free} are free to be what the record says"
-    if result.bias_at_rest is not None:
-        freedom = "taken as delivered: their mean at rest is taken out, and nothing else"
-    paragraphs = [
-        f"A block of three gyros{' and three accelerometers' if gravity else ''}, {freedom}. Its readings "
-        "are taken back to rates by the inverse of these equations, and the rates carry the attitude q. n is the "
-        "specific force in units of g, ω the rate in rad/s, both in the block's axes."
-    ]
-    if values:
-        paragraphs.append("Numbers are rounded to what their intervals justify.")
-    forces = f"f/g = n + {_triangle(values)} n + {_vector('accelerometer bias', values)} + Δf/g"
-    lines = [_read(result, values), "dq/dt = q ∘ ω / 2"]
-    if gravity:
-        lines = [forces, *lines, "n 'at rest' = q⁻ ∘ up ∘ q"]
-    return section_of_model(paragraphs, lines, result.causes if result.verdict == "explained" else ())
-
-
-def _read(result: Diagnosis, values: Mapping[str, Value]) -> str:
-    """What the gyros read."""
-    terms = ["ω_read = ω"]
-    if "gyro gamma_11" in values:
-        matrix = {f"gamma_{p}{q}": number(values[f"gyro gamma_{p}{q}"]) for p in AXES for q in AXES}
-        terms.append(f"+ {matrix_formula('gamma', AXES).format(**matrix)} ω")
-    if result.bias_at_rest is not None:
-        bounds = result.evidence.found.rests.rate_bound
-        near = [None] * 3 if bounds is None else [float(b) for b in np.median(bounds, axis=0)]
-        # It is no parameter that is fitted: the noise at rest says how well it is known.
-        at_rest = {f"gyro bias_{p + 1}": (float(result.bias_at_rest.radps[p]), near[p]) for p in range(3)}
-        terms.append(f"+ {_vector('gyro bias', at_rest)}")
-    elif "gyro bias_1" in values:
-        terms.append(f"+ {_vector('gyro bias', values)}")
-    return " ".join([*terms, "+ Δω"])
-
-
-def _vector(name: str, values: Mapping[str, Value]) -> str:
-    """Three numbers, one for each axis."""
-    return f"({', '.join(number(values.get(f'{name}_{p}', (None, None))) for p in AXES)})"
-
-
-def _triangle(values: Mapping[str, Value]) -> str:
-    """The accelerometers' matrix: its first axis is the first accelerometer's, so that nothing stands above."""
-    below = {(int(r), int(c)) for r, c in zip(ROWS, COLUMNS, strict=True)}
-    rows = (
-        " ; ".join(
-            number(values.get(f"accelerometer gamma_{r + 1}{c + 1}", (None, None))) if (r, c) in below else "0"
-            for c in range(3)
-        )
-        for r in range(3)
-    )
-    return f"[{' | '.join(rows)}]"

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Section
-from ..document.notation import half_width, sentence
+from ..document.notation import sentence
 from ..motion.norm import norm_values
 from ..records import PositionRecord
 from ..rounding import digits, exactly, residual, upwards
 from . import bench, calibration, evidence, witnesses
-from .inspection import carried_section, record_sections
+from .inspection import record_sections
 from .sources import cited, versions
 
 
@@ -64,15 +64,7 @@ def _about_table(result: Diagnosis) -> About:
 
 
 def _table_sections(result: Diagnosis, record: PositionRecord | None) -> list[Section]:
-    """Return the positions, and the calibration with the effects that are named."""
-    nominal = result.evidence.calibration
-    values = bench.calibrated_values(nominal)
-    for target in result.targets or ():
-        if target["symbol"] in values:
-            values[target["symbol"]] = (target["after"], half_width(target["low"], target["high"]))
-    causes = result.causes if result.verdict == "explained" else ()
-    measured = [] if record is None else [bench.measured_section(record, nominal)]
-    return [*measured, bench.bench_section(nominal, values, causes)]
+    return [] if record is None else [bench.measured_section(record, result.calibration)]
 
 
 def _table_values(result: Diagnosis) -> list[Section | None]:
@@ -128,14 +120,11 @@ def _about_carried(result: Diagnosis) -> About:
 
 
 def _carried_sections(result: Diagnosis, _: PositionRecord | None) -> list[Section]:
-    """Return the record as it was inspected, and what carries the attitude."""
+    """Return the record as it was inspected."""
     # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
     names = [p.symbol for p in result.stated.parameters]
     forces = not any(name.startswith("accelerometer") for name in names)
-    sections = record_sections(result.evidence.found, result.warnings, forces=forces, gaps_named=bool(result.missing))
-    if result.evidence.parts:
-        sections.append(carried_section(result))
-    return sections
+    return record_sections(result.evidence.found, result.warnings, forces=forces, gaps_named=bool(result.missing))
 
 
 def bias_texts(result: Diagnosis) -> list[str]:

@@ -27,7 +27,7 @@ from trihedron.tools.reports import bench, calibration, diagnosis, evidence, ins
 from trihedron.tools.rounding import digits, residual, to_bound, upwards
 from trihedron.tools.trials.bench import NOISE_BOUND
 
-MEASURED = ["What was measured", "What was simulated"]
+MEASURED = ["What was measured"]
 RANKED = ["Evidence: which effect mends it", "Evidence: what could be taken for what"]
 SECTIONS = {
     "calibration, consistent": ["Targets", "What it bought", "Residuals before and after", *MEASURED],
@@ -44,7 +44,7 @@ SECTIONS = {
                          "The block's own parameters", *RANKED, "Left out, and shuffled",
                          "Excluded: effects of the gyros"],
     "block, ambiguous": ["Causes that remain", "What to measure next", *MEASURED, "The block's own parameters"],
-    "block, insufficient": MEASURED[:1],
+    "block, insufficient": MEASURED,
     "plan": ["Guaranteed errors"],
     "plans": ["Guaranteed errors"],
 }  # fmt: skip
@@ -125,19 +125,18 @@ def test_a_page_repeats_to_the_byte():
     assert html_of(diagnosis.diagnosis_page, again, few(4)) == text_of("bench, insufficient")
 
 
-def test_a_calibration_shows_each_target_in_its_table_and_in_the_model():
+def test_a_calibration_shows_each_target_in_its_table():
     result, _ = shown("calibration, consistent")
     page = text_of("calibration, consistent")
     assert f"within {residual(result.radius)} σ" in page
     row = next(e for e in result.parameters if e.symbol == "X4")
-    assert page.count(minus(to_bound(row.estimate, half_width(row.low, row.high)))) >= 2
+    assert minus(to_bound(row.estimate, half_width(row.low, row.high))) in page
     assert page.count('<svg class="bar"') == 18
 
 
 def test_open_targets_are_said_and_the_positions_to_measure_are_carried():
     result, page = shown("calibration, insufficient")[0], text_of("calibration, insufficient")
     assert "do not determine any of the targets" in page
-    assert "<mi>?</mi>" in page
     (carried,) = re.findall(r'href="data:text/csv;charset=utf-8,([^"]*)" download="next-positions.csv"', page)
     wanted = [(float(p["alpha_deg"]), float(p["beta_deg"])) for p in result.next_positions]
     found = [(float(r["alpha_deg"]), float(r["beta_deg"])) for r in csv.DictReader(io.StringIO(unquote(carried)))]
@@ -164,7 +163,7 @@ def test_a_cause_has_the_digits_that_its_interval_justifies_in_the_table_and_in_
     (cause,) = shown(kind)[0].causes
     rows = rows_of(kind, "The cause")
     assert len(rows) == len(cause.values) == parameters
-    mathematics = "".join(section(kind, "What was simulated").equations)
+    mathematics = "".join(section(kind, "The cause").equations)
     for row, value, (low, high) in zip(rows, cause.values, cause.intervals, strict=True):
         assert row["estimate"] == (written := to_bound(value, 0.5 * (high - low)))
         assert number(row["low"]) <= low
@@ -263,7 +262,6 @@ def test_a_block_says_on_what_it_rests_and_what_is_missing():
 )
 def test_pages_of_other_options(options):
     page = without_pictures(calibrate(clean(), noise_bound=NOISE_BOUND, **options))
-    assert page.count("<math ") >= 5
     assert all(expression.replace("-", "−") in page for expression in options.get("targets", ()))
 
 
@@ -279,9 +277,8 @@ def test_pages_of_several_mountings_whatever_they_are_called():
 
 
 def without_pictures(result: Calibration) -> str:
-    """The model and the targets of a calibration."""
-    sections = [bench.bench_section(result, bench.calibrated_values(result)), calibration.target_section(result)]
-    return html_of(Page, "t", "v", sections)
+    """The targets of a calibration."""
+    return html_of(Page, "t", "v", [calibration.target_section(result)])
 
 
 def test_warnings_of_the_record_are_on_the_page():
