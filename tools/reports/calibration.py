@@ -27,6 +27,7 @@ from ..rounding import digits, exactly, residual, to_bound, upwards
 from . import bench
 from .pictures.records import refused_rests
 from .pictures.residuals import joint_set, residuals
+from .witnesses import proof_lines
 
 TONES: dict[str, Tone] = {"consistent": "good"}
 MOST_TURNS = 5
@@ -186,6 +187,7 @@ def target_sections(
     if result.verdict == "falsified":
         paragraphs += beside_texts(result)
         paragraphs.append("No error is guaranteed. `trihedron diagnose` says what the model lacks.")
+        paragraphs += proof_lines(result)
         return [Section("Targets", paragraphs, table=beside_table(result), files=files)]
     return [Section("Targets", paragraphs, table=target_table(result, truth), files=files)]
 

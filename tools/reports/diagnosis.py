@@ -94,6 +94,7 @@ def remarks_of(result: Diagnosis) -> list[Section]:
         remarks += [sentence(text) for text in result.caution or ()]
     remarks += kind_of(result).remarks(result)
     remarks += beyond.extension_texts(result)
+    remarks += witnesses.evidence_lines(result)
     remarks += evidence.power_texts(result)
     sections = [Section("What to bear in mind", remarks)] if remarks else []
     sections += hypothesis_sections(result)

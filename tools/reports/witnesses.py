@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..calibrated import Calibration
 from ..diagnosis.result import Diagnosis
 from ..diagnosis.witness import EffectWitness, Witness
 from ..document.blocks import Section, Table
@@ -10,6 +11,8 @@ from ..evidence.bench import TurnErrors
 from ..rounding import digits, residual, upwards
 
 MOST_TURNS = 12
+MOST_READINGS = 6
+"""So many readings that prove a falsification stand in a line."""
 
 
 def witnesses_of(result: Diagnosis) -> tuple[EffectWitness, ...]:
@@ -113,3 +116,51 @@ def turn_sections(result: Diagnosis) -> list[Section]:
         rows.append([*ends, digits(float(outer), 5), digits(float(inner), 5), *errors])
     header = ["from [s]", "to [s]", "outer turn [°]", "inner turn [°]", "error, over its bound", "with the effects"]
     return [Section("Turns, as the gyros saw them", [text], table=Table(header, rows))]
+
+
+# A line each for the first screen
+
+
+def evidence_lines(result: Diagnosis) -> list[str]:
+    """Return in a line each what proves the falsification, what was left out, lengths, and where the residual lies."""
+    lines = proof_lines(result.calibration)
+    witness = result.witness
+    if witness is not None:
+        lines += _left_out_lines(witness)
+    for w in witnesses_of(result):
+        shuffles = f"{w.shuffles.as_good} of {w.shuffles.tried} shuffles do as well"
+        lines.append(
+            f"Left out, {w.title}: rms {digits(w.rms_without)} -> {digits(w.rms_with)} of its bound; {shuffles}."
+        )
+    radii = [f"{length.over} {residual(length.radius)}" for length in result.lengths or ()]
+    if radii:
+        lines.append(f"Largest error over its bound, by length: {', '.join(radii)}.")
+    if result.residual_structure:
+        most = max(result.residual_structure, key=lambda entry: entry["explained"])
+        where = f"accelerometer {most['accelerometer']}" if "accelerometer" in most else f"axis {most.get('axis')}"
+        predicted, explainable = digits(100.0 * most["explained"]), digits(100.0 * most["explainable"])
+        lines.append(
+            f"Residual of {where}: {most['on']} predicts {predicted} % of it; {explainable} % is more than noise."
+        )
+    return lines
+
+
+def proof_lines(calibration: Calibration) -> list[str]:
+    """Return which readings prove that no parameters fit; none where nothing does."""
+    if not calibration.witness:
+        return []
+    readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness[:MOST_READINGS]]
+    further = len(calibration.witness) - MOST_READINGS
+    more = f" and {further} more" if further > 0 else ""
+    return [f"Proof, by accelerometer and position: {', '.join(readings)}{more}."]
+
+
+def _left_out_lines(witness: Witness) -> list[str]:
+    """Return what every fifth position, and every quarter of the time, says of the effects together."""
+    lines = []
+    for name, score in (("every fifth position", witness.folds), ("every quarter of the time", witness.blocks)):
+        if score is not None:
+            lines.append(f"Left out, {name}: rms {digits(score.rms_before, 2)} -> {digits(score.rms_after, 2)} g.")
+    if witness.shuffles:
+        lines.append(f"Shuffles that do as well: {witness.shuffles.as_good} of {witness.shuffles.tried}.")
+    return lines
