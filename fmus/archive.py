@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from .component import Component, Variable
-from .units import base_unit, number, unit_named
+from .units import base_unit, number_text, unit_named
 
 LOG_CATEGORIES = {
     "logStatusWarning": "what may be wrong",
@@ -68,10 +68,10 @@ def start_text(variable: Variable, value: float) -> str:
     """A start value as its type writes it."""
     if variable.type == "boolean":
         return str(bool(value)).lower()
-    return number(value) if variable.type == "real" else str(int(value))
+    return number_text(value) if variable.type == "real" else str(int(value))
 
 
-def add_units(root: Element, component: Component) -> None:
+def add_unit_definitions(root: Element, component: Component) -> None:
     """UnitDefinitions: the units that the table uses, with base units and display units."""
     unit_names = sorted({v.unit for v in component.interface if v.type == "real"} | {"s"})
     units = SubElement(root, "UnitDefinitions")
@@ -80,7 +80,7 @@ def add_units(root: Element, component: Component) -> None:
         element = SubElement(units, "Unit", name=name)
         SubElement(element, "BaseUnit", base_unit(unit))
         for display, factor in unit.display.items():
-            SubElement(element, "DisplayUnit", name=display, factor=number(factor))
+            SubElement(element, "DisplayUnit", name=display, factor=number_text(factor))
 
 
 def type_name(variable: Variable) -> str | None:
@@ -154,7 +154,7 @@ def type_attributes(variable: Variable) -> dict[str, str]:
             if variable.display_unit is not None:
                 attributes["displayUnit"] = variable.display_unit
         if variable.nominal is not None:
-            attributes["nominal"] = number(variable.nominal)
+            attributes["nominal"] = number_text(variable.nominal)
     if variable.type in ("real", "integer"):
         for attribute, bound in zip(("min", "max"), variable.within, strict=True):
             if bound is not None:
@@ -199,7 +199,7 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
             files = SubElement(interface, "SourceFiles")
             for name in sources:
                 SubElement(files, "File", name=name)
-    add_units(root, component)
+    add_unit_definitions(root, component)
     add_types(root, component, fmi)
     categories = SubElement(root, "LogCategories")
     for name, description in LOG_CATEGORIES.items():
@@ -208,14 +208,14 @@ def _described_head(component: Component, fmi: int, sources: Sequence[str]) -> E
         root,
         "DefaultExperiment",
         startTime="0.0",
-        stopTime=number(component.stop_time),
+        stopTime=number_text(component.stop_time),
         tolerance="1e-9",
-        stepSize=number(component.step_size),
+        stepSize=number_text(component.step_size),
     )
     return root
 
 
-def described(component: Component, fmi: int, sources: Sequence[str]) -> Element:
+def description_element(component: Component, fmi: int, sources: Sequence[str]) -> Element:
     """The model description of a version of FMI, without identity and date; `sources` are files under sources/."""
     root = _described_head(component, fmi, sources)
     variables = SubElement(root, "ModelVariables")
@@ -300,7 +300,7 @@ def identity(component: Component, content: bytes, *, fmi: int = 2, sources: Seq
     sources : sequence of str
         files under sources/ that are compiled
     """
-    digest = hashlib.sha256(ElementTree.tostring(described(component, fmi, sources)) + content).hexdigest()
+    digest = hashlib.sha256(ElementTree.tostring(description_element(component, fmi, sources)) + content).hexdigest()
     return f"{{{digest[:8]}-{digest[8:12]}-{digest[12:16]}-{digest[16:20]}-{digest[20:32]}}}"
 
 
@@ -312,7 +312,7 @@ def model_description(component: Component, content: bytes, *, fmi: int = 2, sou
     bytes
         XML in UTF-8; the generation date is there only when SOURCE_DATE_EPOCH gives one
     """
-    root = described(component, fmi, sources)
+    root = description_element(component, fmi, sources)
     token = identity(component, content, fmi=fmi, sources=sources)
     root.set("guid" if fmi == 2 else "instantiationToken", token)
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")

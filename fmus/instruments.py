@@ -8,7 +8,7 @@ angle increments; VelocityComputer, velocity beside it.
 import math
 
 from ..models import accelerometer, gyro
-from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, inputs, velocity
+from ..models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT, PRODUCTS, computer, velocity
 from ..models.attitude_algorithms.computer import PROGRESS_SIZE, STEP_SIZE, TABLE_SIZE
 from ..models.attitude_algorithms.iteration import SPACE_SIZE
 from ..models.random_numbers import GENERATOR_SIZE
@@ -249,16 +249,16 @@ _RATE_INPUTS = (
         "input_kind",
         "what the inputs are: increments; rates; mixed, both of them, for an algorithm that takes an even number of "
         "samples: halves of samples count for it",
-        start=inputs.INCREMENTS,
+        start=computer.INCREMENTS,
         type="enumeration",
-        items=inputs.INPUT_KINDS,
+        items=computer.INPUT_KINDS,
     ),
     state(
         "inputs",
         "rates and increments of the step that is not full yet, and the rate at its beginning",
-        inputs.INPUTS_SIZE,
+        computer.INPUTS_SIZE,
     ),
-    state("weights", "of rates and increments in increments", len(inputs.WEIGHTS), start=inputs.WEIGHTS),
+    state("weights", "of rates and increments in increments", len(computer.WEIGHTS), start=computer.WEIGHTS),
     work("turning", "rate at the end of the step, times the sample period", 3),
 )
 
@@ -320,7 +320,7 @@ ATTITUDE_COMPUTER = Component(
         state("sample", "increment of the part of a sample that has passed", 3),
         *_RATE_INPUTS[2:],
     ),
-    model=(inputs.initialise_attitude, inputs.step_attitude),
+    model=(computer.initialise_attitude, computer.step_attitude),
     messages=(
         "initial_attitude is not a unit quaternion (norm within 1e-3 of 1)",
         "the communication step is not the sample period, or does not follow the last one: one increment for each "

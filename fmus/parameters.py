@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..models.bench import BIAS, GYRO_PARAMETERS, MATRIX, SYMMETRIC_PAIRS, TARGETS, checked_rotation
 from .component import Component
-from .units import Unit, base_unit, number, unit_named
+from .units import Unit, base_unit, number_text, unit_named
 
 CALIBRATION = "trihedron.calibration/3"
 FIRST_SCHEMA, SECOND_SCHEMA = "trihedron.calibration/1", "trihedron.calibration/2"
@@ -473,7 +473,7 @@ def parameter_set(
             raise ValueError(f"{variable.name} has {len(variable.elements)} elements, not {len(scalars)}")
         units[variable.unit] = unit_named(variable.unit)
         for name, scalar in zip(variable.elements, scalars, strict=True):
-            rows.append((name, "Real", {"value": number(scalar), "unit": variable.unit}))
+            rows.append((name, "Real", {"value": number_text(scalar), "unit": variable.unit}))
     return parameter_file(component.name, description, rows, units, intervals or {})
 
 
@@ -501,7 +501,7 @@ def parameter_file(
             bounded = {}
             for key, end in ends:
                 if end is not None and isfinite(end):
-                    bounded[key] = number(end)
+                    bounded[key] = number_text(end)
             annotation = SubElement(SubElement(element, "ssv:Annotations"), "ssc:Annotation", type=INTERVAL)
             SubElement(annotation, "interval", bounded)
     add_units(root, "ssv:Units", units)

@@ -242,7 +242,7 @@ class Instance:
 
 
 @dataclass(frozen=True)
-class Part:
+class SourcePart:
     """A constant or a kernel of a flat source.
 
     Attributes
@@ -261,16 +261,16 @@ class Part:
 
 
 @cache
-def source_of(function: Callable[..., Any]) -> Part:
+def kernel_source(function: Callable[..., Any]) -> SourcePart:
     """The source of a kernel, as it stands in its file."""
     lines, first = inspect.getsourcelines(function)
-    return Part("".join(lines).rstrip(), Path(inspect.getsourcefile(function) or "").name, first)
+    return SourcePart("".join(lines).rstrip(), Path(inspect.getsourcefile(function) or "").name, first)
 
 
 @cache
 def called_names(function: Callable[..., Any]) -> list[str]:
     """Names that a kernel reads and does not bind itself, in order of appearance."""
-    tree = ast.parse(source_of(function).text)
+    tree = ast.parse(kernel_source(function).text)
     bound = set(inspect.signature(function).parameters)
     names: list[str] = []
     for node in ast.walk(tree):
@@ -289,7 +289,7 @@ def hook_source(hook: Callable[..., Any], component: Component) -> str:
     stage and summed, so their order does not matter; where it does nothing, they change the last argument in turn. A
     hook that returns whether there are effects returns 1.0.
     """
-    function = ast.parse(source_of(hook).text).body[0]
+    function = ast.parse(kernel_source(hook).text).body[0]
     assert isinstance(function, ast.FunctionDef)
     returns = isinstance(function.body[-1], ast.Return)
     if returns:
@@ -329,20 +329,20 @@ def flat_source(component: Component) -> str:
     return "\n\n\n".join(part.text for part in flat_parts(component)) + "\n"
 
 
-def flat_parts(component: Component) -> tuple[Part, ...]:
+def flat_parts(component: Component) -> tuple[SourcePart, ...]:
     """The parts of a component's flat source, in order; raises as `flat_source` does."""
-    parts: dict[str, Part] = {}
+    parts: dict[str, SourcePart] = {}
 
     def include(function: Callable[..., Any]) -> None:
         kernels_of_effects = [place.definition.kernel_at(function.__name__) for place in component.effects]
         if kernels := [kernel for kernel in kernels_of_effects if kernel is not None]:
             for kernel in kernels:
                 include_names(kernel)
-                parts.setdefault(kernel.__name__, source_of(kernel))
-            parts[function.__name__] = replace(source_of(function), text=hook_source(function, component))
+                parts.setdefault(kernel.__name__, kernel_source(kernel))
+            parts[function.__name__] = replace(kernel_source(function), text=hook_source(function, component))
             return
         include_names(function)
-        parts[function.__name__] = source_of(function)
+        parts[function.__name__] = kernel_source(function)
 
     def include_names(function: Callable[..., Any]) -> None:
         for name in called_names(function):
@@ -350,7 +350,7 @@ def flat_parts(component: Component) -> tuple[Part, ...]:
                 continue
             value = function.__globals__.get(name)
             if isinstance(value, int | float) and not isinstance(value, bool):
-                parts[name] = Part(f"{name} = {value!r}", source_of(function).origin, 1)
+                parts[name] = SourcePart(f"{name} = {value!r}", kernel_source(function).origin, 1)
             elif inspect.isfunction(value):
                 include(value)
             elif not (isinstance(value, ModuleType) and value.__name__ == "math") and name not in PERMITTED:
@@ -358,7 +358,7 @@ def flat_parts(component: Component) -> tuple[Part, ...]:
 
     for name, kernel in component.kernels.items():
         include_names(kernel)
-        part = source_of(kernel)
+        part = kernel_source(kernel)
         parts[name] = replace(part, text=part.text.replace(f"def {kernel.__name__}(", f"def {name}(", 1))
     return tuple(parts.values())
 

@@ -37,7 +37,7 @@ class Unit:
     display: dict[str, float] = field(default_factory=dict)
 
 
-def number(value: float) -> str:
+def number_text(value: float) -> str:
     """Shortest text that reads back to the same number."""
     return repr(float(value))
 
@@ -46,9 +46,9 @@ def base_unit(unit: Unit) -> dict[str, str]:
     """Attributes of a BaseUnit: exponents, factor and offset where they are others than 1 and 0."""
     base = {key: str(power) for key, power in unit.exponents.items()}
     if unit.factor != 1.0:
-        base["factor"] = number(unit.factor)
+        base["factor"] = number_text(unit.factor)
     if unit.offset != 0.0:
-        base["offset"] = number(unit.offset)
+        base["offset"] = number_text(unit.offset)
     return base
 
 

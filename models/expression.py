@@ -81,7 +81,7 @@ QUOTIENT = ("{f} = 0.0", "if {y} != 0.0:", "    {f} = {x} / {y}")
 OPERATIONS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
 
-def parsed(text: str) -> ast.expr:
+def parsed_expression(text: str) -> ast.expr:
     """The tree of an expression of which every operation is permitted, but whose names may be any.
 
     Raises
@@ -342,7 +342,7 @@ ATOM, POWER, FACTOR, NEGATIVE, SUM = 4, 3, 2, 1, 0
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
-def typeset(tree: ast.expr, texts: Mapping[str, str]) -> str:
+def expression_notation(tree: ast.expr, texts: Mapping[str, str]) -> str:
     """The expression in the notation of `trihedron.tools.document.notation`, with a text for each name."""
     return _typeset(tree, texts)[0]
 

@@ -10,7 +10,7 @@ from . import restricted
 
 
 @cache
-def written(source: str) -> Callable[..., None]:
+def written_kernel(source: str) -> Callable[..., None]:
     """A kernel from the source of one function in restricted Python, which the caller has made, not read.
 
     It knows `math` and the constants of the restricted language and nothing else.

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import Asked, Simulation, read_scenario, simulate, simulate_table
+from trihedron.tools.orchestrator import RunOptions, Simulation, read_scenario, run_scenario, simulate_table
 from trihedron.tools.orchestrator.scenario import Scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
@@ -28,17 +28,17 @@ def here(folder: Path, fmus: dict[str, dict], **sections: Any) -> Scenario:
 
 def run(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:
     """Its run in this process."""
-    return simulate(here(folder, fmus, **sections), compiled=compiled)
+    return run_scenario(here(folder, fmus, **sections), compiled=compiled)
 
 
 def run_of_guests(folder: Path, fmus: dict[str, dict], *, compiled: bool = True, **sections: Any) -> Simulation:
     """Its run, each FMU from a file in a process of its own."""
-    return simulate(scenario(folder, fmus, **sections), compiled=compiled)
+    return run_scenario(scenario(folder, fmus, **sections), compiled=compiled)
 
 
 def run_of_file(path: Path) -> Simulation:
     """The run of a scenario's file in this process, with its averaged rests."""
-    return simulate_table(Asked(in_process=True).over(read_scenario(path)))
+    return simulate_table(RunOptions(in_process=True).over(read_scenario(path)))
 
 
 def refusal(folder: Path, fmus: dict[str, dict], **sections: Any) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from trihedron.tools.evidence.fit import composed
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.trials.bench import BLOCK_NOISE, ENCODER_FLUCTUATION, draw_truth
 
 HEADER = "time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2\n"
@@ -49,7 +49,7 @@ class SimulatedTable:
         }
         names = ("alpha_deg", "beta_deg", "f1_mps2", "f2_mps2", "f3_mps2")
         ports = ("table.angle_reading[1]", "table.angle_reading[2]", *(f"block.reading[{p}]" for p in (1, 2, 3)))
-        run = simulate(
+        run = run_scenario(
             composed(
                 "a move and a rest",
                 {"table": ("TurntableMotion", table), "block": ("AccelerometerBlock", block)},

@@ -3,7 +3,7 @@
 import zipfile
 from pathlib import Path
 
-from trihedron.tools.ssp.xml import NAMESPACES, declared
+from trihedron.tools.ssp.documents import NAMESPACES, declared
 
 HEAD = " ".join(f'{name}="{uri}"' for name, uri in declared(*NAMESPACES).items())
 EXPERIMENT = '<ssd:DefaultExperiment startTime="2" stopTime="4"/>'

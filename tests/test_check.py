@@ -293,10 +293,10 @@ def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
     checked = th.check(fmu_folder / "AccelerometerBlock.fmu")
     assert (checked.good, checked.kind) == (True, "FMU")
     from trihedron.tools.orchestrator.scenario import read_scenario
-    from trihedron.tools.ssp.write import export_ssp
+    from trihedron.tools.ssp.write import write_ssp
 
     archive = tmp_path / "static.ssp"
-    export_ssp(read_scenario(STATIC), archive, flavour="python")
+    write_ssp(read_scenario(STATIC), archive, flavour="python")
     checked = th.check(archive)
     assert (checked.good, checked.kind) == (True, "SSP archive"), str(checked)
 

@@ -73,7 +73,7 @@ def measure(
     >>> import trihedron as th
     >>> th.measure("plan24", source="growing.csv", out="monday.csv", noise_bound=1e-5)  # doctest: +SKIP
     """
-    options = measuring.Asked(noise_bound, gravity, tuple(channels), promise, dwell_s, patience_s)
+    options = measuring.SessionOptions(noise_bound, gravity, tuple(channels), promise, dwell_s, patience_s)
     programme = measuring.read_programme(Path(plan), mounting)
     coming = measuring.source_of(str(source))
     measurement = measuring.Measurement.begun(programme, options, Path(out), coming.name, resume=resume)

@@ -36,7 +36,7 @@ from .rounding import digits
 from .trials.bench import NOISE_BOUND, draw_whole, true_elementary
 from .trials.case import Case
 from .trials.draw import draw_alone
-from .trials.outcome import judged
+from .trials.outcome import judged_case
 from .trials.sizes import Hidden
 from .trials.suite import write_hidden_record
 
@@ -99,7 +99,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     extended = export_extended(diagnosis, out / "extended")
     print(diagnosis)
     hidden = words_of(case.answer()["hidden"])
-    is_named = judged(case, diagnosis).outcome == "right"
+    is_named = judged_case(case, diagnosis).outcome == "right"
     naming = "named" if is_named else "not named"
     print(f"what was hidden: {hidden} -> {naming.replace('not', 'NOT')}")
 

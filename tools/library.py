@@ -71,7 +71,7 @@ def simulate(
     """
     if not isinstance(scenario, str | Path | Mapping | orchestrator.Scenario):
         raise InputError(f"a scenario is a path, or what its file says, not {type(scenario).__name__}")
-    choice = orchestrator.Asked(start, stop, step, coupling, in_process, call_limit)
+    choice = orchestrator.RunOptions(start, stop, step, coupling, in_process, call_limit)
     with own_effects.with_effects_of(effects_from), ssp.opened(scenario, choice) as (checked, ignored):
         folder = None if out is None else Path(out)
         run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=progress)
@@ -191,7 +191,7 @@ def run_campaign(
     KeyboardInterrupt
         Ctrl-C; the folder is whole, and `resume` goes on
     """
-    result = campaigns.run_campaign(
+    result = campaigns.carry_out_campaign(
         Path(campaign),
         None if out is None else Path(out),
         jobs=jobs,

@@ -14,7 +14,7 @@ import fmpy
 from ..archive import accompanying_files, identity, model_description, write_archive
 from ..component import Component, Variable
 from ..reference import layered_reference
-from ..source import Part, flat_parts
+from ..source import SourcePart, flat_parts
 from .compile import FLAGS, Platform, binary
 from .tangent import tangent_name, tangents
 from .translate import Signature, kernel_name, translate
@@ -208,7 +208,7 @@ def _derivatives(component: Component, kernels: dict[str, Signature]) -> str:
 
 
 @cache
-def _translated(parts: tuple[Part, ...], differentiated: tuple[str, ...]) -> tuple[str, dict[str, Signature]]:
+def _translated(parts: tuple[SourcePart, ...], differentiated: tuple[str, ...]) -> tuple[str, dict[str, Signature]]:
     """C of the parts, and of the tangents of those kernels: the same for every start value and edition of FMI."""
     if differentiated:
         parts += tuple(tangents(parts, differentiated))

@@ -10,7 +10,7 @@ import ast
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from ..source import Part
+from ..source import SourcePart
 from .translate import FLOAT, INT, RestrictionError
 
 SLOPE = "slope"
@@ -47,7 +47,7 @@ def tangent_name(kernel: str) -> str:
     return f"tangent_{kernel}"
 
 
-def tangents(parts: Sequence[Part], kernel_names: Sequence[str]) -> list[Part]:
+def tangents(parts: Sequence[SourcePart], kernel_names: Sequence[str]) -> list[SourcePart]:
     """The tangents of kernels and of what they call, each before its use.
 
     Parameters
@@ -63,7 +63,7 @@ def tangents(parts: Sequence[Part], kernel_names: Sequence[str]) -> list[Part]:
         a call that stands where it may be passed over, or what is not in restricted Python
     """
     kernels: dict[str, ast.FunctionDef] = {}
-    origins: dict[str, Part] = {}
+    origins: dict[str, SourcePart] = {}
     for part in parts:
         for node in ast.parse(part.text).body:
             if isinstance(node, ast.FunctionDef):
@@ -76,7 +76,7 @@ def tangents(parts: Sequence[Part], kernel_names: Sequence[str]) -> list[Part]:
             tangent = _Tangent(kernels, name, origins[name])
             texts[name] = tangent.text()
             open_ += tangent.called
-    tangent_parts = [Part(RULES, "tangent.py", 1)]
+    tangent_parts = [SourcePart(RULES, "tangent.py", 1)]
     tangent_parts += [replace(origins[name], text=texts[name]) for name in kernels if name in texts]
     return tangent_parts
 
@@ -143,7 +143,7 @@ class _Tangent:
 
     kernels: dict[str, ast.FunctionDef]
     name: str
-    part: Part
+    part: SourcePart
     # Local variables that have a derivative, found by going through the kernel until there are no more.
     moving: set[str] = field(default_factory=set)
     called: set[str] = field(default_factory=set)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ..source import Part
+from ..source import SourcePart
 
 FLOAT, INT, VECTOR, WHOLE, NOTHING = "float", "int", "Vector", "whole", "None"
 """A number, an index, an array; a whole number that `math.floor` made, held as a number; no value."""
@@ -269,7 +269,7 @@ static int64_t whole(double x)
 """
 
 
-def translate(parts: Sequence[Part]) -> tuple[str, dict[str, Signature]]:
+def translate(parts: Sequence[SourcePart]) -> tuple[str, dict[str, Signature]]:
     """Translate constants and kernels, each before its use.
 
     Parameters

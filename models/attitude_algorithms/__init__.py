@@ -8,12 +8,12 @@ vector φ e. The coefficients of the paper's algorithms are not printed in it; t
 Source: Chelnokov, Perelyaev, Chelnokova 2016.
 """
 
-from . import adaptive, formulas, iteration, products
+from . import adaptive, iteration, products
 from .definition import MAX_INCREMENT, RANGE_ERROR, Algorithm
 
 __all__ = ["ALGORITHMS", "MAX_INCREMENT", "PRODUCTS", "RANGE_ERROR", "Algorithm"]
 
-_ALL = formulas.ALGORITHMS + products.ALGORITHMS + iteration.ALGORITHMS + adaptive.ALGORITHMS
+_ALL = products.ALGORITHMS + iteration.ALGORITHMS + adaptive.ALGORITHMS
 ALGORITHMS = tuple(sorted(_ALL, key=lambda algorithm: algorithm.number))
 """The algorithms, by number."""
 

@@ -373,7 +373,7 @@ def step_velocity(
 ) -> int:
     """Take the increments over (time, time + step], update attitude and velocity when a step of the algorithm is full.
 
-    As `inputs.step` with increments; returns 0 or the number of a message.
+    As `step_attitude` with increments; returns 0 or the number of a message.
     """
     for k in range(3):
         # Infinity and NaN fail the comparison.

@@ -35,7 +35,7 @@ from ..restricted import (
     STEP_LENGTH,
     TEMPERATURE,
 )
-from ..written import written
+from ..written import written_kernel
 
 if TYPE_CHECKING:
     from .definition import Effect, EffectPlace
@@ -388,7 +388,9 @@ def chosen(columns: list[Column], rows: NDArray[np.bool_]) -> list[Column]:
 
 def values_read(text: str, values: str, component: str, rows: Rows | MotionRows) -> NDArray[np.float64]:
     """Return what a kernel of a component reads (N,) by an expression of its context and of its values' name."""
-    kernel = written(f"def reading(context: Vector, {values}: Vector, added: Vector) -> None:\n    added[0] = {text}\n")
+    kernel = written_kernel(
+        f"def reading(context: Vector, {values}: Vector, added: Vector) -> None:\n    added[0] = {text}\n"
+    )
     return added_by(on_columns(kernel), *rows.seen_by(component), (), 1)[:, 0]
 
 

@@ -15,8 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..expression import Statements, derivatives, evaluated, followed, names_in, parsed, power_of, typeset
-from ..written import written
+from ..expression import (
+    Statements,
+    derivatives,
+    evaluated,
+    expression_notation,
+    followed,
+    names_in,
+    parsed_expression,
+    power_of,
+)
+from ..written import written_kernel
 from .columns import PORTS, MotionRows, Rows, values_read
 from .definition import (
     ACCELEROMETERS,
@@ -189,7 +198,7 @@ class Formula:
         target = {"α": "alpha", "β": "beta"}.get(target, target)
         if target not in TARGETS:
             raise ValueError(f"{_short(target)} is nothing that can err; {_nearest(target, list(TARGETS))}")
-        tree = _renamed(parsed(right))
+        tree = _renamed(parsed_expression(right))
         columns = derivatives(tree, _coefficients(tree, target))
         if not columns:
             raise ValueError("has no unknown coefficient; a letter is one, as in f2 += c*sin(3*alpha)")
@@ -294,9 +303,9 @@ class Formula:
             sentence=self._sentence,
             component=target.component,
             stage=target.stage,
-            kernel=written(self.kernel_source()),
+            kernel=written_kernel(self.kernel_source()),
             degree=max(degrees),
-            formula=f"{target.symbol} {typeset(self.tree, symbols)}",
+            formula=f"{target.symbol} {expression_notation(self.tree, symbols)}",
             columns=self._columns,
             open_argument=open_argument,
         )

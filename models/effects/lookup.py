@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..written import written
+from ..written import written_kernel
 from .accelerometer import NOMINAL_TEMPERATURE
 from .columns import PORTS, values_read
 from .definition import ACCELEROMETERS, AXES, GYRO_BLOCK, Effect, EffectParameter, EffectPlace, at_port, name_of_law
@@ -268,7 +268,7 @@ def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]
         # A quantity counts as it is, a factor from where it does nothing.
         zero = FROM.get(table.factor)
         addition += f" * {factor}" if zero is None else f" * ({factor} - {zero!r})"
-    return written("\n".join([*lines, addition]) + "\n")
+    return written_kernel("\n".join([*lines, addition]) + "\n")
 
 
 def _unit(place: EffectPlace, table: Table) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise
 
-from ..written import written
+from ..written import written_kernel
 from .definition import ACCELEROMETERS, Effect, EffectParameter, EffectPlace, accelerometer_column, name_of_law
 from .lookup import Table
 
@@ -49,7 +49,9 @@ def _kernel(place: EffectPlace, table: Table) -> Callable[..., None]:
         f"def wander_{name_of_law(f'{place.where} {place.law}')}(context: Vector, n: Vector, {values}, added: Vector)"
     )
     body = ["value_1 = 0.0", *table.source("context[HOURS]"), f"added[{p}] = added[{p}] + f"]
-    return written("\n".join([f"{head} -> None:", f'    """{place.law}"""', *(f"    {line}" for line in body)]) + "\n")
+    return written_kernel(
+        "\n".join([f"{head} -> None:", f'    """{place.law}"""', *(f"    {line}" for line in body)]) + "\n"
+    )
 
 
 def wander_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:

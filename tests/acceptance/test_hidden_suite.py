@@ -14,7 +14,7 @@ from trihedron.tools.calibration.model import PRESETS
 from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND
 from trihedron.tools.trials.case import Case
 from trihedron.tools.trials.draw import draw_case
-from trihedron.tools.trials.outcome import Outcome, diagnosed, judged
+from trihedron.tools.trials.outcome import Outcome, diagnosed_case, judged_case
 from trihedron.tools.trials.suite import detection, named_suite, run_suite
 from unknown_effects import LEAST_RADIUS, draw_unknown
 
@@ -80,7 +80,7 @@ def test_effects_that_the_catalogue_lacks_get_no_name(capsys):
     for index in range(max(10, round(SHARE * 100))):
         unknown = draw_unknown(500, index, (24, 48))
         assert unknown.nearest >= LEAST_RADIUS
-        counts[diagnosed(unknown.case, unknown.record).verdict] += 1
+        counts[diagnosed_case(unknown.case, unknown.record).verdict] += 1
     say(capsys, f"unknown effects: {dict(counts)}")
     assert counts["explained"] + counts["ambiguous"] == 0
     assert counts["unexplained"] >= 0.95 * counts.total()
@@ -119,11 +119,11 @@ def test_measuring_the_proposed_positions_too_leaves_the_right_one(capsys):
         if counts.total() == options:
             break
         case = draw_case(suite.options, suite.seed + 1, index)
-        first: Any = diagnosed(case, case.measured())
-        if judged(case, first).outcome != "candidate" or not first.next_positions:
+        first: Any = diagnosed_case(case, case.measured())
+        if judged_case(case, first).outcome != "candidate" or not first.next_positions:
             continue
         longer = measured_too(case, first.next_positions)
-        counts[judged(longer, diagnosed(longer, longer.measured())).outcome] += 1
+        counts[judged_case(longer, diagnosed_case(longer, longer.measured())).outcome] += 1
     say(capsys, f"ambiguous, then measured where it was proposed: {dict(counts)}")
     assert counts["right"] + counts["candidate"] >= 0.95 * options
 
@@ -134,7 +134,7 @@ def test_held_out_errors_fall_to_the_noise(capsys):
     ratios, worse = [], 0
     for index in range(max(3, round(SHARE * 40))):
         case = draw_case(suite.options, suite.seed + 2, index)
-        result: Any = diagnosed(case, case.measured(), rerun=True)
+        result: Any = diagnosed_case(case, case.measured(), rerun=True)
         if result.gain is None:
             continue
         gain = result.gain.to_json()

@@ -7,7 +7,7 @@ import pytest
 
 from simulated_table import HEADER, text_of
 from trihedron.models.bench import nominal_input
-from trihedron.tools.measure import Asked, Measurement, read_programme
+from trihedron.tools.measure import Measurement, SessionOptions, read_programme
 
 pytestmark = pytest.mark.acceptance
 
@@ -24,7 +24,7 @@ def resident() -> float:
 def test_memory_is_flat_over_720_000_readings(tmp_path: Path):
     (tmp_path / "plan.csv").write_text("alpha_deg,beta_deg\n" + "".join(f"{a},{b}\n" for a, b in POSITIONS))
     programme = read_programme(tmp_path / "plan.csv")
-    options, rng = Asked(1e-5), np.random.default_rng(1)
+    options, rng = SessionOptions(1e-5), np.random.default_rng(1)
     entry = Measurement.begun(programme, options, tmp_path / "m.csv", "the table", resume=False)
     entry.feed(HEADER.encode())
     peak, last, time_s = [], np.zeros(2), 0.0

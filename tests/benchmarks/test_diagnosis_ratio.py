@@ -18,7 +18,7 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.kinds import evidence_of
 from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
 from trihedron.tools.trials.case import Case
-from trihedron.tools.trials.outcome import diagnosed
+from trihedron.tools.trials.outcome import diagnosed_case
 from trihedron.tools.trials.sizes import Hidden
 
 pytestmark = pytest.mark.benchmark_ratio
@@ -44,7 +44,7 @@ def three_effects(positions: int) -> Case:
 def test_proof_against_a_programme_for_each_set(capsys):
     case = three_effects(100)
     record = case.measured()
-    result: Any = diagnosed(case, record)
+    result: Any = diagnosed_case(case, record)
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     evidence = result.evidence
     places = evidence.classes.places

@@ -12,7 +12,7 @@ import pytest
 from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus.native.compile import host_compiler
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 
 STEP, STEPS, PLAIN_STEPS = 0.01, 4_000_000, 30_000
@@ -65,7 +65,7 @@ def scenario(folder: Path, steps: int) -> Scenario:
 def seconds(folder: Path, steps: int, out: Path | None) -> float:
     gc.collect()
     began = time.perf_counter()
-    simulate(scenario(folder, steps), out)
+    run_scenario(scenario(folder, steps), out)
     return time.perf_counter() - began
 
 
@@ -101,10 +101,10 @@ def plain_loop(folder: Path, work: Path) -> tuple[float, np.ndarray]:
 
 @pytest.mark.benchmark_ratio
 def test_the_master_against_fmpys_list_api(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    simulate(scenario(folder, 1))
+    run_scenario(scenario(folder, 1))
     elapsed, rows = plain_loop(folder, tmp_path / "unpacked")
     plain = 1e6 * elapsed / PLAIN_STEPS
-    result = simulate(scenario(folder, PLAIN_STEPS)).table.drop("time_s").to_numpy()
+    result = run_scenario(scenario(folder, PLAIN_STEPS)).table.drop("time_s").to_numpy()
     assert (result == rows).all()
     ours = 1e6 * min(seconds(folder, STEPS, None) for _ in range(3)) / STEPS
     disk = 1e6 * min(seconds(folder, STEPS, tmp_path / f"out-{turn}") for turn in range(3)) / STEPS

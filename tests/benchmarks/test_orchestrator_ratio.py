@@ -13,7 +13,7 @@ from fmpy.fmi2 import FMU2Slave
 
 from trihedron.fmus import build
 from trihedron.fmus.native.compile import host_compiler
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 
 STEP, ROUNDS = 0.01, 3
@@ -145,7 +145,7 @@ def seconds_of_steps(
     for steps in (1, most):
         gc.collect()
         began = time.perf_counter()
-        run = simulate(scenario(folder, steps, in_process=in_process), out)
+        run = run_scenario(scenario(folder, steps, in_process=in_process), out)
         times[steps] = time.perf_counter() - began
         rows = run.table.drop("time_s").to_numpy()
         if out is not None:
@@ -159,7 +159,7 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path,
     plain, bare, ours, disk, guests = [], [], [], [], []
     rows = ours_rows = np.zeros(0)
     last: list[float] = []
-    simulate(scenario(folder, 1))
+    run_scenario(scenario(folder, 1))
     for turn in range(ROUNDS):
         elapsed, rows = plain_loop(folder, tmp_path / f"plain-{turn}", PLAIN_STEPS)
         plain.append(1e6 * elapsed / PLAIN_STEPS)
@@ -190,7 +190,7 @@ def test_ratios_to_a_plain_fmpy_loop_and_to_bare_c(folder: Path, tmp_path: Path,
 def test_ten_minutes_of_table_block_and_computer_at_2_khz(folder: Path, tmp_path: Path, capsys) -> None:
     run = {"stop_s": 600.0, "step_s": 0.0005, "in_process": True}
     began = time.perf_counter()
-    result = simulate(scenario(folder, 1, run=run), tmp_path / "out")
+    result = run_scenario(scenario(folder, 1, run=run), tmp_path / "out")
     elapsed = time.perf_counter() - began
     assert result.height == 1_200_001
     with capsys.disabled():

@@ -15,7 +15,7 @@ from trihedron.fmus.component import Component, extend
 from trihedron.fmus.source import references
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 
 DISCARD = 2
@@ -215,7 +215,7 @@ def test_a_wrong_parameter_of_a_component_is_named_by_the_scenario(parameters, m
         }
     )
     with pytest.raises(InputError) as refused:
-        simulate(scenario)
+        run_scenario(scenario)
     assert message in str(refused.value)
     assert "py exception" not in str(refused.value)
 

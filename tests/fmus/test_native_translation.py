@@ -3,15 +3,15 @@
 import pytest
 
 from trihedron.fmus.native.translate import RestrictionError, translate
-from trihedron.fmus.source import Part
+from trihedron.fmus.source import SourcePart
 
 HEAD = "def kernel(x: float, i: int, v: Vector, w: Vector) -> float:\n"
 
 
 def translated(body: str, head: str = HEAD, before: str = "") -> str:
     text = head + "".join(f"    {line}\n" for line in body.splitlines())
-    parts = [Part(before, "before.py", 1)] if before else []
-    return translate([*parts, Part(text, "kernel.py", 10)])[0]
+    parts = [SourcePart(before, "before.py", 1)] if before else []
+    return translate([*parts, SourcePart(text, "kernel.py", 10)])[0]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from trihedron.fmus.native.tangent import tangents
 from trihedron.fmus.native.translate import RestrictionError, translate
-from trihedron.fmus.source import Part
+from trihedron.fmus.source import SourcePart
 
 SCALE = "SCALE = 3.0\n"
 SQUARE = '''
@@ -51,7 +51,7 @@ def kernel(x: float, y: float, k: int, v: Vector, out: Vector) -> int:
 
 def made(*texts: str, kernels: str = "kernel") -> dict:
     """The kernels and their tangents, in Python; they go through the translator, too."""
-    parts = [Part(text.strip(), "kernel.py", 10) for text in texts]
+    parts = [SourcePart(text.strip(), "kernel.py", 10) for text in texts]
     every = [*parts, *tangents(parts, [kernels])]
     translate(every)
     names: dict = {}

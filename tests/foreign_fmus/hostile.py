@@ -13,7 +13,7 @@ import pytest
 
 from scenario_runs import scenario, wires
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 
 SOURCE = Path(__file__).with_name("hostile.c")
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -72,7 +72,7 @@ def outcome(folder: Path, name: str, out: Path) -> str:
     """What is said of the run."""
     options = hostile_scenario(folder, name)
     try:
-        simulate(scenario(folder, options.pop("fmus"), **options), out)
+        run_scenario(scenario(folder, options.pop("fmus"), **options), out)
     except InputError as error:
         return str(error)
     return ""

@@ -14,7 +14,7 @@ from trihedron.tools.bounded.sets import Work
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.own_effects import OwnEffects, with_effects_of
-from trihedron.tools.own_effects.kernel_check import check_effect
+from trihedron.tools.own_effects.file import check_effect
 
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
 (EXAMPLE,) = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), flags=re.DOTALL)

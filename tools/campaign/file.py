@@ -299,7 +299,7 @@ class Computation(Section):
         return names
 
 
-class Sampling(Section):
+class SamplingSetting(Section):
     """How distributions are sampled, and whether lists of values are combined or taken together."""
 
     method: Literal["random", "latin-hypercube", "sobol", "saltelli"] = "random"
@@ -307,7 +307,7 @@ class Sampling(Section):
     lists: Literal["product", "together"] = "product"
 
     @model_validator(mode="after")
-    def _power_of_two(self) -> "Sampling":
+    def _power_of_two(self) -> "SamplingSetting":
         if self.method == "saltelli" and self.points & (self.points - 1):
             below = 1 << (self.points.bit_length() - 1)
             raise ValueError(f"points = {self.points}: saltelli needs a power of two, as {below} or {2 * below}")
@@ -334,7 +334,7 @@ class Campaign(Section):
     attitude: AttitudeSetting | None = None
     simulation: SimulationSetting | None = None
     hidden: HiddenSetting | None = None
-    sampling: Sampling = Field(default_factory=Sampling)
+    sampling: SamplingSetting = Field(default_factory=SamplingSetting)
     parameters: dict[str, Axis] = Field(default_factory=dict)
     keep: Keep = Field(default_factory=Keep)
     compute: list[Computation] = Field(default_factory=list)

@@ -44,7 +44,7 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Given:
+class RunOutputs:
     """What a run gave: every output of the kind by its name; its record and a diagnosis (JSON) where one was wanted."""
 
     scalars: Mapping[str, Value | int | None]
@@ -60,7 +60,7 @@ class Runner(Protocol):
         """Name -> what it is, of every scalar that a run gives."""
         ...
 
-    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
         """Make a run; whatever it raises, the run failed, and the message is recorded."""
         ...
 
@@ -122,13 +122,13 @@ class CalibrationRuns:
             text = resources.files("trihedron.scenarios").joinpath("static-calibration-positions.csv").read_bytes()
         else:
             text = bytes_of(campaign.base_folder / setting.positions)
-        self.alpha, self.beta = read_angles(text, setting.positions or "static-calibration-positions.csv")
+        self.alpha, self.beta = read_position_angles(text, setting.positions or "static-calibration-positions.csv")
         self.outputs = {**VERDICT, "misses": Output(pl.Int64, "lower"), "worst_error_ratio": LOWER}
         for symbol in TARGETS:
             for what in ("error", "bound", "guaranteed", "width"):
                 self.outputs[f"{symbol}_{what}"] = LOWER
 
-    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
         """Make a record and calibrate it."""
         update = {}
         for name, value in values.items():
@@ -159,7 +159,7 @@ class CalibrationRuns:
         text = None
         if self.diagnose:
             text = _json(diagnosis.diagnose(record, **options, bounds=chosen.bounds, rerun=False).to_json())
-        return Given(scalars, _table(record, keep=self.record), text)
+        return RunOutputs(scalars, _table(record, keep=self.record), text)
 
     @staticmethod
     def _judged(estimates: Iterable[Any], true: Mapping[str, float]) -> dict[str, Value | int | None]:
@@ -197,7 +197,7 @@ class CalibrationRuns:
         return truth
 
 
-def read_angles(content: bytes, label: str) -> tuple[NDArray, NDArray]:
+def read_position_angles(content: bytes, label: str) -> tuple[NDArray, NDArray]:
     """Angles [rad] of a list of positions, CSV with alpha_deg and beta_deg."""
     try:
         table = pl.read_csv(io.BytesIO(content), comment_prefix="#")
@@ -268,7 +268,7 @@ class SimulationRuns:
             if "seed" in interface.variables and f"{name}.seed" not in swept:
                 self.seeded.append(name)
 
-    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
         """Simulate the scenario."""
         table = self.scenario.run(self._parameters(values, seed))
         scalars: dict[str, Value | int | None] = {}
@@ -276,8 +276,8 @@ class SimulationRuns:
             scalars[name] = reduced(table[reduction.column].to_numpy(), reduction.take)
         if not self.measures:
             if not self.keep.record:
-                return Given(scalars)
-            return Given(scalars, table)
+                return RunOutputs(scalars)
+            return RunOutputs(scalars, table)
         record, sigma, text = positions_of(table), self.setting.noise_bound, None
         if self.setting.calibrate:
             result = calibration.calibrate(record, noise_bound=sigma)
@@ -288,7 +288,7 @@ class SimulationRuns:
                 scalars[f"{estimate.symbol}_guaranteed"] = estimate.guaranteed_error
         if self.keep.diagnosis:
             text = _json(diagnosis.diagnose(record, noise_bound=sigma, rerun=False).to_json())
-        return Given(scalars, _table(record, keep=self.keep.record), text)
+        return RunOutputs(scalars, _table(record, keep=self.keep.record), text)
 
     def _parameters(self, values: Mapping[str, Value], seed: np.random.SeedSequence) -> dict[str, dict[str, Any]]:
         """FMU -> variable -> value, of a run."""
@@ -361,7 +361,7 @@ class AttitudeRuns:
             ("largest_error_rad", "last_error_rad", "rms_error_rad", "drift_radps"), LOWER
         )
 
-    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
         """Make a run."""
         setting = self.setting
 
@@ -404,7 +404,7 @@ class AttitudeRuns:
             time = np.arange(1, len(angle) + 1) * (every / rate)
             columns = {f"q{k}": computed[:, k] for k in range(4)}
             record = pl.DataFrame({"time_s": time, **columns, "error_rad": angle})
-        return Given(scalars, record)
+        return RunOutputs(scalars, record)
 
 
 def _algorithm(name: str, where: str) -> Algorithm:
@@ -456,12 +456,12 @@ class HiddenRuns:
             "redrawn": Output(pl.Int64),
         }
 
-    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> Given:
+    def run(self, number: int, values: Mapping[str, Value], seed: np.random.SeedSequence) -> RunOutputs:
         """Draw, measure and diagnose a case; the campaign's own seeds play no part in it."""
         case = trials.draw_case(self.options, self.seed, number)
         record = case.measured()
-        result = trials.diagnosed(case, record)
-        outcome = trials.judged(case, result)
+        result = trials.diagnosed_case(case, record)
+        outcome = trials.judged_case(case, result)
         scalars: dict[str, Value | int | None] = {
             "hidden": outcome.hidden_words,
             "named": outcome.named_words,
@@ -477,7 +477,7 @@ class HiddenRuns:
         text = None
         if self.keep.diagnosis:
             text = _json({**outcome.to_json(), "diagnosis": result.to_json()})
-        return Given(scalars, _table(record, keep=self.keep.record), text)
+        return RunOutputs(scalars, _table(record, keep=self.keep.record), text)
 
 
 RUNNERS: dict[str, Callable[[Campaign, Any], Runner]] = {

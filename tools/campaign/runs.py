@@ -28,7 +28,7 @@ from ..rounding import digits
 from ..workers import made
 from .file import Campaign, Computation, Value
 from .kinds import RUNNERS, Runner
-from .store import Columns, Computed, Order, code_hash, make_order, opened
+from .store import Computed, Order, ResultColumns, code_hash, make_order, opened_store
 from .summary import CampaignResult, Cost, summarise
 
 _SAMPLES_STREAM, _ERRORS_STREAM = 0, 1
@@ -120,7 +120,7 @@ def make_runner(campaign: Campaign) -> Runner:
     return RUNNERS[campaign.kind](campaign, getattr(campaign, campaign.kind))
 
 
-def columns_of(campaign: Campaign, runner: Runner) -> Columns:
+def columns_of(campaign: Campaign, runner: Runner) -> ResultColumns:
     """The columns of the data set; refuses names that are not there, or that mean two things."""
     parameters: dict[str, type[pl.DataType]] = {}
     for name, axis in campaign.parameters.items():
@@ -142,7 +142,7 @@ def columns_of(campaign: Campaign, runner: Runner) -> Columns:
         _refuse_other_columns(f"compute[{number}]", computation, dtypes)
         if computation.sensitivity and pl.Float64 not in parameters.values():
             raise InputError("compute: sensitivity needs parameters that are numbers")
-    return Columns(parameters, outputs, campaign.keep.diagnosis, campaign.keep.record)
+    return ResultColumns(parameters, outputs, campaign.keep.diagnosis, campaign.keep.record)
 
 
 def _refuse_other_columns(where: str, computation: Computation, dtypes: Mapping[str, type[pl.DataType]]) -> None:
@@ -221,7 +221,7 @@ def _line(text: str) -> str:
     return " ".join(text.split()) or "no message"
 
 
-def scalars_file(columns: Columns, rows: Sequence[Mapping[str, Any]]) -> bytes:
+def scalars_file(columns: ResultColumns, rows: Sequence[Mapping[str, Any]]) -> bytes:
     """The file of scalars: one row for each run, in order; what a run lacks is null."""
     fitting = {pl.Float64: float, pl.Int64: int, pl.Boolean: bool, pl.String: str}
     series = []
@@ -253,12 +253,12 @@ def _parquet(table: pl.DataFrame) -> bytes:
     return stream.getvalue()
 
 
-def default_folder(path: Path) -> Path:
+def campaign_folder(path: Path) -> Path:
     """Where a campaign is kept when nothing else is asked for: `<campaign>-campaign` in the current folder."""
     return Path(f"{path.stem}-campaign")
 
 
-def run_campaign(
+def carry_out_campaign(
     path: Path, out: Path | None = None, *, resume: bool = False, progress: bool = False, **workers: Any
 ) -> CampaignResult:
     """Carry out a campaign; arguments and errors as for `trihedron.run_campaign`, which writes the page too.
@@ -269,8 +269,8 @@ def run_campaign(
     order, campaign = make_order(path)
     # What the file asks for and cannot be done is refused before anything is written.
     columns = columns_of(campaign, make_runner(campaign))
-    folder = default_folder(path) if out is None else out
-    with opened(folder, order, campaign, columns, path.read_bytes(), resume=resume) as store:
+    folder = campaign_folder(path) if out is None else out
+    with opened_store(folder, order, campaign, columns, path.read_bytes(), resume=resume) as store:
         missing, before, failed = store.missing()
         finished, seconds, cpu_seconds = before, 0.0, 0.0
         try:

@@ -136,7 +136,7 @@ def code_hash() -> str:
 
 
 @dataclass(frozen=True)
-class Columns:
+class ResultColumns:
     """Columns of a campaign's data set: parameters, the outputs that are kept, and whether diagnosis and record are."""
 
     parameters: dict[str, type[pl.DataType]]
@@ -229,7 +229,7 @@ def _write(path: Path, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-def manifest_of(order: Order, campaign: Campaign, columns: Columns, content: bytes) -> dict[str, Any]:
+def manifest_of(order: Order, campaign: Campaign, columns: ResultColumns, content: bytes) -> dict[str, Any]:
     """What says which campaign a folder holds, and what its scalars are."""
     return {
         "schema": SCHEMA,
@@ -273,8 +273,8 @@ def open_result(folder: Path) -> tuple[Store, dict[str, Any]]:
 
 
 @contextlib.contextmanager
-def opened(
-    folder: Path, order: Order, campaign: Campaign, columns: Columns, content: bytes, *, resume: bool
+def opened_store(
+    folder: Path, order: Order, campaign: Campaign, columns: ResultColumns, content: bytes, *, resume: bool
 ) -> Iterator[Store]:
     """A campaign's folder, for nobody else while the block lasts; `content` is the bytes of the campaign file.
 

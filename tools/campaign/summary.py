@@ -156,7 +156,7 @@ def summarise(store: Store) -> CampaignResult:
         failures.append(Failure(message=message, runs=count, first_run=first_run))
     computed = []
     for computation in store.campaign.compute:
-        computed.append({**computation.as_written(), "result": result_of(computation, results)})
+        computed.append({**computation.as_written(), "result": computation_result(computation, results)})
     return CampaignResult(
         title=store.campaign.title,
         kind=store.campaign.kind,
@@ -168,7 +168,7 @@ def summarise(store: Store) -> CampaignResult:
     )
 
 
-def result_of(computation: Computation, results: Results) -> Any:
+def computation_result(computation: Computation, results: Results) -> Any:
     """What comes of a computation."""
     if computation.quantiles is not None:
         at = computation.at or list(QUANTILES)
@@ -176,7 +176,7 @@ def result_of(computation: Computation, results: Results) -> Any:
     if computation.rate is not None:
         return rates(results, computation, computation.rate)
     if computation.confusion is not None:
-        return confusion(results, computation.confusion, str(computation.of))
+        return confusion_of_columns(results, computation.confusion, str(computation.of))
     return sensitivity(results, computation.sensitivity or [])
 
 
@@ -226,7 +226,7 @@ def rate(hits: NDArray) -> dict[str, Any]:
     return {"cases": cases, "count": count, "rate": count / cases, "interval": [interval.low, interval.high]}
 
 
-def confusion(results: Results, name: str, of: str) -> dict[str, dict[str, int]]:
+def confusion_of_columns(results: Results, name: str, of: str) -> dict[str, dict[str, int]]:
     """How often each value of one column goes with each value of another: true -> named -> count."""
     table: dict[str, Counter[str]] = {}
     for true, value in zip(results.column(of).to_list(), results.column(name).to_list(), strict=True):
@@ -357,7 +357,7 @@ class Comparison(Result):
         return [change for change in self.changes if change.verdict == verdict]
 
 
-def compare(folder: Path, other: Path) -> Comparison:
+def compare_campaigns(folder: Path, other: Path) -> Comparison:
     """Hold the campaign of a folder, which is judged, against another one.
 
     An InputError for a folder without a whole campaign, or campaigns of different kinds of runs.

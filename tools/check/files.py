@@ -39,7 +39,7 @@ from ..motion import inspect_record
 from ..motion.rests import FEWEST_ROWS
 from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import Scenario
-from ..orchestrator.stimuli import read_table
+from ..orchestrator.stimuli import read_number_table
 from ..parquet import MAGIC
 from ..planning.check import read_settings
 from ..planning.imu import ImuPlan
@@ -249,7 +249,7 @@ def _check_commands(findings: Findings, names: list[str]) -> None:
             findings.kind = "angles of a plan"
             findings.summary = (f"{len(read_settings(findings.path)[0])} positions",)
             return
-        table, _ = read_table(findings.path, str(findings.path), [name for name in names if name != "mounting"])
+        table, _ = read_number_table(findings.path, str(findings.path), [name for name in names if name != "mounting"])
     except InputError as error:
         findings.add(str(error).removeprefix(f"{findings.path}").lstrip(":, "))
         return

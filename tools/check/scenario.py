@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..orchestrator.archive import temporary_folder
-from ..orchestrator.load import Loaded, Sources, load, resolve_parameters
+from ..orchestrator.load import Loaded, Sources, load_fmus, resolve_parameters
 from ..orchestrator.recorded import resolve_columns
 from ..orchestrator.scenario import RunSetting, Scenario, Stimulus
 from ..orchestrator.stimuli import check_sources, resolve_stimuli
@@ -146,7 +146,7 @@ class _System:
                 target = folder / str(next(numbers))
                 target.mkdir(parents=True)
                 changed_setting = setting.model_copy(update={**right, **changed})
-                loaded = load(scenario.model_copy(update={"fmus": {name: changed_setting}}), sources, target)[name]
+                loaded = load_fmus(scenario.model_copy(update={"fmus": {name: changed_setting}}), sources, target)[name]
                 right.update(changed)
                 return loaded
             return None

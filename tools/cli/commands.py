@@ -58,7 +58,7 @@ def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Ans
     out, plot = options.pop("out", None), options.pop("plot", None)
     effects = own_effects.with_effects_of(options.pop("effects_from", None))
     distinct_files({"the scenario": scenario, "--out": out, "--json": json, "--plot": plot})
-    choice = orchestrator.Asked(**options)
+    choice = orchestrator.RunOptions(**options)
     with effects, ssp.opened(scenario, choice) as (checked, ignored):
         if ignored:
             names = list(ignored[:3])
@@ -66,7 +66,7 @@ def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Ans
                 names.append("...")
             listed = one_line(", ".join(names))
             print(f"{scenario}: {len(ignored)} parameters name nothing in it: {listed}", file=sys.stderr)
-        folder = out or orchestrator.default_folder(checked)
+        folder = out or orchestrator.run_folder(checked)
         run = orchestrator.simulate_table(checked, folder, ignored=ignored, progress=True)
     if run.ended:
         print(run.ended, file=sys.stderr)
@@ -116,7 +116,7 @@ def export_ssp(
     """
     distinct_files({"the scenario": scenario, "--out": out, "--json": json})
     checked = orchestrator.read_scenario(scenario)
-    path = ssp.export_ssp(checked, out, flavour=flavour, fmi=fmi, platform=platform, ssp=version)
+    path = ssp.write_ssp(checked, out, flavour=flavour, fmi=fmi, platform=platform, ssp=version)
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 

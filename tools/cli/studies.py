@@ -242,7 +242,7 @@ def campaign_report(
     if gate and against is None:
         raise InputError("--gate: goes with --against, the campaign to compare with")
     store, manifest = campaigns.open_result(folder)
-    comparison = None if against is None else campaigns.compare(folder, against)
+    comparison = None if against is None else campaigns.compare_campaigns(folder, against)
     page = folder / "index.html" if report is None else report
     summary = campaigns.summarise(store)
     document.write_page(page, reports.campaign_page(store, manifest, comparison))

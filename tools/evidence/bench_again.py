@@ -16,7 +16,7 @@ from ...models.bench import BIAS, LAG, MATRIX, SENSITIVITY, small_turn
 from ...models.effects import EffectPlace
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns
-from ..orchestrator import simulate
+from ..orchestrator import run_scenario
 from ..records import BenchRecord
 from ..records.rests import without_turns
 from .bench_onsets import SLIP, block_turns
@@ -94,7 +94,7 @@ def simulated_turns(
         run={"step_s": period, "stop_s": (len(rows) - 1) * period},
         stimuli=[{"table": pl.DataFrame(columns), "stamp": "end", "columns": driven}],
     )
-    increments = simulate(scenario).table.select(list(recorded)).to_numpy()
+    increments = run_scenario(scenario).table.select(list(recorded)).to_numpy()
     sums = interpolated(time, even, np.cumsum(increments, axis=0))
     integrals = sums[fitted.turns.last] - sums[fitted.turns.first]
     for place, coefficients in effects.items():

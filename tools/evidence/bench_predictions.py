@@ -28,7 +28,7 @@ from ..calibration.model import (
     reading_jacobian,
     table_position,
 )
-from ..orchestrator import simulate
+from ..orchestrator import run_scenario
 from .bench_model import LARGEST_OF_BENCH, MAX_LEVERAGE, Cast, Readings, fitted, leverages
 from .bench_scenario import COMPONENTS, READINGS, Visited, can_be_run
 from .bench_visits import Circumstances, Visits, acted_on, is_linear, readings_at, signature_columns, untold_readings
@@ -478,7 +478,7 @@ def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -
                 effect_entries(fit),
             )
             visited = Visited.of(readings, commands, mine)
-            run = simulate(visited.scenario("the positions of a record, simulated again", fmus, READINGS)).table
+            run = run_scenario(visited.scenario("the positions of a record, simulated again", fmus, READINGS)).table
             time = run["time_s"].to_numpy()
             for axis, name in enumerate(READINGS):
                 simulated[mine, axis] = np.interp(visited.times, time, run[name].to_numpy()) / gravity

@@ -16,7 +16,7 @@ from math import log
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..measure import Moment, Session, Setting
+from ..measure import Moment, Session, TableSetting
 from ..reports.measure import (
     against_text,
     angles_text,
@@ -65,7 +65,7 @@ class PageServer:
 
     def show(self, moment: Moment) -> None:
         """Keep the page of a moment for who asks next."""
-        page = page_of(moment).encode()
+        page = moment_page(moment).encode()
         with self._lock:
             self._page = page
 
@@ -184,7 +184,7 @@ def _template() -> "Template":
     return environment.from_string(_text("live", "page.html"))
 
 
-def page_of(moment: Moment) -> str:
+def moment_page(moment: Moment) -> str:
     """What changes on the page, as HTML; whatever texts hold is shown and never run."""
     session, present, settings = moment.session, moment.present, moment.session.programme.settings
     last = session.visits[-1] if session.visits else None
@@ -224,7 +224,7 @@ def _target(session: Session, symbol: str, promised: float) -> tuple[str, str, s
     return symbol, upwards(error, 4), upwards(promised, 4), part, share <= session.asked.within
 
 
-def _row(session: Session, setting: Setting) -> tuple[str, str, str, int | None]:
+def _row(session: Session, setting: TableSetting) -> tuple[str, str, str, int | None]:
     """Angles, state, encoder readings, and the rest that counts (None: none does)."""
     visits = session.visits_to(setting)
     good = [visit for visit in visits if session.counts(visit)]

@@ -1,12 +1,12 @@
-from .programme import Setting as Setting
+from .programme import TableSetting as TableSetting
 from .programme import read_programme as read_programme
+from .readings import source_of as source_of
 from .run import Measurement as Measurement
 from .run import Moment as Moment
 from .run import View as View
 from .run import carry_out as carry_out
-from .session import Asked as Asked
 from .session import Measured as Measured
 from .session import Session as Session
-from .source import source_of as source_of
+from .session import SessionOptions as SessionOptions
 from .visits import Present as Present
-from .visits import Visit as Visit
+from .visits import TableVisit as TableVisit

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from ..errors import InputError
 from ..files import LARGEST_RESULT, bytes_of
-from ..orchestrator.stimuli import read_table
+from ..orchestrator.stimuli import read_number_table
 from ..planning import PositionPlan, Request, task_of
 from ..planning.task import NOT_DETERMINED, Places, costs
 from ..records.columns import ANGLES, LIMITS
@@ -21,7 +21,7 @@ SAME_DEG = 1.0
 
 
 @dataclass(frozen=True)
-class Setting:
+class TableSetting:
     """A position to set the table to: number and angles [deg]."""
 
     number: int
@@ -39,7 +39,7 @@ def _turn(difference: float) -> float:
 
 
 @dataclass(frozen=True)
-class Programme:
+class TableProgramme:
     """Positions in the order of measurement, the model that they are for, and what they promise.
 
     Attributes
@@ -54,7 +54,7 @@ class Programme:
         Q (3, 3) by its name
     """
 
-    settings: tuple[Setting, ...]
+    settings: tuple[TableSetting, ...]
     promised: Mapping[str, float]
     baseline: str
     convention: str
@@ -62,7 +62,7 @@ class Programme:
     mounting: Mapping[str, list[list[float]]]
 
 
-def read_programme(path: Path, mounting: str = "identity") -> Programme:
+def read_programme(path: Path, mounting: str = "identity") -> TableProgramme:
     """A folder that `trihedron plan positions --out` wrote, its plan.json, or a table with alpha_deg and beta_deg.
 
     The mounting is that of a table; a plan has its own. An InputError for a file that is none of these, a plan with
@@ -71,7 +71,7 @@ def read_programme(path: Path, mounting: str = "identity") -> Programme:
     if path.is_dir():
         path = path / "plan.json"
     if path.suffix.lower() != ".json":
-        table, _ = read_table(path, str(path), ANGLES)
+        table, _ = read_number_table(path, str(path), ANGLES)
         angles = np.column_stack([table.columns[name] for name in ANGLES])
         for name, column in zip(ANGLES, angles.T, strict=True):
             low, high, needed = LIMITS[name]
@@ -106,9 +106,9 @@ def read_programme(path: Path, mounting: str = "identity") -> Programme:
     return _promising(path, np.array(rows), request)
 
 
-def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
+def _promising(path: Path, angles: NDArray, request: Request) -> TableProgramme:
     """The positions (N, 2) [deg] with the guaranteed errors that they give, by the linear programmes."""
-    settings = tuple(Setting(k, float(a), float(b)) for k, (a, b) in enumerate(angles, start=1))
+    settings = tuple(TableSetting(k, float(a), float(b)) for k, (a, b) in enumerate(angles, start=1))
     parametrisation = request.parametrisation()
     if len(parametrisation.mountings) != 1:
         raise InputError("--mounting: holds several mountings; a record of one table is measured in one")
@@ -124,7 +124,7 @@ def _promising(path: Path, angles: NDArray, request: Request) -> Programme:
         reason = f"its {len(angles)} positions do not determine {', '.join(missing)}"
         raise InputError(f"{path}: {reason}; `trihedron plan positions 12 --out plan12` gives some that do")
     matrices = dict(zip(parametrisation.mountings, np.asarray(parametrisation.matrices).tolist(), strict=True))
-    return Programme(
+    return TableProgramme(
         settings,
         dict(zip(targets, cost.tolist(), strict=True)),
         request.baseline,

@@ -14,11 +14,10 @@ from ..errors import InputError
 from ..files import LARGEST_TEXT, bytes_of, make_folders, said_writable
 from ..locks import Taken, locked
 from ..records import PositionRecord, read_record, write_record
-from .programme import Programme
-from .readings import Lines, by_count
-from .session import Asked, Ending, Measured, Session, measured
-from .source import Source
-from .visits import Present, Visit, Watch
+from .programme import TableProgramme
+from .readings import RecordLines, Source, by_count
+from .session import Ending, Measured, Session, SessionOptions, measured
+from .visits import Present, TableVisit, Watch
 
 PAUSE_S = 0.1
 """Between two looks at a source from which nothing came."""
@@ -217,19 +216,21 @@ class Measurement:
 
     session: Session
     files: Files
-    lines: Lines
+    lines: RecordLines
     watch: Watch
     left_out: int = 0
     trouble: str = ""
     news: list[tuple[str, Any]] = field(default_factory=list)
 
     @staticmethod
-    def begun(programme: Programme, asked: Asked, out: Path, source: str, *, resume: bool) -> "Measurement":
+    def begun(
+        programme: TableProgramme, asked: SessionOptions, out: Path, source: str, *, resume: bool
+    ) -> "Measurement":
         """A new one, or one that is taken up again from its files; `source` is what refusals call the readings."""
         session = Session(programme, asked, out)
         files = Files(out, session.header(), resume=resume)
         watch = Watch(asked.noise_bound, asked.gravity, asked.dwell_s, out)
-        measurement = Measurement(session, files, Lines(Path(source)), watch)
+        measurement = Measurement(session, files, RecordLines(Path(source)), watch)
         measurement._replay()
         return measurement
 
@@ -278,7 +279,7 @@ class Measurement:
         self._visited(self.watch.end())
         self.files.positions(self.session.record())
 
-    def _visited(self, visits: Sequence[Visit]) -> None:
+    def _visited(self, visits: Sequence[TableVisit]) -> None:
         for visit in visits:
             self.session = self.session.after(visit)
             self.news.append(("visit", visit))

@@ -23,8 +23,8 @@ from ..records import PositionRecord
 from ..records.channels import Channels
 from ..result import Result
 from ..rounding import exactly
-from .programme import SAME_DEG, Programme, Setting
-from .visits import Visit, record_of
+from .programme import SAME_DEG, TableProgramme, TableSetting
+from .visits import TableVisit, record_of_visits
 
 State = Literal["open", "repeat", "done"]
 Ending = Literal["source", "operator", "patience"]
@@ -33,7 +33,7 @@ WITHIN = 1.02
 
 
 @dataclass(frozen=True)
-class Asked:
+class SessionOptions:
     """What holds for a whole session: the options of `trihedron measure`.
 
     σ is a fraction of g, gravity in [m/s²], `within` how many times what the plan promises keeps the promise; a rest
@@ -69,7 +69,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Standing:
+class SessionStanding:
     """What the good visits give.
 
     Attributes
@@ -109,20 +109,20 @@ class Session:
         after each good visit
     """
 
-    programme: Programme
-    asked: Asked
+    programme: TableProgramme
+    asked: SessionOptions
     path: Path
-    visits: tuple[Visit, ...] = ()
+    visits: tuple[TableVisit, ...] = ()
     setting_of: tuple[int | None, ...] = ()
     dropped: frozenset[int] = frozenset()
-    history: tuple[Standing, ...] = ()
+    history: tuple[SessionStanding, ...] = ()
 
-    def counts(self, visit: Visit) -> bool:
+    def counts(self, visit: TableVisit) -> bool:
         """Whether a visit is good, and is not to be repeated."""
         return not visit.bad and visit.number not in self.dropped
 
     @property
-    def good(self) -> list[Visit]:
+    def good(self) -> list[TableVisit]:
         """The visits that count, in the order of time."""
         return [visit for visit in self.visits if self.counts(visit)]
 
@@ -131,16 +131,16 @@ class Session:
         channels = self.asked.channels_read
         return channels.alpha * float(np.degrees(alpha)), channels.beta * float(np.degrees(beta))
 
-    def visit_angles_deg(self, visit: Visit) -> tuple[float, float]:
+    def visit_angles_deg(self, visit: TableVisit) -> tuple[float, float]:
         """Angles of the table at a visit [deg]."""
         return self.angles_deg(float(visit.average.alpha[0]), float(visit.average.beta[0]))
 
-    def visits_to(self, setting: Setting) -> list[Visit]:
+    def visits_to(self, setting: TableSetting) -> list[TableVisit]:
         """The visits to a setting."""
         numbered = zip(self.visits, self.setting_of, strict=True)
         return [visit for visit, number in numbered if number == setting.number]
 
-    def state_of(self, setting: Setting) -> State:
+    def state_of(self, setting: TableSetting) -> State:
         """Whether a setting is measured, to be repeated, or open."""
         visits = self.visits_to(setting)
         if any(map(self.counts, visits)):
@@ -150,18 +150,18 @@ class Session:
         return "open"
 
     @property
-    def left(self) -> list[Setting]:
+    def left(self) -> list[TableSetting]:
         """The settings that are not done, in their order."""
         return [setting for setting in self.programme.settings if self.state_of(setting) != "done"]
 
     @property
-    def standing(self) -> Standing:
+    def standing(self) -> SessionStanding:
         """What the good visits so far give."""
         if self.history:
             return self.history[-1]
-        return Standing(dict.fromkeys(self.programme.promised))
+        return SessionStanding(dict.fromkeys(self.programme.promised))
 
-    def share(self, symbol: str, standing: Standing | None = None) -> float | None:
+    def share(self, symbol: str, standing: SessionStanding | None = None) -> float | None:
         """A target's guaranteed error over what is promised; None where it is open."""
         error = (standing or self.standing).errors.get(symbol)
         if error is None:
@@ -188,7 +188,7 @@ class Session:
         """The good visits as a position record, as their file has it; None where there are none."""
         if not self.good:
             return None
-        return record_of(self.good, self.path)
+        return record_of_visits(self.good, self.path)
 
     def header(self) -> dict[str, Any]:
         """What a session must have in common with what it is taken up again from."""
@@ -203,7 +203,7 @@ class Session:
             "dwell_s": self.asked.dwell_s,
         }
 
-    def after(self, visit: Visit) -> "Session":
+    def after(self, visit: TableVisit) -> "Session":
         """The session after a visit: it belongs to the nearest setting, an open one before a measured one."""
         angles = self.visit_angles_deg(visit)
         candidates = []
@@ -230,13 +230,13 @@ class Session:
 
     def _judged(self) -> "Session":
         record = self.record()
-        standing = Standing(dict.fromkeys(self.programme.promised))
+        standing = SessionStanding(dict.fromkeys(self.programme.promised))
         if record is not None:
             standing = standing_of(self, record)
         return replace(self, history=(*self.history, standing))
 
 
-def standing_of(session: Session, record: PositionRecord) -> Standing:
+def standing_of(session: Session, record: PositionRecord) -> SessionStanding:
     """What `trihedron calibrate` finds in the positions so far."""
     programme, options = session.programme, session.asked
     try:
@@ -253,13 +253,13 @@ def standing_of(session: Session, record: PositionRecord) -> Standing:
             mounting=dict(programme.mounting),
         )
     except InputError as error:
-        return Standing(session.standing.errors, trouble=str(error).removeprefix(f"{record.path}: "))
+        return SessionStanding(session.standing.errors, trouble=str(error).removeprefix(f"{record.path}: "))
     errors: dict[str, float | None] = dict.fromkeys(programme.promised)
     for estimate in calibration.parameters:
         if estimate.symbol in errors and estimate.guaranteed_error is not None:
             errors[estimate.symbol] = estimate.guaranteed_error / options.noise_bound
     witness = tuple((reading.position, reading.accelerometer) for reading in calibration.witness)
-    return Standing(errors, calibration.radius or 0.0, witness)
+    return SessionStanding(errors, calibration.radius or 0.0, witness)
 
 
 class MeasuredPosition(Result):

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from ...models.attitude_algorithms import ALGORITHMS, Algorithm
 from ..errors import InputError, nearest
-from ..orchestrator import simulate
+from ..orchestrator import run_scenario
 from ..orchestrator.scenario import FmuSetting, RecordSetting
 from ..records import StrapdownRecord
 from ..records.columns import INCREMENT, QUATERNION, VELOCITY
@@ -260,7 +260,7 @@ def run_attitude(
             speeds[name] = f"computer.velocity[{i}]"
         columns = RecordSetting(columns=dict(scenario.record.columns or {}) | speeds)
         scenario = scenario.model_copy(update={"record": columns})
-    simulation = simulate(scenario, marks=[(pl.col("time_s") < source.worthless_from).alias("trusted")], **run)
+    simulation = run_scenario(scenario, marks=[(pl.col("time_s") < source.worthless_from).alias("trusted")], **run)
     updated = simulation.table["updated"].to_numpy()
     attitude = simulation.table.select(QUATERNION).to_numpy()[updated]
     velocity = velocity_at_end = None

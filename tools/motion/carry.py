@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from ...models.attitude_algorithms import ALGORITHMS, MAX_INCREMENT
 from ...models.effects import EffectPlace, MotionRows, parameter_name, place_from_mapping
-from ..orchestrator import simulate
+from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Connection, FmuSetting, RecordSetting, RunSetting, Scenario, Stimulus
 from ..records import StrapdownRecord
 from ..records.columns import FORCE, INCREMENT, QUATERNION, TEMPERATURE
@@ -194,7 +194,7 @@ def carried_attitude(
     scenario = carried_scenario(motion, model.effects, settings)
     # Files that are given are components' own, which were built for this run.
     run = scenario.model_copy(update={"run": scenario.run.model_copy(update={"in_process": True})})
-    return simulate(run).table.select(QUATERNION).to_numpy()
+    return run_scenario(run).table.select(QUATERNION).to_numpy()
 
 
 def compensated_increments(
@@ -207,7 +207,7 @@ def compensated_increments(
     }
     columns = {name: f"compensation.increment[{i}]" for i, name in enumerate(INCREMENT, start=1)}
     run = carried_scenario(motion, effects, settings).model_copy(update={"record": RecordSetting(columns=columns)})
-    return simulate(run).table.select(INCREMENT).to_numpy()
+    return run_scenario(run).table.select(INCREMENT).to_numpy()
 
 
 def carried_scenario(motion: Motion, effects: Iterable[EffectPlace], fmus: Mapping[str, FmuSetting]) -> Scenario:

@@ -100,7 +100,7 @@ def fmi_version(description: ModelDescription) -> int:
     return int(str(description.fmiVersion).startswith("3")) + 2
 
 
-def shown(name: str) -> str:
+def member_label(name: str) -> str:
     """A member's name for a message: shortened, without characters that would move a terminal's cursor."""
     if len(name) > LONGEST_SHOWN:
         name = f"{name[:LONGEST_SHOWN]}..."
@@ -114,7 +114,7 @@ def refuse_outside(name: str, label: str, *, ssp: bool) -> None:
     if ssp:
         forbidden += '<>|?*"'
     if ".." in parts or name.startswith("/") or any(c in name for c in forbidden) or (ssp and not parts):
-        raise InputError(f"{label}: member {shown(name)} would leave the archive's folder; not unpacked")
+        raise InputError(f"{label}: member {member_label(name)} would leave the archive's folder; not unpacked")
 
 
 def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -> None:
@@ -127,13 +127,14 @@ def check_members(members: Sequence[zipfile.ZipInfo], label: str, needed: str) -
         # orig_filename still has the backslashes and what stands after a zero, which zipfile takes away.
         for name in (member.orig_filename, member.filename):
             refuse_outside(name, label, ssp=ssp)
-        member_label, kind = f"{label}: member {shown(member.filename)}", stat.S_IFMT(member.external_attr >> 16)
+        where = f"{label}: member {member_label(member.filename)}"
+        kind = stat.S_IFMT(member.external_attr >> 16)
         if kind == stat.S_IFLNK or (ssp and kind not in (0, stat.S_IFREG, stat.S_IFDIR)):
-            raise InputError(f"{member_label} is {forbidden_kind}; not unpacked")
+            raise InputError(f"{where} is {forbidden_kind}; not unpacked")
         if member.flag_bits & 1:
-            raise InputError(f"{member_label} is encrypted; {kind_of_file} must not be")
+            raise InputError(f"{where} is encrypted; {kind_of_file} must not be")
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise InputError(f"{member_label} is compressed in a way that {standard} does not have")
+            raise InputError(f"{where} is compressed in a way that {standard} does not have")
     if len(members) > MOST_MEMBERS or sum(m.file_size for m in members) > MOST_BYTES:
         raise InputError(f"{label}: unpacks to more than {MOST_BYTES >> 30} GiB or {MOST_MEMBERS} files")
     for member in members:

@@ -17,7 +17,7 @@ from ..locks import PREFIX
 from .archive import UnpackedFmu
 from .guest import NO_INSTANCE, Guest, settings_of
 from .guest_process import DISCARD, WARNING, Host
-from .interface import Interface, Value, Variable, block_of, bytes_at
+from .interface import FmuVariable, Interface, Value, block_of, bytes_at
 
 STATUSES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 FATAL = 4
@@ -163,7 +163,7 @@ class Slave:
         how = self._host.lost or f"ended with {ended}"
         raise InputError(f"{self}: {self._host.blamed or call} {when} {how}{self._said()}")
 
-    def refuse_not_finite(self, variables: Iterable[Variable], values: Iterable[float], time: float) -> NoReturn:
+    def refuse_not_finite(self, variables: Iterable[FmuVariable], values: Iterable[float], time: float) -> NoReturn:
         """Refuse the run because one of these outputs is not finite."""
         infinite = []
         for variable, value in zip(variables, values, strict=True):
@@ -193,12 +193,12 @@ class Slave:
             access = "Boolean"
         return f"{self.prefix}{verb}{access}"
 
-    def set_values(self, values: Iterable[tuple[Variable, Value]], _: Interface) -> None:
+    def set_values(self, values: Iterable[tuple[FmuVariable, Value]], _: Interface) -> None:
         """Set variables one by one, as is done before the run."""
         for variable, value in values:
             self._set(variable, [value], f"{variable.name} = {value!r}")
 
-    def _set(self, variable: Variable, values: list[Any], setting: str) -> None:
+    def _set(self, variable: FmuVariable, values: list[Any], setting: str) -> None:
         """Set a variable, or an array of FMI 3.0."""
         name = self.accessor("Set", variable.access)
         self.address(name)
@@ -276,7 +276,7 @@ class Slave3(Slave):
     prefix = "fmi3"
     set_state, get_state, free_state = "fmi3SetFMUState", "fmi3GetFMUState", "fmi3FreeFMUState"
 
-    def set_values(self, values: Iterable[tuple[Variable, Value]], interface: Interface) -> None:
+    def set_values(self, values: Iterable[tuple[FmuVariable, Value]], interface: Interface) -> None:
         """Set variables, arrays as a whole: what is not given of an array keeps its start value."""
         structural, remaining = [], []
         for variable, value in values:
@@ -288,7 +288,7 @@ class Slave3(Slave):
             self.call("fmi3EnterConfigurationMode")
             super().set_values(structural, interface)
             self.call("fmi3ExitConfigurationMode")
-        arrays: dict[int, dict[Variable, Value]] = {}
+        arrays: dict[int, dict[FmuVariable, Value]] = {}
         for variable, value in remaining:
             arrays.setdefault(variable.reference, {})[variable] = value
         for elements_of in arrays.values():

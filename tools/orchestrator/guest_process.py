@@ -175,7 +175,7 @@ class Events:
         return OK, [struct.pack("i", self.ended is not None)]
 
 
-class Solver(Events):
+class ExchangeSolver(Events):
     """The steps of an FMU of model exchange: SUNDIALS' CVODE integrates it, with a relative tolerance."""
 
     mode = "EnterContinuousTimeMode"
@@ -342,7 +342,7 @@ class Host:
         version, handled = settings["version"], settings["handled"]
         if handled:
             *sizes, tolerance = handled
-            self._events = Solver(version, self._plain_call, self.log, sizes, tolerance)
+            self._events = ExchangeSolver(version, self._plain_call, self.log, sizes, tolerance)
         elif handled is not None:
             self._events = Events(version, self._plain_call, self.log)
         if settings["progress"]:
@@ -505,7 +505,7 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
         flush()
 
 
-def main() -> None:
+def run_guest() -> None:
     """Serve on standard input and output, which the FMU does not get to see; what it prints goes to standard error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     requests, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
@@ -519,4 +519,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_guest()

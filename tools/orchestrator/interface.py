@@ -197,7 +197,7 @@ def conversion(unit: str | None, column: str, scales: Mapping[str, Unit]) -> tup
 
 
 @dataclass(frozen=True)
-class Variable:
+class FmuVariable:
     """One scalar variable, or one element of an array of FMI 3.0.
 
     Name, causality, variability, start, and minimum and maximum in its `unit` are as the description has them; the
@@ -237,14 +237,14 @@ class Interface:
 
     name: str
     model: str
-    variables: Mapping[str, Variable]
+    variables: Mapping[str, FmuVariable]
     scales: Mapping[str, Unit]
     version: int = 2
 
     @cached_property
-    def arrays(self) -> dict[str, tuple[Variable, ...]]:
+    def arrays(self) -> dict[str, tuple[FmuVariable, ...]]:
         """The arrays: base name to its elements 1 to n."""
-        arrays: dict[str, list[Variable]] = {}
+        arrays: dict[str, list[FmuVariable]] = {}
         for name, variable in self.variables.items():
             base = name.partition("[")[0]
             if name == f"{base}[{len(arrays.get(base, ())) + 1}]":
@@ -255,7 +255,7 @@ class Interface:
         """Names of the inputs, outputs, ..."""
         return [v.name for v in self.variables.values() if v.causality == causality]
 
-    def find(self, name: str, causalities: tuple[str, ...] | None = None) -> tuple[Variable, ...]:
+    def find(self, name: str, causalities: tuple[str, ...] | None = None) -> tuple[FmuVariable, ...]:
         """The variable of this name (without the FMU's), or the elements of the array of this name.
 
         An InputError where there is none names the nearest, of these causalities first.
@@ -312,7 +312,7 @@ def _starts(kind: str, entry: ModelVariable, size: int, *, resized: bool) -> Seq
     return starts
 
 
-def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) -> list[Variable]:
+def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) -> list[FmuVariable]:
     """The scalars of one entry of the model description, arrays with the lengths that structural parameters give."""
     if not 0 <= int(entry.valueReference) < 1 << 32:
         raise ValueError(f"its value reference {entry.valueReference} does not fit 32 bits")
@@ -346,7 +346,7 @@ def _elements(entry: ModelVariable, version: int, lengths: Mapping[str, int]) ->
     if shape and not 1 <= size <= MOST_ELEMENTS:
         raise ValueError(f"an array of {size} elements; 1 to {MOST_ELEMENTS} are possible")
     return [
-        Variable(
+        FmuVariable(
             name=f"{entry.name}[{place + 1}]" if size else str(entry.name),
             kind=kind,
             access=access,
@@ -375,7 +375,7 @@ def interface_of(
     name, or a number in the description that is none.
     """
     version = fmi_version(description)
-    variables: dict[str, Variable] = {}
+    variables: dict[str, FmuVariable] = {}
     for entry in description.modelVariables:
         try:
             elements = _elements(entry, version, lengths or {})
@@ -405,7 +405,7 @@ def interface_of(
 
 def refer(
     text: str, interfaces: Mapping[str, Interface], causalities: tuple[str, ...] | None = None
-) -> tuple[Interface, tuple[Variable, ...]]:
+) -> tuple[Interface, tuple[FmuVariable, ...]]:
     """What `fmu.variable`, `fmu.variable[2]` or `fmu.array` stands for; an InputError names the nearest."""
     fmu, dot, name = text.partition(".")
     if not dot or not name:
@@ -415,7 +415,9 @@ def refer(
     return interfaces[fmu], interfaces[fmu].find(name, causalities)
 
 
-def refer_to(causality: str, text: str, interfaces: Mapping[str, Interface]) -> tuple[Interface, tuple[Variable, ...]]:
+def refer_to(
+    causality: str, text: str, interfaces: Mapping[str, Interface]
+) -> tuple[Interface, tuple[FmuVariable, ...]]:
     """As `refer`, but anything else than an "input" (or "output") is refused."""
     interface, variables = refer(text, interfaces, (causality,))
     for variable in variables:
@@ -425,7 +427,7 @@ def refer_to(causality: str, text: str, interfaces: Mapping[str, Interface]) -> 
     return interface, variables
 
 
-def checked(value: Value, variable: Variable) -> Value:
+def checked(value: Value, variable: FmuVariable) -> Value:
     """A value as the variable's type takes it; an InputError for another type, not finite, outside its limits."""
     kind, value_type = variable.kind, variable.value_type
     number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -464,7 +466,9 @@ def checked(value: Value, variable: Variable) -> Value:
     return value
 
 
-def spread(value: Value | list[Value], variables: tuple[Variable, ...], name: str) -> list[tuple[Variable, Value]]:
+def spread(
+    value: Value | list[Value], variables: tuple[FmuVariable, ...], name: str
+) -> list[tuple[FmuVariable, Value]]:
     """One checked value for each variable of a scalar or an array; an InputError where the lengths differ."""
     values: list[Value] = []
     count = "one value is given"

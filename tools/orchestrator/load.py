@@ -33,8 +33,8 @@ from ..files import LARGEST_RESULT, bytes_of
 from ..locks import own_folder
 from ..result import checked_sections
 from .archive import UnpackedFmu, unpack
-from .interface import Interface, Value, Variable, interface_of, spread
-from .scenario import Asked, FmuSetting, Scenario
+from .interface import FmuVariable, Interface, Value, interface_of, spread
+from .scenario import FmuSetting, RunOptions, Scenario
 
 if TYPE_CHECKING:
     from ...models.effects import Effect, EffectPlace
@@ -69,10 +69,10 @@ class Loaded:
 
     fmu: UnpackedFmu
     interface: Interface
-    values: Mapping[str, tuple[Variable, Value]]
+    values: Mapping[str, tuple[FmuVariable, Value]]
     read: Mapping[str, str] = field(default_factory=dict)
 
-    def start_value(self, variable: Variable) -> Value | None:
+    def start_value(self, variable: FmuVariable) -> Value | None:
         """What a variable starts with: the scenario's value, else the start value of its model description."""
         if variable.name in self.values:
             return self.values[variable.name][1]
@@ -130,7 +130,7 @@ def component_fmu(name: str, places: "tuple[EffectPlace, ...]", flavour: str | N
     return path
 
 
-def load(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded]:
+def load_fmus(scenario: Scenario, sources: Sources, folder: Path) -> dict[str, Loaded]:
     """Build or find, check and unpack every FMU; resolve its parameters; an InputError for what cannot be had."""
     built: dict[object, Path] = {}
     loaded: dict[str, Loaded] = {}
@@ -182,9 +182,9 @@ def _read_by_effects(component: str, places: "tuple[EffectPlace, ...]") -> dict[
 
 def _structural(
     interface: Interface, parameters: Mapping[str, Any]
-) -> tuple[dict[str, tuple[Variable, Value]], dict[str, Any]]:
+) -> tuple[dict[str, tuple[FmuVariable, Value]], dict[str, Any]]:
     """The structural parameters among a setting's, which say how long arrays are, and the others."""
-    structural: dict[str, tuple[Variable, Value]] = {}
+    structural: dict[str, tuple[FmuVariable, Value]] = {}
     names = []
     for name in parameters:
         if name in interface.variables and interface.variables[name].causality == "structuralParameter":
@@ -196,7 +196,7 @@ def _structural(
     return structural, {name: value for name, value in parameters.items() if name not in names}
 
 
-def alone(path: Path, options: Asked) -> Scenario:
+def alone(path: Path, options: RunOptions) -> Scenario:
     """The scenario in which an FMU runs by itself, with the times of its default experiment where none are asked for.
 
     What that leaves open is as FMPy has it: a second, in steps of about a thousandth.
@@ -332,14 +332,14 @@ def resolve_parameters(
     explicit: Mapping[str, Any],
     calibrated: Mapping[str, Any] | None = None,
     of_effects: Mapping[str, float] | None = None,
-) -> dict[str, tuple[Variable, Value]]:
+) -> dict[str, tuple[FmuVariable, Value]]:
     """The values to set before initialisation, one for each variable by its name.
 
     Each mapping has the values of variables, or lists for arrays: what a calibration says, over it the parameters that
     effects bring, over both the scenario's own. An InputError for an unknown variable, one that is neither parameter
     nor input, or a value that it does not take.
     """
-    resolved: dict[str, tuple[Variable, Value]] = {}
+    resolved: dict[str, tuple[FmuVariable, Value]] = {}
     origins = {"parameters_from": calibrated, "effects": of_effects, "parameters": explicit}
     for origin, values in origins.items():
         origin_of: dict[str, str] = {}
@@ -358,7 +358,7 @@ def resolve_parameters(
     return resolved
 
 
-def _check_settable(interface: Interface, variable: Variable) -> None:
+def _check_settable(interface: Interface, variable: FmuVariable) -> None:
     constant = variable.variability == "constant"
     if variable.causality in SETTABLE and not constant:
         return

@@ -27,10 +27,10 @@ from .guest_process import DISCARD
 from .load import Loaded
 from .operations import compiled_march, plain_march
 from .program import Ports, Program, order_of, step_program
-from .recorded import Blocks, Column, Keep
+from .recorded import Blocks, Keep, RecordColumn
 from .scenario import Scenario
-from .stimuli import Grid
-from .wiring import Group, Pace
+from .stimuli import StepGrid
+from .wiring import Pace, StepGroup
 
 CALL_SECONDS = 0.05
 """About this long the compiled loop runs before Python looks at Ctrl-C and shows progress."""
@@ -43,12 +43,12 @@ class Assembly:
     By its name each is loaded, with what to set before initialisation, and has ports: the memory it reads and writes.
     """
 
-    groups: Sequence[Group]
+    groups: Sequence[StepGroup]
     scenario: Scenario
-    columns: Sequence[Column]
+    columns: Sequence[RecordColumn]
     loaded: Mapping[str, Loaded]
     ports: Mapping[str, Ports]
-    grid: Grid
+    grid: StepGrid
 
     @property
     def order(self) -> list[str]:
@@ -79,7 +79,7 @@ def run_fmus(
             entry = assembly.loaded[name]
             slaves[name] = SLAVES[entry.interface.version](name, entry.fmu)
             stack.callback(slaves[name].close)
-        initialise(slaves, assembly)
+        initialise_fmus(slaves, assembly)
         program = step_program(assembly.groups, assembly.scenario.run, slaves, assembly.ports)
         ports = {name: assembly.ports[name] for name in assembly.order}
         blocks = Blocks(assembly.columns, ports, assembly.grid, assembly.scenario.record.every, keep_rows)
@@ -144,7 +144,7 @@ class _Loop:
         self,
         program: Program,
         slaves: Mapping[str, Slave],
-        grid: Grid,
+        grid: StepGrid,
         blocks: Blocks | None = None,
         *,
         compiled: bool = False,
@@ -258,7 +258,7 @@ class _Loop:
             slave.fail(place.call, status, end)
         slave.fail(place.call, status, begin)
 
-    def refuse_unsettled(self, group: Group, when: str) -> NoReturn:
+    def refuse_unsettled(self, group: StepGroup, when: str) -> NoReturn:
         """Name the value of a cycle that changes most."""
         place = self.program.places[int(self.state[op.CHANGING])]
         assert place.variable is not None
@@ -274,7 +274,7 @@ class _Loop:
                 self.slaves[place.fmu].free_state_at(operation.words[2])
 
 
-def initialise(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
+def initialise_fmus(slaves: Mapping[str, Slave], assembly: Assembly) -> None:
     """Bring all FMUs through initialisation; outputs are passed on in it and after it."""
     grid, order = assembly.grid, assembly.order
     for name in order:
@@ -312,7 +312,7 @@ def _exchange(name: str, slaves: Mapping[str, Slave], assembly: Assembly, source
         loop.refuse(status, started=False)
 
 
-def _settle(group: Group, slaves: Mapping[str, Slave], assembly: Assembly) -> None:
+def _settle(group: StepGroup, slaves: Mapping[str, Slave], assembly: Assembly) -> None:
     """Pass the first outputs of a cycle around: once, or until they no longer change."""
     if not group.cyclic:
         return

@@ -47,7 +47,7 @@ def call(_context: Any, _function: Any, arguments: Any) -> Any:
 
 
 @_intrinsic
-def load(_context: Any, _address: Any, kind: Any) -> Any:
+def load_number(_context: Any, _address: Any, kind: Any) -> Any:
     """The number of a kind at an address."""
     number = kind.instance_type
 
@@ -86,9 +86,11 @@ def _reader(as_number: Any, codes: range) -> Any:
     """What reads a number by the code of its kind, an int64 where it is none of these codes."""
 
     def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
-        return compile_callee(lambda code, at: as_number(load(at, kind)) if code == this else otherwise(code, at))
+        return compile_callee(
+            lambda code, at: as_number(load_number(at, kind)) if code == this else otherwise(code, at)
+        )
 
-    reader = compile_callee(lambda _code, at: as_number(load(at, types.int64)))
+    reader = compile_callee(lambda _code, at: as_number(load_number(at, types.int64)))
     for this in reversed(codes):
         reader = if_it_is(this, _KINDS[this], reader)
     return reader
@@ -122,9 +124,9 @@ class _Machine:
     """The primitives of the loop as machine code."""
 
     copy, convert, real_of = copy_bytes, _converter(), _real
-    load_word = compile_callee(lambda at: load(at, types.int64))
-    load_byte = compile_callee(lambda at: load(at, types.uint8))
-    load_real = compile_callee(lambda at: load(at, types.float64))
+    load_word = compile_callee(lambda at: load_number(at, types.int64))
+    load_byte = compile_callee(lambda at: load_number(at, types.uint8))
+    load_real = compile_callee(lambda at: load_number(at, types.float64))
     store_word = compile_callee(lambda at, value: store(at, types.int64(value)))
     store_real = compile_callee(lambda at, value: store(at, types.float64(value)))
     call2 = compile_callee(lambda f, a, b: call(f, (a, b)))

@@ -15,10 +15,10 @@ import numpy as np
 from ..errors import InputError
 from . import operations as op
 from .fmu import Slave
-from .interface import VALUE_TYPES, Interface, Value, Variable, in_memory
+from .interface import VALUE_TYPES, FmuVariable, Interface, Value, in_memory
 from .scenario import RunSetting
 from .stimuli import Drive
-from .wiring import Group, Pace, Wire
+from .wiring import Pace, StepGroup, Wire
 
 
 class Operation(NamedTuple):
@@ -39,7 +39,7 @@ class Port:
     """
 
     access: str
-    variables: tuple[Variable, ...]
+    variables: tuple[FmuVariable, ...]
     changing: int
 
     def __post_init__(self) -> None:
@@ -54,7 +54,7 @@ class Port:
         """Where the values are."""
         return self.values.ctypes.data
 
-    def address_of(self, variable: Variable, *, shown: bool = False) -> int:
+    def address_of(self, variable: FmuVariable, *, shown: bool = False) -> int:
         """Where one variable's value is, or what is shown of it."""
         first = self.shown if shown else self.values
         return first.ctypes.data + self.values.itemsize * self.variables.index(variable)
@@ -75,8 +75,8 @@ class Ports:
         interface: Interface,
         wires: Sequence[Wire],
         drives: Sequence[Drive],
-        recorded: Sequence[Variable],
-        start_value: Callable[[Variable], Value | None],
+        recorded: Sequence[FmuVariable],
+        start_value: Callable[[FmuVariable], Value | None],
         pace: Pace,
     ) -> None:
         self.pace = pace
@@ -86,11 +86,11 @@ class Ports:
         self.feeds: list[Operation] = []
         self.transfers: dict[str, list[Operation]] = {}
         self.sums: dict[str, list[Operation]] = {}
-        self.slopes: list[Variable] = []
+        self.slopes: list[FmuVariable] = []
         self._memory: list[Any] = []
         """What addresses point to."""
         changing = [w.input for w in wires if w.target == interface.name]
-        constant: list[Variable] = []
+        constant: list[FmuVariable] = []
         for drive in drives:
             if drive.begins is None:
                 constant += drive.variables
@@ -103,7 +103,10 @@ class Ports:
             self._feed(drive)
 
     def _add_inputs(
-        self, changing: Sequence[Variable], variables: Sequence[Variable], start_value: Callable[[Variable], Any]
+        self,
+        changing: Sequence[FmuVariable],
+        variables: Sequence[FmuVariable],
+        start_value: Callable[[FmuVariable], Any],
     ) -> None:
         for access, group in _by_access(variables).items():
             port = Port(access, tuple(group), len(_by_access(changing).get(access, ())))
@@ -111,7 +114,9 @@ class Ports:
                 port.values[:] = [start_value(v) or 0 for v in group]
             self.inputs[access] = port
 
-    def _add_outputs(self, interface: Interface, recorded: Sequence[Variable], variables: Sequence[Variable]) -> None:
+    def _add_outputs(
+        self, interface: Interface, recorded: Sequence[FmuVariable], variables: Sequence[FmuVariable]
+    ) -> None:
         for access, group in _by_access(variables).items():
             port = Port(access, tuple(group), len(group))
             if self.pace.ahead:
@@ -201,9 +206,9 @@ class Ports:
             self.transfers[name] = _merged(operations) + self.transfers[name]
 
 
-def _by_access(variables: Iterable[Variable]) -> dict[str, list[Variable]]:
+def _by_access(variables: Iterable[FmuVariable]) -> dict[str, list[FmuVariable]]:
     """Variables by their types; an FMU may reuse the memory of its strings at the next call, so they are read last."""
-    groups: dict[str, list[Variable]] = {}
+    groups: dict[str, list[FmuVariable]] = {}
     for variable in variables:
         _ = variable.value_type
         groups.setdefault(variable.access, []).append(variable)
@@ -224,9 +229,9 @@ def _merged(moves: Iterable[Operation]) -> list[Operation]:
     return [Operation(op.MOVE8, words[:2]) if words[2] == 8 else Operation(op.MOVE, words) for words in merged]
 
 
-def _whole(interface: Interface, variables: Iterable[Variable]) -> list[Variable]:
+def _whole(interface: Interface, variables: Iterable[FmuVariable]) -> list[FmuVariable]:
     """The variables, each once; where one is an element of an array of FMI 3.0, the whole array."""
-    variables_of_arrays: dict[Variable, None] = {}
+    variables_of_arrays: dict[FmuVariable, None] = {}
     for variable in variables:
         elements = (variable,)
         if variable.size > 1:
@@ -242,8 +247,8 @@ class Place:
     fmu: str
     call: str = ""
     port: Port | None = None
-    variable: Variable | None = None
-    group: Group | None = None
+    variable: FmuVariable | None = None
+    group: StepGroup | None = None
 
 
 class Program:
@@ -388,7 +393,7 @@ class Program:
         self._add_call(Place(name, f"{slave.prefix}DoStep"), code, *words, number=pace.length)
         self.add_gets(name)
 
-    def add_iteration(self, group: Group, sources: Collection[str], run: RunSetting) -> None:
+    def add_iteration(self, group: StepGroup, sources: Collection[str], run: RunSetting) -> None:
         """Make the step of a cycle again from the same state until the values that go around no longer change."""
         states = {name: self._reserve(1) for name in group.members}
         for name, state in states.items():
@@ -407,7 +412,7 @@ class Program:
             # FMI wants it to be NULL then; PythonFMU leaves it.
             self._add(Place(name), op.MOVE8, state, nothing)
 
-    def add_comparisons(self, group: Group, run: RunSetting) -> None:
+    def add_comparisons(self, group: StepGroup, run: RunSetting) -> None:
         """Compare each value that goes around with what it was before."""
         for fmu, variable in group.around:
             address = self._ports[fmu].outputs[variable.access].address_of(variable)
@@ -415,7 +420,7 @@ class Program:
             self._add(Place(fmu, variable=variable), op.COMPARE, *words, number=run.allowed_change)
 
 
-def order_of(groups: Iterable[Group]) -> list[str]:
+def order_of(groups: Iterable[StepGroup]) -> list[str]:
     """The FMUs in the order in which they step."""
     names: list[str] = []
     for group in groups:
@@ -424,7 +429,7 @@ def order_of(groups: Iterable[Group]) -> list[str]:
 
 
 def step_program(
-    groups: Sequence[Group], run: RunSetting, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
+    groups: Sequence[StepGroup], run: RunSetting, slaves: Mapping[str, Slave], ports: Mapping[str, Ports]
 ) -> Program:
     """The operations of one step of all FMUs, in the order of the groups."""
     program = Program(slaves, ports)

@@ -9,9 +9,9 @@ import numpy as np
 import polars as pl
 
 from ..errors import InputError, said_of
-from .interface import VALUE_TYPES, Interface, Variable, bytes_at, conversion, refer, suffix_for
+from .interface import VALUE_TYPES, FmuVariable, Interface, bytes_at, conversion, refer, suffix_for
 from .program import Port, Ports
-from .stimuli import Grid
+from .stimuli import StepGrid
 
 BLOCK_BYTES = 16 << 20
 Keep = Callable[[pl.DataFrame, int], None]
@@ -19,12 +19,12 @@ Keep = Callable[[pl.DataFrame, int], None]
 
 
 @dataclass(frozen=True)
-class Column:
+class RecordColumn:
     """A column of the record: value = factor * variable + offset."""
 
     name: str
     fmu: str
-    variable: Variable
+    variable: FmuVariable
     factor: float = 1.0
     offset: float = 0.0
 
@@ -42,7 +42,7 @@ class Column:
         return pl.Series(self.name, numbers)
 
 
-def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[Column]:
+def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, Interface]) -> list[RecordColumn]:
     """The columns of the record; every output of every FMU where none are named.
 
     An InputError for an unknown variable, an array, or a suffix that does not fit the variable's unit.
@@ -54,7 +54,7 @@ def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, 
                 if variable.causality == "output" and variable.access in VALUE_TYPES:
                     suffix = suffix_for(variable.unit)
                     name = f"{fmu}.{variable.name}_{suffix}" if suffix else f"{fmu}.{variable.name}"
-                    resolved.append(Column(name, fmu, variable))
+                    resolved.append(RecordColumn(name, fmu, variable))
         return resolved
     for name, text in columns.items():
         with said_of(f"record.columns.{name}"):
@@ -65,11 +65,11 @@ def resolve_columns(columns: Mapping[str, str] | None, interfaces: Mapping[str, 
                 raise InputError(f"'{text}' has {len(variables)} elements; a column takes one: '{text}[1]'")
             scaled = conversion(variables[0].unit, name, interface.scales)
             _ = variables[0].value_type
-            resolved.append(Column(name, interface.name, variables[0], *scaled))
+            resolved.append(RecordColumn(name, interface.name, variables[0], *scaled))
     return resolved
 
 
-def recorded_variables(columns: Iterable[Column], fmu: str) -> list[Variable]:
+def recorded_variables(columns: Iterable[RecordColumn], fmu: str) -> list[FmuVariable]:
     """The variables of one FMU that are recorded, each once."""
     return list(dict.fromkeys(column.variable for column in columns if column.fmu == fmu))
 
@@ -82,7 +82,7 @@ class Blocks:
     """
 
     def __init__(
-        self, columns: Sequence[Column], ports: Mapping[str, Ports], grid: Grid, every: int, keep: Keep
+        self, columns: Sequence[RecordColumn], ports: Mapping[str, Ports], grid: StepGrid, every: int, keep: Keep
     ) -> None:
         self._columns, self._grid, self._keep, self.every = columns, grid, keep, every
         self._tick = self.row = 0

@@ -31,10 +31,10 @@ from ..records.read import read_written
 from ..records.rests import position_record_of
 from ..result import ABSENT, Result
 from .archive import temporary_folder
-from .load import Sources, interfaces_of, load, resolve_parameters
+from .load import Sources, interfaces_of, load_fmus, resolve_parameters
 from .loops import Assembly, run_fmus
 from .program import Ports
-from .recorded import Column, recorded_variables, resolve_columns
+from .recorded import RecordColumn, recorded_variables, resolve_columns
 from .scenario import Scenario
 from .stimuli import check_sources, resolve_stimuli
 from .wiring import check_states, paces_of, resolve_connections, stepping_groups
@@ -157,7 +157,7 @@ class PreparedScenario:
         with ExitStack() as opened:
             folder = opened.enter_context(temporary_folder())
             self.sources = Sources(scenario.base_folder)
-            self.loaded = load(scenario, self.sources, folder)
+            self.loaded = load_fmus(scenario, self.sources, folder)
             self.interfaces = interfaces_of(self.loaded)
             self._wires = resolve_connections(scenario.connections, self.interfaces)
             self._groups = stepping_groups(list(self.interfaces), self._wires, scenario.run.coupling)
@@ -170,7 +170,7 @@ class PreparedScenario:
         self._closing.close()
 
     @cached_property
-    def columns(self) -> list[Column]:
+    def columns(self) -> list[RecordColumn]:
         """The record's columns, without `time_s`."""
         return resolve_columns(self.scenario.record.columns, self.interfaces)
 
@@ -207,14 +207,14 @@ class PreparedScenario:
         return pl.concat(tables)
 
 
-def default_folder(scenario: Scenario) -> Path:
+def run_folder(scenario: Scenario) -> Path:
     """Where a run is written when nothing else is asked for: `<scenario>-run` in the current folder."""
     if scenario.source is None:
         return Path("scenario-run")
     return Path(f"{scenario.source.stem}-run")
 
 
-def simulate(
+def run_scenario(
     scenario: Scenario,
     out: Path | None = None,
     *,

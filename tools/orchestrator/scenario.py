@@ -101,7 +101,7 @@ class RunSetting(Section):
 
 
 @dataclass(frozen=True)
-class Asked:
+class RunOptions:
     """What is asked of a run beside its file: times [s], how cycles are taken, where foreign FMUs run.
 
     A scenario says times and cycles itself, an .ssp its start and its stop.

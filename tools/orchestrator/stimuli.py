@@ -18,7 +18,7 @@ from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..errors import InputError, nearest, said_of
 from ..files import bytes_of
 from ..parquet import fault_of_parquet
-from .interface import Interface, Value, Variable, checked, conversion, is_angle, refer_to, spread
+from .interface import FmuVariable, Interface, Value, checked, conversion, is_angle, refer_to, spread
 from .load import Loaded, Sources, interfaces_of
 from .scenario import MOST_STEPS, Scenario, Stimulus
 from .wiring import Wire
@@ -31,7 +31,7 @@ PROGRAMME_COLUMNS = ["alpha_deg", "beta_deg", "dwell_s"]
 
 
 @dataclass(frozen=True)
-class Grid:
+class StepGrid:
     """The communication points: t_k = start + k step, k = 0 to steps."""
 
     start: float
@@ -42,9 +42,9 @@ class Grid:
         """t_k [s]."""
         return self.start + tick * self.step
 
-    def of_every(self, stride: int, step: float | None) -> "Grid":
+    def of_every(self, stride: int, step: float | None) -> "StepGrid":
         """The points of an FMU that makes a step, of that length [s], with so many of these."""
-        return Grid(self.start, step or self.step, self.steps // stride)
+        return StepGrid(self.start, step or self.step, self.steps // stride)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Drive:
     """Values for some inputs of one FMU: from its step `begins[i]` on row i of `values`; without `begins` for ever."""
 
     fmu: str
-    variables: tuple[Variable, ...]
+    variables: tuple[FmuVariable, ...]
     values: list[list[Value]] | np.ndarray
     begins: np.ndarray | None
 
@@ -73,7 +73,7 @@ class NumberTable:
         return f"{self.label}, row {int(self.lines[index])}"
 
 
-def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> Grid:
+def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> StepGrid:
     """Count the run's steps; without a stop time the longest programme says when it ends.
 
     An InputError where a step does not divide the run, or nothing says when it ends.
@@ -102,10 +102,10 @@ def make_grid(scenario: Scenario, programme_ends: Sequence[int]) -> Grid:
         if steps % stride:
             span = f"the run of {steps * run.step_s:.9g} s"
             raise InputError(f"fmus.{name}.step_s = {scenario.fmus[name].step_s!r} does not divide {span}")
-    return Grid(run.start_s, run.step_s, int(steps))
+    return StepGrid(run.start_s, run.step_s, int(steps))
 
 
-def read_table(path: Path, label: str, names: Sequence[str] | None) -> tuple[NumberTable, bytes]:
+def read_number_table(path: Path, label: str, names: Sequence[str] | None) -> tuple[NumberTable, bytes]:
     """Columns of numbers (None: all) of a CSV file, or of a Parquet file (by its name's ending), and the file's bytes.
 
     An InputError where it is not a file, not UTF-8, lacks a column, or for a field that is empty or no finite number
@@ -129,14 +129,14 @@ def _table_from(frame: pl.DataFrame, label: str, names: Sequence[str] | None) ->
     return _numbers(label, frame.select(_chosen(label, frame.columns, names)), np.arange(1, frame.height + 1))
 
 
-def table_of(
+def stimulus_table(
     stimulus: Stimulus, name: str, folder: Path, names: Sequence[str] | None = None
 ) -> tuple[NumberTable, bytes | None]:
     """Columns of a stimulus' table, and the bytes of its file; none where it is in memory."""
     label = stimulus.csv or stimulus.programme
     if label is None:
         return _table_from(stimulus.table, f"{name}.table", names), None
-    return read_table(folder / label, label, names)
+    return read_number_table(folder / label, label, names)
 
 
 def _chosen(label: str, header: Sequence[str], required: Sequence[str] | None) -> list[str]:
@@ -224,7 +224,7 @@ def resolve_constant(stimulus: Stimulus, interfaces: Mapping[str, Interface]) ->
 def resolve_rows(
     stimulus: Stimulus,
     table_with: Callable[[list[str]], NumberTable],
-    grids: Mapping[str, Grid],
+    grids: Mapping[str, StepGrid],
     interfaces: Mapping[str, Interface],
 ) -> list[Drive]:
     """Timed rows for inputs, one drive for each FMU and type; `read` gives the table of some columns.
@@ -234,7 +234,7 @@ def resolve_rows(
     An InputError for a column that is missing, of another dimension than its variable, rows that do not cover the run.
     """
     assert stimulus.columns is not None
-    ends: list[tuple[Interface, Variable, str, tuple[float, float]]] = []
+    ends: list[tuple[Interface, FmuVariable, str, tuple[float, float]]] = []
     for text, column in stimulus.columns.items():
         interface, variables = refer_to("input", text, interfaces)
         if len(variables) != 1:
@@ -246,12 +246,12 @@ def resolve_rows(
     increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in ends)
 
     @cache
-    def held(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    def held(grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
         if stimulus.stamp == "end":
             return _rows_that_end(table, grid, increments=increments)
         return _rows_that_begin(table, grid)
 
-    groups: dict[tuple[str, str], list[tuple[Variable, np.ndarray]]] = {}
+    groups: dict[tuple[str, str], list[tuple[FmuVariable, np.ndarray]]] = {}
     for interface, variable, column, (factor, offset) in ends:
         values = table.columns[column]
         if (factor, offset) != (1.0, 0.0):
@@ -269,7 +269,7 @@ def resolve_rows(
     return drives
 
 
-def _ticks(table: NumberTable, grid: Grid) -> np.ndarray:
+def _ticks(table: NumberTable, grid: StepGrid) -> np.ndarray:
     """Times of the rows in steps, whole where a step is meant."""
     times = table.columns["time_s"]
     back = np.flatnonzero(np.diff(times) <= 0.0)
@@ -280,14 +280,14 @@ def _ticks(table: NumberTable, grid: Grid) -> np.ndarray:
     return np.where(np.abs(ticks - near) <= ROW_TOLERANCE, near, ticks)
 
 
-def _held(begins: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+def _held(begins: np.ndarray, grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
     """Of rows that hold from fractional steps on, those that hold over a step, and their first steps."""
     first = np.clip(begins, 0.0, grid.steps).astype(np.int64)
     rows = np.flatnonzero(np.diff(np.append(first, grid.steps)) > 0)
     return rows, first[rows]
 
 
-def _rows_that_begin(table: NumberTable, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+def _rows_that_begin(table: NumberTable, grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:
     """The rows that hold over some step from their time on, and the step from which each holds."""
     ticks = _ticks(table, grid)
     if ticks[0] > 0.0:
@@ -298,7 +298,7 @@ def _rows_that_begin(table: NumberTable, grid: Grid) -> tuple[np.ndarray, np.nda
     return _held(np.ceil(ticks), grid)
 
 
-def _rows_that_end(table: NumberTable, grid: Grid, *, increments: bool) -> tuple[np.ndarray, np.ndarray]:
+def _rows_that_end(table: NumberTable, grid: StepGrid, *, increments: bool) -> tuple[np.ndarray, np.ndarray]:
     """The rows that hold over some step up to their time, and the step from which each holds."""
     times, ticks = table.columns["time_s"], _ticks(table, grid)
     if ticks[-1] < grid.steps:
@@ -331,7 +331,7 @@ def _rows_that_end(table: NumberTable, grid: Grid, *, increments: bool) -> tuple
     return rows, begins
 
 
-def _check_column(table: NumberTable, column: str, variable: Variable, values: np.ndarray) -> None:
+def _check_column(table: NumberTable, column: str, variable: FmuVariable, values: np.ndarray) -> None:
     """Refuse a value that the variable's type or limits do not take."""
     suspects = np.arange(len(values))
     if variable.kind == "Real":
@@ -416,11 +416,11 @@ def _limits(table: Loaded) -> list[list[float]]:
 
 def resolve_stimuli(
     scenario: Scenario, sources: Sources, loaded: Mapping[str, Loaded]
-) -> tuple[Grid, list[tuple[str, Drive]]]:
+) -> tuple[StepGrid, list[tuple[str, Drive]]]:
     """The run's grid, and the drives by their names in messages; programmes first, for they may end the run."""
 
     def table(stimulus: Stimulus, name: str, columns: list[str] | None) -> NumberTable:
-        read_columns, content = table_of(stimulus, name, scenario.base_folder, columns)
+        read_columns, content = stimulus_table(stimulus, name, scenario.base_folder, columns)
         if content is not None:
             sources.note(read_columns.label, content)
         return read_columns

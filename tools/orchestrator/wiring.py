@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
 from ..errors import InputError, said_of
-from .interface import Interface, Variable, between, refer_to
+from .interface import FmuVariable, Interface, between, refer_to
 from .load import Loaded
 from .scenario import Connection, Scenario
 
@@ -23,9 +23,9 @@ class Wire:
     """
 
     source: str
-    output: Variable
+    output: FmuVariable
     target: str
-    input: Variable
+    input: FmuVariable
     factor: float = 1.0
     offset: float = 0.0
     between: str | None = None
@@ -52,12 +52,12 @@ class Pace:
 
 
 @dataclass(frozen=True)
-class Group:
+class StepGroup:
     """FMUs that step together: one by itself, or those of a cycle, with the outputs that go around in it."""
 
     members: tuple[str, ...]
     cyclic: bool = False
-    around: tuple[tuple[str, Variable], ...] = ()
+    around: tuple[tuple[str, FmuVariable], ...] = ()
 
     def __str__(self) -> str:
         return " -> ".join(self.members + self.members[:1])
@@ -98,7 +98,7 @@ def _wires(connection: Connection, interfaces: Mapping[str, Interface]) -> Itera
         yield Wire(source.name, output, target.name, input_, factor, offset, connection.between)
 
 
-def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[Group]:
+def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str | None) -> list[StepGroup]:
     """The FMUs so that each steps after those that feed it, cycles in one group; ties as in the file.
 
     Where every connection is delayed, all are one group.
@@ -123,7 +123,7 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
         if member_of[wire.source] != member_of[wire.target]:
             sorter.add(member_of[wire.target], member_of[wire.source])
     sorter.prepare()
-    groups: list[Group] = []
+    groups: list[StepGroup] = []
     ready: set[tuple[str, ...]] = set()
     while sorter.is_active():
         ready |= set(sorter.get_ready())
@@ -135,11 +135,11 @@ def stepping_groups(names: Sequence[str], wires: Sequence[Wire], coupling: str |
             if wire.output.value_type.by_address:
                 output = f"'{wire.source}.{wire.output.name}' goes around in a cycle"
                 raise InputError(f"{output}; a {wire.output.kind} cannot")
-        groups.append(Group(members, bool(inside), tuple(dict.fromkeys((w.source, w.output) for w in inside))))
+        groups.append(StepGroup(members, bool(inside), tuple(dict.fromkeys((w.source, w.output) for w in inside))))
     return groups
 
 
-def check_states(groups: Sequence[Group], loaded: Mapping[str, Loaded], coupling: str | None) -> None:
+def check_states(groups: Sequence[StepGroup], loaded: Mapping[str, Loaded], coupling: str | None) -> None:
     """Refuse to iterate over an FMU whose state cannot be set back."""
     if coupling != "iterate":
         return
@@ -162,14 +162,14 @@ def _refuse_cycle(names: Sequence[str], wires: Iterable[Wire]) -> None:
     except CycleError as error:
         cycle = error.args[1][:-1]
         first = min(range(len(cycle)), key=lambda i: names.index(cycle[i]))
-        cycle_text = str(Group(tuple(cycle[first:] + cycle[:first])))
+        cycle_text = str(StepGroup(tuple(cycle[first:] + cycle[:first])))
         ways = 'run.coupling = "jacobi", "iterate" or "delayed" (of an .ssp: --coupling)'
         say = f"take one out, or say how it is taken: {ways}"
         raise InputError(f"connections form a cycle: {cycle_text}; {say}") from error
 
 
 def paces_of(
-    scenario: Scenario, loaded: Mapping[str, Loaded], wires: Sequence[Wire], groups: Sequence[Group]
+    scenario: Scenario, loaded: Mapping[str, Loaded], wires: Sequence[Wire], groups: Sequence[StepGroup]
 ) -> dict[str, Pace]:
     """How each FMU steps.
 

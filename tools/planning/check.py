@@ -28,7 +28,7 @@ from ..calibration.calibration import checked_noise_bound
 from ..calibration.model import Positions
 from ..errors import InputError, nearest
 from ..evidence.bench_visits import Circumstances, Visits, is_linear, signature_columns
-from ..orchestrator.stimuli import read_table
+from ..orchestrator.stimuli import read_number_table
 from ..quantity import Quantity
 from ..records.columns import LIMITS
 from ..result import Result
@@ -111,7 +111,7 @@ def read_settings(path: Path, keep_out: Sequence[str] = ()) -> tuple[Places, Pla
     An InputError for another file, for angles that no table has, and for a position inside a keep-out, with its row.
     """
     names = ("planned_alpha_deg", "planned_beta_deg", "alpha_deg", "beta_deg")
-    table, _ = read_table(path, str(path), names)
+    table, _ = read_number_table(path, str(path), names)
     low, high, needed = LIMITS["alpha_deg"]
     for name in names:
         angles = table.columns[name]

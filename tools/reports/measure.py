@@ -1,7 +1,7 @@
 """What a measurement at the table says, while it is made and when it has ended: sentences for every view."""
 
 from ..document.blocks import Page, Section
-from ..measure import Measured, Present, Session, Setting, Visit
+from ..measure import Measured, Present, Session, TableSetting, TableVisit
 from ..rounding import digits, exactly, residual, upwards
 
 
@@ -10,7 +10,7 @@ def angles_text(alpha_deg: float, beta_deg: float) -> str:
     return f"α {exactly(round(alpha_deg, 4))}°, β {exactly(round(beta_deg, 4))}°"
 
 
-def setting_text(session: Session, setting: Setting) -> str:
+def setting_text(session: Session, setting: TableSetting) -> str:
     """A position of the plan with its number in the order of measurement, of how many."""
     number = [planned.number for planned in session.programme.settings].index(setting.number) + 1
     return f"position {number} of {len(session.programme.settings)}: {angles_text(setting.alpha_deg, setting.beta_deg)}"
@@ -85,7 +85,7 @@ def present_text(session: Session, present: Present) -> str:
     return f"{lasted}: {scatter}; {enough if present.state == 'enough' else 'stay'}"
 
 
-def visit_text(session: Session, visit: Visit) -> str:
+def visit_text(session: Session, visit: TableVisit) -> str:
     """What became of a rest."""
     at = angles_text(*session.visit_angles_deg(visit))
     number = session.setting_of[visit.number - 1]

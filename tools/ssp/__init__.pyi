@@ -1,2 +1,2 @@
 from .read import opened as opened
-from .write import export_ssp as export_ssp
+from .write import write_ssp as write_ssp

@@ -19,10 +19,20 @@ from ..locks import own_folder
 from ..orchestrator.archive import DAMAGE, check_members, unpack
 from ..orchestrator.interface import Interface, Value, interface_of
 from ..orchestrator.load import alone
-from ..orchestrator.scenario import Asked, Scenario, read_scenario
+from ..orchestrator.scenario import RunOptions, Scenario, read_scenario
 from ..result import checked_sections
-from .values import Given, read_bindings, value_for
-from .xml import child, children, local_name, member, number_of, read_document, units_of
+from .documents import (
+    BoundValue,
+    child,
+    children,
+    document_units,
+    local_name,
+    member,
+    number_of,
+    read_bindings,
+    read_document,
+    value_for,
+)
 
 STRUCTURE = "SystemStructure.ssd"
 """Name of the description in an .ssp."""
@@ -46,7 +56,7 @@ Node = tuple[Path_, str]
 
 
 @dataclass
-class Part:
+class SystemPart:
     """An FMU, whose `source` is its file in the archive, or a system with its elements by name and its connections.
 
     Connectors are name to kind; an edge is (from, to).
@@ -55,11 +65,11 @@ class Part:
     path: Path_
     source: str | None = None
     connectors: dict[str, str] = field(default_factory=dict)
-    bindings: list[Given] = field(default_factory=list)
-    parts: dict[str, "Part"] = field(default_factory=dict)
+    bindings: list[BoundValue] = field(default_factory=list)
+    parts: dict[str, "SystemPart"] = field(default_factory=dict)
     edges: list[tuple[Node, Node]] = field(default_factory=list)
 
-    def walk(self) -> Iterator["Part"]:
+    def walk(self) -> Iterator["SystemPart"]:
         """What it holds, from inside out, and itself last."""
         for part in self.parts.values():
             yield from part.walk()
@@ -68,7 +78,7 @@ class Part:
 
 @contextmanager
 def opened(
-    scenario: str | Path | Mapping[str, Any] | Scenario, options: Asked
+    scenario: str | Path | Mapping[str, Any] | Scenario, options: RunOptions
 ) -> Iterator[tuple[Scenario, tuple[str, ...]]]:
     """The scenario of a file (TOML, .ssp or .fmu), or of what would stand in it, as long as its files are there.
 
@@ -150,7 +160,7 @@ def _scenario(path: Path, folder: Path, step: float | None, coupling: str | None
     outermost = child(root, "ssd:System")
     if outermost is None:
         raise InputError(f"{label}: {STRUCTURE} has no System")
-    system = _read_part(outermost, (), folder, label, units_of(root, "ssd:Units", label))
+    system = _read_part(outermost, (), folder, label, document_units(root, "ssd:Units", label))
     run = _run(root, outermost, label)
     fmus = [part for part in system.walk() if part.source is not None]
     if not fmus:
@@ -213,8 +223,8 @@ def _run(root: Element, system: Element, label: str) -> dict[str, float]:
     return run
 
 
-def _read_part(element: Element, path: Path_, folder: Path, label: str, units: dict[str, Unit]) -> Part:
-    part = Part(path)
+def _read_part(element: Element, path: Path_, folder: Path, label: str, units: dict[str, Unit]) -> SystemPart:
+    part = SystemPart(path)
     for connector in children(element, "ssd:Connectors/ssd:Connector"):
         part.connectors[str(connector.get("name"))] = str(connector.get("kind"))
     part.bindings = read_bindings(element, folder, label, units)
@@ -239,7 +249,7 @@ def _read_part(element: Element, path: Path_, folder: Path, label: str, units: d
     return part
 
 
-def _edge(connection: Element, part: Part, label: str) -> tuple[Node, Node]:
+def _edge(connection: Element, part: SystemPart, label: str) -> tuple[Node, Node]:
     """A connection from where its value comes to where it goes."""
     ends: list[Node] = []
     feeding: list[bool | None] = []
@@ -272,7 +282,7 @@ def _edge(connection: Element, part: Part, label: str) -> tuple[Node, Node]:
     return ends[0], ends[1]
 
 
-def _reached(system: Part) -> dict[Node, list[Node]]:
+def _reached(system: SystemPart) -> dict[Node, list[Node]]:
     """The FMUs' connectors that each connector feeds, through connectors of systems."""
     following: dict[Node, list[Node]] = {}
     for part in system.walk():
@@ -298,7 +308,7 @@ def _reached(system: Part) -> dict[Node, list[Node]]:
     return targets
 
 
-def _names(fmus: list[Part]) -> dict[Path_, str]:
+def _names(fmus: list[SystemPart]) -> dict[Path_, str]:
     """Names in the scenario: the element's own; those of nested systems before it where there are any."""
     names: dict[Path_, str] = {}
     for part in fmus:
@@ -320,7 +330,7 @@ def free_name(stem: str, names: Collection[str]) -> str:
 
 
 def _interfaces(
-    fmus: list[Part], names: Mapping[Path_, str], folder: Path, label: str
+    fmus: list[SystemPart], names: Mapping[Path_, str], folder: Path, label: str
 ) -> tuple[dict[Path_, Interface], list[float]]:
     """The interfaces of the FMUs, and the steps that they ask for."""
     interfaces: dict[Path_, Interface] = {}
@@ -370,7 +380,9 @@ def _coupling(folder: Path, label: str, choice: str | None) -> dict[str, Any]:
     )
 
 
-def _parameters(system: Part, interfaces: Mapping[Path_, Interface]) -> tuple[dict[Path_, dict[str, Value]], list[str]]:
+def _parameters(
+    system: SystemPart, interfaces: Mapping[Path_, Interface]
+) -> tuple[dict[Path_, dict[str, Value]], list[str]]:
     """The values of all bindings by FMU, those of outer systems over those of inner ones; names that mean nothing."""
     feeds = _reached(system)
     values: dict[Path_, dict[str, Value]] = {at: {} for at in interfaces}
@@ -387,7 +399,7 @@ def _parameters(system: Part, interfaces: Mapping[Path_, Interface]) -> tuple[di
 
 
 def _targets(
-    part: Part, name: str, interfaces: Mapping[Path_, Interface], feeds: Mapping[Node, list[Node]]
+    part: SystemPart, name: str, interfaces: Mapping[Path_, Interface], feeds: Mapping[Node, list[Node]]
 ) -> list[Node]:
     """The variables of FMUs that a parameter's hierarchical name means."""
     if part.source is not None:

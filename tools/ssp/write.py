@@ -17,29 +17,29 @@ from ...fmus.component import Component, Type, started
 from ...fmus.motions import timed_rows
 from ...fmus.native.compile import BuildError, chosen_platforms
 from ...fmus.parameters import add_units, parameter_file, xml_bytes
-from ...fmus.units import UNITS, Unit, number
+from ...fmus.units import UNITS, Unit, number_text
 from ...models.effects import place_from_mapping
 from ...models.table_commands import POSITIONS
 from ..errors import InputError, said_of
 from ..files import json_text, whole_file
 from ..locks import own_folder
-from ..orchestrator.interface import Interface, Value, Variable, spread
-from ..orchestrator.load import Loaded, Sources, interfaces_of, load, usual_flavour
+from ..orchestrator.interface import FmuVariable, Interface, Value, spread
+from ..orchestrator.load import Loaded, Sources, interfaces_of, load_fmus, usual_flavour
 from ..orchestrator.scenario import Scenario, Stimulus
 from ..orchestrator.stimuli import (
     Drive,
-    Grid,
     NumberTable,
+    StepGrid,
     check_sources,
     make_grid,
     resolve_constant,
     resolve_programme,
     resolve_stimuli,
-    table_of,
+    stimulus_table,
 )
 from ..orchestrator.wiring import Wire, resolve_connections
+from .documents import declared
 from .read import COUPLING, COUPLING_SETTINGS, LEADING, PROGRAMME, RATES, RECORD, STRUCTURE, free_name
-from .xml import declared
 
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 """Namespace of OMSimulator's annotations."""
@@ -51,7 +51,7 @@ SET_NAME = "parameters"
 """Name of the parameter set of every FMU: Ecos applies those of one name, in all FMUs at once."""
 
 
-def export_ssp(
+def write_ssp(
     scenario: Scenario,
     out: Path,
     *,
@@ -121,7 +121,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
     """
     with own_folder() as folder:
         sources = Sources(scenario.base_folder)
-        loaded = load(scenario, sources, folder)
+        loaded = load_fmus(scenario, sources, folder)
         grid, drives = resolve_stimuli(scenario, sources, loaded)
     interfaces = interfaces_of(loaded)
     own_steps: dict[str, dict[str, float]] = {name: {} for name in scenario.fmus}
@@ -150,7 +150,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
                 constants = dict(zip((v.name for v in drive.variables), drive.values[0], strict=True))
                 _set(fmus, interfaces[drive.fmu], constants)
                 continue
-            positions, _ = table_of(stimulus, f"stimuli[{count}]", scenario.base_folder)
+            positions, _ = stimulus_table(stimulus, f"stimuli[{count}]", scenario.base_folder)
             drive, _ = resolve_programme(stimulus, positions, scenario, loaded)
             name = free_name("programme", fmus.keys() | first.keys())
             step = own_steps[drive.fmu].get("step_s", grid.step)
@@ -166,7 +166,7 @@ def self_contained(scenario: Scenario, make: Callable[[str, Component], Path]) -
     return Scenario.model_validate({**written, **paths, "run": run, "fmus": fmus, "connections": connections})
 
 
-def _rows(drive: Drive, interface: Interface, step: float) -> Iterator[tuple[Component, list[Variable]]]:
+def _rows(drive: Drive, interface: Interface, step: float) -> Iterator[tuple[Component, list[FmuVariable]]]:
     """Components that give what timed rows give, one for each unit, with the inputs that their values feed."""
     groups: dict[tuple[str, Type], list[int]] = {}
     for k, variable in enumerate(drive.variables):
@@ -221,7 +221,7 @@ def _members(
     )
     sources = Sources(system.base_folder)
     (folder / "loaded").mkdir()
-    loaded = load(system, sources, folder / "loaded")
+    loaded = load_fmus(system, sources, folder / "loaded")
     wires = resolve_connections(system.connections, interfaces_of(loaded))
     check_sources(wires, [], loaded)
     grid = make_grid(system, [])
@@ -237,9 +237,9 @@ def _members(
             component = started(components()[stem], {v.name: int(x) for v, x in values if v.kind == "Enumeration"})
             content = build(component, folder / name, places, flavour=flavour, fmi=2, platform=platform).read_bytes()
         # FMUs with the same content share a file.
-        file, number = f"resources/{stem}.fmu", 2
+        file, count = f"resources/{stem}.fmu", 2
         while members.get(file, content) != content:
-            file, number = f"resources/{stem}_{number}.fmu", number + 1
+            file, count = f"resources/{stem}_{count}.fmu", count + 1
         files[name] = file
         members[file] = content
     sets = {name: _parameter_set(name, system, entry, version) for name, entry in loaded.items()}
@@ -270,7 +270,7 @@ def _parameter_set(name: str, scenario: Scenario, entry: Loaded, version: str) -
         values["lead_steps"] = (interface.variables["lead_steps"], 1)
     rows: list[tuple[str, str, dict[str, str]]] = []
     units: dict[str, Unit] = {}
-    text = {"Real": lambda v: number(float(v)), "Boolean": lambda v: str(bool(v)).lower(), "String": str}
+    text = {"Real": lambda v: number_text(float(v)), "Boolean": lambda v: str(bool(v)).lower(), "String": str}
     for element, (variable, value) in values.items():
         # An enumeration goes out as the whole number that FMI passes: neither OMSimulator nor FMPy reads its name.
         kind = "Integer"
@@ -295,7 +295,7 @@ def _structure(
     about: Mapping[str, str],
     fmus: Mapping[str, tuple[str, Interface, bool]],
     wires: Iterable[Wire],
-    grid: Grid,
+    grid: StepGrid,
 ) -> bytes:
     """SystemStructure.ssd, its elements in the order that OMSimulator wants.
 
@@ -315,7 +315,7 @@ def _structure(
         ends = {"startElement": wire.source, "startConnector": wire.output.name}
         ends |= {"endElement": wire.target, "endConnector": wire.input.name}
         SubElement(connections, "ssd:Connection", ends)
-    enumerations: dict[str, Variable] = {}
+    enumerations: dict[str, FmuVariable] = {}
     units: dict[str, Unit] = {}
     for name, (file, interface, bound) in fmus.items():
         component = SubElement(
@@ -339,7 +339,7 @@ def _structure(
     annotation = SubElement(SubElement(system, "ssd:Annotations"), "ssc:Annotation", type="org.openmodelica")
     information = SubElement(SubElement(annotation, "oms:Annotations"), "oms:SimulationInformation")
     tolerances = {"absoluteTolerance": "0.0001", "relativeTolerance": "0.0001"}
-    attributes = {"description": "oms-ma", "stepSize": number(grid.step), **tolerances}
+    attributes = {"description": "oms-ma", "stepSize": number_text(grid.step), **tolerances}
     SubElement(information, "oms:FixedStepMaster", attributes)
     parent = SubElement(root, "ssd:Enumerations") if enumerations else root
     for name, variable in enumerations.items():
@@ -347,16 +347,16 @@ def _structure(
         for value, item in variable.items:
             SubElement(enumeration, "ssc:Item", name=item, value=str(value))
     add_units(root, "ssd:Units", units)
-    times = {"startTime": number(grid.start), "stopTime": number(grid.time(grid.steps))}
+    times = {"startTime": number_text(grid.start), "stopTime": number_text(grid.time(grid.steps))}
     SubElement(root, "ssd:DefaultExperiment", times)
     return xml_bytes(root)
 
 
 def _connectors(
-    component: Element, name: str, variables: Sequence[Variable], units: Mapping[str, Unit]
-) -> dict[str, Variable]:
+    component: Element, name: str, variables: Sequence[FmuVariable], units: Mapping[str, Unit]
+) -> dict[str, FmuVariable]:
     """The connectors of an FMU; returns the enumerations that they need."""
-    needed: dict[str, Variable] = {}
+    needed: dict[str, FmuVariable] = {}
     connectors = SubElement(component, "ssd:Connectors") if variables else component
     for variable in variables:
         connector = SubElement(connectors, "ssd:Connector", name=variable.name, kind=variable.causality)

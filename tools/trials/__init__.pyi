@@ -5,8 +5,8 @@ from .case import Options as Options
 from .case import check_seed as check_seed
 from .draw import draw_alone as draw_alone
 from .draw import draw_case as draw_case
-from .outcome import diagnosed as diagnosed
-from .outcome import judged as judged
+from .outcome import diagnosed_case as diagnosed_case
+from .outcome import judged_case as judged_case
 from .suite import HiddenRecord as HiddenRecord
 from .suite import NamedSuite as NamedSuite
 from .suite import hidden_record as hidden_record

@@ -22,7 +22,7 @@ from ..evidence.bench import Bench as Evidence
 from ..evidence.bench_travel import OF_GYROS
 from ..evidence.fit import composed
 from ..evidence.of_record import plain
-from ..orchestrator import simulate
+from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Scenario
 from ..records import PositionRecord, RawRecord, read_record
 from ..records.rests import average_rests, find_rests
@@ -69,7 +69,7 @@ TURNS = ((720.0, 0.0), (0.0, 90.0), (720.0, 90.0), (0.0, 180.0), (720.0, 270.0),
 
 
 @dataclass(frozen=True)
-class Bench:
+class TrialBench:
     """A bench and its programme of positions.
 
     Attributes
@@ -219,7 +219,7 @@ class Bench:
         runs = []
         for mounting in range(len(self.mountings)):
             scenario = self.scenario(hidden, first + mounting, mounting, alone=alone)
-            runs.append(record_of(scenario, every=not alone, progress=progress))
+            runs.append(averaged_run(scenario, every=not alone, progress=progress))
         if not alone and any(len(run) != len(self.alpha) for run in runs):
             raise ValueError(f"case {index} of seed {seed}: a rest of the programme was not found")
         record = self._joined(runs)
@@ -238,7 +238,7 @@ class Bench:
         return replace(record, specific_force=written, resolution=0.5 * 10.0**-RECORD_DECIMALS)
 
     def _measured_whole(self, seed: int, hidden: Sequence[Hidden], *, progress: bool) -> PositionRecord:
-        rests = read_record(simulate(self.scenario(hidden, seed), progress=progress).table, PositionRecord)
+        rests = read_record(run_scenario(self.scenario(hidden, seed), progress=progress).table, PositionRecord)
         raw: Any = rests.raw
         for effect in hidden:
             if effect.place.effect == UNDERSAMPLING and raw.increment is not None:
@@ -346,13 +346,13 @@ class Bench:
         return replace(first, mounting=tuple(self.mountings[k] for k in self.mounting), **columns)
 
 
-def plain_bench(truth: dict[str, dict[str, Any]], alpha: NDArray, beta: NDArray, *, symmetric: bool) -> Bench:
+def plain_bench(truth: dict[str, dict[str, Any]], alpha: NDArray, beta: NDArray, *, symmetric: bool) -> TrialBench:
     """A bench in the mounting `identity`, with the mounting error that stands in its truth."""
     error = tuple(truth["TurntableMotion"]["mounting_error"])
-    return Bench(truth, symmetric, ("identity",), (error,), alpha, beta, np.zeros(len(alpha), dtype=int))
+    return TrialBench(truth, symmetric, ("identity",), (error,), alpha, beta, np.zeros(len(alpha), dtype=int))
 
 
-def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> Bench:
+def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> TrialBench:
     """Draw a bench within the paper's bounds, its mountings, and positions of which there are so many to so many."""
     symmetric = bool(rng.random() < SYMMETRIC_SHARE)
     truth = draw_truth(rng, symmetric=symmetric)
@@ -373,7 +373,7 @@ def draw_bench(rng: np.random.Generator, positions: tuple[int, int]) -> Bench:
         mounting = (np.arange(count) >= count // 2).astype(int)
     else:
         mounting = np.zeros(count, dtype=int)
-    return Bench(truth, symmetric, names, errors, alpha, beta, mounting)
+    return TrialBench(truth, symmetric, names, errors, alpha, beta, mounting)
 
 
 def draw_truth(rng: np.random.Generator, *, symmetric: bool) -> dict[str, dict[str, Any]]:
@@ -460,7 +460,7 @@ def true_elementary(truth: Mapping[str, Mapping[str, Any]], mounting_error: tupl
     return elementary(**{name: value for name, value in values.items() if name in ELEMENTARY})
 
 
-def draw_whole(rng: np.random.Generator) -> Bench:
+def draw_whole(rng: np.random.Generator) -> TrialBench:
     """Draw a bench, accelerometers and gyros within usual bounds, positions, and whole turns after them."""
     truth = draw_truth(rng, symmetric=False)
     truth["GyroBlock"] = {
@@ -473,7 +473,7 @@ def draw_whole(rng: np.random.Generator) -> Bench:
     error = tuple(truth["TurntableMotion"]["mounting_error"])
     latitude, azimuth = float(rng.uniform(-1.2, 1.2)), float(rng.uniform(-math.pi, math.pi))
     alpha, beta = angles.T
-    return Bench(
+    return TrialBench(
         truth,
         False,
         ("identity",),
@@ -487,7 +487,9 @@ def draw_whole(rng: np.random.Generator) -> Bench:
     )
 
 
-def draw_days(rng: np.random.Generator, count: int, positions: tuple[int, int], noise: str = "uniform") -> list[Bench]:
+def draw_days(
+    rng: np.random.Generator, count: int, positions: tuple[int, int], noise: str = "uniform"
+) -> list[TrialBench]:
     """Draw the benches of one block on so many days, its scale factors depending on the sign, in one mounting.
 
     Its bias, its mounting, the table and the positions are each day's own.
@@ -515,7 +517,7 @@ def draw_days(rng: np.random.Generator, count: int, positions: tuple[int, int], 
 
 
 def measured_on_days(
-    days: Sequence[Bench], seed: int, index: int | None, hidden: Sequence[Hidden], *, progress: bool = False
+    days: Sequence[TrialBench], seed: int, index: int | None, hidden: Sequence[Hidden], *, progress: bool = False
 ) -> dict[str, PositionRecord]:
     """The records of one block on several days, by label; an effect `in_record` acts in that one alone."""
     if index is not None:
@@ -531,9 +533,9 @@ def measured_on_days(
     return records
 
 
-def record_of(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:
-    """Run a scenario of `Bench.scenario` and average its rests; with `every` those too whose readings drift."""
-    raw = read_record(simulate(scenario, progress=progress).table)
+def averaged_run(scenario: Scenario, *, every: bool = False, progress: bool = False) -> PositionRecord:
+    """Run a scenario of `TrialBench.scenario` and average its rests; with `every` those too whose readings drift."""
+    raw = read_record(run_scenario(scenario, progress=progress).table)
     assert isinstance(raw, RawRecord)
     raw = replace(raw, path=Path("record"), sha256="")
     rests = find_rests(raw)

@@ -15,7 +15,7 @@ from ...fmus.units import STANDARD_GRAVITY
 from ...models.harmonic_motion import HARMONICS
 from ..evidence.fit import composed
 from ..motion.compare import sample_motion
-from ..orchestrator import simulate
+from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Scenario
 from ..records import StrapdownRecord
 from .sizes import RECORD_DECIMALS, Hidden
@@ -204,7 +204,7 @@ class Block:
                 "interval_s": np.diff(stamps),
             }
         )
-        readings = simulate(
+        readings = run_scenario(
             reading_scenario(table, period, instruments, effects, seed % 2**31), progress=progress
         ).table[1:]
         gyros = readings.select(turns).to_numpy()

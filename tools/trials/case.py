@@ -6,7 +6,7 @@ from typing import Any
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
 from ..errors import InputError, nearest
 from ..own_effects import OwnEffects
-from .bench import Bench, measured_on_days
+from .bench import TrialBench, measured_on_days
 from .sizes import Hidden
 
 MODES = ("clean", "single", "between", "pairs")
@@ -31,12 +31,12 @@ class Case:
     index: int | None
     """of the case in its suite, with the seed it decides everything; None: a record by itself"""
     instrument: Any
-    """`Bench` with a table, or `Block` moved by hand"""
+    """`TrialBench` with a table, or `Block` moved by hand"""
     hidden: tuple[Hidden, ...] = ()
     """empty for a clean record"""
     redrawn: int = 0
     """effects that were drawn and put aside, as no possible size would do"""
-    days: tuple[Bench, ...] = ()
+    days: tuple[TrialBench, ...] = ()
     """of several records of one block: the bench of each day, the first one the instrument"""
 
     @property

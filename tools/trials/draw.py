@@ -113,10 +113,10 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
         yield None if hidden is None else (hidden,)
     elif options.records > 1:
         records = clean.measured()
-        evidence_of = {}
+        evidence_by_label = {}
         for name, record in records.items():
-            evidence_of[name] = bench_evidence(record, noise_bound=NOISE_BOUND)
-        joint = join(evidence_of)
+            evidence_by_label[name] = bench_evidence(record, noise_bound=NOISE_BOUND)
+        joint = join(evidence_by_label)
         for _ in range(0 if joint.missing() else TRIES):
             yield draw_shared_and_own(rng, joint, options.effects)
     else:
@@ -231,7 +231,7 @@ def draw_clean_block(seed: int, index: int, reference: Reference | None = None) 
 
 def _hidden_in_block(clean: Case, options: Options) -> Case:
     """The case with an effect of a size relative to that of sure detection."""
-    block, index, evidence = clean.instrument, clean.index, evidence_of(clean)
+    block, index, evidence = clean.instrument, clean.index, block_evidence(clean)
     rng = np.random.default_rng([clean.seed, index or 0, 1])
     if evidence is None:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
@@ -267,7 +267,7 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
     raise InputError(f"case {index}: a record with {block.reference} for its reference cannot show such an effect")
 
 
-def evidence_of(case: Case) -> Carried | None:
+def block_evidence(case: Case) -> Carried | None:
     """The evidence that a diagnosis makes of the record of a moved block; None where it can make none."""
     inspection, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
     if reference == "gravity" and norm_values(inspection.accelerometers) is None:
@@ -292,7 +292,7 @@ def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:
     furthest = replace(
         clean, instrument=replace(clean.instrument, jitter=FURTHEST_STAMP), hidden=(Hidden(place, (1.0,)),)
     )
-    evidence = evidence_of(furthest)
+    evidence = block_evidence(furthest)
     if evidence is None or place not in evidence.places:
         return None
     part = wanted * size_in_block(evidence, place, np.ones(1))

@@ -29,7 +29,7 @@ from .bench import (
     RATE,
     START_APART,
     STEP_S,
-    Bench,
+    TrialBench,
     temperature_at,
     true_elementary,
 )
@@ -40,7 +40,7 @@ from .sizes import (
     Way,
     draw_direction,
     drawn_time,
-    largest_size,
+    largest_possible_size,
     level_margins,
     most_alike,
     sizes_of_change,
@@ -56,7 +56,7 @@ TRIES = 10
 """Effects that are drawn for one bench before another one is drawn; levels that are drawn for one effect."""
 
 
-def faultless_record(bench: Bench) -> PositionRecord:
+def faultless_record(bench: TrialBench) -> PositionRecord:
     """What the bench would read without secret and without noise, in about the circumstances of its run."""
     reading = np.zeros((len(bench.alpha), 3))
     for k, name in enumerate(bench.mountings):
@@ -88,7 +88,7 @@ def faultless_record(bench: Bench) -> PositionRecord:
     )
 
 
-def expected(bench: Bench) -> tuple[Linearisation, Circumstances]:
+def expected(bench: TrialBench) -> tuple[Linearisation, Circumstances]:
     """The model at the truth, with the bounds of the readings, and the circumstances of the rows."""
     record = faultless_record(bench)
     model = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
@@ -138,7 +138,7 @@ class Drawing:
     classes: Classes
 
     @staticmethod
-    def of(rng: np.random.Generator, options: Options, bench: Bench) -> "Drawing":
+    def of(rng: np.random.Generator, options: Options, bench: TrialBench) -> "Drawing":
         """The drawing of effects for a bench."""
         model, circumstances = expected(bench)
         return Drawing(rng, options, model, circumstances, classes_with(bench.mountings, symmetric=bench.symmetric))
@@ -242,7 +242,7 @@ class Drawing:
         if relative is not None:
             size = relative_size(self.rng, sizes, relative)
         elif self.options.mode == "between":
-            top = min(sizes.excluded, MOST_ABOVE * sizes.detected, largest_size(place, direction))
+            top = min(sizes.excluded, MOST_ABOVE * sizes.detected, largest_possible_size(place, direction))
             size = np.inf
             if np.isfinite(sizes.detected):
                 size = self.rng.uniform(sizes.detected, max(top, sizes.detected))
@@ -306,7 +306,7 @@ def relative_size(rng: np.random.Generator, sizes: SureSizes, relative: tuple[fl
 
 def hidden_at(place: EffectPlace, direction: NDArray, size: float, sizes: SureSizes) -> Hidden | None:
     """The effect at a size along a direction of its coefficients; None where that is not a possible one."""
-    if not np.isfinite(size) or size > largest_size(plain(place), direction):
+    if not np.isfinite(size) or size > largest_possible_size(plain(place), direction):
         return None
     return Hidden(place, place.definition.from_coefficients(size * direction), float(size), sizes)
 
@@ -352,7 +352,7 @@ def _beside(rng: np.random.Generator, joint: Joint, place: EffectPlace, other: E
     return hidden_at(place, direction, ABOVE * sizes.excluded, sizes)
 
 
-def hidden_in(rng: np.random.Generator, bench: Bench, clean: PositionRecord, options: Options) -> Hidden | None:
+def hidden_in(rng: np.random.Generator, bench: TrialBench, clean: PositionRecord, options: Options) -> Hidden | None:
     """An effect for a whole bench whose clean record is given, at a size of the mode; None where none is possible.
 
     It is linear, at its time where it sets in; by default `ABOVE` times as large as excludes each other one.
@@ -387,7 +387,7 @@ def hidden_in(rng: np.random.Generator, bench: Bench, clean: PositionRecord, opt
     size = ABOVE * sizes.excluded
     if options.size is not None:
         size = relative_size(rng, sizes, options.size)
-    if not np.isfinite(size) or size > largest_size(place, direction):
+    if not np.isfinite(size) or size > largest_possible_size(place, direction):
         return None
     values = at_time.values_of([place], np.append(np.zeros(len(at_time.names)), size * direction))[place]
     hidden = Hidden(place, values, float(size), sizes)

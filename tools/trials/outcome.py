@@ -142,7 +142,7 @@ def _names(effects: Iterable[EffectPlace | NamedEffect]) -> str:
     return " + ".join(sorted(effect.effect for effect in effects))
 
 
-def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis:
+def diagnosed_case(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis:
     """The diagnosis of a case's record, or records; of a bench σ, the mountings and the kind of block are known."""
     if case.days:
         alone = {label: diagnose(day, rerun=rerun, noise_bound=NOISE_BOUND) for label, day in record.items()}
@@ -150,14 +150,14 @@ def diagnosed(case: Case, record: Any, *, rerun: bool = False) -> Diagnosis:
     return diagnose(record, rerun=rerun, **case.instrument.asked)
 
 
-def judged(case: Case, result: Diagnosis) -> Outcome:
+def judged_case(case: Case, result: Diagnosis) -> Outcome:
     """Hold a diagnosis against the secret of its case."""
     instrument, secrets = case.instrument, case.hidden
     sets = [finding.causes for finding in result.findings]
     if case.days:
-        kind = kind_of(case.places, result.verdict, sets)
+        kind = outcome_kind(case.places, result.verdict, sets)
     else:
-        kind = kind_of(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
+        kind = outcome_kind(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
         secrets = instrument.as_recorded(case.hidden, result.evidence)
     inside, errors = _held_against(secrets, kind, sets, instrument.table)
     fields = instrument.told(case.seed, case.index or 0, secrets)
@@ -185,7 +185,7 @@ def judged(case: Case, result: Diagnosis) -> Outcome:
     )
 
 
-def kind_of(
+def outcome_kind(
     places: Sequence[EffectPlace],
     verdict: str,
     sets: Sequence[Sequence[Cause]],

@@ -408,7 +408,7 @@ def most_alike(evidence: SettingIn, place: EffectPlace, change: NDArray) -> NDAr
     return max(candidates, key=told)
 
 
-def largest_size(place: EffectPlace, direction: NDArray) -> float:
+def largest_possible_size(place: EffectPlace, direction: NDArray) -> float:
     """The largest possible size along a direction of the coefficients."""
     effect = place.definition
     unit = effect.from_coefficients(direction)

@@ -27,7 +27,7 @@ from ..rounding import digits, exactly
 from ..workers import made
 from .case import Case, Options
 from .draw import draw_alone, draw_case
-from .outcome import KINDS, Outcome, diagnosed, judged
+from .outcome import KINDS, Outcome, diagnosed_case, judged_case
 
 if TYPE_CHECKING:
     from polars import DataFrame
@@ -212,7 +212,7 @@ def run_case(options: Options, seed: int, records: Path | None, index: int) -> O
             for label, day in several.items():
                 name = f"case-{index:05d}{label and '-'}{label}.csv"
                 write_record(case.instrument.as_measured(day), records / name)
-        return judged(case, diagnosed(case, record))
+        return judged_case(case, diagnosed_case(case, record))
 
 
 def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:

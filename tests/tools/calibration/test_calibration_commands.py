@@ -15,7 +15,7 @@ from page_text import html_of
 from parameter_intervals import intervals_in
 from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
-from trihedron.tools.orchestrator.run import simulate
+from trihedron.tools.orchestrator.run import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.records.rests import find_rests
@@ -145,7 +145,7 @@ def test_block_and_compensation_with_one_calibration_undo_each_other_as_fmus(fol
         ],
         "stimuli": [{"to": "table.command", "constant": [2.5, -4.0]}],
     }
-    table = simulate(Scenario.model_validate(scenario)).table
+    table = run_scenario(Scenario.model_validate(scenario)).table
     reading, force, recovered = (
         np.stack([table[f"{name}[{p}]_mps2"].to_numpy() for p in (1, 2, 3)], axis=1)
         for name in ("block.reading", "table.specific_force", "inverse.specific_force")

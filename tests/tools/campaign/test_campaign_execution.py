@@ -15,7 +15,7 @@ import pytest
 from campaign_runs import CALIBRATION, assert_begun, content, written
 from trihedron import run_campaign
 from trihedron.tools import cli
-from trihedron.tools.campaign.kinds import CalibrationRuns, Given
+from trihedron.tools.campaign.kinds import CalibrationRuns, RunOutputs
 from trihedron.tools.errors import InputError
 from trihedron.tools.workers import made
 
@@ -27,7 +27,7 @@ def _each_calibration_once() -> Iterator[None]:
     """A run's scalars follow from the campaign's text, its values and its seed: who makes it is tested here."""
     run, remembered = CalibrationRuns.run, {}
 
-    def once(self: CalibrationRuns, number: int, values: Any, seed: np.random.SeedSequence) -> Given:
+    def once(self: CalibrationRuns, number: int, values: Any, seed: np.random.SeedSequence) -> RunOutputs:
         key = (self.setting.model_dump_json(), number, tuple(values.items()), seed.entropy, seed.spawn_key)
         if key not in remembered:
             remembered[key] = run(self, number, values, seed)
@@ -53,7 +53,7 @@ def stopped(monkeypatch: pytest.MonkeyPatch):
     def at(number: int, error: BaseException) -> None:
         run, errors = CalibrationRuns.run, [error]
 
-        def raising(self: CalibrationRuns, run_number: int, values: Any, seed: Any) -> Given:
+        def raising(self: CalibrationRuns, run_number: int, values: Any, seed: Any) -> RunOutputs:
             if run_number == number and errors:
                 raise errors.pop()
             return run(self, run_number, values, seed)
@@ -134,7 +134,7 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path, monkeypatch):
     path, out = written(tmp_path, CALIBRATION), tmp_path / "out"
     run, locks = CalibrationRuns.run, []
 
-    def another_resumes(self: CalibrationRuns, number: int, *arguments: Any) -> Given:
+    def another_resumes(self: CalibrationRuns, number: int, *arguments: Any) -> RunOutputs:
         if number == 5 and not locks:
             locks.append((out / "campaign.lock").stat().st_ino)
             with pytest.raises(InputError, match=f"^--out {re.escape(str(out))}: another process works there$"):

@@ -13,13 +13,13 @@ from foreign_fmus import build_foreign
 from named import Named
 from trihedron.models.bench import TARGETS
 from trihedron.tools.campaign.file import Campaign, parse_campaign
-from trihedron.tools.campaign.kinds import Given, motion_samples, reduced
-from trihedron.tools.campaign.runs import Design, columns_of, make_runner, run_campaign
+from trihedron.tools.campaign.kinds import RunOutputs, motion_samples, reduced
+from trihedron.tools.campaign.runs import Design, carry_out_campaign, columns_of, make_runner
 from trihedron.tools.campaign.store import make_order
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.compare import read_increments
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.run import PreparedScenario
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 from trihedron.tools.trials.case import Options
@@ -33,7 +33,7 @@ def parsed(text: str, folder: Path = Path()) -> Campaign:
     return parse_campaign((HEAD + text).encode(), folder / "c.toml")
 
 
-def results(campaign: Campaign) -> list[Given]:
+def results(campaign: Campaign) -> list[RunOutputs]:
     design, runner = Design(campaign), make_runner(campaign)
     table = [runner.run(k, design.values(k), design.seed(k)) for k in range(campaign.runs)]
     assert all(set(result.scalars) <= set(runner.outputs) for result in table)
@@ -112,7 +112,7 @@ def test_a_run_without_enough_samples_fails_alone():
 
 def test_a_scenario_run_again_and_again_gives_the_bits_of_simulate():
     scenario = read_scenario(ROOT / "scenarios" / "table-attitude.toml")
-    once = simulate(scenario).table
+    once = run_scenario(scenario).table
     repeated = PreparedScenario(scenario)
     changed = repeated.run({"table": {"kappa": 2e-3}})
     assert repeated.run({}).equals(once)
@@ -120,7 +120,7 @@ def test_a_scenario_run_again_and_again_gives_the_bits_of_simulate():
     scenario_data = scenario.as_written()
     scenario_data["fmus"]["table"]["parameters"]["kappa"] = 2e-3
     scenario_data["stimuli"][0]["csv"] = str(ROOT / "scenarios" / scenario_data["stimuli"][0]["csv"])
-    assert simulate(Scenario.model_validate(scenario_data)).table.equals(changed)
+    assert run_scenario(Scenario.model_validate(scenario_data)).table.equals(changed)
     repeated.close()
 
 
@@ -210,7 +210,7 @@ def test_an_fmu_that_takes_its_process_with_it_costs_its_run_alone(tmp_path):
         HEAD + "partition = 3\n[simulation]\nscenario = 'scenario.toml'\n"
         "[parameters]\n'f.level' = { values = [0.0, 2.0, -2.0, 0.5, 1.0] }\n"
     )
-    summary = run_campaign(tmp_path / "c.toml", tmp_path / "out", jobs=1)
+    summary = carry_out_campaign(tmp_path / "c.toml", tmp_path / "out", jobs=1)
     assert summary.runs == 5
     assert summary.failed == 2
     table = pl.read_parquet(tmp_path / "out" / "runs" / "*.parquet")

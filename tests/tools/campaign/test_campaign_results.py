@@ -13,8 +13,8 @@ from trihedron.tools import cli
 from trihedron.tools.campaign.file import parse_campaign
 from trihedron.tools.campaign.kinds import Output
 from trihedron.tools.campaign.runs import Design, scalars_file
-from trihedron.tools.campaign.store import Columns, Computed, Order, Store, manifest_of
-from trihedron.tools.campaign.summary import Results, compare, rate, summarise
+from trihedron.tools.campaign.store import Computed, Order, ResultColumns, Store, manifest_of
+from trihedron.tools.campaign.summary import Results, compare_campaigns, rate, summarise
 from trihedron.tools.errors import InputError
 from trihedron.tools.reports.campaign import campaign_page
 
@@ -31,7 +31,7 @@ def made(folder: Path, text: str, value, failing=lambda run: False, seed: int = 
     """A campaign's folder whose runs gave what `value(run, parameters, rng)` says."""
     written = (HEAD + f"seed = {seed}\n[attitude]\n" + text).encode()
     campaign = parse_campaign(written, folder / "c.toml")
-    columns = Columns(dict.fromkeys(campaign.parameters, pl.Float64), OUTPUTS)
+    columns = ResultColumns(dict.fromkeys(campaign.parameters, pl.Float64), OUTPUTS)
     folder.mkdir(exist_ok=True)
     store, design = Store(folder, campaign), Design(campaign)
     for partition in range(campaign.partitions):
@@ -173,7 +173,7 @@ def worse(run, values, rng):
 def test_the_same_campaign_twice_is_no_change(tmp_path):
     for name in ("a", "b"):
         made(tmp_path / name, SWEPT, swept)
-    result = compare(tmp_path / "b", tmp_path / "a")
+    result = compare_campaigns(tmp_path / "b", tmp_path / "a")
     assert result.paired
     assert {change.verdict for change in result.changes} == {"same"}
     assert len(result.changes) == 5
@@ -199,7 +199,7 @@ def test_more_failures_and_worse_verdicts_are_regressions(tmp_path):
 
     made(tmp_path / "old", SWEPT, swept)
     made(tmp_path / "new", SWEPT, falsified, lambda run: run % 20 == 0)
-    verdicts = {change.name: change.verdict for change in compare(tmp_path / "new", tmp_path / "old").changes}
+    verdicts = {change.name: change.verdict for change in compare_campaigns(tmp_path / "new", tmp_path / "old").changes}
     assert verdicts["failed"] == verdicts["verdict"] == "worse"
     assert verdicts["inside"] == "same"
 
@@ -210,7 +210,7 @@ def test_other_draws_are_two_samples_and_chance_alone_is_not_called_a_change(tmp
     for number in range(10):
         for name, seed in (("a", 2 * number), ("b", 2 * number + 1)):
             made(tmp_path / name, SWEPT.replace("points = 300", "points = 60"), swept, seed=seed)
-        result = compare(tmp_path / "b", tmp_path / "a")
+        result = compare_campaigns(tmp_path / "b", tmp_path / "a")
         assert not result.paired
         called += any(change.verdict != "same" for change in result.changes)
     # More than 2 of 10 at 1 % has a probability of 1e-4.
@@ -245,4 +245,4 @@ def test_campaigns_of_different_kinds_are_not_compared(tmp_path):
     manifest["campaign_file"] = HEAD + "[calibration]\n"
     (tmp_path / "b" / "campaign.json").write_text(json.dumps(manifest), encoding="utf-8")
     with pytest.raises(InputError, match="its runs are of the kind calibration"):
-        compare(tmp_path / "a", tmp_path / "b")
+        compare_campaigns(tmp_path / "a", tmp_path / "b")

@@ -28,7 +28,7 @@ from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_travel import Travel, approached
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
-from trihedron.tools.trials.bench import Bench, draw_whole
+from trihedron.tools.trials.bench import TrialBench, draw_whole
 from trihedron.tools.trials.sizes import Hidden
 
 SIGMA = 1e-5
@@ -37,7 +37,7 @@ UNDERSAMPLING = EffectPlace("undersampling", "attitude-computer")
 
 
 @cache
-def bench() -> Bench:
+def bench() -> TrialBench:
     drawn = draw_whole(np.random.default_rng([5, 5]))
     return replace(drawn, alpha=drawn.alpha[-28:], beta=drawn.beta[-28:])
 

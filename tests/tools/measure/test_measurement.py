@@ -14,9 +14,9 @@ import pytest
 from planning_tasks import planned
 from simulated_table import HEADER, SimulatedTable, text_of
 from trihedron.tools.errors import InputError
-from trihedron.tools.measure import Asked, Measurement, Session, read_programme, source_of
-from trihedron.tools.measure.programme import Programme
-from trihedron.tools.measure.source import Source
+from trihedron.tools.measure import Measurement, Session, SessionOptions, read_programme, source_of
+from trihedron.tools.measure.programme import TableProgramme
+from trihedron.tools.measure.readings import Source
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.reports.measure import promise_text, visit_text
 
@@ -32,7 +32,7 @@ def plan(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def programme(plan: Path) -> Programme:
+def programme(plan: Path) -> TableProgramme:
     return read_programme(plan)
 
 
@@ -49,8 +49,8 @@ def growing(tmp_path_factory) -> Path:
     return table.file
 
 
-def begun(programme: Programme, out: Path, *, resume: bool = False, **asked) -> Measurement:
-    return Measurement.begun(programme, Asked(SIGMA, dwell_s=5.0, **asked), out, "growing.csv", resume=resume)
+def begun(programme: TableProgramme, out: Path, *, resume: bool = False, **asked) -> Measurement:
+    return Measurement.begun(programme, SessionOptions(SIGMA, dwell_s=5.0, **asked), out, "growing.csv", resume=resume)
 
 
 def closed(measurement: Measurement) -> Session:

@@ -16,7 +16,7 @@ from foreign_fmus.hostile import assert_named_and_kept, build_hostile, hostile_s
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, run_of_guests, scenario, wires
 from trihedron.tools import library
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import write_scenario
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the hostile FMU is written for POSIX")
@@ -103,7 +103,7 @@ def test_a_guest_in_a_cycle_gives_the_same_bits(hostile: Path, coupling: str) ->
     tables = []
     for folder in (True, False):
         cycle = hostile_scenario(hostile, "none_SetFMUstate", in_process=folder, coupling=coupling)
-        tables.append(simulate(scenario(hostile, cycle.pop("fmus"), **cycle)).table)
+        tables.append(run_scenario(scenario(hostile, cycle.pop("fmus"), **cycle)).table)
     assert tables[0].equals(tables[1])
     # y = u / 2 + t, twice around: y = 2 t; taken as Jacobi it is late.
     settled = np.array(tables[0]["good.Real_out"]) - 2 * np.array(tables[0]["time_s"])

@@ -20,7 +20,7 @@ from scenario_runs import ACCUMULATOR, GAIN, here, refusal, run, scenario, wires
 from trihedron.fmus import build
 from trihedron.fmus.native.compile import host_compiler
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import loops, simulate
+from trihedron.tools.orchestrator import loops, run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 
 NAMES = ("TurntableMotion", "AccelerometerBlock", "AttitudeComputer")
@@ -69,15 +69,15 @@ def bench(folder: Path, flavours: tuple[str, ...]) -> Scenario:
 
 
 def test_every_mixture_gives_the_same_bits_in_both_loops(folder: Path) -> None:
-    reference = simulate(bench(folder, ("python",) * 3), compiled=False).table
+    reference = run_scenario(bench(folder, ("python",) * 3), compiled=False).table
     assert reference.height == 67
     assert reference["sum.total"].n_unique() > 50
     for flavours in product(("native-2", "native-3"), repeat=3):
-        assert simulate(bench(folder, flavours)).table.equals(reference), flavours
+        assert run_scenario(bench(folder, flavours)).table.equals(reference), flavours
     for flavours in (("native-2", "native-3", "native-2"), ("native-3", "native-2", "native-3")):
-        assert simulate(bench(folder, flavours), compiled=False).table.equals(reference), flavours
+        assert run_scenario(bench(folder, flavours), compiled=False).table.equals(reference), flavours
     for flavours in (("python",) * 3, ("python", "native-3", "native-2"), ("native-3", "python", "native-2")):
-        assert simulate(bench(folder, flavours)).table.equals(reference), flavours
+        assert run_scenario(bench(folder, flavours)).table.equals(reference), flavours
 
 
 @pytest.mark.parametrize("compiled", [True, False])
@@ -218,13 +218,13 @@ def test_a_step_is_a_multiple_of_what_an_fmu_makes_inside(everything, tmp_path, 
 
 
 def test_where_nothing_compiles_the_plain_loop_does_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = simulate(bench(folder, ("native-2",) * 3)).table
+    expected = run_scenario(bench(folder, ("native-2",) * 3)).table
 
     def fails() -> None:
         raise RuntimeError("no compiler for this processor")
 
     monkeypatch.setattr(loops, "compiled_march", fails)
-    assert simulate(bench(folder, ("native-2",) * 3)).table.equals(expected)
+    assert run_scenario(bench(folder, ("native-2",) * 3)).table.equals(expected)
 
 
 def test_a_record_with_strings_runs_as_plain_python(foreign: Path) -> None:
@@ -284,7 +284,7 @@ def chain(folder: Path, **stops: int) -> Scenario:
 
 
 def test_native_fmus_are_coupled(native: Path) -> None:
-    table = simulate(chain(native)).table
+    table = run_scenario(chain(native)).table
     assert [table[f"n{i}.y"].to_list() for i in range(5)] == [[0.0] + [1.5 * 2 ** (i + 1)] * 8 for i in range(5)]
 
 
@@ -299,7 +299,7 @@ def test_native_fmus_are_coupled(native: Path) -> None:
 )
 def test_what_a_native_fmu_logs_is_formatted(native: Path, stops: dict[str, int], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        simulate(chain(native, **stops))
+        run_scenario(chain(native, **stops))
 
 
 STEP, STEPS = 0.1, 1500
@@ -391,7 +391,7 @@ def test_the_orchestrator_gives_the_numbers_of_a_plain_loop(fmu_folder: Path, sl
             ],
         }
     )
-    table = simulate(scenario).table
+    table = run_scenario(scenario).table
     suffixes = {"TurntableMotion": "_rad", "AccelerometerBlock": "_mps2", "AttitudeComputer": ""}
     columns = [f"{fmu}.{v}{suffixes[fmu]}" for fmu, simulation in WATCHED.items() for v in simulation]
     expected = np.array(plain_loop(fmu_folder, slaves))

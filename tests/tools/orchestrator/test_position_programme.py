@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from named import Named
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 
 SLOW = {"max_rate": [0.3, 0.5], "max_acceleration": [0.4, 0.2], "initial_angle": [0.2, -0.1]}
@@ -34,7 +34,7 @@ def by_stimulus(rows: list[tuple[float, float, float]], step: float, start: floa
             "stimuli": [stimulus],
         }
     )
-    return simulate(scenario).table.to_numpy()
+    return run_scenario(scenario).table.to_numpy()
 
 
 def by_component(rows: list[tuple[float, float, float]], step: float, start: float, steps: int) -> np.ndarray:
@@ -53,7 +53,7 @@ def by_component(rows: list[tuple[float, float, float]], step: float, start: flo
             "connections": [{"from": "programme.command", "to": "table.command"}],
         }
     )
-    return simulate(scenario).table.select(r"^(time_s|table\..*)$").to_numpy()
+    return run_scenario(scenario).table.select(r"^(time_s|table\..*)$").to_numpy()
 
 
 @pytest.mark.parametrize(("step", "start"), [(0.1, 0.0), (0.03, 7.0)])

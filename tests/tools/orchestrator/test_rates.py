@@ -10,7 +10,7 @@ import pytest
 
 from foreign_fmus import compile_foreign
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, SCENARIOS, refusal, run_of_guests, wires
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 
 BASE, SLOW = 0.125, 0.5
@@ -113,7 +113,7 @@ def servo(step: float, stride: int, way: str, **setting: object) -> np.ndarray:
     settings["fmus"]["computer"]["parameters"] = {"algorithm": 5, "sample_period": stride * step}
     for wire, between in zip(settings["connections"], ("sum", None, "hold", way), strict=True):
         wire |= {} if between is None else {"between": between}
-    return simulate(Scenario.model_validate(settings)).table["q3"].to_numpy()[:: round(0.5 / step)]
+    return run_scenario(Scenario.model_validate(settings)).table["q3"].to_numpy()[:: round(0.5 / step)]
 
 
 @pytest.mark.parametrize("way", ["hold", "interpolate"])
@@ -137,7 +137,7 @@ def test_increments_of_a_fast_table_are_summed_for_a_slow_computer() -> None:
         settings["stimuli"] = [{"to": "table.command", "constant": [1.0, -0.5]}]
         settings["record"] = {"columns": {f"q{i}": f"computer.attitude[{i}]" for i in range(1, 5)}}
         simulation.append(
-            simulate(Scenario.model_validate(settings)).table.drop("time_s").to_numpy()[:: round(0.1 / step)]
+            run_scenario(Scenario.model_validate(settings)).table.drop("time_s").to_numpy()[:: round(0.1 / step)]
         )
     assert np.abs(simulation[0][-1, 1:]).max() > 0.1
     np.testing.assert_allclose(simulation[1], simulation[0], atol=1e-13)

@@ -22,7 +22,7 @@ from foreign_fmus.foreign_failing import WAYS
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, refusal, run, scenario, wires
 from trihedron.fmus import source
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import loops, recorded, simulate
+from trihedron.tools.orchestrator import loops, recorded, run_scenario
 from trihedron.tools.orchestrator.run import INCOMPLETE
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 
@@ -132,7 +132,7 @@ def test_the_same_scenario_gives_the_same_bytes(foreign: Path, tmp_path: Path, f
     path = foreign / f"twice-{form}.toml"
     path.write_text(text, encoding="utf-8")
     (foreign / "u.csv").write_text("time_s,u\n0,1\n1,2\n", encoding="utf-8")
-    runs = [simulate(read_scenario(path), tmp_path / name) for name in ("a", "b")]
+    runs = [run_scenario(read_scenario(path), tmp_path / name) for name in ("a", "b")]
     assert [p.name for p in runs[0].files] == [f"run.{form}", "run.json"]
     for first, second in zip(runs[0].files, runs[1].files, strict=True):
         assert first.read_bytes() == second.read_bytes()
@@ -188,7 +188,7 @@ def test_a_wrong_column(foreign: Path, columns: dict, says: str) -> None:
 def test_an_output_folder_that_cannot_be_made(foreign: Path, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(InputError, match="taken: is a file"):
-        simulate(scenario(foreign, {"clock": CLOCK}), tmp_path / "taken")
+        run_scenario(scenario(foreign, {"clock": CLOCK}), tmp_path / "taken")
     assert (tmp_path / "taken").read_text() == "a file"
 
 
@@ -205,12 +205,12 @@ def table_run(form: str) -> Scenario:
 
 @pytest.mark.parametrize("form", ["parquet", "csv"])
 def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    complete = simulate(table_run(form), tmp_path / "whole")
+    complete = run_scenario(table_run(form), tmp_path / "whole")
     monkeypatch.setattr("trihedron.tools.orchestrator.run.WHOLE_BYTES", 0)
     contents = []
     for size in (200_000, 37_777):
         monkeypatch.setattr(recorded, "BLOCK_BYTES", size)
-        parts = simulate(table_run(form), tmp_path / "parts")
+        parts = run_scenario(table_run(form), tmp_path / "parts")
         assert parts.held is None
         assert parts.columns == complete.columns
         assert parts.height == complete.height == 6001
@@ -224,9 +224,9 @@ def test_a_run_in_parts_is_the_run_in_one_piece(form: str, tmp_path: Path, monke
 
 
 def test_a_small_run_in_parts_has_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    complete = simulate(table_run("parquet"), tmp_path / "whole")
+    complete = run_scenario(table_run("parquet"), tmp_path / "whole")
     monkeypatch.setattr(recorded, "BLOCK_BYTES", 100_000)
-    parts = simulate(table_run("parquet"), tmp_path / "parts")
+    parts = run_scenario(table_run("parquet"), tmp_path / "parts")
     assert parts.files[0].read_bytes() == complete.files[0].read_bytes()
 
 
@@ -242,7 +242,7 @@ def test_a_run_that_fails_late_keeps_its_rows(
             out.mkdir()
             (out / "run.csv").write_text("of another run")
         with pytest.raises(InputError) as refused:
-            simulate(failing, out)
+            run_scenario(failing, out)
         failure, _, place = str(refused.value).partition("; ")
         assert failure == "FMU 'f' (Failing.fmu): y is nan at 5.1 s"
         assert place == f"{out / 'run.parquet'} has the run up to 5 s"
@@ -257,12 +257,12 @@ def test_a_run_that_fails_late_keeps_its_rows(
 KILLED = """
 import sys
 from pathlib import Path
-from trihedron.tools.orchestrator import recorded, simulate
+from trihedron.tools.orchestrator import recorded, run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 recorded.BLOCK_BYTES = 1_000_000
 data = {table}
 data["run"] = {{"stop_s": 1e6, "step_s": 0.01}}
-simulate(Scenario.model_validate(data), Path(sys.argv[1]))
+run_scenario(Scenario.model_validate(data), Path(sys.argv[1]))
 """
 
 
@@ -293,9 +293,9 @@ def test_what_was_recorded_survives(way: str, tmp_path: Path) -> None:
     assert provenance["complete"] is False
     assert table.height > 4000
     assert (table["time_s"].to_numpy() == 0.01 * np.arange(table.height)).all()
-    reference = simulate(table_run("parquet")).table
+    reference = run_scenario(table_run("parquet")).table
     assert table.head(reference.height).equals(reference.head(table.height))
-    simulate(table_run("parquet"), out)
+    run_scenario(table_run("parquet"), out)
     assert sorted(p.name for p in out.iterdir()) == ["run.json", "run.parquet"]
     assert "complete" not in json.loads((out / "run.json").read_text(encoding="utf-8"))
 
@@ -324,7 +324,7 @@ def test_ctrl_c_inside_an_fmu_is_an_interruption_not_a_failure_of_the_fmu(tmp_pa
     monkeypatch.setenv("TRIHEDRON_CACHE", str(tmp_path / "cache"))
     scenario = Scenario.model_validate({**RUN, "base_folder": tmp_path})
     with pytest.raises(KeyboardInterrupt, match=r"interrupted; .*run\.csv has the run up to 0\.\d s"):
-        simulate(scenario, tmp_path / "out")
+        run_scenario(scenario, tmp_path / "out")
     assert not any((tmp_path / "temporary").iterdir())
     # What there is so far is whole, and says that it is not all.
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["run.csv", "run.json"]
@@ -340,9 +340,9 @@ def test_ctrl_c_before_the_first_row_leaves_nothing(tmp_path: Path, monkeypatch:
     def struck(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(loops, "initialise", struck)
+    monkeypatch.setattr(loops, "initialise_fmus", struck)
     with pytest.raises(KeyboardInterrupt):
-        simulate(Scenario.model_validate({**RUN, "base_folder": tmp_path}), tmp_path / "out")
+        run_scenario(Scenario.model_validate({**RUN, "base_folder": tmp_path}), tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -13,7 +13,7 @@ from scenario_runs import SCENARIOS
 from trihedron.tools.calibration import Bench, calibrate
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
 
@@ -88,7 +88,7 @@ def test_table_and_attitude_computer_give_their_reference_results(tmp_path):
 
 def test_the_stabilised_table_gives_its_reference_results() -> None:
     reference = REFERENCE["table-stabilised"]
-    run = simulate(read_scenario(SCENARIOS / "table-stabilised.toml"))
+    run = run_scenario(read_scenario(SCENARIOS / "table-stabilised.toml"))
     names = ["alpha_deg", "beta_deg", "q1", "q2", "q3"]
     for time, expected in zip(reference["time_s"], reference["values"], strict=True):
         row = run.table.row(round(time / 0.1), named=True)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from foreign_fmus import declaring, rewritten
 from scenario_runs import ACCUMULATOR, CLOCK, GAIN, SCENARIOS, refusal, run, wires
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
-from trihedron.tools.orchestrator.interface import Variable, between, scale_of
+from trihedron.tools.orchestrator import run_scenario
+from trihedron.tools.orchestrator.interface import FmuVariable, between, scale_of
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 from trihedron.tools.orchestrator.wiring import Wire, stepping_groups
 
@@ -108,7 +108,7 @@ def test_offsets_of_temperatures_and_digits_that_a_description_leaves_off() -> N
 
 def order_of(names: list[str], edges: list[tuple[int, int]]) -> list[str]:
     """The order in which FMUs step that feed each other."""
-    port = Variable("x", "Real", "Real", 0, "output", "continuous")
+    port = FmuVariable("x", "Real", "Real", 0, "output", "continuous")
     laid = [Wire(f"f{source}", port, f"f{target}", port) for source, target in edges]
     return [name for group in stepping_groups(names, laid, None) for name in group.members]
 
@@ -147,7 +147,7 @@ def servo(steps: int = 100, gain: float = 2.0, compiled: bool = True, **settings
     document["run"] = {"stop_s": 0.1 * steps, "step_s": 0.1, **settings}
     document["fmus"]["computer"]["parameters"]["algorithm"] = 5
     document["fmus"]["controller"]["parameters"]["gain"] = gain
-    return 2.0 * simulate(Scenario.model_validate(document), compiled=compiled).table["q3"].to_numpy()
+    return 2.0 * run_scenario(Scenario.model_validate(document), compiled=compiled).table["q3"].to_numpy()
 
 
 def drift() -> float:

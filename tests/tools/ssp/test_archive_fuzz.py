@@ -14,7 +14,7 @@ from archive_mutations import OF_ANY, OF_FMUS, OF_SSPS, Members, Mutation, count
 from foreign_fmus import build_foreign
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator.scenario import Scenario
-from trihedron.tools.ssp.write import export_ssp
+from trihedron.tools.ssp.write import write_ssp
 
 DESCRIPTIONS = {"fmu": "modelDescription.xml", "ssp": "SystemStructure.ssd"}
 KINDS: list[tuple[str, Mutation]] = [
@@ -52,7 +52,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> Bases:
         }
     )
     archives: Bases = {}
-    for kind, path in (("fmu", folder / "Gain.fmu"), ("ssp", export_ssp(scenario, folder / "good.ssp"))):
+    for kind, path in (("fmu", folder / "Gain.fmu"), ("ssp", write_ssp(scenario, folder / "good.ssp"))):
         with zipfile.ZipFile(path) as archive:
             archives[kind] = {name: archive.read(name) for name in archive.namelist()}
     return archives

@@ -13,7 +13,7 @@ from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario
 from trihedron.tools.ssp.read import scenario_of_ssp
 
@@ -41,7 +41,7 @@ def imported(path: Path) -> tuple[Scenario, tuple[str, ...]]:
 
 def run(path: Path) -> dict[str, list]:
     with scenario_of_ssp(path) as simulation:
-        return simulate(simulation[0]).table.to_dict(as_series=False)
+        return run_scenario(simulation[0]).table.to_dict(as_series=False)
 
 
 def refusal(path: Path) -> str:
@@ -235,7 +235,7 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
     fmus = {"a": {"fmu": "made.fmu"}}
     settings = {"run": {"step_s": 0.1, "stop_s": 1.0}, "fmus": fmus, "base_folder": tmp_path}
     with pytest.raises(InputError, match="is not a regular file"):
-        simulate(Scenario.model_validate(settings))
+        run_scenario(Scenario.model_validate(settings))
 
 
 def test_a_cycle_is_refused_as_in_a_scenario(tmp_path, fmus, capsys, monkeypatch):

@@ -17,11 +17,11 @@ from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import simulate
+from trihedron.tools.orchestrator import run_scenario
 from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
+from trihedron.tools.ssp.documents import children, parsed
 from trihedron.tools.ssp.read import scenario_of_ssp
-from trihedron.tools.ssp.write import export_ssp, self_contained
-from trihedron.tools.ssp.xml import children, parsed
+from trihedron.tools.ssp.write import self_contained, write_ssp
 
 NUMBERS = {algorithm.name: algorithm.number for algorithm in ALGORITHMS}
 EIGHTH = 0.125
@@ -80,7 +80,7 @@ ROWS = [
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("ssp")
-    return export_ssp(bench(), folder / "bench.ssp", flavour="python")
+    return write_ssp(bench(), folder / "bench.ssp", flavour="python")
 
 
 def all_parameters(path: Path) -> ParameterSet:
@@ -134,17 +134,17 @@ def test_the_parts_stand_in_the_order_that_omsimulator_wants(exported):
 
 
 def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(exported, tmp_path):
-    again = export_ssp(bench(), tmp_path / "again.ssp", flavour="python")
+    again = write_ssp(bench(), tmp_path / "again.ssp", flavour="python")
     assert again.read_bytes() == exported.read_bytes()
-    expected = simulate(bench()).table
+    expected = run_scenario(bench()).table
     assert (
-        simulate(self_contained(bench(), lambda _, component: build(component, tmp_path)))
+        run_scenario(self_contained(bench(), lambda _, component: build(component, tmp_path)))
         .table.select(expected.columns)
         .equals(expected)
     )
     with scenario_of_ssp(exported) as (again, ignored):
         assert ignored == ()
-        simulation = simulate(again).table
+        simulation = run_scenario(again).table
     assert simulation.select(expected.columns).equals(expected)
 
 
@@ -152,9 +152,9 @@ def test_the_same_bytes_on_every_export_and_the_same_run_when_it_comes_back(expo
 def test_fmpy_gives_the_numbers_of_a_run_that_is_delayed(stimuli, tmp_path):
     """FMPy passes outputs on when all FMUs have stepped; so does coupling = "delayed": no number differs."""
     scenario = bench(**({"stimuli": ROWS[:1], "run": {"step_s": EIGHTH, "stop_s": 8.0}} if stimuli == "rows" else {}))
-    path = export_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
+    path = write_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
     with scenario_of_ssp(path, coupling="delayed") as (again, _):
-        expected = simulate(again).table
+        expected = run_scenario(again).table
     steps = expected.height - 1
     rows = simulate_ssp(str(path), stop_time=steps * EIGHTH, step_size=EIGHTH, parameter_set=all_parameters(path))
     assert len(np.unique(expected["table.angle_reading[1]_rad"])) > 10
@@ -178,15 +178,15 @@ def test_timed_rows_go_out_as_components_that_give_the_same_run(tmp_path):
         connections=wires("table.specific_force -> block.specific_force"),
         run={"step_s": 0.1, "stop_s": 6.0},
     )
-    path = export_ssp(scenario, tmp_path / "rows.ssp", flavour="python")
+    path = write_ssp(scenario, tmp_path / "rows.ssp", flavour="python")
     with zipfile.ZipFile(path) as archive:
         fmus = [n for n in archive.namelist() if "TimedRows" in n]
     # One for each unit and type.
     assert len(fmus) == 3
-    expected = simulate(scenario).table
+    expected = run_scenario(scenario).table
     with scenario_of_ssp(path) as (again, ignored):
         assert ignored == ()
-        simulation = simulate(again).table
+        simulation = run_scenario(again).table
     assert simulation.select(expected.columns).equals(expected)
     assert len(expected["block.reading[1]_mps2"].unique()) > 10
 
@@ -200,7 +200,7 @@ def test_a_calibration_goes_to_every_fmu_that_takes_it_under_the_scenarios_own_v
     fmus = {"table": table, "first": block, "second": {**block, "parameters": {"bias": [0.0, 0.0, 0.0], "seed": 3}}}
     forces = wires(*(f"table.specific_force -> {name}.specific_force" for name in ("first", "second")))
     scenario = bench(tmp_path, fmus=fmus, connections=forces)
-    path = export_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
+    path = write_ssp(scenario, tmp_path / "bench.ssp", flavour="python")
     with zipfile.ZipFile(path) as archive:
         resources = sorted(n for n in archive.namelist() if n.startswith("resources/"))
     fmus = ["AccelerometerBlock.fmu", "PositionProgramme.fmu", "TurntableMotion.fmu"]
@@ -216,12 +216,12 @@ def test_a_calibration_goes_to_every_fmu_that_takes_it_under_the_scenarios_own_v
     assert values["first.bias[1]"] == estimates["X16"] != 0.0
     assert values["second.bias[1]"] == 0.0
     assert values["second.scale_error_plus[1]"] == values["first.scale_error_plus[1]"] == estimates["X4"]
-    expected = simulate(scenario).table
+    expected = run_scenario(scenario).table
     with scenario_of_ssp(path) as (again, _):
         fmus_again = again.fmus
         assert fmus_again["second"].parameters["bias[1]"] == 0.0
         assert fmus_again["first"].parameters["bias[1]"] == values["first.bias[1]"]
-        assert simulate(again).table.select(expected.columns).equals(expected)
+        assert run_scenario(again).table.select(expected.columns).equals(expected)
 
 
 def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
@@ -232,13 +232,13 @@ def test_what_cannot_stand_in_an_ssp_is_refused(tmp_path):
         ({"stimuli": [many]}, "has 129 positions; the component PositionProgramme takes 128"),
     ]:
         with pytest.raises(InputError, match=says):
-            export_ssp(bench(**sections), tmp_path / "x.ssp", flavour="python")
+            write_ssp(bench(**sections), tmp_path / "x.ssp", flavour="python")
     with pytest.raises(InputError, match="--fmi 3"):
-        export_ssp(bench(), tmp_path / "x.ssp", fmi=3)
+        write_ssp(bench(), tmp_path / "x.ssp", fmi=3)
     with pytest.raises(InputError, match=r"x\.zip: must end in \.ssp"):
-        export_ssp(bench(), tmp_path / "x.zip")
+        write_ssp(bench(), tmp_path / "x.zip")
     with pytest.raises(InputError, match="there is no native FMU for it"):
-        export_ssp(bench(), tmp_path / "x.ssp", platform="")
+        write_ssp(bench(), tmp_path / "x.ssp", platform="")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -246,11 +246,11 @@ def test_how_cycles_are_taken_goes_out_and_comes_back(tmp_path, capsys):
     scenario = read_scenario(SCENARIOS / "table-stabilised.toml")
     run = scenario.run.model_copy(update={"stop_s": 20 * scenario.run.step_s})
     scenario = scenario.model_copy(update={"run": run})
-    path = export_ssp(scenario, tmp_path / "around.ssp", flavour="python")
-    expected = simulate(scenario).table
+    path = write_ssp(scenario, tmp_path / "around.ssp", flavour="python")
+    expected = run_scenario(scenario).table
     with scenario_of_ssp(path) as (again, _):
         assert again.run.coupling == scenario.run.coupling is not None
-        assert simulate(again).table.equals(expected)
+        assert run_scenario(again).table.equals(expected)
     with scenario_of_ssp(path, coupling="jacobi") as (again, _):
         assert again.run.coupling == "jacobi"
     assert cli.main(["simulate", str(SCENARIOS / "table-stabilised.toml"), "--coupling", "jacobi"]) == 2
@@ -271,16 +271,16 @@ def test_different_steps_go_out_and_come_back(tmp_path, options):
         # The rows say how long a rest has lasted.
         connections = [connection for connection in connections if connection["to"] != "block.dwell"]
     scenario = bench(**options, fmus=fmus, connections=connections)
-    expected = simulate(scenario).table
-    with scenario_of_ssp(export_ssp(scenario, tmp_path / "rates.ssp", flavour="python")) as (again, _):
-        assert simulate(again).table.select(expected.columns).equals(expected)
+    expected = run_scenario(scenario).table
+    with scenario_of_ssp(write_ssp(scenario, tmp_path / "rates.ssp", flavour="python")) as (again, _):
+        assert run_scenario(again).table.select(expected.columns).equals(expected)
         assert again.fmus["block"].step_s is None
     with scenario_of_ssp(tmp_path / "rates.ssp", coupling="delayed") as (again, _):
         assert again.fmus["table"].step_s == 4 * EIGHTH
 
 
 def test_of_ssp_2_it_is_the_same_system(exported, tmp_path):
-    path = export_ssp(bench(), tmp_path / "second.ssp", flavour="python", ssp="2.0")
+    path = write_ssp(bench(), tmp_path / "second.ssp", flavour="python", ssp="2.0")
     with zipfile.ZipFile(exported) as first, zipfile.ZipFile(path) as second:
         for name in first.namelist():
             before, after = first.read(name), second.read(name)
@@ -292,10 +292,10 @@ def test_of_ssp_2_it_is_the_same_system(exported, tmp_path):
             else:
                 assert after == before
     with scenario_of_ssp(path) as (again, _):
-        expected = simulate(bench()).table
-        assert simulate(again).table.select(expected.columns).equals(expected)
+        expected = run_scenario(bench()).table
+        assert run_scenario(again).table.select(expected.columns).equals(expected)
     with pytest.raises(InputError, match=r"--ssp 3\.0: must be 1\.0 or 2\.0"):
-        export_ssp(bench(), tmp_path / "x.ssp", ssp="3.0")  # type: ignore[arg-type]
+        write_ssp(bench(), tmp_path / "x.ssp", ssp="3.0")  # type: ignore[arg-type]
 
 
 def test_by_commands(tmp_path, monkeypatch, capsys):

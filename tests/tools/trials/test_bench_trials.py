@@ -18,7 +18,7 @@ from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, dr
 from trihedron.tools.trials.case import Case, Options
 from trihedron.tools.trials.draw import draw_case
 from trihedron.tools.trials.hiding import expected, faultless_record
-from trihedron.tools.trials.outcome import diagnosed, judged, kind_of
+from trihedron.tools.trials.outcome import diagnosed_case, judged_case, outcome_kind
 from trihedron.tools.trials.suite import Suite, named_suite, run_suite
 from unknown_effects import UNKNOWN, draw_unknown
 
@@ -76,7 +76,7 @@ def test_a_warm_up_is_held_against_the_clock_of_its_record():
     settling = size * np.exp(-record.time_s / 3600.0 / time_constant)
     change = (record.specific_force - faultless_record(case.instrument).specific_force)[:, hidden.place.index]
     assert np.ptp(change / STANDARD_GRAVITY + settling) <= 2.2 * NOISE_BOUND
-    outcome = judged(case, diagnosed(case, record))
+    outcome = judged_case(case, diagnosed_case(case, record))
     (secret,) = outcome.secrets
     assert secret.parameters["size"] == pytest.approx(settling[0], rel=1e-12)
     assert (outcome.outcome, outcome.inside) == ("right", True)
@@ -88,7 +88,7 @@ def test_a_lag_begins_with_what_the_temperature_was_before_and_is_held_against_t
     case = draw_case(Options("single", effects=("thermal-lag",), positions=(20, 24), noise="uniform"), 21, 6)
     record, (hidden,) = case.measured(), case.hidden
     assert record.temperature is not None
-    outcome = judged(case, diagnosed(case, record))
+    outcome = judged_case(case, diagnosed_case(case, record))
     assert (outcome.outcome, outcome.inside) == ("right", True)
     (secret,) = outcome.secrets
     coefficient, settling, constant = secret.parameters.values()
@@ -113,7 +113,7 @@ def test_pairs_are_named_both():
 def test_what_the_catalogue_lacks_gets_no_name():
     assert len(set(UNKNOWN)) == 10
     unknown = draw_unknown(501, 9, (20, 24))
-    result: Any = diagnosed(unknown.case, unknown.record)
+    result: Any = diagnosed_case(unknown.case, unknown.record)
     assert (result.verdict, len(result.causes)) == ("unexplained", 0)
 
 
@@ -283,12 +283,12 @@ def test_an_effect_of_another_record_is_a_wrong_name_and_one_that_nothing_tells_
     def named(*places: EffectPlace, same: tuple[EffectPlace, ...] = ()) -> list[list[Cause]]:
         return [[Cause.found(place, same if place == places[0] else (), (1.0,), ((0.9, 1.1),)) for place in places]]
 
-    assert kind_of(hidden, "explained", named(in_record(cube, "record-2"), square)) == "right"
-    assert kind_of(hidden, "explained", named(in_record(cube, "record-1"), square)) == "wrong"
-    assert kind_of(hidden, "explained", named(cube, square)) == "wrong"
+    assert outcome_kind(hidden, "explained", named(in_record(cube, "record-2"), square)) == "right"
+    assert outcome_kind(hidden, "explained", named(in_record(cube, "record-1"), square)) == "wrong"
+    assert outcome_kind(hidden, "explained", named(cube, square)) == "wrong"
     alike = (in_record(cube, "record-2"),)
-    assert kind_of(hidden, "explained", named(in_record(square, "record-2"), square, same=alike)) == "right"
-    assert kind_of(hidden, "ambiguous", [*named(cube), *named(*hidden)]) == "candidate"
+    assert outcome_kind(hidden, "explained", named(in_record(square, "record-2"), square, same=alike)) == "right"
+    assert outcome_kind(hidden, "ambiguous", [*named(cube), *named(*hidden)]) == "candidate"
     assert NamedEffect.of(hidden[1]).to_json()["record"] == "record-2"
     assert "record" not in NamedEffect.of(square).to_json()
     assert [NamedEffect.of(place).place for place in hidden] == list(hidden)

@@ -27,8 +27,8 @@ from trihedron.tools.trials.block import (
     without_coning,
 )
 from trihedron.tools.trials.case import Options, hideable_in_block
-from trihedron.tools.trials.draw import draw_case, draw_clean_block, evidence_of, size_in_block
-from trihedron.tools.trials.outcome import diagnosed, judged
+from trihedron.tools.trials.draw import block_evidence, draw_case, draw_clean_block, size_in_block
+from trihedron.tools.trials.outcome import diagnosed_case, judged_case
 from trihedron.tools.trials.sizes import Hidden
 from trihedron.tools.trials.suite import Suite, run_suite
 
@@ -163,7 +163,7 @@ def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
     (hidden,) = draw_case(Options(strapdown=True), 8, index).hidden
     assert 2.0 <= hidden.relative_size <= 3.0
     clean = draw_clean_block(8, index)
-    evidence = evidence_of(clean)
+    evidence = block_evidence(clean)
     assert evidence is not None
     if hidden.place.effect != "jitter":
         coefficients = np.array(hidden.values)
@@ -224,4 +224,4 @@ def test_sizes_of_what_sets_in_within_a_window_are_possible_wherever_in_it_that_
     """The part of a window that a step acts in and its size are one number there: of a late one the size is larger."""
     case = draw_case(Options(strapdown=True), 1, 39)
     assert case.hidden[0].place.effect == "gyro-bias-step"
-    assert judged(case, diagnosed(case, case.measured())).inside is True
+    assert judged_case(case, diagnosed_case(case, case.measured())).inside is True

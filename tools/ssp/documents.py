@@ -1,15 +1,120 @@
-"""Values that the parameter bindings of an .ssp give: read with their mappings, taken with their units."""
+"""Documents of SSP 1.0 and 2.0, read without entities: elements, files of the archive, units, values of parameters."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from ...fmus.units import Unit
 from ..errors import InputError, said_of
-from ..orchestrator.interface import Value, Variable, checked
-from .xml import NAMESPACES, child, children, local_name, number_of, read_document, units_of
+from ..files import bytes_of
+from ..orchestrator.archive import MOST_DESCRIPTION_BYTES, refuse_outside, xml_root
+from ..orchestrator.interface import BASE_UNITS, FmuVariable, Value, checked, scale_of
+
+BASE = "http://ssp-standard.org/SSP1/SystemStructure"
+NAMESPACES = {
+    "ssd": f"{BASE}Description",
+    "ssv": f"{BASE}ParameterValues",
+    "ssm": f"{BASE}ParameterMapping",
+    "ssc": f"{BASE}Common",
+}
+DEEPEST = 200
+"""Elements in one another: what nests deeper is meant to hurt."""
+
+
+def children(element: Element, path: str) -> list[Element]:
+    """The elements at a path of prefixed names."""
+    return element.findall(path, NAMESPACES)
+
+
+def child(element: Element, path: str) -> Element | None:
+    """The first element at a path of prefixed names."""
+    return element.find(path, NAMESPACES)
+
+
+def local_name(element: Element) -> str:
+    """An element's name without its namespace."""
+    if not isinstance(element.tag, str):
+        return ""
+    return element.tag.rpartition("}")[2]
+
+
+def declared(*prefixes: str) -> dict[str, str]:
+    """Attributes that declare namespaces."""
+    return {f"xmlns:{prefix}": NAMESPACES[prefix] for prefix in prefixes}
+
+
+def parsed(xml: bytes, label: str, root: str) -> Element:
+    """The root element of an XML document; an InputError for a DOCTYPE, nesting too deep, or another root."""
+    xml_root(xml, f"{label}:", "an .ssp", DEEPEST)
+    try:
+        element = ElementTree.fromstring(xml)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise InputError(f"{label}: is not well-formed XML ({error})") from error
+    prefix, _, name = root.partition(":")
+    if element.tag != f"{{{NAMESPACES[prefix]}}}{name}":
+        raise InputError(f"{label}: its root is <{local_name(element)}>, not <{root}> of SSP")
+    return element
+
+
+def read_document(folder: Path, source: str, label: str, root: str) -> Element:
+    """The root element, of this prefixed name, of a file that a URI relative to the unpacked archive names."""
+    name = f"{label}: {source}"
+    path = folder / member(folder, source, label)
+    return parsed(bytes_of(path, label=name, most=MOST_DESCRIPTION_BYTES), name, root)
+
+
+def member(folder: Path, source: str, label: str) -> str:
+    """The file of the archive that a URI names; what lies elsewhere is refused."""
+    try:
+        parts = urlsplit(source)
+    except ValueError as error:
+        raise InputError(f"{label}: source '{source}' is not a URI ({error})") from error
+    if parts.scheme or parts.netloc or parts.query or parts.fragment or not parts.path:
+        raise InputError(f"{label}: source '{source}' is not a file of the archive; nothing else is opened")
+    path = unquote(parts.path).removeprefix("./")
+    refuse_outside(path, label, ssp=True)
+    if not (folder / path).is_file():
+        raise InputError(f"{label}: has no file '{path}', which its description names")
+    return path
+
+
+def number_of(element: Element, attribute: str, label: str, default: float | None = None) -> float:
+    """A number of an attribute; refused where it is missing without a default, or is none."""
+    text = element.get(attribute)
+    if text is None and default is not None:
+        return default
+    try:
+        value = float(str(text))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{label}: {attribute} of <{local_name(element)}> is {text!r}, not a finite number")
+    return value
+
+
+def document_units(root: Element, path: str, label: str) -> dict[str, Unit]:
+    """The units that a document defines; an InputError for one that is none."""
+    units: dict[str, Unit] = {}
+    for unit in children(root, f"{path}/ssc:Unit"):
+        base = child(unit, "ssc:BaseUnit")
+        if base is None:
+            continue
+        where = f"{label}: unit '{unit.get('name')}'"
+        exponents = {key: number_of(base, key, where, 0.0) for key in BASE_UNITS}
+        factor = number_of(base, "factor", where, 1.0)
+        if factor == 0.0:
+            raise InputError(f"{where}: factor is 0")
+        for key, power in exponents.items():
+            if not power.is_integer():
+                raise InputError(f"{where}: the exponent of {key} is {power:g}, not a whole number")
+        powers = {key: int(power) for key, power in exponents.items()}
+        units[str(unit.get("name"))] = scale_of(powers, factor, number_of(base, "offset", where, 0.0))
+    return units
+
 
 KINDS = {
     "Real": "Real",
@@ -32,7 +137,7 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class Given:
+class BoundValue:
     """A value that a binding gives, as it is written, under a name seen from the element that has the binding.
 
     `scale` is what the documents define of the unit; the mapping has a linear transformation, or one value by value in
@@ -51,12 +156,12 @@ class Given:
     convert: bool = True
 
 
-def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[Given]:
+def read_bindings(element: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[BoundValue]:
     """The values of an element's bindings in their order: a later one wins over an earlier one.
 
     An InputError for a source that is not a file of the archive, or what is not a parameter set of SSP.
     """
-    values: list[Given] = []
+    values: list[BoundValue] = []
     for binding in children(element, "ssd:ParameterBindings/ssd:ParameterBinding"):
         if binding.get("type", "application/x-ssp-parameter-set") != "application/x-ssp-parameter-set":
             raise InputError(f"{label}: a parameter binding has type '{binding.get('type')}', which is not supported")
@@ -84,14 +189,14 @@ def _document(element: Element, folder: Path, label: str, root: str, inside: str
     return child(element, f"{inside}{root}")
 
 
-def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[Given]:
+def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[str, Unit]) -> list[BoundValue]:
     root = _document(binding, folder, label, "ssv:ParameterSet", "ssd:ParameterValues/")
     where = label
     if binding.get("source"):
         where = f"{label}: {binding.get('source')}"
     if root is None:
         raise InputError(f"{label}: a parameter binding has neither a source nor values")
-    scales = {**units, **units_of(root, "ssv:Units", where)}
+    scales = {**units, **document_units(root, "ssv:Units", where)}
     values = []
     for parameter in children(root, "ssv:Parameters/ssv:Parameter"):
         name = parameter.get("name", "")
@@ -100,11 +205,11 @@ def _parameter_set(binding: Element, folder: Path, label: str, units: Mapping[st
         if not typed or typed[0].get("value") is None:
             raise InputError(f"{where}: parameter '{name}' has no value of a type that FMI 2.0 has")
         unit, kind = typed[0].get("unit"), KINDS[local_name(typed[0])]
-        values.append(Given(name, kind, typed[0].get("value", ""), unit, scales.get(unit or ""), where))
+        values.append(BoundValue(name, kind, typed[0].get("value", ""), unit, scales.get(unit or ""), where))
     return values
 
 
-def _mapped(values: Sequence[Given], entries: Sequence[Element], label: str) -> list[Given]:
+def _mapped(values: Sequence[BoundValue], entries: Sequence[Element], label: str) -> list[BoundValue]:
     """The values under the names that a mapping gives them; what it does not name keeps its name."""
     mapped = []
     for binding in values:
@@ -116,7 +221,7 @@ def _mapped(values: Sequence[Given], entries: Sequence[Element], label: str) -> 
     return mapped
 
 
-def _transformed(binding: Given, entry: Element, label: str) -> Given:
+def _transformed(binding: BoundValue, entry: Element, label: str) -> BoundValue:
     convert = entry.get("suppressUnitConversion") not in ("true", "1")
     binding = replace(binding, name=entry.get("target", ""), convert=convert)
     for step in entry:
@@ -133,7 +238,7 @@ def _transformed(binding: Given, entry: Element, label: str) -> Given:
     return binding
 
 
-def value_for(binding: Given, variable: Variable, scales: Mapping[str, Unit]) -> Value:
+def value_for(binding: BoundValue, variable: FmuVariable, scales: Mapping[str, Unit]) -> Value:
     """A binding's value as the variable takes it, in the variable's unit.
 
     An InputError for a text that is no such value, another type or dimension, or a value outside the variable's limits.
@@ -149,7 +254,7 @@ def value_for(binding: Given, variable: Variable, scales: Mapping[str, Unit]) ->
         return checked(value, variable)
 
 
-def _value(text: str, binding: Given, variable: Variable) -> Value:
+def _value(text: str, binding: BoundValue, variable: FmuVariable) -> Value:
     """The value of a text by the variable's type, which must be that of the text."""
     kinds = (variable.kind, binding.kind)
     if kinds in (("Real", "Real"), ("Real", "Integer")):
@@ -181,7 +286,7 @@ def _ascii(text: str) -> str:
     return text
 
 
-def _converted(value: float, binding: Given, variable: Variable, scales: Mapping[str, Unit]) -> float:
+def _converted(value: float, binding: BoundValue, variable: FmuVariable, scales: Mapping[str, Unit]) -> float:
     """A value from the binding's unit into the variable's."""
     if binding.unit is None or variable.unit is None:
         return value
