@@ -1,6 +1,6 @@
 """Records of a table's positions: sessions at a stand, with effects of the catalogue and without, and their files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -83,9 +83,12 @@ class Session:
     def record(self, hidden: Sequence[Sized] = (), error: Any = 0.0) -> PositionRecord:
         """The record with effects and errors (N, 3) [g]."""
         angles, reading = self.read(hidden, error)
-        plain = record(reading, *angles.T)
+        return self.recorded(angles, reading)
+
+    def recorded(self, angles: np.ndarray, reading: np.ndarray) -> PositionRecord:
+        """The record of readings (N, 3) [g] at angles (N, 2) [rad] of the encoders."""
         return replace(
-            plain,
+            record(reading, *angles.T),
             time_s=self.time_s,
             temperature=self.temperature,
             approach_alpha=self.senses[:, 0],
@@ -146,6 +149,37 @@ def drawn_record(
         error = SIGMA * np.sign(error)
     record = session.record(hidden, 0.0 * error if exact else error)
     return record if temperature else replace(record, temperature=None)
+
+
+Law = Callable[[Visits], np.ndarray]
+"""What is added (N,) at visits."""
+
+
+def record_with(
+    seed: int | Sequence[int],
+    faults: Mapping[str, Law],
+    count: int = 36,
+    *,
+    larger: float = 1.0,
+    temperature: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> PositionRecord:
+    """A record of a drawn session in which readings f1 to f3 [g], or encoders alpha and beta [rad], err by functions.
+
+    Errors are so many times as large as σ allows; `temperature` is one of the part of the time from 0 to 1.
+    """
+    rng = np.random.default_rng(seed)
+    session = Session.drawn(rng, count)
+    if temperature is not None:
+        session = replace(session, temperature=np.round(temperature(session.hours / session.hours[-1]), 4))
+    n = session.stand.inputs(session.alpha, session.beta)
+    visits, reading = session.visits(n), session.stand.readings(n) + larger * errors(rng, count)[0]
+    angles = np.stack([session.alpha, session.beta], axis=1)
+    for target, fault in faults.items():
+        if target[0] == "f":
+            reading[:, int(target[1]) - 1] += fault(visits)
+        else:
+            angles[:, int(target == "beta")] += fault(visits)
+    return session.recorded(angles, reading)
 
 
 def standard_session(rng: np.random.Generator, *, symmetric: bool = False) -> Session:

@@ -15,11 +15,8 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linprog
 
-from generator import SIGMA, G
-from generator.positions import Session, errors
-from generator.runs import up
-from generator.stands import Stand, random_bench, simulated
-from trihedron.tools.records import PositionRecord
+from generator import SIGMA
+from generator.positions import Law, Session, errors
 
 COUNTS = (16, 20, 24, 30, 36, 48, 60, 100)
 PIECES, LIKE_TRUTH = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24), 0.25
@@ -424,49 +421,10 @@ def outside_case(folder: Path, seed: int, index: int) -> Outside:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What an error may depend on, at N positions: true angles [rad], inputs [g], hours, temperature."""
-
-    alpha: np.ndarray
-    beta: np.ndarray
-    n: np.ndarray
-    hours: np.ndarray
-    temperature: np.ndarray
-
-
-Errors = Callable[[Seen], np.ndarray]
-
-
-def record_with(path: Path, seed: int, target: str, error: Errors, count: int = 36) -> Path:
-    """A position record in which `target`, a reading f1 to f3 [g] or an encoder [rad], errs by a function (N,)."""
-    rng = np.random.default_rng(seed)
-    stand = Stand.drawn(rng)
-    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, count))
-    time_s = np.round(np.cumsum(rng.uniform(40.0, 90.0, count)), 1)
-    hours = (time_s - time_s[0]) / 3600.0
-    temperature = np.round(20.0 + 4.0 * np.sin(9.0 * hours + seed) + rng.uniform(-2.0, 2.0, count), 4)
-    n = stand.inputs(alpha, beta)
-    true = alpha - stand.alpha_error - stand.alpha_star, beta - stand.beta_error
-    added = error(Seen(*true, n, hours, temperature))
-    reading = stand.readings(n) + rng.uniform(-SIGMA, SIGMA, n.shape)
-    if target[0] == "f":
-        reading[:, int(target[1]) - 1] += added
-    elif target == "alpha":
-        alpha = alpha + added
-    else:
-        beta = beta + added
-    names = "position,time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2,temperature_degC"
-    columns = [np.arange(1, count + 1), time_s, np.degrees(alpha), np.degrees(beta), G * reading, temperature]
-    formats = ["%d", "%.1f"] + 5 * ["%.9f"] + ["%.4f"]
-    np.savetxt(path, np.column_stack(columns), formats, ",", header=names, comments="")
-    return path
-
-
-@dataclass(frozen=True)
 class Formula:
     """An error by a formula, its true coefficients, and another formula that is false of the same record."""
 
-    error: Errors
+    error: Law
     sizes: tuple[float, ...]
     false: str
 
@@ -493,44 +451,3 @@ FORMULAS = {
         "f1 += c*n2*hours + d*n3**2*hours",
     ),
 }
-
-
-# A fault beside approaches whose senses are open
-
-
-@dataclass(frozen=True)
-class OpenFault:
-    """What is hidden: a change (N,) [g] of one accelerometer's readings, by the size of its parameter."""
-
-    accelerometer: int
-    change: np.ndarray
-    size: float
-
-
-def open_record(seed: int, kind: str) -> tuple[PositionRecord, OpenFault]:
-    """Sixteen random positions, each approached at random, and a "step", a "drift" or a "fifth power" of an input."""
-    rng = np.random.default_rng(seed)
-    bench = random_bench(rng)
-    alpha, beta = rng.uniform(0.0, 2.0 * np.pi, (2, 16))
-    clean = simulated(bench, alpha, beta)
-    n = up(alpha, beta)
-    hours = clean.time_s / 3600.0
-    if kind == "step":
-        size = 0.0
-        later = np.arange(16) >= rng.uniform(0.3, 0.7) * 16
-        p = int(rng.integers(3))
-        values = later * rng.uniform(4.0, 6.0) * SIGMA
-    elif kind == "drift":
-        p = int(rng.integers(3))
-        size = rng.choice([-1.0, 1.0]) * rng.uniform(6.0, 9.0) * SIGMA / hours[-1]
-        values = size * hours
-    else:
-        p = int(rng.integers(3))
-        size = rng.uniform(1e-4, 2e-4)
-        values = size * n[:, p] ** 5
-    change = rng.uniform(-SIGMA, SIGMA, n.shape)
-    change[:, p] += values
-    sides = rng.choice([-1.0, 1.0], (2, 16))
-    force = clean.specific_force + G * change
-    record = replace(clean, specific_force=force, approach_alpha=sides[0], approach_beta=sides[1])
-    return record, OpenFault(p + 1, values, size)

@@ -1,5 +1,7 @@
 """A search that is cut off says so: what was found before stands, and what was not tried may do as well."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -55,7 +57,7 @@ def test_what_was_found_before_the_search_was_cut_off_stands():
 @pytest.mark.acceptance
 def test_some_of_many_sets_are_no_answer_beside_one_function_as_simple():
     """A walk at one accelerometer: pairs of unrelated effects fit it, too, and the search finds some of them."""
-    result = diagnosed(walking(8, 1.1e-5), most_work=2e6)
+    result: Any = diagnosed(walking(8, 1.1e-5), most_work=2e6)
     assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 2)
     assert (result.causes, bool(result.not_named)) == ((), True)
     assert all("would do; others may that were not tried, and, as simple, a function" in s for s in result.not_named)
