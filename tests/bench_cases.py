@@ -3,9 +3,8 @@
 import numpy as np
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.trials.bench import bench_positions, draw_truth, plain_bench
-from trihedron.tools.trials.case import Case
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import Case, Hidden, draw_truth, plain_bench
+from trihedron.tools.trials.bench import bench_positions
 
 
 def bench_case(

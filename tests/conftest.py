@@ -87,7 +87,7 @@ def _hasty_compiler(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
 @pytest.fixture(scope="module", autouse=True)
 def _compiler(request: pytest.FixtureRequest, _hasty_compiler: Path | None) -> Iterator[None]:
     """Native FMUs are compiled in haste where their machine code is not what is tested."""
-    from trihedron.fmus.native.compile import host_compiler
+    from trihedron.fmus import host_compiler
 
     with pytest.MonkeyPatch.context() as patch:
         if _hasty_compiler and not COMPILED_AS_SHIPPED & {request.path.parent.name, request.path.stem}:

@@ -8,9 +8,8 @@ import numpy as np
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.evidence.of_record import in_record
 from trihedron.tools.records import PositionRecord, StrapdownRecord
-from trihedron.tools.trials.bench import draw_bench, draw_days, draw_truth, measured_on_days, plain_bench
-from trihedron.tools.trials.draw import draw_clean_block
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import Hidden, draw_bench, draw_clean_block, draw_truth, plain_bench
+from trihedron.tools.trials.bench import draw_days, measured_on_days
 
 Sized = tuple[EffectPlace, tuple[float, ...]]
 

@@ -9,8 +9,8 @@ import fmpy
 
 from native_checks import Entry
 from native_driver import OK, Library
+from trihedron.fmus import PLATFORMS, host_name
 from trihedron.fmus.component import Component, Variable
-from trihedron.fmus.native.compile import PLATFORMS, host_name
 
 
 def open_fmu(path: Path, folder: Path) -> Library:

@@ -17,9 +17,7 @@ from trihedron.tools.document.page import html
 from trihedron.tools.planning.targets import optimal_plans
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.result import Result
-from trihedron.tools.trials.bench import NOISE_BOUND
-from trihedron.tools.trials.case import Options
-from trihedron.tools.trials.draw import draw_alone, draw_case
+from trihedron.tools.trials import NOISE_BOUND, Options, draw_alone, draw_case
 
 NEAR_THE_LEAST = Options(strapdown=True, effects=("quadratic",), size=(1.0, 2.0))
 """So little of a quadratic term that a moved block does not tell it from an asymmetric scale factor."""

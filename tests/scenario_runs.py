@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import RunOptions, Simulation, read_scenario, run_scenario, simulate_table
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.orchestrator import RunOptions, Scenario, Simulation, read_scenario, run_scenario, simulate_table
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 ONE_SECOND = {"stop_s": 1.0, "step_s": 0.1}

@@ -8,7 +8,8 @@ import numpy as np
 
 from trihedron.tools.evidence.fit import composed
 from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.trials.bench import BLOCK_NOISE, ENCODER_FLUCTUATION, draw_truth
+from trihedron.tools.trials import draw_truth
+from trihedron.tools.trials.bench import BLOCK_NOISE, ENCODER_FLUCTUATION
 
 HEADER = "time_s,alpha_deg,beta_deg,f1_mps2,f2_mps2,f3_mps2\n"
 STEP_S = 0.25

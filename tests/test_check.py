@@ -292,8 +292,8 @@ def test_rubbish_is_a_problem_never_a_fault(content: bytes, ending: str, tmp_pat
 def test_fmus_and_ssp_archives(fmu_folder: Path, tmp_path: Path):
     checked = th.check(fmu_folder / "AccelerometerBlock.fmu")
     assert (checked.good, checked.kind) == (True, "FMU")
-    from trihedron.tools.orchestrator.scenario import read_scenario
-    from trihedron.tools.ssp.write import write_ssp
+    from trihedron.tools.orchestrator import read_scenario
+    from trihedron.tools.ssp import write_ssp
 
     archive = tmp_path / "static.ssp"
     write_ssp(read_scenario(STATIC), archive, flavour="python")

@@ -13,9 +13,7 @@ from trihedron.tools.calibration.calibration import Asked, fit_record
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench_visits import Visits, circumstances_of, signature_columns
 from trihedron.tools.records import PositionRecord
-from trihedron.tools.trials.bench import NOISE_BOUND
-from trihedron.tools.trials.case import Case, Options
-from trihedron.tools.trials.draw import draw_case
+from trihedron.tools.trials import NOISE_BOUND, Case, Options, draw_case
 from trihedron.tools.trials.hiding import classes_with
 
 LEAST_RADIUS = 1.5

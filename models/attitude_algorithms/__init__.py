@@ -9,9 +9,10 @@ Source: Chelnokov, Perelyaev, Chelnokova 2016.
 """
 
 from . import adaptive, iteration, products
+from .computer import INPUT_KINDS, order_with
 from .definition import MAX_INCREMENT, RANGE_ERROR, Algorithm
 
-__all__ = ["ALGORITHMS", "MAX_INCREMENT", "PRODUCTS", "RANGE_ERROR", "Algorithm"]
+__all__ = ["ALGORITHMS", "INPUT_KINDS", "MAX_INCREMENT", "PRODUCTS", "RANGE_ERROR", "Algorithm", "order_with"]
 
 _ALL = products.ALGORITHMS + iteration.ALGORITHMS + adaptive.ALGORITHMS
 ALGORITHMS = tuple(sorted(_ALL, key=lambda algorithm: algorithm.number))

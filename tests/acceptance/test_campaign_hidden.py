@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trihedron.tools import cli
-from trihedron.tools.trials.suite import Suite, named_suite, run_suite
+from trihedron.tools.trials import Suite, named_suite, run_suite
 
 pytestmark = pytest.mark.acceptance
 CASES = max(10, round(200 * float(os.environ.get("TRIHEDRON_SUITE_SHARE", "0.1"))))

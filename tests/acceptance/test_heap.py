@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus import host_compiler
 
 RUN = """
 import sys

@@ -11,11 +11,18 @@ import numpy as np
 import pytest
 
 from trihedron.tools.calibration.model import PRESETS
-from trihedron.tools.trials.bench import NOISE_BOUND, STAND_BOUND
-from trihedron.tools.trials.case import Case
-from trihedron.tools.trials.draw import draw_case
-from trihedron.tools.trials.outcome import Outcome, diagnosed_case, judged_case
-from trihedron.tools.trials.suite import detection, named_suite, run_suite
+from trihedron.tools.trials import (
+    NOISE_BOUND,
+    Case,
+    Outcome,
+    diagnosed_case,
+    draw_case,
+    judged_case,
+    named_suite,
+    run_suite,
+)
+from trihedron.tools.trials.bench import STAND_BOUND
+from trihedron.tools.trials.suite import detection
 from unknown_effects import LEAST_RADIUS, draw_unknown
 
 pytestmark = pytest.mark.acceptance

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from trihedron.tools.trials.suite import Suite, named_suite, run_suite
+from trihedron.tools.trials import Suite, named_suite, run_suite
 
 pytestmark = pytest.mark.acceptance
 COUNT, SEED = int(os.environ.get("TRIHEDRON_TRIPLES", "20")), os.environ.get("TRIHEDRON_TRIPLES_FROM")

@@ -12,7 +12,7 @@ import pytest
 from campaign_runs import children, command_of, wait_for
 from foreign_fmus.hostile import CALLS, WAYS, assert_named_and_kept, build_hostile, hostile_scenario
 from scenario_runs import scenario
-from trihedron.tools.orchestrator.scenario import write_scenario
+from trihedron.tools.orchestrator import write_scenario
 
 pytestmark = [pytest.mark.acceptance, pytest.mark.skipif(os.name == "nt", reason="the FMU is written for POSIX")]
 

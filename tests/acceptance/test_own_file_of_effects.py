@@ -10,8 +10,7 @@ import pytest
 import trihedron as th
 from trihedron.models.effects import CATALOGUE
 from trihedron.tools import cli
-from trihedron.tools.orchestrator.run import simulate_table
-from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.orchestrator import read_scenario, simulate_table
 
 pytestmark = pytest.mark.acceptance
 

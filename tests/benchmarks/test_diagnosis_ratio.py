@@ -16,10 +16,7 @@ from trihedron.tools.bounded.programmes import solved as highs_solved
 from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.kinds import evidence_of
-from trihedron.tools.trials.bench import NOISE_BOUND, draw_bench
-from trihedron.tools.trials.case import Case
-from trihedron.tools.trials.outcome import diagnosed_case
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import NOISE_BOUND, Case, Hidden, diagnosed_case, draw_bench
 
 pytestmark = pytest.mark.benchmark_ratio
 EFFECTS = {

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from trihedron.fmus.native.compile import host_compiler
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.fmus import host_compiler
+from trihedron.tools.orchestrator import Scenario, run_scenario
 
 STEP, STEPS, PLAIN_STEPS = 0.01, 4_000_000, 30_000
 VARIABLES = "".join(

@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
 
-from trihedron.fmus import build
-from trihedron.fmus.native.compile import host_compiler
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.fmus import build, host_compiler
+from trihedron.tools.orchestrator import Scenario, run_scenario
 
 STEP, ROUNDS = 0.01, 3
 PLAIN_STEPS, STEPS = 20_000, 1_000_000

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from attitude_motions import operations_per_sample, paper_error, relative_coning_drift
-from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.models.attitude_algorithms.computer import INPUT_KINDS, order_with
+from trihedron.models.attitude_algorithms import ALGORITHMS, INPUT_KINDS, order_with
 from trihedron.tools.cli import main
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.compare import sample_motion

@@ -22,10 +22,9 @@ from fmpy.validation import validate_fmu
 from component_kinds import all_kinds, draw_parameters, elements_of, outputs_of, setter_of, title
 from named import Named
 from native_model import Model, numbering, open_fmu
-from trihedron.fmus import build, components
+from trihedron.fmus import PLATFORMS, BuildError, build, components, host_compiler, zig_version
 from trihedron.fmus.component import Component, Variable
 from trihedron.fmus.native import compile as compiler
-from trihedron.fmus.native.compile import PLATFORMS, BuildError, host_compiler, zig_version
 from trihedron.fmus.source import references
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError

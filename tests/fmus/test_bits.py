@@ -12,9 +12,8 @@ from component_kinds import all_kinds, draw_inputs, draw_parameters, outputs_of,
 from named import Named
 from native_driver import OK
 from native_model import Model, numbering, open_fmu
-from trihedron.fmus import build
+from trihedron.fmus import build, host_compiler
 from trihedron.fmus.component import Component
-from trihedron.fmus.native.compile import host_compiler
 from trihedron.fmus.source import Instance, flat_source, instance_rows, instantiate
 
 needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from trihedron.fmus import build
+from trihedron.fmus import build, host_name
 from trihedron.fmus.cache import kept
-from trihedron.fmus.native.compile import compiles, host_name
+from trihedron.fmus.native.compile import compiles
 
 
 @pytest.fixture

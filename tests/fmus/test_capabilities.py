@@ -12,9 +12,8 @@ from fmpy.fmi1 import FMICallException
 from component_kinds import all_kinds, draw_inputs, elements_of, outputs_of, setter_of, title
 from native_driver import OK
 from native_model import Model, open_fmu
-from trihedron.fmus import build, components
+from trihedron.fmus import build, components, host_compiler
 from trihedron.fmus.component import Component
-from trihedron.fmus.native.compile import host_compiler
 
 needs_compiler = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 

@@ -15,8 +15,7 @@ from trihedron.fmus.component import Component, extend
 from trihedron.fmus.source import references
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.orchestrator import Scenario, run_scenario
 
 DISCARD = 2
 

@@ -11,9 +11,8 @@ import pytest
 from component_kinds import all_kinds, draw_inputs, draw_parameters, title
 from native_driver import ERROR, OK
 from native_model import Model, numbering, open_fmu
-from trihedron.fmus import build, components
+from trihedron.fmus import build, components, host_compiler
 from trihedron.fmus.component import Component, Variable, extend
-from trihedron.fmus.native.compile import host_compiler
 
 pytestmark = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 

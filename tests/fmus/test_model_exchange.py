@@ -11,8 +11,7 @@ import pytest
 from component_kinds import elements_of
 from native_driver import ERROR, OK, Library
 from native_model import Model, open_fmu
-from trihedron.fmus import build, components
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus import build, components, host_compiler
 
 pytestmark = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 

@@ -14,9 +14,8 @@ from component_kinds import all_kinds, title
 from native_checks import CHECKS, Subject
 from native_driver import Library
 from native_model import as_json, entries, open_fmu, unpack
-from trihedron.fmus import build
+from trihedron.fmus import build, host_compiler
 from trihedron.fmus.component import Component
-from trihedron.fmus.native.compile import host_compiler
 
 pytestmark = pytest.mark.skipif(host_compiler() is None, reason="skipped: no C compiler")
 

@@ -14,10 +14,10 @@ import pytest
 
 from component_kinds import draw_inputs, draw_parameters, elements_of
 from named import Named
-from trihedron.fmus import components
+from trihedron.fmus import PLATFORMS, components, zig_version
 from trihedron.fmus.component import Component
 from trihedron.fmus.native.c_source import native_sources
-from trihedron.fmus.native.compile import FLAGS, PLATFORMS, binary, zig_version
+from trihedron.fmus.native.compile import FLAGS, binary
 
 STEPS = 1000
 RUNNERS = {"x86_64-linux-musl": None, "aarch64-linux-musl": "qemu-aarch64", "x86_64-windows-gnu": "wine"}

@@ -8,9 +8,8 @@ from typing import Literal
 import pytest
 
 import trihedron as th
-from trihedron.fmus import build
+from trihedron.fmus import build, host_name
 from trihedron.fmus.native import compile as compiler
-from trihedron.fmus.native.compile import host_name
 
 NAME = "AccelerometerBlock"
 

@@ -10,8 +10,8 @@ from test_attitude_order import HALF, HIGH, attitude, increments
 
 from attitude_kernels import angle_between, precise_kernels, product, updater
 from named import Named
-from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
-from trihedron.models.attitude_algorithms.computer import INPUT_KINDS, MIXED, RATES, WEIGHTS, order_with, weights_of
+from trihedron.models.attitude_algorithms import ALGORITHMS, INPUT_KINDS, Algorithm, order_with
+from trihedron.models.attitude_algorithms.computer import MIXED, RATES, WEIGHTS, weights_of
 
 BY_NAME = {a.name: a for a in ALGORITHMS}
 QUICK = ("mean-rate", "one-sample-rodrigues", "two-sample-rodrigues", "three-sample-uncompressed", "panov")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import trihedron as th
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus import host_compiler
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS
 from trihedron.tools import cli
 from trihedron.tools.bounded.sets import Work

@@ -1,3 +1,4 @@
+from .run import PreparedScenario as PreparedScenario
 from .run import Simulation as Simulation
 from .run import run_folder as run_folder
 from .run import run_scenario as run_scenario
@@ -5,3 +6,4 @@ from .run import simulate_table as simulate_table
 from .scenario import RunOptions as RunOptions
 from .scenario import Scenario as Scenario
 from .scenario import read_scenario as read_scenario
+from .scenario import write_scenario as write_scenario

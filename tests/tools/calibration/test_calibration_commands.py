@@ -15,8 +15,7 @@ from page_text import html_of
 from parameter_intervals import intervals_in
 from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
-from trihedron.tools.orchestrator.run import run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.orchestrator import Scenario, run_scenario
 from trihedron.tools.records import PositionRecord, read_record, write_record
 from trihedron.tools.records.rests import find_rests
 from trihedron.tools.reports.calibration import calibration_page

@@ -24,12 +24,11 @@ from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.exporting import write_fmpy_input
 from trihedron.tools.measured import bench_at
-from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.orchestrator import read_scenario
 from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
 from trihedron.tools.records.rests import position_record_of
 from trihedron.tools.reports.calibration import gyro_sections
-from trihedron.tools.trials.bench import draw_whole
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import Hidden, draw_whole
 
 SIGMA = 1.2e-5
 PLACE = Bench(np.degrees(LATITUDE), np.degrees(AZIMUTH), encoder_bound=2e-6)

@@ -12,18 +12,16 @@ from attitude_motions import paper_error
 from foreign_fmus import build_foreign
 from named import Named
 from trihedron.models.bench import TARGETS
+from trihedron.tools.campaign import carry_out_campaign
 from trihedron.tools.campaign.file import Campaign, parse_campaign
 from trihedron.tools.campaign.kinds import RunOutputs, motion_samples, reduced
-from trihedron.tools.campaign.runs import Design, carry_out_campaign, columns_of, make_runner
+from trihedron.tools.campaign.runs import Design, columns_of, make_runner
 from trihedron.tools.campaign.store import make_order
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion.attitude import algorithm_named
 from trihedron.tools.motion.compare import read_increments
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.run import PreparedScenario
-from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
-from trihedron.tools.trials.case import Options
-from trihedron.tools.trials.suite import run_suite
+from trihedron.tools.orchestrator import PreparedScenario, Scenario, read_scenario, run_scenario
+from trihedron.tools.trials import Options, run_suite
 
 ROOT = Path(__file__).resolve().parents[3]
 HEAD = 'schema = "trihedron.campaign/1"\n'

@@ -18,8 +18,7 @@ from trihedron.tools.diagnosis.result import Explanation, OneRecord
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.evidence import undetermined
 from trihedron.tools.records import PositionRecord, read_record, write_record
-from trihedron.tools.trials.draw import draw_clean_block
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import Hidden, draw_clean_block
 
 SIGMA = 1e-5
 QUADRATIC, ENCODER = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("encoder-harmonic", "outer-axis", 2)

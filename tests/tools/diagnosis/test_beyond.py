@@ -23,8 +23,7 @@ from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import NEAR, dependence
 from trihedron.tools.evidence.bench import Bench, bench_evidence
 from trihedron.tools.records import PositionRecord, read_record
-from trihedron.tools.trials.bench import NOISE_BOUND
-from trihedron.tools.trials.draw import draw_alone
+from trihedron.tools.trials import NOISE_BOUND, draw_alone
 
 COUNT = 36
 

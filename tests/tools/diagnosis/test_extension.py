@@ -28,8 +28,8 @@ from trihedron.tools.evidence.bench_scenario import HALF_REST
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.references import Gravity, turned
-from trihedron.tools.orchestrator.scenario import read_scenario
-from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.orchestrator import read_scenario
+from trihedron.tools.trials import NOISE_BOUND
 
 G = 9.80665
 HARMONIC = EffectPlace("encoder-harmonic", "inner-axis", 3), (2e-4, 2.0)

@@ -22,7 +22,7 @@ from trihedron.tools.diagnosis.result import Diagnosis
 from trihedron.tools.diagnosis.several import labels_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import write_record
-from trihedron.tools.trials.draw import draw_clean_block
+from trihedron.tools.trials import draw_clean_block
 
 SIGMA = 1e-5
 QUADRATIC, CUBIC = EffectPlace("quadratic", "accelerometer-2"), EffectPlace("cubic", "accelerometer-1")

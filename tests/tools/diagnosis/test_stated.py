@@ -13,7 +13,7 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.cause import causes_of, centred
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import Cast
-from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials import NOISE_BOUND
 
 HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 2)
 PRODUCT = EffectPlace("cross-product", "accelerometer-1", axes=(1, 3))

@@ -15,7 +15,7 @@ from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.result import Diagnosis
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.reports import page_of
-from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials import NOISE_BOUND
 
 SPAN = 1.0
 """Length of a record [h]."""

@@ -26,8 +26,7 @@ from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_model import Cast, determined, predicted_errors
 from trihedron.tools.evidence.bench_predictions import second_mounting, simulate_rows
 from trihedron.tools.records import PositionRecord, read_record
-from trihedron.tools.trials.bench import NOISE_BOUND
-from trihedron.tools.trials.draw import draw_alone
+from trihedron.tools.trials import NOISE_BOUND, draw_alone
 
 ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)
 CUBIC = EffectPlace("cubic", "accelerometer-3")

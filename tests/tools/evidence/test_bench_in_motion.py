@@ -28,8 +28,8 @@ from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_travel import Travel, approached
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
-from trihedron.tools.trials.bench import TrialBench, draw_whole
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import Hidden, draw_whole
+from trihedron.tools.trials.bench import TrialBench
 
 SIGMA = 1e-5
 HARMONIC = EffectPlace("encoder-harmonic", "outer-axis", 3)

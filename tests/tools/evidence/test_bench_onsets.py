@@ -12,8 +12,7 @@ from trihedron.tools.bounded.sets import Work
 from trihedron.tools.evidence.bench_in_motion import BenchInMotion, whole_evidence
 from trihedron.tools.evidence.bench_onsets import SLACK, SLIP
 from trihedron.tools.evidence.fit import Fit
-from trihedron.tools.trials.bench import draw_whole
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import Hidden, draw_whole
 
 SIGMA = 1e-5
 BIAS_STEP, SCALE_STEP, LATENCY_STEP, WARM_UP = (

@@ -22,8 +22,7 @@ from trihedron.tools.motion.carry import GyroModel, carried_attitude
 from trihedron.tools.motion.inspect import inspect_record
 from trihedron.tools.orchestrator import fmu as orchestrator_fmu
 from trihedron.tools.orchestrator.load import usual_flavour
-from trihedron.tools.trials.case import Options
-from trihedron.tools.trials.draw import draw_case, draw_clean_block
+from trihedron.tools.trials import Options, draw_case, draw_clean_block
 
 LATENCY = EffectPlace("latency", "gyro-block")
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")

@@ -10,7 +10,7 @@ from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord
-from trihedron.tools.trials.draw import draw_clean_block
+from trihedron.tools.trials import draw_clean_block
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,7 @@ from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.evidence import rms_size
 from trihedron.tools.evidence.joint import join
 from trihedron.tools.evidence.of_record import Differs, Mended, in_record, is_of_instrument
-from trihedron.tools.trials.draw import draw_clean_block
-from trihedron.tools.trials.sizes import Hidden
+from trihedron.tools.trials import Hidden, draw_clean_block
 
 SIGMA = 1e-5
 ENCODER = EffectPlace("encoder-harmonic", "outer-axis", 2)

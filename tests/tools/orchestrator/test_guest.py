@@ -16,8 +16,7 @@ from foreign_fmus.hostile import assert_named_and_kept, build_hostile, hostile_s
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, run_of_guests, scenario, wires
 from trihedron.tools import library
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import write_scenario
+from trihedron.tools.orchestrator import run_scenario, write_scenario
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the hostile FMU is written for POSIX")
 

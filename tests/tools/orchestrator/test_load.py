@@ -14,8 +14,8 @@ import pytest
 from foreign_fmus import declaring, rewritten
 from foreign_fmus.foreign_failing import WAYS
 from scenario_runs import FAILING, GAIN, refusal, run
+from trihedron.fmus import BuildError, host_compiler
 from trihedron.fmus.cache import cache_folder, others_can_write
-from trihedron.fmus.native.compile import BuildError, host_compiler
 from trihedron.models.bench import TARGETS
 from trihedron.tools.errors import InputError
 from trihedron.tools.orchestrator import archive as archives

@@ -17,11 +17,9 @@ import pytest
 import foreign_fmus
 from foreign_fmus import rewritten
 from scenario_runs import ACCUMULATOR, GAIN, here, refusal, run, scenario, wires
-from trihedron.fmus import build
-from trihedron.fmus.native.compile import host_compiler
+from trihedron.fmus import build, host_compiler
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import loops, run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.orchestrator import Scenario, loops, run_scenario
 
 NAMES = ("TurntableMotion", "AccelerometerBlock", "AttitudeComputer")
 FLAVOURS = {"python": ("python", 2), "native-2": ("native", 2), "native-3": ("native", 3)}

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from named import Named
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.orchestrator import Scenario, run_scenario
 
 SLOW = {"max_rate": [0.3, 0.5], "max_acceleration": [0.4, 0.2], "initial_angle": [0.2, -0.1]}
 

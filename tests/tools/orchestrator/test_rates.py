@@ -10,8 +10,7 @@ import pytest
 
 from foreign_fmus import compile_foreign
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, SCENARIOS, refusal, run_of_guests, wires
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
+from trihedron.tools.orchestrator import Scenario, read_scenario, run_scenario
 
 BASE, SLOW = 0.125, 0.5
 """Times of these steps are exact."""

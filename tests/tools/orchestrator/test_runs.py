@@ -22,9 +22,8 @@ from foreign_fmus.foreign_failing import WAYS
 from scenario_runs import ACCUMULATOR, CLOCK, FAILING, GAIN, refusal, run, scenario, wires
 from trihedron.fmus import source
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import loops, recorded, run_scenario
+from trihedron.tools.orchestrator import Scenario, loops, read_scenario, recorded, run_scenario
 from trihedron.tools.orchestrator.run import INCOMPLETE
-from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 
 
 def test_time_is_counted_and_not_accumulated(foreign: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
+from trihedron.tools.orchestrator import Scenario, read_scenario
 
 GOOD = """\
 schema = "trihedron.scenario/1"

@@ -13,8 +13,7 @@ from scenario_runs import SCENARIOS
 from trihedron.tools.calibration import Bench, calibrate
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.orchestrator import read_scenario, run_scenario
 from trihedron.tools.records import PositionRecord, read_record
 
 REFERENCE = json.loads((SCENARIOS / "reference-results.json").read_text(encoding="utf-8"))

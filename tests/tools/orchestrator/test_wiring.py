@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from foreign_fmus import declaring, rewritten
 from scenario_runs import ACCUMULATOR, CLOCK, GAIN, SCENARIOS, refusal, run, wires
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import run_scenario
+from trihedron.tools.orchestrator import Scenario, read_scenario, run_scenario
 from trihedron.tools.orchestrator.interface import FmuVariable, between, scale_of
-from trihedron.tools.orchestrator.scenario import Scenario, read_scenario
 from trihedron.tools.orchestrator.wiring import Wire, stepping_groups
 
 PAIR = {"clock": CLOCK, "gain": GAIN}

@@ -15,7 +15,7 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.model import parametrise
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
-from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.orchestrator import read_scenario
 from trihedron.tools.records import PositionRecord, read_record
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"

@@ -9,7 +9,7 @@ from trihedron.tools.calibrated import LATENCIES
 from trihedron.tools.calibration import Bench
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
-from trihedron.tools.orchestrator.scenario import read_scenario
+from trihedron.tools.orchestrator import read_scenario
 from trihedron.tools.planning import ImuPlan
 from trihedron.tools.planning.imu import ImuVisit, Planned, TableVisit, programme_record, seconds_of
 from trihedron.tools.reports.imu_plan import way_of, write_imu_plan

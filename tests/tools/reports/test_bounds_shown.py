@@ -19,7 +19,7 @@ from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well, wrong_on_page
 from trihedron.tools import library, measured
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.correction import correction_of, face_readings, levelling
-from trihedron.tools.campaign.store import open_result
+from trihedron.tools.campaign import open_result
 from trihedron.tools.document.page import html
 from trihedron.tools.planning.check import SettingCheck, check_settings
 from trihedron.tools.planning.positions import PositionPlan
@@ -28,7 +28,7 @@ from trihedron.tools.reports.campaign import campaign_page
 from trihedron.tools.reports.plan import operator_page
 from trihedron.tools.result import Result
 from trihedron.tools.rounding import Stated, digits, exactly, interval, upwards
-from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials import NOISE_BOUND
 
 TOOLS = Path(library.__file__).parent
 SHOWN = ("reports", "document", "cli")

@@ -25,7 +25,7 @@ from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
 from trihedron.tools.reports import bench, calibration, diagnosis, evidence, inspection
 from trihedron.tools.rounding import digits, residual, to_bound, upwards
-from trihedron.tools.trials.bench import NOISE_BOUND
+from trihedron.tools.trials import NOISE_BOUND
 
 MEASURED = ["What was measured"]
 RANKED = ["Evidence: which effect mends it", "Evidence: what could be taken for what"]

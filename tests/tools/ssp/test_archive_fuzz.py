@@ -13,8 +13,8 @@ import trihedron as th
 from archive_mutations import OF_ANY, OF_FMUS, OF_SSPS, Members, Mutation, countless, packed
 from foreign_fmus import build_foreign
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator.scenario import Scenario
-from trihedron.tools.ssp.write import write_ssp
+from trihedron.tools.orchestrator import Scenario
+from trihedron.tools.ssp import write_ssp
 
 DESCRIPTIONS = {"fmu": "modelDescription.xml", "ssp": "SystemStructure.ssd"}
 KINDS: list[tuple[str, Mutation]] = [

@@ -13,8 +13,7 @@ from trihedron.fmus import build
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.orchestrator import run_scenario
-from trihedron.tools.orchestrator.scenario import Scenario
+from trihedron.tools.orchestrator import Scenario, run_scenario
 from trihedron.tools.ssp.read import scenario_of_ssp
 
 MEAN_RATE = next(a.number for a in ALGORITHMS if a.name == "mean-rate")

@@ -14,12 +14,20 @@ from trihedron.tools.diagnosis.cause import Cause, NamedEffect
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.cells import lagged
 from trihedron.tools.evidence.of_record import in_record
-from trihedron.tools.trials.bench import NOISE_BOUND, STEP_S, draw_positions, drawn_errors
-from trihedron.tools.trials.case import Case, Options
-from trihedron.tools.trials.draw import draw_case
+from trihedron.tools.trials import (
+    NOISE_BOUND,
+    Case,
+    Options,
+    Suite,
+    diagnosed_case,
+    draw_case,
+    judged_case,
+    named_suite,
+    run_suite,
+)
+from trihedron.tools.trials.bench import STEP_S, draw_positions, drawn_errors
 from trihedron.tools.trials.hiding import expected, faultless_record
-from trihedron.tools.trials.outcome import diagnosed_case, judged_case, outcome_kind
-from trihedron.tools.trials.suite import Suite, named_suite, run_suite
+from trihedron.tools.trials.outcome import outcome_kind
 from unknown_effects import UNKNOWN, draw_unknown
 
 ARCSEC = np.pi / 180.0 / 3600.0

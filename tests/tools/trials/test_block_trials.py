@@ -14,6 +14,16 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, read_record
 from trihedron.tools.records.noise import allan_deviation
 from trihedron.tools.reports.campaign import write_suite
+from trihedron.tools.trials import (
+    Hidden,
+    Options,
+    Suite,
+    diagnosed_case,
+    draw_case,
+    draw_clean_block,
+    judged_case,
+    run_suite,
+)
 from trihedron.tools.trials.block import (
     BEFORE_A_CAMERA,
     BETWEEN_RESTS,
@@ -26,11 +36,8 @@ from trihedron.tools.trials.block import (
     flicker_noise,
     without_coning,
 )
-from trihedron.tools.trials.case import Options, hideable_in_block
-from trihedron.tools.trials.draw import block_evidence, draw_case, draw_clean_block, size_in_block
-from trihedron.tools.trials.outcome import diagnosed_case, judged_case
-from trihedron.tools.trials.sizes import Hidden
-from trihedron.tools.trials.suite import Suite, run_suite
+from trihedron.tools.trials.case import hideable_in_block
+from trihedron.tools.trials.draw import block_evidence, size_in_block
 
 G = 9.80665
 QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)
