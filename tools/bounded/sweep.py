@@ -10,9 +10,10 @@ bounds that grow by as much as columns differ there, times the largest size that
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,42 @@ SAME = 1e-9
 """Of two that differ by less, relatively, neither goes farther."""
 SET_FREE = 6
 """At most so many columns that move are set free where a set is only to be held."""
+RANGES = 16
+"""Ranges of values that are tried first."""
 AT_ONCE = 500
 """Values at a time: the memory does not grow with their number."""
+
+
+def open_ranges(
+    edges: NDArray[np.int_],
+    among: Sequence[int],
+    standing: Callable[[int, int, Sequence[int]], Sequence[int]],
+) -> Iterator[tuple[int, int, Sequence[int]]]:
+    """Yield the least ranges of values that are not refused, in order, each with what stands there.
+
+    Parameters
+    ----------
+    edges : (E,)
+        ends of the least ranges; fewer than two are none
+    among : sequence of int
+        what may stand
+    standing : callable
+        first and last value of a range, what may stand -> what of it no bound refuses for all values of the range
+
+    No value is missed: each lies in a least range, and in every range that this was halved from. What stands with it
+    stands in all of these, because `standing` refuses only what no value of a range allows.
+    """
+    starts = np.unique(np.linspace(0, len(edges) - 1, RANGES + 1).round().astype(int)).tolist()
+    ranges = [(low, high, among) for low, high in pairwise(starts)][::-1] if len(edges) > 1 else []
+    while ranges:
+        low, high, among = ranges.pop()
+        begin, end = int(edges[low]), int(edges[high])
+        among = standing(begin, end, among)
+        if among and high - low == 1:
+            yield begin, end, among
+        elif among:
+            middle = (low + high) // 2
+            ranges += [(middle, high, among), (low, middle, among)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,10 @@ from ..calibration.turns import WithTurns
 from ..orchestrator import run_scenario
 from ..records import BenchRecord
 from ..records.rests import without_turns
-from .bench_onsets import SLIP, block_turns
-from .bench_travel import Travel, interpolated
+from .bench_in_time import SLIP, block_turns
 from .carried import LATENCY
 from .fit import composed
+from .observation import Travel, interpolated
 
 SENSITIVE = EffectPlace("gyro-g-sensitivity", "gyro-block")
 MOST_ROWS = 120_000

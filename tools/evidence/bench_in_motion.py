@@ -29,18 +29,18 @@ from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
 from .bench import GYROS_LEFT_OUT, Bench, TurnErrors, bench_evidence
 from .bench_again import effects_of_model, simulated_turns
+from .bench_in_time import NOT_EXCLUDED, SLACK, SLIP, Moving, TurnsInTime, fades
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
-from .bench_moving import Moving
-from .bench_onsets import NOT_EXCLUDED, SETTING_IN, SLACK, SLIP, TurnsInTime, fades
 from .bench_scenario import extension_of_bench
-from .bench_travel import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .bench_visits import is_linear
 from .carried import SHOWN_BY
+from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
 from .evidence import Evidence, Trial
 from .extension import Extension, Sized, Start
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of
+from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .of_record import width_of
 from .pairs import Pair
 from .rows import About, Channel
@@ -63,7 +63,7 @@ class BenchInMotion(Bench, TurnsInTime):
     whole: WithTurns
     travel: Travel
     raw: BenchRecord
-    starting: tuple[EffectPlace, ...] = (*SETTING_IN, SLIP)
+    starting: tuple[EffectPlace, ...] = (*SEARCHED, SLIP)
     set_in: Mapping[EffectPlace, float] = field(default_factory=dict)
     around: About | None = None
     narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]] = field(default_factory=dict)

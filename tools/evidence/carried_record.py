@@ -23,6 +23,7 @@ from ..rounding import exactly
 from .carried import LATENCY, SCALE, Carried, is_of_gyros, with_parameters
 from .carried_checks import check_record, check_reference_bound, missing_things, warnings_of
 from .carried_run import BIAS, LONG, CarriedRecord
+from .cells_in_motion import SEARCHED
 from .evidence import ReadOff
 from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains, estimated
 from .references import (
@@ -146,8 +147,7 @@ def linear_evidence(
         names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
         point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
         whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
-        setting_in = [p for e in STRAPDOWN_EFFECTS.values() if e.searched is not None for p in e.places]
-        starting = tuple(setting_in) if tried and len(motion) <= LONG else ()
+        starting = SEARCHED if tried and len(motion) <= LONG else ()
         return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest, starting=starting)
 
     for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if own else 0):
@@ -230,7 +230,7 @@ def about_main_onset(made: Carried) -> Carried:
 
 def nearest_onset(made: Carried, place: EffectPlace) -> tuple[float, EffectPlace, Carried]:
     """What an effect that sets in leaves by least squares, where it leaves about the least; with the evidence then."""
-    edges = made.onsets.edges_of(made.acting[place])
+    edges = made.cells[place].edges
     step = max(1, len(edges) // MOST_ONSETS)
     low, high = 0, len(edges)
     while True:

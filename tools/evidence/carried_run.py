@@ -14,13 +14,13 @@ from ..calibrated import Calibration
 from ..motion.carry import GyroModel, Motion
 from ..motion.inspect import Inspection
 from ..motion.norm import inputs_of
+from .cells_in_motion import Cells, cells_of
 from .dependences import GyroPairs, pairs_of_accelerometers
 from .evidence import Evidence, rows_over, undetermined
 from .fit import Fit, coefficient_count
 from .observation import Group, Observation
-from .onsets import Onsets
 from .pairs import Pair
-from .references import Gravity, Run, Truth, force_columns, has_truth, integrals, matrices_of, turning
+from .references import Gravity, Run, Truth, force_columns, has_truth, matrices_of, turning
 from .rows import Pieces
 from .setting_in import SettingIn
 
@@ -130,22 +130,15 @@ class CarriedRun(CarriedRecord, SettingIn):
         adds = turning(self.motion, self.model, self.attitude, 1, len(self.motion))
         return Observation(self.groups, adds, self.resting[1:])
 
-    @cached_property
-    def onsets(self) -> Onsets:
-        """Columns of effects that set in after a row."""
-        time = self.motion.time_s
-        return Onsets((time - time[0]) / 3600.0, self.groups, self.resting, self._grown)
-
-    def _grown(self, place: EffectPlace) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """∫ C (I + Γ)⁻¹ δω dt up to each row (N, 3, K), and each row's part (N, 3, K) of the mean at rest."""
-        rows = np.arange(len(self.motion))
-        integral = integrals(self.motion, self.model, self.attitude, [place], rows)
-        counted = np.zeros_like(integral)
+    def make_cells(self, place: EffectPlace) -> Cells:
+        """Return the cells of an effect's unknown number; of another effect what it does from each row on."""
+        time, steps = self.motion.time_s, self.motion.rows(1, len(self.motion), self.model.inverse, self.model.bias)
+        added = place.definition.signature(place, steps)
+        counted = np.zeros((len(time), *added.shape[1:]))
         if self.at_rest is not None:
-            steps = self.motion.rows(1, len(rows), self.model.inverse, self.model.bias)
-            counted[1:] = place.definition.signature(place, steps) * self.resting[1:, None, None]
-            counted /= max(int(self.resting[1:].sum()), 1)
-        return integral, counted
+            counted[1:] = added * self.resting[1:, None, None] / max(int(self.resting[1:].sum()), 1)
+        hours = (time - time[0]) / 3600.0
+        return cells_of(place, hours, self.groups, self.observation.sums(added), counted, self.resting)
 
     def pairs(self) -> Sequence[Pair]:
         """Gyros, and accelerometers where gravity is the reference, each with every quantity of the record."""
@@ -171,8 +164,8 @@ class CarriedRun(CarriedRecord, SettingIn):
 
     def with_onset(self, place: EffectPlace, row: float) -> Self:
         """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
-        made = self._beside(place, *self.onsets.columns(self.acting[place], row))
-        return replace(made, set_in={**self.set_in, place: self.onsets.value(self.acting[place], row)})
+        made = self._beside(place, *self.cells[place].columns(row))
+        return replace(made, set_in={**self.set_in, place: self.cells[place].value(row)})
 
     def including(self, places: Sequence[EffectPlace]) -> Self:
         """The evidence with formulas and tables as more that can be tried; a ValueError for one that it cannot have."""
@@ -185,7 +178,7 @@ class CarriedRun(CarriedRecord, SettingIn):
     def _columns_at(self, place: EffectPlace) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
         """Columns (S, d, K) of each part of an effect that always acts, and its part (3, K) of the mean at rest."""
         if place.definition.component != "AccelerometerBlock":
-            return self.onsets.columns(self.onsets.acting(place), 0)
+            return self.make_cells(place).columns(0)
         reference, x = self.reference, self.point[: self.of_forces]
         if not isinstance(reference, Gravity):
             raise ValueError("beside a true attitude nothing is told of accelerometers")

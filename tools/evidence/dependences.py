@@ -16,9 +16,8 @@ from ...models.effects import MotionRows, Rows
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
 from ..bounded.programmes import column_space
 from ..motion.norm import inputs_of
-from .bench_travel import Travel
 from .evidence import Evidence, rows_over
-from .observation import Group, Observation, OnKnots
+from .observation import Group, Observation, OnKnots, Travel
 from .pairs import GYROS, TURN, Pair, Spread
 from .references import Gravity
 from .rows import Pieces

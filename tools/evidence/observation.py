@@ -2,18 +2,37 @@
 
 Rests on a table, turns of a table and a block that is carried make one each. Columns of effects, of effects that set in
 or fade, and of unknown functions of a quantity are what it makes of different additions.
+
+An effect on the table turns the frame of its inner axis by small ψ(t) at given encoder readings. Between two moments
+the block then turns by ψ₂ − ψ₁ + ∫ ω × ψ dt more, in axes of that frame: a frame that is turned by ψ itself turns with
+ω + dψ/dt + ω × ψ. Effects of the gyros add their signatures, integrated.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.bench import axes_of_turns, turning_of
+from ...models.effects import CATALOGUE, STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
+from ..calibration.model import Positions, predicted_input
+from ..calibration.turns import WithTurns, motion_of, slopes_of
+from ..records import BenchRecord, PositionRecord, RawRecord
+from ..records.rests import without_turns
+from .fit import coefficient_count
 from .pairs import TURN
 from .rows import Pieces
 
+FINE = 0.01
+"""So far [rad] the table turns from one row that is looked at to the next."""
+IN_THE_MODEL = ("gyro-bias", "gyro-scale-misalignment", "gyro-g-sensitivity", "latency")
+"""Effects that the calibration of the gyros has in it."""
+CONTAINING = ("lag",)
+"""Effects that these hold, to first order."""
+OF_GYROS = ("GyroBlock", "AttitudeComputer")
+"""What turns the block without moving the table: gyros, and the computer that adds up what they read."""
 Weights = Sequence[tuple[NDArray[np.int_], NDArray[np.float64]]]
 """Columns (R,) to which rows add, and how much (R,) of each."""
 
@@ -153,3 +172,212 @@ def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray)
         for axis in range(3):
             total[axis] += np.bincount(cells, adds[:, axis] * weight, total.shape[1])
     return np.cumsum(total.reshape(3, ends, count)[:, :-1], axis=1).transpose(1, 0, 2)
+
+
+# Turns of a table
+
+
+def effects_in_motion() -> tuple[EffectPlace, ...]:
+    """Effects of accelerometers and table that only motion shows."""
+    places: list[EffectPlace] = []
+    for effect in CATALOGUE.values():
+        if effect.in_motion and effect.component in ("AccelerometerBlock", "TurntableMotion"):
+            places += effect.places
+    return tuple(places)
+
+
+IN_MOTION = effects_in_motion()
+
+
+def acts_at_rest(place: EffectPlace) -> bool:
+    """Whether an effect acts on accelerometers or table, and not on the gyros alone, or in motion on accelerometers."""
+    effect = place.definition
+    return effect.component not in OF_GYROS and not (effect.in_motion and effect.component == "AccelerometerBlock")
+
+
+def effects_of_gyros() -> tuple[EffectPlace, ...]:
+    """Linear effects that gyros on a table can show beside what their calibration has in it."""
+    places: list[EffectPlace] = []
+    for name, effect in STRAPDOWN_EFFECTS.items():
+        if name in (*IN_THE_MODEL, *CONTAINING) or effect.component not in OF_GYROS:
+            continue
+        if effect.linear and not effect.of_law:
+            places += effect.places
+    return tuple(places)
+
+
+def interpolated(at: NDArray, time: NDArray, values: NDArray) -> NDArray[np.float64]:
+    """Return values (N, k) at times (N,) interpolated at others (n,)."""
+    return np.stack([np.interp(at, time, column) for column in values.T], axis=1)
+
+
+def approached(record: PositionRecord, encoder_bound: float) -> PositionRecord:
+    """A bench record's rests with the senses in which both axes came to them; its moves tell them."""
+    raw, arrived = record.raw, [rest.kept_first for rest in record.rests if rest.refused is None]
+    if raw is None or record.approach_alpha is not None or len(arrived) != len(record):
+        return record
+    outer, inner = moves_of(raw, encoder_bound)
+    return replace(
+        record,
+        approach_alpha=senses_of_moves(outer[1:])[arrived],
+        approach_beta=senses_of_moves(inner[1:])[arrived],
+    )
+
+
+def moves_of(raw: RawRecord, encoder_bound: float) -> NDArray[np.float64]:
+    """How both axes (2, T) move at the rows of a series [rad a row]; 0 where an encoder's error [rad] may be all."""
+    moves = []
+    for angle in (without_turns(raw.alpha), without_turns(raw.beta)):
+        moves.append(np.where(motion_of(angle, encoder_bound) > 0.0, np.gradient(angle), 0.0))
+    return np.stack(moves)
+
+
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """A table on its way through a bench record, at rows (R,) between which it turns by little or not at all.
+
+    `hours` (R,); `alpha`, `beta` (R,) [rad]; `turning` (R - 1, 3) [rad] turns of the inner frame between them, in its
+    axes; `step` (R - 1,) [s]; `up` (R, 3) the vertical in block axes; `senses` (R, 2) of each axis' last move;
+    `axis_rates` (R, 2) [rad/s]; `temperature` (R,) [degC]; `first`, `last` (S,) pieces by these rows; `coning` (S, 3)
+    as of `Turns`; `to_gyros` (3, 3) what gyros read of turns of the inner frame, `to_block` (3, 3) these in block axes.
+    """
+
+    hours: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    beta: NDArray[np.float64]
+    turning: NDArray[np.float64]
+    step: NDArray[np.float64]
+    up: NDArray[np.float64]
+    senses: NDArray[np.float64]
+    axis_rates: NDArray[np.float64]
+    temperature: NDArray[np.float64] | None
+    first: NDArray[np.int_]
+    last: NDArray[np.int_]
+    coning: NDArray[np.float64]
+    to_gyros: NDArray[np.float64]
+    to_block: NDArray[np.float64]
+    shift: float
+    lean: float
+    gravity: float
+
+    @staticmethod
+    def of(raw: BenchRecord, fitted: WithTurns, encoder_bound: float, gravity: float) -> "Travel":
+        """The way through a record whose gyros were fitted with bench and accelerometers; an encoder's error [rad]."""
+        turns, x = fitted.turns, fitted.point[: fitted.own]
+        angles = np.stack([without_turns(raw.alpha), without_turns(raw.beta)])
+        moved = np.stack([motion_of(values, encoder_bound) for values in angles])
+        # Rows at which pieces begin or end, and of each move as many as its turn asks for.
+        turned = np.floor(np.cumsum(moved.sum(axis=0)) / FINE)
+        rows_kept = np.unique(
+            np.concatenate([[0, turned.size - 1], turns.first, turns.last, np.flatnonzero(np.diff(turned))])
+        )
+        path = np.cumsum(moved, axis=1)[:, rows_kept]
+        alpha, beta = angles[:, rows_kept]
+        swing = np.where(np.diff(path, axis=1) > 0.0, np.diff(angles[:, rows_kept], axis=1), 0.0)
+        targets = fitted.parametrisation.selection[0] @ x
+        lean, middle = float(targets[2]), 0.5 * (beta[1:] + beta[:-1])
+        turning = turning_of(middle, swing[0], swing[1], lean)
+        at = Positions(alpha, beta, np.zeros(len(rows_kept), dtype=int))
+        to_gyros = turns.jacobian_of_axes(targets, fitted.point[fitted.own :])
+        return Travel(
+            (raw.time_s[rows_kept] - raw.time_s[0]) / 3600.0,
+            alpha,
+            beta,
+            turning,
+            np.diff(raw.time_s[rows_kept]),
+            predicted_input(fitted.parametrisation, x, at),
+            np.stack([senses_of_moves(values) for values in swing], axis=1),
+            np.stack([slopes_of(values, raw.time_s)[rows_kept] for values in angles], axis=1),
+            None if raw.temperature is None else raw.temperature[rows_kept],
+            np.searchsorted(rows_kept, turns.first),
+            np.searchsorted(rows_kept, turns.last),
+            turns.coning,
+            to_gyros,
+            turns.block_axes(targets),
+            float(targets[1]),
+            lean,
+            gravity,
+        )
+
+    def columns(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What a unit of each coefficient adds to the integrals of the gyros over all pieces (3 S, K) [rad]."""
+        if place.definition.component == "GyroBlock":
+            return self.gyros.of(place.definition.signature(place, self.motion))
+        if place.definition.component == "AttitudeComputer":
+            # It adds up the record's own rows, whatever the table does between them.
+            return -self.coning.reshape(-1, 1)
+        if not place.definition.turns_table:
+            return np.zeros((3 * len(self.first), coefficient_count(place)))
+        return self.table.of(place.definition.turns(place, self.rows))
+
+    @cached_property
+    def gyros(self) -> Observation:
+        """What the pieces say of additions to the gyros' rates over the steps."""
+        unit = np.broadcast_to(np.eye(3), (len(self.first), 3, 3))
+        pieces = Pieces("turns", "turns", self.first, self.last)
+        return Observation((Group(pieces, unit),), self.step[:, None, None] * np.eye(3))
+
+    @cached_property
+    def table(self) -> Observation:
+        """What the pieces say of small turns at the rows, and of what these turn as the frame turns."""
+        (group,) = self.gyros.groups
+        gain = np.broadcast_to(self.to_gyros, group.gain.shape)
+        across = np.cross(self.turning[:, None, :], np.eye(3)).transpose(0, 2, 1)
+        return Observation((replace(group, gain=gain),), across, ends=np.moveaxis(self.axes, 0, 2))
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The way as effects on the table see it."""
+        nothing = np.zeros((len(self.hours), 3))
+        return Rows(
+            hours=self.hours,
+            alpha=self.alpha - self.shift,
+            beta=self.beta,
+            n=nothing,
+            by_alpha=nothing,
+            by_beta=nothing,
+            temperature=self.temperature,
+            sense_alpha=self.senses[:, 0],
+            sense_beta=self.senses[:, 1],
+            from_vertical=self.shift,
+            axis_rates=self.axis_rates,
+        )
+
+    @cached_property
+    def axes(self) -> NDArray[np.float64]:
+        """The axes (4, R, 3) of small turns, in those of the inner frame."""
+        return axes_of_turns(self.alpha - self.shift, self.beta, self.lean)
+
+    def turned(self, functions: OnKnots, values: NDArray, slope: NDArray) -> NDArray[np.float64]:
+        """What small turns, a slope (R, 3) times functions of values (R,), add to the integrals (3 S, K) [rad]."""
+        middle = 0.5 * (slope[1:] + slope[:-1])
+        weights, count = functions.weights(0.5 * (values[1:] + values[:-1])), functions.count
+        across, ends = np.cross(self.turning, middle), np.unique(np.append(self.first, self.last))
+        sums = integrated(weights, count, across, ends)
+        sums += slope[ends, :, None] * functions.at(values[ends])[:, None, :]
+        begin, end = np.searchsorted(ends, self.first), np.searchsorted(ends, self.last)
+        (group,) = self.table.groups
+        return group.columns(sums, np.zeros((3, count)), begin, end).reshape(-1, count)
+
+    @cached_property
+    def motion(self) -> MotionRows:
+        """The steps of the way as the gyros see them, at the rates that the table gives."""
+        rate = self.turning @ self.to_block.T / self.step[:, None]
+        # Between rows far from each other a table comes to rest: how its rate changes, the rates at the rows say.
+        at_rows = turning_of(self.beta, self.axis_rates[:, 0], self.axis_rates[:, 1], self.lean) @ self.to_block.T
+        return MotionRows(
+            rate=rate,
+            rate_before=rate - np.diff(at_rows, axis=0),
+            specific_force=0.5 * (self.up[1:] + self.up[:-1]),
+            hours=0.5 * (self.hours[1:] + self.hours[:-1]),
+            step=self.step,
+            temperature=None if self.temperature is None else self.temperature[1:],
+            gravity=self.gravity,
+            response=self.to_gyros @ np.linalg.inv(self.to_block),
+        )
+
+
+def senses_of_moves(swing: NDArray) -> NDArray[np.float64]:
+    """Senses (R,) of an axis' last move at rows between which it turns by swing (R - 1,); 0 before the first."""
+    last = np.maximum.accumulate(np.where(swing != 0.0, np.arange(len(swing)), -1))
+    return np.append(0.0, np.where(last >= 0, np.sign(swing[last]), 0.0))

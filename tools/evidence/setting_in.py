@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from typing import ClassVar, Self
 
 import numpy as np
@@ -15,19 +14,17 @@ from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..bounded.sets import Problem, Work, sets_of_size
-from ..bounded.sweep import Rows, Swept, apart, largest_sizes
+from ..bounded.sweep import Rows, Swept, apart, largest_sizes, open_ranges
 from .cells import Cell
+from .cells_in_motion import Cells, Onsets, Range, TimeConstants, refused
 from .evidence import Evidence
 from .fit import Fit, coefficient_count
-from .onsets import STRETCHES, WEIGHED, Acting, Fading, Onsets, held, refused
 
 MOST_TRIED = 12
 """After so many rows of a stretch that stands its least radius is no longer sought."""
 FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
 """Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
 not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""
-LEFT_AWAY = 1e-3
-"""A few columns hold those of a stretch of time constants where the largest size does so much of a bound otherwise."""
 Standing = tuple[tuple[float, float], list[tuple[Fit, float]], list[Swept]]
 
 
@@ -45,14 +42,9 @@ class SettingIn(Evidence):
         """None are known."""
         return {}
 
-    @property
-    def onsets(self) -> Onsets:
-        """Columns of effects that set in after a row."""
+    def make_cells(self, place: EffectPlace) -> Cells:
+        """Return the cells of an effect's unknown number."""
         raise NotImplementedError
-
-    def onsets_of(self, place: EffectPlace) -> Onsets:
-        """Those of one effect."""
-        return self.onsets
 
     def with_onset(self, place: EffectPlace, row: float) -> Self:
         """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
@@ -63,13 +55,13 @@ class SettingIn(Evidence):
         raise NotImplementedError
 
     @cached_property
-    def acting(self) -> dict[EffectPlace, Acting | Fading]:
-        """What each effect that sets in does from each row on."""
-        return {place: self.onsets_of(place).acting(place) for place in self.starting}
+    def cells(self) -> dict[EffectPlace, Cells]:
+        """The cells of each effect that sets in or fades."""
+        return {place: self.make_cells(place) for place in self.starting}
 
     @cached_property
-    def stretches(self) -> dict[tuple[EffectPlace, int, int], tuple[NDArray[np.float64], float]]:
-        """Columns of the stretches that were tried, and what is missed."""
+    def ranges(self) -> dict[tuple[EffectPlace, int, int], Range]:
+        """What holds the effects in ranges of their numbers that were tried."""
         return {}
 
     def with_onsets(self, fit: Fit) -> Self:
@@ -77,7 +69,7 @@ class SettingIn(Evidence):
         evidence = self
         for place, values in zip(fit.places, fit.values(), strict=True):
             if place in self.starting:
-                evidence = evidence.with_onset(place, self.onsets_of(place).number(self.acting[place], values[-1]))
+                evidence = evidence.with_onset(place, self.cells[place].number(values[-1]))
         return evidence
 
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
@@ -107,31 +99,22 @@ class SettingIn(Evidence):
 
     def _candidates(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
         """Linear effects beside which an effect may set in, in the order of their places."""
-        every = self.classes.places
-        if len(self.onsets_of(place).edges) < 2:
-            return []
-        columns, edges = [self.columns_of([candidate]) for candidate in every], self._edges_of(place)
-        starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
-        stretches, standing_places = [], set[int]()
-        for low, high in pairwise(starts.tolist()):
-            stretches.append((low, high, range(len(every))))
-        while stretches:
-            low, high, among = stretches.pop()
-            among = [number for number in among if number not in standing_places]
-            columns_held, missed_by = self._of_stretch(place, int(edges[low]), int(edges[high]))
+        every, standing = self.classes.places, set[int]()
+        columns = [self.columns_of([candidate]) for candidate in every]
+
+        def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
+            """Candidates that no bound refuses in a range, but for those that stand in another one."""
+            among = [number for number in among if number not in standing]
+            columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
             nominal = np.hstack([self.nominal, columns_held])[finite]
             problem = Problem.of(self.residual[finite], nominal, [columns[k][finite] for k in among])
-            open_sets = sets_of_size(problem, 1, self.limit - 1.0 + missed_by + slack, 0, work)
-            standing = []
-            for open_set in open_sets:
-                standing += [among[number] for number in open_set.effects]
-            if high - low == 1:
-                standing_places.update(standing)
-            elif standing:
-                middle = (low + high) // 2
-                stretches += [(middle, high, standing), (low, middle, standing)]
-        return [every[k] for k in sorted(standing_places)]
+            sets = sets_of_size(problem, 1, self.limit - 1.0 + missed + slack, 0, work)
+            return [among[number] for open_set in sets for number in open_set.effects]
+
+        for *_, candidates in open_ranges(self._edges(place), range(len(every)), standing_in):
+            standing.update(candidates)
+        return [every[k] for k in sorted(standing)]
 
     def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set of effects with possible sizes, at the times at which the one that sets in can do so.
@@ -139,18 +122,16 @@ class SettingIn(Evidence):
         These begin at zero where one that acts from the first row on would do as well.
         """
         (place,) = (place for place in places if place in self.starting)
-        linear, acting = [p for p in places if p != place], self.acting[place]
-        if isinstance(acting, Fading):
+        linear, cells = [p for p in places if p != place], self.cells[place]
+        if isinstance(cells, TimeConstants):
             ends, fits, swept = self._fading(place, linear, work)
         else:
             ends, fits, swept = self._setting_in(place, linear, work)
         if not fits:
             return []
-        onsets = self.onsets_of(place)
-        start, end = onsets.ends(acting, *ends)
         at_times = []
         for fit, row in sorted(fits, key=lambda fit_at_row: fit_at_row[0].radius):
-            at_times.append(setting_in_at(fit, place, onsets.value(acting, row), (start, end)))
+            at_times.append(setting_in_at(fit, place, cells.value(row), cells.ends(*ends)))
         return [replace(at_times[0], also=tuple(at_times[1:]), swept=tuple(swept))]
 
     def _setting_in(self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work) -> Standing:
@@ -220,9 +201,9 @@ class SettingIn(Evidence):
 
         The last k rows say that the sizes are possible.
         """
-        acting = self.acting[place]
-        assert isinstance(acting, Fading)
-        moving, ways, error = self.onsets.swept_times(acting, numbers)
+        cells = self.cells[place]
+        assert isinstance(cells, TimeConstants)
+        moving, ways, error = cells.swept(numbers)
         before, errors_over = self.matrix(linear), self.over_bounds(error)
         largest = np.abs(self.limits_of([place])).max(axis=0)
         (count, columns_before), none = before.shape, np.zeros((len(largest), len(largest)))
@@ -235,10 +216,9 @@ class SettingIn(Evidence):
 
     def _swept(self, place: EffectPlace, linear: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
         """An effect beside others at every row between two."""
-        acting = self.acting[place]
-        assert isinstance(acting, Acting)
-        begin, end = ends
-        columns, columns_moving, ways = self.onsets_of(place).swept(acting, begin, end)
+        cells = self.cells[place]
+        assert isinstance(cells, Onsets)
+        columns, columns_moving, ways = cells.swept(*ends)
         fixed, moving = self.over_bounds(columns), self.over_bounds(columns_moving)
         matrix, residual = np.hstack([self.matrix(linear), fixed]), self.residual.copy()
         numbers_moving = np.arange(matrix.shape[1] - fixed.shape[1], matrix.shape[1])
@@ -271,51 +251,33 @@ class SettingIn(Evidence):
         self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work
     ) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
-        if len(self.onsets_of(place).edges) < 2:
-            return
         if place in self.left_open:
             yield from self.left_open[place]
             return
-        edges, matrix = self._edges_of(place), self.matrix(linear)
-        starts = np.unique(np.linspace(0, len(edges) - 1, STRETCHES + 1).round().astype(int))
-        stretches = list(pairwise(starts.tolist()))[::-1]
-        while stretches:
-            low, high = stretches.pop()
-            columns_held, missed = self._of_stretch(place, int(edges[low]), int(edges[high]))
+        matrix, cells = self.matrix(linear), self.cells[place]
+
+        def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
+            """Nothing where bounds refuse the effect in a range."""
+            columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
             columns = np.hstack([matrix, columns_held])[finite]
-            if refused(columns, self.residual[finite], self.limit + missed, work):
-                continue
-            if high - low == 1:
-                yield int(edges[low]), int(edges[high]) - self.onsets_of(place).at_once
-            else:
-                middle = (low + high) // 2
-                stretches += [(middle, high), (low, middle)]
+            return [] if refused(columns, self.residual[finite], self.limit + missed, work) else among
 
-    def _edges_of(self, place: EffectPlace) -> NDArray[np.int_]:
-        """Ends of the least stretches of an effect's times."""
-        return self.onsets_of(place).edges_of(self.acting[place])
+        for begin, end, _ in open_ranges(self._edges(place), [0], standing_in):
+            yield begin, end - cells.at_once
 
-    def _of_stretch(self, place: EffectPlace, begin: int, end: int) -> tuple[NDArray[np.float64], float]:
-        """Columns (M, L) that hold an effect in a stretch of its times, over the bounds; kept for the next set.
+    def _edges(self, place: EffectPlace) -> NDArray[np.int_]:
+        """Ends of the least ranges of an effect's numbers; none where too few pieces tell them."""
+        cells = self.cells[place]
+        return cells.edges if len(cells.rows_between) > 1 else np.zeros(0, dtype=int)
 
-        And by how many bounds what it does may miss them, where its size is possible.
-        """
-        stretch = self.stretches.get((place, begin, end))
-        if stretch is None:
-            acting = self.acting[place]
-            if isinstance(acting, Fading):
-                faded, missed = self.onsets.faded(acting, begin, end)
-                largest = np.abs(self.limits_of([place])).max(axis=0)
-                size = WEIGHED * np.linalg.norm(largest)
-                columns, left_away = held(self.over_bounds(faded), LEFT_AWAY / float(size))
-                error = self.over_bounds(missed) @ largest + left_away * size
-                stretch = columns, float(error.max())
-            else:
-                onsets = self.onsets_of(place)
-                stretch = self.over_bounds(onsets.within(acting, begin, end - onsets.at_once)), 0.0
-            self.stretches[place, begin, end] = stretch
-        return stretch
+    def _range(self, place: EffectPlace, begin: int, end: int) -> Range:
+        """Columns (M, L) that hold an effect in a range of its numbers, and what is missed; kept for the next set."""
+        known = self.ranges.get((place, begin, end))
+        if known is None:
+            largest = np.abs(self.limits_of([place])).max(axis=0)
+            known = self.ranges[place, begin, end] = self.cells[place].range(begin, end, self.over_bounds, largest)
+        return known
 
 
 def _around(stretches: Sequence[tuple[float, float]]) -> tuple[float, float]:

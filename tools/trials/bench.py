@@ -19,8 +19,8 @@ from ..calibration.gyros import Bench as Place
 from ..calibration.model import PRESETS
 from ..diagnosis.cause import NamedEffect
 from ..evidence.bench import Bench as Evidence
-from ..evidence.bench_travel import OF_GYROS
 from ..evidence.fit import composed
+from ..evidence.observation import OF_GYROS
 from ..evidence.of_record import plain
 from ..orchestrator import run_scenario
 from ..orchestrator.scenario import Scenario

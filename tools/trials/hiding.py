@@ -15,11 +15,11 @@ from ..calibration.calibration import Asked, fit_record
 from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
 from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.bench_predictions import dense_spaces
-from ..evidence.bench_travel import acts_at_rest
 from ..evidence.bench_visits import Circumstances, Visits, circumstances_of
 from ..evidence.cells import CellsAtRest, beginnings
 from ..evidence.fit import Classes, contains
 from ..evidence.joint import Joint
+from ..evidence.observation import acts_at_rest
 from ..evidence.of_record import InRecord, plain
 from ..records import PositionRecord
 from .bench import (

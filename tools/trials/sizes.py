@@ -382,22 +382,19 @@ def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace
 
     At any but near the ends, where it shows in hardly any piece.
     """
-    onsets, acting = evidence.onsets_of(place), evidence.acting[place]
+    cells = evidence.cells[place]
     if place.definition.searched == TIME_CONSTANT:
-        low, high = (round(onsets.number(acting, part * float(onsets.hours[-1]))) for part in SHORT_OF_RECORD)
+        low, high = (round(cells.number(part * float(cells.hours[-1]))) for part in SHORT_OF_RECORD)
     else:
-        low, high = np.quantile(onsets.edges, MIDDLE_OF_RECORD)
+        low, high = np.quantile(cells.edges, MIDDLE_OF_RECORD)
     return int(rng.integers(low, high))
 
 
 def most_alike(evidence: SettingIn, place: EffectPlace, change: NDArray) -> NDArray[np.float64]:
     """Columns (M, K) of an effect that sets in, at the time at which least squares bring it next to a change (M,)."""
-    acting = evidence.acting[place]
-    onsets = evidence.onsets_of(place)
-    every = onsets.edges_of(acting)
-    candidates = []
-    for row in every:
-        candidates.append(np.nan_to_num(evidence.over_bounds(onsets.columns(acting, row)[0])))
+    cells, candidates = evidence.cells[place], []
+    for row in cells.edges:
+        candidates.append(np.nan_to_num(evidence.over_bounds(cells.columns(row)[0])))
     base = column_space(evidence.nominal)
     remainder = change - base @ (base.T @ change)
 

@@ -25,7 +25,7 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.evidence import bench_in_motion
 from trihedron.tools.evidence.bench_again import simulated_turns
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
-from trihedron.tools.evidence.bench_travel import Travel, approached
+from trihedron.tools.evidence.observation import Travel, approached
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
 from trihedron.tools.trials import Hidden, draw_whole

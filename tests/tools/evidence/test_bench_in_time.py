@@ -10,7 +10,7 @@ import pytest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.evidence.bench_in_motion import BenchInMotion, whole_evidence
-from trihedron.tools.evidence.bench_onsets import SLACK, SLIP
+from trihedron.tools.evidence.bench_in_time import SLACK, SLIP
 from trihedron.tools.evidence.fit import Fit
 from trihedron.tools.trials import Hidden, draw_whole
 
@@ -61,7 +61,7 @@ def test_turns_change_as_the_extended_component_says(place, values):
     """What the gyro block's own component integrates, with the effect less without, piece by piece."""
     clean, moved = evidence_with(), evidence_with(Hidden(place, values))
     changed = (moved.whole.turns.integral - clean.whole.turns.integral).ravel()
-    number = clean.onsets.number(clean.acting[place], values[-1])
+    number = clean.cells[place].number(values[-1])
     columns = clean.with_onset(place, number).columns_set_in(place)[clean.of_readings :]
     assert np.abs(columns @ values[:-1] - changed).max() <= 5e-3 * np.abs(changed).max()
 
@@ -72,7 +72,7 @@ def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says(
     clean, moved = evidence_with(), evidence_with(Hidden(SLIP, values))
     turns = clean.whole.turns
     assert np.array_equal(turns.first, moved.whole.turns.first)
-    number = clean.slips.number(clean.acting[SLIP], values[-1] - clean.readings.circumstances.began / 3600.0)
+    number = clean.cells[SLIP].number(values[-1] - clean.readings.circumstances.began / 3600.0)
     beside = clean.with_onset(SLIP, number)
     columns, of = np.nan_to_num(beside.columns_set_in(SLIP)), clean.of_readings
     by_gyros = (moved.whole.turns.integral - turns.integral).ravel()

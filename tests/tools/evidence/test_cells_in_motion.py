@@ -13,8 +13,8 @@ from trihedron.tools.bounded.sweep import apart
 from trihedron.tools.diagnosis.procedure import diagnosed
 from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.cells_in_motion import Onsets, TimeConstants, refused
 from trihedron.tools.evidence.fit import contains
-from trihedron.tools.evidence.onsets import Fading, refused
 
 PERIOD = 0.02
 STEP = EffectPlace("gyro-bias-step", "gyro-block")
@@ -48,17 +48,17 @@ def made(
 def test_a_stretch_holds_what_each_time_within_it_does(filmed):
     """Columns of an effect that sets in within a stretch lie in those of the stretch, where these are known."""
     evidence = made(filmed=filmed)
-    for acting in evidence.acting.values():
-        if isinstance(acting, Fading):
+    for cells in evidence.cells.values():
+        if not isinstance(cells, Onsets):
             continue
-        edges = evidence.onsets.edges_of(acting)
+        edges = cells.edges
         for low, high in ((5, 6), (5, 9), (len(edges) // 2, len(edges) - 1)):
             begin, end = int(edges[low]), int(edges[high])
-            within = np.concatenate([c.reshape(-1, c.shape[2]) for c in evidence.onsets.within(acting, begin, end)])
+            within = np.concatenate([c.reshape(-1, c.shape[2]) for c in cells.within(begin, end)])
             kept = np.isfinite(within).all(axis=1)
             assert kept.any()
             for row in (begin, (begin + end) // 2, end - 1):
-                exact = evidence.onsets.columns(acting, row)[0]
+                exact = cells.columns(row)[0]
                 target = np.concatenate([c.reshape(-1, c.shape[2]) for c in exact])[kept]
                 scale = np.linalg.norm(within[kept], axis=0)
                 basis = within[kept][:, scale > 0.0] / scale[scale > 0.0]
@@ -70,18 +70,18 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
 def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_is_said(filmed):
     """Straight lines between neighbours, and the few columns of a stretch, against the exponential itself."""
     evidence, rng = made(filmed=filmed), np.random.default_rng(2)
-    acting = evidence.acting[WARM_UP]
-    assert isinstance(acting, Fading)
+    cells = evidence.cells[WARM_UP]
+    assert isinstance(cells, TimeConstants)
 
     def exactly(number: float) -> np.ndarray:
         return evidence.with_onset(WARM_UP, number).columns_of([WARM_UP])
 
     size, worst, told = evidence.limits_of([WARM_UP])[1], 0.0, slice(len(evidence.residual))
-    for begin, parts in ((0, 1), (1200, 1), (1200, 5), (len(acting.times) - 81, 1)):
+    for begin, parts in ((0, 1), (1200, 1), (1200, 5), (len(cells.times) - 81, 1)):
         numbers = begin + np.arange(80 * parts + 1) / parts
         rows, error = evidence._rows_of_times(WARM_UP, (), numbers)
         rows, error = rows.chosen(told), error[told]
-        columns, missed = evidence._of_stretch(WARM_UP, begin, begin + 80)
+        columns, missed = evidence._range(WARM_UP, begin, begin + 80)
         assert missed < 2e-3
         far = apart(rows, error)
         for one in rng.uniform(0.0, 80.0 * parts, 6):
@@ -168,10 +168,10 @@ def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(fil
 def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
     """An exponential with ten times the record's length is nearly straight; its mean is taken out."""
     evidence = made(filmed=True)
-    acting = evidence.acting[WARM_UP]
-    assert isinstance(acting, Fading)
-    assert acting.times[-1] == pytest.approx(10.0 * evidence.onsets.hours[-1])
-    slow = evidence.with_onset(WARM_UP, len(acting.times) - 1).columns_of([WARM_UP])
+    cells = evidence.cells[WARM_UP]
+    assert isinstance(cells, TimeConstants)
+    assert cells.times[-1] == pytest.approx(10.0 * cells.hours[-1])
+    slow = evidence.with_onset(WARM_UP, len(cells.times) - 1).columns_of([WARM_UP])
     drift = evidence.columns_of([DRIFT])
     left = slow - drift @ np.linalg.lstsq(drift, slow, rcond=None)[0]
     assert 0.0 < np.abs(left).max() < 0.02 * np.abs(slow).max()
@@ -211,8 +211,8 @@ def test_what_is_refused_has_no_fit():
 def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, place):
     """Noise fills the bounds; what sets in does so anywhere in a window, what fades has any time constant between."""
     clean, rng = made(filmed=filmed), np.random.default_rng(11)
-    acting = clean.acting[place]
-    low, high = (1000, 2400) if isinstance(acting, Fading) else (clean.onsets.edges[2], clean.onsets.edges[-3])
+    cells = clean.cells[place]
+    low, high = (1000, 2400) if isinstance(cells, TimeConstants) else cells.edges[[2, -3]]
     for _ in range(3):
         there = clean.with_onset(place, int(rng.integers(low, high)))
         unit = there.columns_of([place])
@@ -233,7 +233,7 @@ def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_sta
     evidence = made(filmed=True, step=2e-3, at=at)
     (fit,) = evidence.mended([STEP], Work())
     (intervals,) = fit.intervals()
-    start, end = (np.searchsorted(evidence.onsets.hours, hour) for hour in intervals[-1])
+    start, end = (np.searchsorted(evidence.cells[STEP].hours, hour) for hour in intervals[-1])
     single = [evidence.with_onset(STEP, int(row)).refit([STEP]) for row in range(start, end)]
     reached = []
     for one in single:

@@ -1,0 +1,344 @@
+"""A whole bench: its readings at rest and in motion as one, and effects with an unknown number beside its turns.
+
+Gyros see a slip of the block itself. Behind it the block stands otherwise, for accelerometers and gyros alike; the turn
+over the gap holds the slip, which no encoder sees. It is linear at half a slip: what a whole one does is missed by the
+third order of its size.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.bench import GYRO_PARAMETERS, LAG, MATRIX, integrated_readings, moments_of, small_turn
+from ...models.effects import EffectPlace, MotionRows
+from ...models.effects.columns import TIME_CONSTANT
+from ...models.effects.steps import MOUNTING_SLIP
+from ..bounded.sets import Work
+from ..calibration.in_motion import CERTAIN, InMotion, slopes_by_angles
+from ..calibration.model import linearise, slip_jacobian
+from ..calibration.turns import WithTurns
+from ..records import BenchRecord, PositionRecord
+from ..records.rests import without_turns
+from .bench import Bench
+from .bench_model import Readings
+from .bench_visits import Circumstances
+from .cells_in_motion import Cells, Slips, cells_of
+from .fit import Fit, coefficient_count, estimated
+from .observation import FINE, Group, Travel, interpolated, moves_of, senses_of_moves
+from .rows import About, Pieces
+from .setting_in import SettingIn
+
+(SLIP,) = MOUNTING_SLIP.places
+FINEST, MOST_FINER = 0.02, 16
+"""Times of a slip are so near that what it turns between two counts so much of a bound; so many a row at most."""
+ROUNDS = 2
+"""So many times a slip is fitted again where it is linear about half of what it was."""
+SLACK = 0.5
+"""What the linear model of a search may be wrong by, in bounds."""
+NOT_EXCLUDED = "beside what settles no sizes of other effects are excluded: each of its time constants asks for its own"
+
+
+def fades(fit: Fit) -> bool:
+    """Whether an effect of a fit settles."""
+    return any(place.definition.searched == TIME_CONSTANT for place in fit.places)
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """Readings at rest and in motion, in the order of time: as one evidence `read`, and as they are `seen` in motion.
+
+    At rest those have no row, and rates of zero. `to_block` (3, 3): axes of the inner frame in those of the block;
+    `lean` ε [rad].
+    """
+
+    read: Bench
+    seen: InMotion
+    to_block: NDArray[np.float64]
+    lean: float
+
+    @staticmethod
+    def of(
+        rests: Bench, record: PositionRecord, motion: InMotion, to_block: NDArray, lean: float, encoder_bound: float
+    ) -> "Moving":
+        """The rests of a record, and what it says between them; more than an encoder's error [rad] is motion."""
+        linear_rests, readings_at_rest, raw = rests.here, rests.readings, record.raw
+        assert isinstance(raw, BenchRecord)
+        hours = (raw.time_s[motion.rows] - readings_at_rest.circumstances.began) / 3600.0
+        order = np.argsort(np.append(readings_at_rest.circumstances.hours, hours), kind="stable")
+        still = np.zeros((len(readings_at_rest), 2))
+        angles = np.stack([readings_at_rest.at.alpha, readings_at_rest.at.beta], axis=1)
+        moves = moves_of(raw, encoder_bound)
+        spans = [(rest.kept_first - 1, rest.kept_last) for rest in record.rests if rest.refused is None]
+        at_rest = InMotion(
+            np.full(len(readings_at_rest), -1),
+            np.array(spans),
+            angles,
+            readings_at_rest.reading,
+            linear_rests.bound.reshape(-1, 3),
+            still,
+            still,
+            _senses_at(rests, raw, moves),
+        )
+        fields: dict[str, Any] = {}
+        for name, values in vars(at_rest).items():
+            fields[name] = np.concatenate([values, getattr(motion, name)])[order]
+        in_motion = InMotion(**fields)
+        linear = linearise(
+            linear_rests.parametrisation,
+            in_motion.at(0.0),
+            in_motion.reading,
+            linear_rests.point,
+            in_motion.bound.ravel(),
+        )
+        readings = Readings.of(linear, _circumstances(rests, raw, in_motion, order, moves), readings_at_rest.resolution)
+        numbers = np.append(rests.numbers, np.zeros(len(motion.rows), dtype=int))[order]
+        return Moving(replace(rests, here=linear, readings=readings, numbers=numbers), in_motion, to_block, lean)
+
+    @property
+    def at_rest(self) -> NDArray[np.bool_]:
+        """Which readings (N,) are the rests'."""
+        return self.seen.rows < 0
+
+    def about(self, point: NDArray) -> "Moving":
+        """The readings linearised at other parameters (P,)."""
+        linear = self.read.here
+        at = {"residual": linear.residual_at(point), "jacobian": linear.jacobian_at(point)}
+        return replace(self, read=replace(self.read, here=replace(linear, point=point, **at)))
+
+    @cached_property
+    def motion(self) -> MotionRows:
+        """The rows as effects in motion see them."""
+        motion, rows = self.seen.motion(self.to_block, self.lean, self.read.calibration.gravity), self.read.rows
+        return replace(motion, specific_force=rows.n, hours=rows.hours, temperature=rows.temperature)
+
+    def columns(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What effects of accelerometers that only motion shows add to the readings (3 N, K) [g]; zeros of others."""
+        effect = place.definition
+        if not (effect.in_motion and effect.component == "AccelerometerBlock"):
+            return np.zeros((self.seen.reading.size, coefficient_count(place)))
+        return effect.signature(place, self.motion).reshape(self.seen.reading.size, -1)
+
+    def lagging(self, lag: float) -> tuple[Readings, NDArray[np.float64]]:
+        """The readings as those of moments that lie a lag [s] earlier, and how they change with it (3 N,) [g/s]."""
+        linear = self.read.here
+        slope = self.seen.by_lag(linear.parametrisation, linear.point, lag)
+        return replace(self.read.readings, at=self.seen.at(lag)), slope
+
+
+def _senses_at(rests: Bench, raw: BenchRecord, moves: NDArray) -> NDArray[np.float64]:
+    """Senses (N, 3) in which the inputs changed last before rests, 0 where moves (2, T) of both axes do not tell.
+
+    Where both axes came to a rest together both must say so; else it is the one that came later.
+    """
+    circumstances, at = rests.readings.circumstances, rests.readings.at
+    arrived = np.searchsorted(raw.time_s, circumstances.began + 3600.0 * circumstances.hours)
+    row, turned = np.arange(moves.shape[1]), np.cumsum(np.abs(moves), axis=1)
+    last = np.maximum.accumulate(np.where(moves != 0.0, row, 0), axis=1)[:, arrived]
+    later_outer = turned[0, arrived] - turned[0, last[1]] > FINE
+    later_inner = turned[1, arrived] - turned[1, last[0]] > FINE
+    senses = _senses_of_axes(moves)[:, arrived]
+    grown = senses[:, :, None] * np.moveaxis(slopes_by_angles(rests.here.parametrisation, rests.here.point, at), 2, 0)
+    ways = np.where(np.abs(grown) > CERTAIN, np.sign(grown), 0.0)
+    together = np.where(ways[0] == ways[1], ways[0], 0.0)
+    alone = np.where(later_outer[:, None], ways[0], ways[1])
+    return np.where((later_outer == later_inner)[:, None], together, alone)
+
+
+def _senses_of_axes(moves: NDArray) -> NDArray[np.float64]:
+    """Senses (2, T) of the last move of both axes, by their moves (2, T)."""
+    outer, inner = moves
+    return np.stack([senses_of_moves(outer[1:]), senses_of_moves(inner[1:])])
+
+
+def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArray, moves: NDArray) -> Circumstances:
+    """Circumstances of rests and of rows in motion, in this order; both are `seen`, moves (2, T) are of both axes."""
+    at_rest, rows = rests.readings.circumstances, seen.rows[seen.rows >= 0]
+    # An axis that came before the other one has the sense of its own last move.
+    going = _senses_of_axes(moves)[:, rows].T
+    senses = np.concatenate([np.stack([at_rest.sense_alpha, at_rest.sense_beta], axis=1), going])[order]
+    warm = None
+    if at_rest.temperature is not None and raw.temperature is not None:
+        warm = np.append(at_rest.temperature, raw.temperature[rows])[order]
+    return replace(
+        at_rest,
+        hours=np.append(at_rest.hours, (raw.time_s[rows] - at_rest.began) / 3600.0)[order],
+        temperature=warm,
+        sense_alpha=senses[:, 0],
+        sense_beta=senses[:, 1],
+        before=None,
+        axis_rates=seen.rate,
+        input_senses=seen.senses,
+    )
+
+
+# A slip, and what gyros do
+
+
+def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | None) -> Slips:
+    """Return a slip, linear at half that of a fit and its parameters; by default at none, and the nominal model's."""
+    turns, own_count, count = fitted.turns, fitted.own, len(fitted.point)
+    point, half = np.append(fitted.point, 0.0), np.zeros(3)
+    if about is not None:
+        point = about.point
+        half = 0.5 * about.coefficients[about.blocks[about.places.index(SLIP)]]
+    turned = block_turns(raw, fitted, point[:count])
+    step = np.linalg.norm(np.diff(turned, axis=0), axis=1).max() * 2.0 * np.linalg.norm(half)
+    step /= float(fitted.bound[-3 * len(turns.first) :].min())
+    finer = int(np.clip(np.ceil(step / FINEST), 1, MOST_FINER))
+    time = np.interp(np.arange((len(turned) - 1) * finer + 1) / finer, np.arange(len(turned)), raw.time_s)
+    late = time - point[own_count + LAG]
+    fine = interpolated(late, raw.time_s, turned)
+    # Complex steps: derivatives of the frame by the slip.
+    slopes = np.imag([small_turn(half + 1e-30j * axis) for axis in np.eye(3)]) / 1e-30
+    readings = moving.lagging(float(point[-1]))[0]
+    at = replace(readings.at, slips=np.tile(half, (len(readings), 1)))
+    slopes_read = slip_jacobian(readings.parametrisation, point[:own_count], at, readings.sign)
+    gain = np.eye(3) + point[own_count:count][MATRIX].reshape(3, 3)
+    begin, end = moving.seen.span.T
+    pieces = (
+        Pieces("rests", "readings", finer * begin, finer * end),
+        Pieces("turns", "turns", finer * turns.first, finer * turns.last),
+    )
+    # A gyro that is read now and then does not tell how far it turned at once.
+    across = np.full((len(turns.first), 3, 3), np.nan)
+    if raw.increment is not None:
+        across[:] = gain
+    turning = np.broadcast_to(np.eye(3), (len(turns.first), 3, 3))
+    integral = np.einsum("gi,kij,nj->ngk", gain, slopes, fine)
+    # Gyros of a block that stands otherwise have turned more; no mean at rest is taken out.
+    return Slips(
+        (time - moving.read.readings.circumstances.began) / 3600.0,
+        (Group(pieces[0], np.zeros_like(slopes_read)), Group(pieces[1], turning)),
+        np.zeros(len(time), dtype=bool),
+        integral,
+        np.zeros_like(integral),
+        (slopes_read, across),
+        step / finer,
+    )
+
+
+def block_turns(raw: BenchRecord, fitted: WithTurns, point: NDArray) -> NDArray[np.float64]:
+    """How far (N, 3) [rad] the block has turned up to each row, in its axes, by parameters of bench and gyros."""
+    moments = moments_of(raw.time_s, without_turns(raw.alpha), without_turns(raw.beta))
+    targets, ideal = fitted.parametrisation.selection[0] @ point[: fitted.own], np.zeros(len(GYRO_PARAMETERS))
+    still = np.stack([np.zeros_like(moments), np.zeros_like(moments)])
+    return integrated_readings(targets, ideal, moments, still, fitted.turns.mounting, fitted.turns.earth)
+
+
+def cells_of_turns(place: EffectPlace, raw: BenchRecord, fitted: WithTurns, travel: Travel) -> Cells:
+    """Return the cells of an effect of gyros on a table."""
+    hours = (raw.time_s - raw.time_s[0]) / 3600.0
+    sums = travel.gyros.sums(place.definition.signature(place, travel.motion))
+    # Between the rows that are looked at the table turns by little: rates, and what a bias adds, are even.
+    _, axes, count = sums.shape
+    integral = interpolated(hours, travel.hours, sums.reshape(len(sums), -1)).reshape(len(hours), axes, count)
+    pieces = Pieces("turns", "turns", fitted.turns.first, fitted.turns.last)
+    return cells_of(place, hours, (replace(travel.gyros.groups[0], pieces=pieces),), integral)
+
+
+class TurnsInTime(SettingIn):
+    """Evidence of a whole bench beside which effects of its gyros set in.
+
+    `around` are rows without effects, linear about a fit in place of the nominal model, `narrowed` what `left_open`
+    says beside it; `loose` what its model may be wrong by, in bounds. `slipping` is a fit with a slip, about half of
+    which slips are linear.
+    """
+
+    raw: BenchRecord
+    moving: Moving
+    whole: WithTurns
+    travel: Travel
+    around: About | None
+    narrowed: Mapping[EffectPlace, Sequence[tuple[int, int]]]
+    loose: float
+    slipping: Fit | None
+
+    most_with_onset = 2
+
+    @property
+    def left_open(self) -> Mapping[EffectPlace, Sequence[tuple[int, int]]]:
+        """Stretches of an effect's times beside the fit about which the rows are linear."""
+        return self.narrowed
+
+    def make_cells(self, place: EffectPlace) -> Cells:
+        """Return those of the slip, or of an effect of the gyros."""
+        if place == SLIP:
+            return slips_of(self.raw, self.whole, self.moving, self.slipping)
+        return cells_of_turns(place, self.raw, self.whole, self.travel)
+
+    def with_onset(self, place: EffectPlace, row: float) -> Self:
+        """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
+        return self._replaced_by(set_in={**self.set_in, place: self.cells[place].value(row)})
+
+    def columns_set_in(self, place: EffectPlace) -> NDArray[np.float64]:
+        """What an effect that sets in at its time adds to readings [g] and integrals [rad] (M, K); NaN: not told."""
+        cells = self.cells[place]
+        columns, _ = cells.columns(cells.number(self.set_in[place]))
+        return self.over_bounds(columns) * self.whole.bound[:, None]
+
+    @cached_property
+    def says(self) -> NDArray[np.bool_]:
+        """Which rows (M,) say something beside what sets in at its time."""
+        if SLIP not in self.set_in:
+            return np.ones(len(self.whole.bound), dtype=bool)
+        return np.asarray(np.isfinite(self.columns_set_in(SLIP)).all(axis=1))
+
+    def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
+        """Columns (S, 3, K) of the turns, or of readings and turns, as rows (M, K) over their bounds."""
+        stacked = np.vstack([part.reshape(-1, part.shape[2]) for part in columns])
+        above = np.zeros((len(self.whole.bound) - len(stacked), stacked.shape[1]))
+        return np.vstack([above, stacked]) / self.whole.bound[:, None]
+
+    def mended_in_time(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+        """Fits of a set with one effect that sets in; rows are linear about the best that the nominal point shows.
+
+        Of a slip that is found again twice: what it does is bent.
+        """
+        if self.around is None:
+            (place,) = (place for place in places if place in self.starting)
+            rest, loose = [p for p in places if p != place], SLACK
+            if place == SLIP:
+                loose += self.second_order_at(self.baseline_radius)
+            rough = self._replaced_by(loose=loose)
+            if not (stretches := list(rough.open_stretches(place, rest, work))):
+                return []
+            begin, end = min(stretches, key=lambda ends: self._left_by(place, rest, 0.5 * (ends[0] + ends[1])))
+            evidence, row, narrowed = self, 0.5 * (begin + end), {place: stretches}
+            fit = evidence.with_onset(place, row).refit([*rest, place])
+            if place == SLIP:
+                time, narrowed = self.cells[place].value(row), {}
+                for _ in range(ROUNDS):
+                    evidence = evidence._replaced_by(slipping=fit)
+                    slips = evidence.cells[place]
+                    fit = evidence.with_onset(place, slips.number(time)).refit([*rest, place])
+                    assert isinstance(slips, Slips)
+                    evidence = evidence._replaced_by(loose=slips.missed)
+            # Without what sets in: at another time other rows say something.
+            coefficients, count = fit.coefficients[: fit.blocks[-1].start], len(fit.point)
+            rows = evidence.about(rest, fit.point, coefficients)
+            residual = rows.residual + rows.jacobian[:, count:] @ coefficients
+            around = replace(rows, residual=residual, jacobian=rows.jacobian[:, :count])
+            about = evidence._replaced_by(around=around, point=fit.point, narrowed=narrowed)
+            return about.mended_in_time(places, work)
+        return super().mended_in_time(places, work)
+
+    def _left_by(self, place: EffectPlace, linear: Sequence[EffectPlace], row: float) -> float:
+        """What least squares leave of the rows with an effect that sets in after a row."""
+        columns, _ = self.cells[place].columns(int(row))
+        matrix = np.hstack([self.matrix(linear), np.nan_to_num(self.over_bounds(columns))])
+        return float(np.linalg.norm(self.residual - matrix @ estimated(matrix, self.residual)))
+
+    def acts_linearly(self, fit: Fit) -> bool:
+        """Whether every effect of a fit is linear in its coefficients, at its time where it sets in."""
+        return all(variant is None or place in self.starting for place, _, variant in fit.ways)
+
+    def _replaced_by(self, **fields: Any) -> Self:
+        evidence = replace(self, **fields)
+        evidence.__dict__["cells"] = self.cells
+        if "slipping" in fields:
+            evidence.__dict__["cells"] = {**self.cells, SLIP: evidence.make_cells(SLIP)}
+        return evidence

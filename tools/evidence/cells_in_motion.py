@@ -1,0 +1,407 @@
+"""An effect with one unknown number on pieces of a record in motion: each value of the number, and ranges of values.
+
+A time counts from a row of the record on. What the effect then does to a piece depends on the time only where the piece
+holds it. Of a range of times pieces that begin or end within it are left out, those that hold all of it gain a turn of
+any size, the same one for all of them, and the others are the same for each time: what is refused then is refused for
+each time. In the least ranges no piece begins or ends.
+
+Columns of a few time constants in and about a range hold, by polynomials of the logarithm, those of each within it but
+for an error that derivatives bound.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
+from ...models.effects.columns import TIME_CONSTANT
+from ...models.effects.last_stage import LAST_HOUR
+from ..bounded.sets import Work, sharpened
+from .cells import most_bent
+from .fit import estimated, least_radius
+from .observation import Group, rows_of
+
+ROUNDS = 6
+"""Rounds of Lawson's algorithm before a range is handed to a linear programme."""
+RATIO, SHORTEST, LONGEST = 1.002, 0.05, 10.0
+"""Of neighbouring time constants; the shortest is a part of the first pieces, the longest so many times the record."""
+TIMES_AT_ONCE = 80
+"""Time constants of the least ranges."""
+SPACING, DEGREE, AROUND = 40, 7, 3
+"""Of the time constants between which polynomials of this degree tell all others, so many of them beyond each end."""
+MOST_EIGHTH = 222.8
+"""The largest eighth derivative of e^(−x) by the logarithm of x."""
+MISSED = MOST_EIGHTH * (0.5 * 1.5 * 2.5 * 3.5) ** 2 * (SPACING * math.log(RATIO)) ** 8 / math.factorial(8)
+"""By so much, of its size at the first row, such a polynomial misses an exponential at most."""
+WEIGHED = 2.0
+"""The values at its nodes count so much together, at most."""
+HELD = 1e-9
+"""What polynomials add less, relatively, is left away, and counts as an error."""
+LEFT_AWAY = 1e-3
+"""A few columns hold those of a range of time constants where the largest size does so much of a bound otherwise."""
+FEWEST = 2
+"""So many moves, or windows of the least length, are wholly before an onset, and so many after."""
+Columns = list[NDArray[np.float64]]
+OverBounds = Callable[[Sequence[NDArray[np.float64]]], NDArray[np.float64]]
+"""Columns (S, d, K) of each group of pieces -> rows (M, K) over their bounds."""
+Range = tuple[NDArray[np.float64], float]
+"""Columns (M, L) over the bounds that hold an effect with any number of a range, and by how many bounds it may miss."""
+
+
+def searched_places() -> tuple[EffectPlace, ...]:
+    """Return the places of gyros' effects with an unknown number."""
+    places: list[EffectPlace] = []
+    for effect in STRAPDOWN_EFFECTS.values():
+        if effect.searched is not None:
+            places += effect.places
+    return tuple(places)
+
+
+SEARCHED = searched_places()
+
+
+@dataclass(frozen=True, eq=False)
+class InMotion:
+    """What an effect adds to groups of pieces, from the first row on: the cells of its unknown number follow from it.
+
+    `hours` (N,) of each row since the first; `resting` (N,) whether a row belongs to a rest; `integral` (N, 3, K) what
+    it turns up to each row, and `counted` (N, 3, K) each row's part of the mean over all rests; zeros where no mean is
+    taken out.
+    """
+
+    hours: NDArray[np.float64]
+    groups: tuple[Group, ...]
+    resting: NDArray[np.bool_]
+    integral: NDArray[np.float64]
+    counted: NDArray[np.float64]
+
+    @cached_property
+    def ends_of_pieces(self) -> NDArray[np.int_]:
+        """Rows at which pieces begin or end."""
+        return rows_of([group.pieces for group in self.groups])
+
+    @cached_property
+    def rows_between(self) -> NDArray[np.int_]:
+        """Rows at which pieces begin or end, where enough of them are before and after."""
+        turning = [group.pieces for group in self.groups if group.pieces.kind not in ("rests", "norms")]
+        most = max(turning, key=len)
+        first, last = np.sort(most.first)[-FEWEST], np.sort(most.last)[FEWEST - 1]
+        rows = self.ends_of_pieces
+        return rows[(rows >= last) & (rows <= first)]
+
+    at_once: ClassVar[int] = 0
+    """1 of what changes at once: the last row of a range is the one before its end."""
+
+    def between(self, group: Group, sums: NDArray, mean: NDArray) -> NDArray[np.float64]:
+        """Return columns (S, d, K) of one group by sums up to the rows at which pieces begin or end."""
+        ends = self.ends_of_pieces
+        first, last = np.searchsorted(ends, group.pieces.first), np.searchsorted(ends, group.pieces.last)
+        return group.columns(sums, mean, first, last)
+
+
+@dataclass(frozen=True, eq=False)
+class Onsets(InMotion):
+    """An effect that sets in after a row: its number is the row."""
+
+    @cached_property
+    def at_rest(self) -> NDArray[np.float64]:
+        """Its part (N, 3, K) of the mean over all rests, up to each row."""
+        return np.cumsum(self.counted, axis=0)
+
+    @property
+    def edges(self) -> NDArray[np.int_]:
+        """Rows at which pieces begin or end."""
+        return self.rows_between
+
+    def value(self, number: float) -> float:
+        """Return a time after a row and before the next [h]."""
+        return 0.5 * float(self.hours[int(number)] + self.hours[int(number) + 1])
+
+    def number(self, value: float) -> float:
+        """Return the row before a time [h]."""
+        return int(np.searchsorted(self.hours, value)) - 1
+
+    def ends(self, begin: float, end: float) -> tuple[float, float]:
+        """Return the times [h] of two rows."""
+        return float(self.hours[int(begin)]), float(self.hours[int(end) + self.at_once])
+
+    def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
+        """Return columns of what acts after a row."""
+        row = int(number)
+        mean = self.at_rest[-1] - self.at_rest[row]
+        return [group.since(self.integral, mean, row) for group in self.groups], mean
+
+    def within(self, begin: int, end: int) -> Columns:
+        """Return columns (S, d, L) of each group that hold the effect whenever it sets in from one row to another.
+
+        NaN where a piece begins or ends between.
+        """
+        columns, none = self.columns(end)[0], np.zeros((3, 0))
+        rested = self.resting[begin : end + 1].any()
+        for k, group in enumerate(self.groups):
+            turn = self.turn_within(k, begin, end)
+            mean = group.mean if rested and group.mean is not None else group.gain @ none
+            columns[k] = np.concatenate([columns[k], turn, mean], axis=2)
+        return columns
+
+    def turn_within(self, k: int, begin: int, end: int) -> NDArray[np.float64]:
+        """Return what a turn between two rows adds to pieces (S, d, 3) that hold both; NaN of those that hold one."""
+        group = self.groups[k]
+        holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
+        apart = (group.pieces.last <= begin) | (group.pieces.first >= end)
+        turn = group.gain * holding[:, None, None]
+        turn[~(holding | apart)] = np.nan
+        return turn
+
+    def range(self, begin: int, end: int, over_bounds: OverBounds, largest: NDArray) -> Range:
+        """Return the columns of `within`, which miss nothing."""
+        return over_bounds(self.within(begin, end - self.at_once)), 0.0
+
+    def swept(self, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
+        """Return what the effect does at every row from one to another.
+
+        Columns (S, d, K) of each group, columns (S, d, t) that move, and of each row the ways (R, t, K) in which they
+        are added.
+        """
+        rows = slice(begin, end + 1)
+        ways = [self.integral[end] - self.integral[rows]]
+        moving = []
+        for group in self.groups:
+            holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
+            turn = group.gain * holding[:, None, None]
+            if group.mean is not None:
+                turn = np.concatenate([turn, group.mean], axis=2)
+            moving.append(turn)
+        if self.groups[0].mean is not None:
+            ways.append(self.at_rest[rows] - self.at_rest[end])
+        return self.columns(end)[0], moving, np.concatenate(ways, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Slips(Onsets):
+    """A slip of the block after a moment: columns of readings, then of what gyros integrate.
+
+    `hours` are of one or several moments a row, since the record's first rest; `whole` (S, 3, 3) of each group what the
+    slip adds where it is within a piece, or before a reading: nothing is told of a reading that is of both sides of it.
+    `missed`: what so few moments miss, in bounds.
+    """
+
+    whole: tuple[NDArray[np.float64], ...]
+    missed: float
+
+    at_once: ClassVar[int] = 1
+
+    def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
+        """Return columns with the slip itself; NaN of readings that are of both sides of it."""
+        columns, mean = super().columns(number)
+        readings, turned = (group.pieces for group in self.groups)
+        before, across = readings.last <= number, (turned.first <= number) & (number < turned.last)
+        columns[0] = self.whole[0] * ~before[:, None, None]
+        columns[0][~before & (readings.first <= number)] = np.nan
+        columns[1][across] += self.whole[1][across]
+        return columns, mean
+
+    def turn_within(self, k: int, begin: int, end: int) -> NDArray[np.float64]:
+        """Return the same where the slip is behind the moment `end` at the latest and a moment follows it."""
+        pieces, gain = self.groups[k].pieces, self.groups[k].gain
+        holding = (pieces.first <= begin) & (pieces.last > end) & (k > 0)
+        turn = gain * holding[:, None, None]
+        turn[~(holding | (pieces.last <= begin) | (pieces.first > end))] = np.nan
+        return turn
+
+
+@dataclass(frozen=True, eq=False)
+class TimeConstants(InMotion):
+    """An effect that fades with a time constant: its number counts these from the shortest that is sought."""
+
+    samples: dict[int, Columns] = field(default_factory=dict)
+
+    @cached_property
+    def times(self) -> NDArray[np.float64]:
+        """Time constants (J,) [h] that are sought, near each other."""
+        low, high = SHORTEST * self.hours[self.rows_between[0]], LONGEST * self.hours[-1]
+        count = TIMES_AT_ONCE * max(1, math.ceil(math.log(high / low) / math.log(RATIO) / TIMES_AT_ONCE)) + 1
+        return np.geomspace(low, high, count)
+
+    @cached_property
+    def step(self) -> float:
+        """Difference of the logarithms of neighbouring time constants."""
+        return math.log(self.times[1] / self.times[0])
+
+    @cached_property
+    def turning(self) -> NDArray[np.float64]:
+        """What each step (N - 1, 3, K) turns at the beginning of the effect."""
+        return np.diff(self.integral, axis=0)
+
+    @property
+    def edges(self) -> NDArray[np.int_]:
+        """Numbers, evenly spaced."""
+        return np.arange(0, len(self.times), TIMES_AT_ONCE)
+
+    def value(self, number: float) -> float:
+        """Return the time constant [h] of a number, between two of `times` or beyond them."""
+        return float(self.times[0] * math.exp(self.step * number))
+
+    def number(self, value: float) -> float:
+        """Return the number of a time constant [h]."""
+        return math.log(value / self.times[0]) / self.step
+
+    def ends(self, begin: float, end: float) -> tuple[float, float]:
+        """Return the time constants [h] at both ends; the shortest and longest are not told from what is beyond."""
+        low, high = 0.0, LAST_HOUR
+        if begin > 0:
+            low = self.value(begin)
+        if end < len(self.times) - 1:
+            high = self.value(end)
+        return low, high
+
+    def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
+        """Return columns of what fades."""
+        part = np.exp(-self.hours[1:] / self.value(number))
+        sums = _up_to(self.turning * part[:, None, None], self.ends_of_pieces)
+        mean = np.einsum("nik,n->ik", self.counted[1:], part)
+        return [self.between(group, sums, mean) for group in self.groups], mean
+
+    def range(self, begin: int, end: int, over_bounds: OverBounds, largest: NDArray) -> Range:
+        """Return few columns that hold those of a few time constants; they miss what polynomials through these do."""
+        samples = [self._sample(number) for number in self._nodes(begin, end)]
+        columns = [np.concatenate(groups, axis=2) for groups in zip(*samples, strict=True)]
+        missed = self._at_most(np.full(len(self.turning), MISSED))
+        size = WEIGHED * np.linalg.norm(largest)
+        few, left_away = held(over_bounds(columns), LEFT_AWAY / float(size))
+        error = over_bounds(missed) @ largest + left_away * size
+        return few, float(error.max())
+
+    def swept(self, numbers: NDArray) -> tuple[Columns, NDArray[np.float64], Columns]:
+        """Return what the effect does with time constants of some numbers (R,), evenly spaced.
+
+        Columns (S, d, t) of each group that move, ways (R, t, K) in which they are added, polynomials of the logarithm;
+        and by how much (S, d, K) what it does with any time constant between two neighbours may miss the straight line
+        between theirs.
+        """
+        nodes = self._nodes(numbers[0], numbers[-1])
+        samples = [self._sample(number) for number in nodes]
+        stacked = np.array([_stacked(sample) for sample in samples])
+        count, rows, per_row = stacked.shape
+        basis, sizes, parts = np.linalg.svd(stacked.transpose(1, 0, 2).reshape(rows, -1), full_matrices=False)
+        retained, basis = sizes > HELD * sizes[0], basis * sizes
+        at = parts[retained].reshape(-1, count, per_row).transpose(1, 0, 2)
+        places = (numbers - nodes[0]) / SPACING
+        own_nodes = np.clip(places.astype(int) - AROUND, 0, count - DEGREE - 1)[:, None] + np.arange(DEGREE + 1)
+        ways = np.einsum("rj,rjtk->rtk", lagrange(places, own_nodes), at[own_nodes])
+        ends = np.cumsum([columns[..., 0].size for columns in samples[0]])[:-1]
+        width = self.step * (numbers[1] - numbers[0])
+        slow = np.array([[self.value(numbers[0]), self.value(numbers[-1])]])
+        bent = most_bent(self.hours[1:, None] / slow)[:, 0] * width**2 / 8.0
+        bases = np.split(basis[:, retained], ends)
+        left_away = np.split(WEIGHED * np.linalg.norm(basis[:, ~retained], axis=1), ends)
+        moving, missed = [], []
+        for k, straight in enumerate(self._at_most(bent + MISSED)):
+            pieces, axes, _ = straight.shape
+            moving.append(bases[k].reshape(pieces, axes, -1))
+            missed.append(straight + left_away[k].reshape(pieces, axes, 1))
+        return moving, ways, missed
+
+    @staticmethod
+    def _nodes(begin: float, end: float) -> NDArray[np.int_]:
+        """Numbers of the time constants by which those between two numbers are told."""
+        first, last = math.floor(begin / SPACING) - AROUND, math.ceil(end / SPACING) + AROUND
+        return SPACING * np.arange(first, max(last, first + DEGREE) + 1)
+
+    def _sample(self, number: int) -> Columns:
+        """Columns with a time constant, kept for the ranges that share it."""
+        sample = self.samples.get(number)
+        if sample is None:
+            sample = self.samples[number] = self.columns(number)[0]
+        return sample
+
+    def _at_most(self, part: NDArray) -> Columns:
+        """What a part (N - 1,), of either sign, of what the effect does at each row does to the errors at most."""
+        sums = _up_to(np.abs(self.turning) * part[:, None, None], self.ends_of_pieces)
+        mean = np.einsum("nik,n->ik", np.abs(self.counted[1:]), part)
+        return [self.between(group.largest, sums, mean) for group in self.groups]
+
+
+Cells = Onsets | TimeConstants
+"""The cells of an unknown number: ranges of it, and what the effect does with each."""
+
+
+def cells_of(
+    place: EffectPlace,
+    hours: NDArray[np.float64],
+    groups: tuple[Group, ...],
+    integral: NDArray[np.float64],
+    counted: NDArray[np.float64] | None = None,
+    resting: NDArray[np.bool_] | None = None,
+) -> Cells:
+    """Return the cells of an effect's number; one that is not searched acts from the first row on.
+
+    Arguments are as for `InMotion`; without a mean at rest that is taken out there is none to count.
+    """
+    if counted is None or resting is None:
+        counted, resting = np.zeros_like(integral), np.zeros(len(hours), dtype=bool)
+    if place.definition.searched == TIME_CONSTANT:
+        return TimeConstants(hours, groups, resting, integral, counted)
+    return Onsets(hours, groups, resting, integral, counted)
+
+
+def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
+    """Return the sums (R, 3, K) of what (N - 1, 3, K) comes before some rows (R,), in order."""
+    starts = np.append(0, rows[:-1])
+    some, sums = rows > starts, np.zeros((len(rows), *additions.shape[1:]))
+    sums[some] = np.add.reduceat(additions[: rows[-1]], starts[some], axis=0)
+    return np.cumsum(sums, axis=0)
+
+
+def _stacked(columns: Columns) -> NDArray[np.float64]:
+    """Columns (S, d, K) of each part as rows (M, K)."""
+    return np.concatenate([part.reshape(-1, part.shape[2]) for part in columns])
+
+
+def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:
+    """What the values at nodes (R, j) count in the polynomials through them at some numbers (R,)."""
+    weights = np.ones(nodes.shape)
+    for node in range(nodes.shape[1]):
+        for further in range(nodes.shape[1]):
+            if further != node:
+                weights[:, node] *= (at - nodes[:, further]) / (nodes[:, node] - nodes[:, further])
+    return weights
+
+
+def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
+    """As few columns (M, L) as hold columns (M, n) but for rows of such a length at most; and the longest left away."""
+    basis, sizes, _ = np.linalg.svd(matrix, full_matrices=False)
+    basis = basis * sizes
+    left_away = np.sqrt(np.cumsum((basis**2)[:, ::-1], axis=1)).max(axis=0, initial=0.0)
+    count = int(np.searchsorted(left_away, most))
+    if not count:
+        return basis, 0.0
+    return basis[:, :-count], float(left_away[count - 1])
+
+
+def refused(matrix: NDArray, residual: NDArray, limit: float, work: Work) -> bool:
+    """Whether rows (M, P) in units of their bounds leave a radius above the limit, whatever the coefficients.
+
+    Weighted least squares prove it, or a linear programme does; what they cost is added to the work.
+    """
+    if not len(residual):
+        return False
+    scale = np.linalg.norm(matrix, axis=0)
+    matrix = matrix[:, scale > 0.0] / scale[scale > 0.0]
+    weights = np.full(len(residual), 1.0 / len(residual))
+    for _ in range(ROUNDS):
+        work.add(300.0 + 0.1 * matrix.size)
+        root = np.sqrt(weights)
+        misfit = residual - matrix @ estimated(root[:, None] * matrix, root * residual)
+        if weights @ misfit**2 > limit**2 * (1.0 + 1e-6):
+            return True
+        if np.abs(misfit).max() <= limit:
+            return False
+        weights = sharpened(weights, misfit)
+    free = np.full(matrix.shape[1], np.inf)
+    return least_radius(matrix, residual, (-free, free), estimated(matrix, residual))[0] > limit
