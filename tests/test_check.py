@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 import trihedron as th
 from trihedron.tools import cli
-from trihedron.tools.check.findings import json_lines, line_of, toml_lines
+from trihedron.tools.check.findings import json_lines, line_at, toml_lines
 from trihedron.tools.records import StrapdownRecord, write_record
 from trihedron.tools.result import Result, field_problems
 
@@ -323,8 +323,8 @@ def test_lines_of_toml_are_those_of_every_table_and_key():
             yield from locations(item, (*before, key))
 
     assert set(locations(tomllib.loads(text))) == set(lines)
-    assert line_of(lines, ("h", 1, "m", "unknown")) == 15
-    assert line_of(lines, ("unknown",)) is None
+    assert line_at(lines, ("h", 1, "m", "unknown")) == 15
+    assert line_at(lines, ("unknown",)) is None
 
 
 def test_lines_of_json_are_those_of_every_member():

@@ -204,7 +204,7 @@ class Turn(Part):
     to_s: Number
 
 
-class Gain(Part):
+class GainOfTurns(Part):
     """What turns add: a parameter's guaranteed error by the accelerometers alone, and by both."""
 
     symbol: str
@@ -225,7 +225,7 @@ class Gyros(Part):
         of an encoder's error [rad]
     latitude_deg, azimuth_deg : float
         of the bench and its outer axis, from north towards east
-    gains : list of Gain
+    gains : list of GainOfTurns
         parameters of the bench that the turns make known better
     witness : list of Turn
         the pieces that prove a falsification
@@ -236,11 +236,11 @@ class Gyros(Part):
     encoder_bound: Size = Field(alias="encoder_bound_rad")
     latitude_deg: Number
     azimuth_deg: Number
-    gains: list[Gain]
+    gains: list[GainOfTurns]
     witness: list[Turn]
 
 
-class Prior(Part):
+class KnownBefore(Part):
     """What was known before: |expression| ≤ limit."""
 
     expression: str
@@ -279,7 +279,7 @@ class OfRecord(Part):
     provenance: Provenance
 
 
-class Change(Part):
+class ParameterChange(Part):
     """By how much a parameter of several records, each taken by itself, is no constant.
 
     Attributes
@@ -332,7 +332,7 @@ class Calibration(Part):
         the readings that prove a falsification
     parameters : list of Parameter
         those of the bench and the accelerometers, then those of the gyros; of several records what they share
-    priors : list of Prior
+    priors : list of KnownBefore
     gyros : Gyros or None
         of a bench record whose place is known; then all numbers are of readings and turns together
     reading_errors : list of ReadingError
@@ -343,7 +343,7 @@ class Calibration(Part):
         table positions that would determine them
     of_record : dict of OfRecord
         of several records, by label
-    changes : list of Change
+    changes : list of ParameterChange
         of records each of which is calibrated by itself: what changes from one to another
     provenance : Provenance or None
         None of several records: each has its own
@@ -377,13 +377,13 @@ class Calibration(Part):
     witness: list[Reading] = Field(default=[])
     parameters: list[Parameter]
     units: dict[str, str] = UNITS
-    priors: list[Prior] = Field(default=[])
+    priors: list[KnownBefore] = Field(default=[])
     gyros: Gyros | None = None
     reading_errors: list[ReadingError] = Field(default=[])
     open: list[Open] = Field(default=[])
     next_positions: list[TablePosition] = Field(default=[])
     of_record: dict[str, OfRecord] = Field(default={})
-    changes: list[Change] = Field(default=[])
+    changes: list[ParameterChange] = Field(default=[])
     provenance: Provenance | None = None
     warnings: list[str] = Field(default=[])
     linearised: Any = Field(default=None, exclude=True)
@@ -485,7 +485,7 @@ def each_by_itself(
         lows, highs = zip(*intervals.values(), strict=True)
         since, beside = first_falsified(intervals)
         changes.append(
-            Change(
+            ParameterChange(
                 symbol=symbol,
                 unit=unit,
                 of="instrument" if is_of_instrument(symbol) else "run",

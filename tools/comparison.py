@@ -91,8 +91,8 @@ class Compared(Result):
 
 def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
     """Hold two runs or records against each other; `trihedron.compare` says more."""
-    first_name, left = read_table(first)
-    second_name, right = read_table(second)
+    first_name, left = table_of_run(first)
+    second_name, right = table_of_run(second)
     numbers, not_compared = _columns_of_both(left, right)
     if not numbers:
         raise InputError(f"{second_name}: has no column of numbers in common with {first_name}")
@@ -222,7 +222,7 @@ def _matched(
     return rows, times[rows], "time"
 
 
-def read_table(source: Any) -> tuple[str, pl.DataFrame]:
+def table_of_run(source: Any) -> tuple[str, pl.DataFrame]:
     """A run or a record and what it is called: the folder of a run, a file, a table in memory, a record, a simulation.
 
     An InputError where it is none, has no times, or they run back.

@@ -74,42 +74,42 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     The seed is that of the record with the hidden effect. `show`: open the page where there is a screen.
     """
     make_folders(out)
-    say(f"1  Simulate: table, accelerometers, gyros and attitude computer, at rest and turning ({IMU_CALIBRATION})")
+    tell(f"1  Simulate: table, accelerometers, gyros and attitude computer, at rest and turning ({IMU_CALIBRATION})")
     scenario = read_scenario(copied_scenario(out))
     files = simulate_table(scenario, out / "imu-calibration-run", progress=True).files
 
-    say("2  Calibrate: guaranteed linear programmes for bench, accelerometers and gyros together")
+    tell("2  Calibrate: guaranteed linear programmes for bench, accelerometers and gyros together")
     bench = read_record(files[0], PositionRecord)
-    calibration = calibrate_whole(bench, place_of(scenario), noise_bound=NOISE_BOUND)
+    calibration = calibrate_whole(bench, bench_place(scenario), noise_bound=NOISE_BOUND)
     write_text(out / "calibration.json", calibration.json_text())
     truth = true_targets(scenario)
     inside = inside_intervals(calibration, truth)
     print(calibration)
     print(f"{inside} of {len(truth)} true values lie inside their intervals")
 
-    say("3  Measure: a record of encoders, gyros and accelerometers with one hidden effect comes in")
+    tell("3  Measure: a record of encoders, gyros and accelerometers with one hidden effect comes in")
     measured = out / "measured.csv"
     answer_file = out / "hidden-answer.json"
     case = short_bench(seed)
     write_hidden_record(case, measured, answer_file, progress=True)
 
-    say("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
+    tell("4  Diagnose: falsify the simulation, name the cause, extend the FMU, simulate again")
     diagnosis = diagnose(read_record(measured, PositionRecord), **case.instrument.asked, progress=True)
     write_text(out / "diagnosis.json", diagnosis.json_text())
     extended = export_extended(diagnosis, out / "extended")
     print(diagnosis)
-    hidden = words_of(case.answer()["hidden"])
+    hidden = effect_words(case.answer()["hidden"])
     is_named = judged_case(case, diagnosis).outcome == "right"
     naming = "named" if is_named else "not named"
     print(f"what was hidden: {hidden} -> {naming.replace('not', 'NOT')}")
 
-    say("5  Beyond the catalogue: an encoder errs in one part of its circle, as no effect of the catalogue does")
+    tell("5  Beyond the catalogue: an encoder errs in one part of its circle, as no effect of the catalogue does")
     bumped = with_bump(draw_alone(seed, effects=[]).measured())
     outside = diagnose(bumped, noise_bound=NOISE_BOUND, rerun=False)
     write_text(out / "outside.json", outside.json_text())
     print(outside)
 
-    say("6  Attitude: a real record through the attitude computer")
+    tell("6  Attitude: a real record through the attitude computer")
     attitude = attitude_of_measured_record(out)
 
     sentence = (
@@ -170,7 +170,7 @@ def with_bump(record: PositionRecord) -> PositionRecord:
     return replace(record, alpha=record.alpha + BUMP_HEIGHT * np.exp(-((apart / BUMP_WIDTH) ** 2)))
 
 
-def say(line: str) -> None:
+def tell(line: str) -> None:
     """A heading between the steps."""
     print(f"\n{line}\n{'-' * len(line)}", flush=True)
 
@@ -197,7 +197,7 @@ def true_values(scenario: Scenario, component: str) -> dict[str, Any]:
     return {}
 
 
-def place_of(scenario: Scenario) -> Bench:
+def bench_place(scenario: Scenario) -> Bench:
     """Where the table of a scenario stands, and within what its encoders read."""
     table = true_values(scenario, "TurntableMotion")
     latitude, azimuth = (math.degrees(table[name]) for name in ("latitude", "azimuth"))
@@ -223,7 +223,7 @@ def inside_intervals(calibration: Calibration, truth: dict[str, float]) -> int:
     return sum(e.low is not None and e.high is not None and e.low <= truth[e.symbol] <= e.high for e in every)
 
 
-def words_of(hidden: dict[str, Any]) -> str:
+def effect_words(hidden: dict[str, Any]) -> str:
     """What was hidden, in words."""
     if hidden["effect"] is None:
         return "nothing"

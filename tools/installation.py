@@ -40,7 +40,7 @@ POSITIONS, DWELL_S = 12, 2.0
 """Of the run that is tried."""
 
 
-class Finding(Result):
+class InstallationFinding(Result):
     """One thing that was looked at: what, how it is, and whether that is as it should be (None: a matter of choice)."""
 
     subject: str
@@ -55,12 +55,12 @@ class Installation(Result):
     ----------
     works : bool
         whether everything that is needed is there and a run works
-    findings : tuple of Finding
+    findings : tuple of InstallationFinding
     """
 
     schema_: Literal["trihedron.doctor/1"] = Field(default="trihedron.doctor/1", alias="schema")
     works: bool
-    findings: tuple[Finding, ...]
+    findings: tuple[InstallationFinding, ...]
 
     def to_polars(self) -> "DataFrame":
         """A row for each finding: subject, state, good."""
@@ -83,12 +83,12 @@ def doctor() -> Installation:
     return Installation(works=all(entry.good is not False for entry in findings), findings=findings)
 
 
-def finding(subject: str, state: str, good: bool | None = True) -> Finding:
+def finding(subject: str, state: str, good: bool | None = True) -> InstallationFinding:
     """What was seen of a subject."""
-    return Finding(subject=subject, state=state, good=good)
+    return InstallationFinding(subject=subject, state=state, good=good)
 
 
-def _packages() -> list[Finding]:
+def _packages() -> list[InstallationFinding]:
     installed, missing = [], []
     for name in CORE:
         version = _version(name)
@@ -117,7 +117,7 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _platforms() -> list[Finding]:
+def _platforms() -> list[InstallationFinding]:
     compiler, zig = host_compiler(), zig_version()
     state = "none"
     if compiler is not None and compiler[1]:
@@ -137,7 +137,7 @@ def _platforms() -> list[Finding]:
     return findings
 
 
-def _cache() -> Finding:
+def _cache() -> InstallationFinding:
     folder = cache_folder()
     at = folder
     while not at.exists() and at != at.parent:
@@ -150,14 +150,14 @@ def _cache() -> Finding:
     return finding("cache", str(folder), True)
 
 
-def _printing() -> Finding:
+def _printing() -> InstallationFinding:
     program = converter()
     return finding(
         "reports as PDF", program or "no Chromium, Chrome or Edge; reports are HTML", True if program else None
     )
 
 
-def _run() -> Finding:
+def _run() -> InstallationFinding:
     """A run of the whole chain, on a template's scenario."""
     subject = "a run"
     try:

@@ -305,9 +305,9 @@ def plot(run: Any, page: str | Path) -> Path:
     InputError
         for what is no run or record, or a page that cannot be written
     """
-    from .comparison import read_table
+    from .comparison import table_of_run
 
-    name, table = read_table(run)
+    name, table = table_of_run(run)
     reports.write_plot(Path(page), Path(name).name, f"{table.height} rows.", table)
     return Path(page)
 

@@ -125,7 +125,7 @@ def option_of(annotation: Any) -> Option | None:
     return None
 
 
-def described(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
+def docstring_words(function: Callable[..., Any]) -> tuple[str, dict[str, str]]:
     """What stands before the sections of a numpydoc docstring, and the words of each parameter.
 
     What the docstring says of a parameter goes before what its option says.

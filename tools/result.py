@@ -197,7 +197,7 @@ def object_of(text: bytes, where: str) -> dict[str, Any]:
     return content
 
 
-def result_of(content: Mapping[str, Any], kinds: Mapping[str, type[Kind]], where: str) -> Kind | None:
+def parsed_result(content: Mapping[str, Any], kinds: Mapping[str, type[Kind]], where: str) -> Kind | None:
     """The result of which this is the object, of one of some kinds by their schemas; None where it is of none.
 
     An InputError, which begins with `where`, where it is not as its schema says.

@@ -14,8 +14,8 @@ from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input, up
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..calibrated import (
     Calibration,
+    KnownBefore,
     Parameter,
-    Prior,
     Provenance,
     Reading,
     Sigma,
@@ -37,7 +37,7 @@ from ..records.channels import (
 )
 from ..records.noise import NoiseBound, noise_bound_from
 from ..rounding import digits, exactly, residual, upwards
-from .estimates import Solution, fit, open_directions, solve
+from .estimates import Solution, fit, open_directions, solve_system
 from .model import (
     Linearisation,
     Parametrisation,
@@ -133,7 +133,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
     targets = wanted_targets(p, request)
     resolution = record.written_to(request.gravity)
     try:
-        solution = solve(bounded, targets, reading_uncertainty(resolution), sigma, error_weights(p), linearised)
+        solution = solve_system(bounded, targets, reading_uncertainty(resolution), sigma, error_weights(p), linearised)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --noise-bound {exactly(sigma)} a fraction of g?") from error
     _check_scale_factors(record, solution.parameters)
@@ -178,7 +178,7 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         no_estimate=_without_estimate(falsified, unbounded, missing),
         witness=witness,
         parameters=solution.parameters,
-        priors=[Prior(expression=x.text.rpartition("=")[0], limit=x.limit) for x in priors],
+        priors=[KnownBefore(expression=x.text.rpartition("=")[0], limit=x.limit) for x in priors],
         reading_errors=solution.reading_errors,
         provenance=provenance_of(record, request.bounds),
         open=open_directions(bounded, targets, "the next positions"),

@@ -297,7 +297,7 @@ class Solution:
         return self.feasible is None
 
 
-def solve(
+def solve_system(
     system: Linearisation,
     targets: Sequence[Target],
     slack: float,

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from ...fmus.units import ARCMIN
 from ...models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base
 from ..bounded.programmes import SolverError
-from ..calibrated import Calibration, Gain, Gyros, Parameter, Turn
+from ..calibrated import Calibration, GainOfTurns, Gyros, Parameter, Turn
 from ..errors import InputError
 from ..motion.inspect import AtTable
 from ..motion.rests import check_meaning
@@ -25,7 +25,7 @@ from ..records.comments import INERTIAL
 from ..records.rests import position_record_of, without_turns
 from ..rounding import exactly, upwards
 from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets
-from .estimates import Solution, open_directions, solve
+from .estimates import Solution, open_directions, solve_system
 from .in_motion import InMotion, lag_targets, with_motion
 from .model import Linearisation
 from .targets import Target, error_weights
@@ -191,7 +191,7 @@ def with_gyros(
     of_errors = np.pad(error_weights(alone.parametrisation), ((0, 0), (0, len(GYRO_PARAMETERS))))
     slack = reading_uncertainty(record.written_to(calibration.gravity))
     try:
-        solution = solve(system, of_whole, slack, calibration.noise_bound, of_errors)
+        solution = solve_system(system, of_whole, slack, calibration.noise_bound, of_errors)
     except SolverError as error:
         raise InputError(f"{record.path}: {error}; is --gyro-noise in rad/s?") from error
     count, contradicted = len(targets), solution.contradicted
@@ -239,7 +239,7 @@ def _with_latency(calibration: Calibration, record: PositionRecord, bench: Bench
     try:
         lags = lag_targets(len(system.point))
         with_lags = with_motion(system, moving, calibration.gravity)
-        solution = solve(with_lags, lags, slack, calibration.noise_bound)
+        solution = solve_system(with_lags, lags, slack, calibration.noise_bound)
     except SolverError as error:
         warning = f"the accelerometers' latency is not told: {error}"
         return calibration.model_copy(update={"warnings": [*calibration.warnings, warning]})
@@ -298,13 +298,13 @@ def _no_wider(together: Parameter, alone: Parameter) -> Parameter:
     return together.model_copy(update=changed)
 
 
-def _gains(alone: Sequence[Parameter], together: Sequence[Parameter]) -> list[Gain]:
+def _gains(alone: Sequence[Parameter], together: Sequence[Parameter]) -> list[GainOfTurns]:
     """The targets that turns make known better."""
     gains = []
     for parameter, improved in zip(alone, together, strict=True):
         before, after = parameter.guaranteed_error, improved.guaranteed_error
         if before is not None and after is not None and after < GAINED * before:
-            gains.append(Gain(symbol=parameter.symbol, accelerometers_alone=before, with_gyros=after))
+            gains.append(GainOfTurns(symbol=parameter.symbol, accelerometers_alone=before, with_gyros=after))
     return gains
 
 

@@ -103,7 +103,7 @@ class Findings:
         """Note a problem, of a field once."""
         if line is not None or all(text != problem.text for problem in self.problems):
             if line is None:
-                line = line_of(self.lines, location)
+                line = line_at(self.lines, location)
             self.problems.append(Problem(text=text, line=line))
 
     @contextmanager
@@ -150,7 +150,7 @@ def named_location(text: str) -> Location:
     return tuple(location)
 
 
-def line_of(lines: Mapping[Location, int], location: Location) -> int | None:
+def line_at(lines: Mapping[Location, int], location: Location) -> int | None:
     """The line of a field, or of the innermost section around it that the file has."""
     for length in range(len(location), 0, -1):
         if location[:length] in lines:

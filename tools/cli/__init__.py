@@ -7,29 +7,11 @@ from contextlib import suppress
 
 from cyclopts import App, Group, Parameter
 
+from . import commands, studies
 from .answer import exit_status, refuse, say
-from .commands import (
-    apply,
-    attitude,
-    calibrate,
-    check,
-    demo,
-    diagnose,
-    doctor,
-    export,
-    export_notebook,
-    export_ssp,
-    fmpy_input,
-    import_,
-    inspect,
-    installed_version,
-    new,
-    simulate,
-)
 from .completion import add_completion
 from .folder import instrument
 from .plan_commands import plan
-from .studies import campaign, campaign_report, compare, hidden, measure, plot, reproduce
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
     # Matrices are small here, and threads would only wait for each other; numpy reads this when it is imported.
@@ -73,7 +55,7 @@ app = App(
     help="Simulate the bench, calibrate with guaranteed bounds, find what the simulation gets wrong.",
     help_epilogue="--quiet (-q) with any command: print errors, and what --json - asks for, nothing else. "
     "Exit status: 0 done, 2 the input cannot be used, 1 a fault of the program, 130 interrupted.",
-    version=installed_version,
+    version=commands.installed_version,
     default_parameter=Parameter(negative=(), negative_iterable=(), show_default=shown_default),
     help_format="plaintext",
     result_action="return_value",
@@ -81,21 +63,46 @@ app = App(
 )
 
 GROUPS = {
-    "Start": (demo, new, doctor),
-    "Your data": (import_, check, inspect, plan, measure, instrument, plot),
-    "Simulate": (simulate, export, export_ssp, hidden),
-    "Analyse": (calibrate, diagnose, apply, attitude, compare),
-    "Advanced": (campaign, campaign_report, export_notebook, fmpy_input, reproduce),
+    "Start": {"demo": commands.demo_command, "new": commands.new_command, "doctor": commands.doctor_command},
+    "Your data": {
+        "import": commands.import_command,
+        "check": commands.check_command,
+        "inspect": commands.inspect_command,
+        "plan": plan,
+        "measure": studies.measure_command,
+        "instrument": instrument,
+        "plot": studies.plot_command,
+    },
+    "Simulate": {
+        "simulate": commands.simulate_command,
+        "export": commands.export_command,
+        "export-ssp": commands.export_ssp_command,
+        "hidden": studies.hidden_command,
+    },
+    "Analyse": {
+        "calibrate": commands.calibrate_command,
+        "diagnose": commands.diagnose_command,
+        "apply": commands.apply_command,
+        "attitude": commands.attitude_command,
+        "compare": studies.compare_command,
+    },
+    "Advanced": {
+        "campaign": studies.campaign_command,
+        "campaign-report": studies.campaign_report_command,
+        "export-notebook": commands.export_notebook_command,
+        "fmpy-input": commands.fmpy_input_command,
+        "reproduce": studies.reproduce,
+    },
 }
 """Commands as `trihedron --help` lists them."""
-for place, (title, commands) in enumerate(GROUPS.items()):
+for place, (title, named_commands) in enumerate(GROUPS.items()):
     group = Group(title, sort_key=place)
-    for command in commands:
+    for command_name, command in named_commands.items():
         if isinstance(command, App):
             command.group = group
             app.command(command)
         else:
-            app.command(command, name="import" if command is import_ else None, group=group)
+            app.command(command, name=command_name, group=group)
 add_completion(app, "Advanced")
 
 

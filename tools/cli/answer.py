@@ -21,7 +21,7 @@ from cyclopts import CycloptsError, Parameter
 from .. import document
 from ..errors import InputError, full
 from ..files import json_text, ordinary_file, ordinary_folder, together, write_text
-from ..options import Option, described, option_of
+from ..options import Option, docstring_words, option_of
 
 Command = TypeVar("Command", bound=Callable[..., object])
 NOT_ALLOWED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST)
@@ -244,7 +244,7 @@ NOT_TYPED = ("progress", "gyro_bias", "bench")
 """What a terminal does not give: a command shows its progress, and a terminal has no arrays and no values."""
 
 
-def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
+def with_options_of(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
     """Give a command the options of functions of the library: names, types, defaults, words.
 
     The functions are those of `trihedron.tools.library`, `measured` and `at_table`, documented by numpydoc. The
@@ -255,7 +255,7 @@ def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
 
     def with_options(command: Command) -> Command:
         first, last, options = [], [], {}
-        examples, own_words = described(command)
+        examples, own_words = docstring_words(command)
         for p in inspect.signature(command).parameters.values():
             if p.kind is p.KEYWORD_ONLY:
                 if option_of(p.annotation):
@@ -267,7 +267,7 @@ def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
         excluded = {*NOT_TYPED, *(p.name for p in (*first, *last))}
         texts: dict[str, str] = {}
         for function in functions:
-            words = described(function)[1]
+            words = docstring_words(function)[1]
             for name, p in inspect.signature(function).parameters.items():
                 if name in words:
                     texts.setdefault(name, words[name])
@@ -279,7 +279,7 @@ def takes(*functions: Callable[..., Any]) -> Callable[[Command], Command]:
         for name, text in (texts | own_words).items():
             if name in signature.parameters:
                 lines += [name, f"    {text}"]
-        parts = [*[described(function)[0] for function in functions[:1]], examples]
+        parts = [*[docstring_words(function)[0] for function in functions[:1]], examples]
         command.__doc__ = "\n\n".join([*parts, "\n".join(lines)] if len(lines) > 2 else parts)
         return command
 

@@ -40,7 +40,7 @@ from .answer import (
     SheetFile,
     answer,
     distinct_files,
-    takes,
+    with_options_of,
 )
 
 PLACE = ("latitude_deg", "azimuth_deg", "gyro_noise", "encoder_bound")
@@ -52,8 +52,8 @@ def installed_version() -> str:
     return version("trihedron")
 
 
-@takes(library.simulate)
-def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
+@with_options_of(library.simulate)
+def simulate_command(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron simulate scenarios/static-calibration.toml --out run"""
     out, plot = options.pop("out", None), options.pop("plot", None)
     effects = own_effects.with_effects_of(options.pop("effects_from", None))
@@ -77,14 +77,14 @@ def simulate(scenario: Path, /, *, json: JsonFile = None, **options: Any) -> Ans
     return answer("\n".join(map(str, run.files)), json, run.to_json())
 
 
-@takes(library.export)
-def export(*components: str, fmi: Literal["2", "3"] = "2", json: JsonFile = None, **options: Any) -> Answer:
+@with_options_of(library.export)
+def export_command(*components: str, fmi: Literal["2", "3"] = "2", json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron export TurntableMotion AccelerometerBlock --flavour native --fmi 3 --out fmus"""
     return answer(library.export(*components, fmi=2 if fmi == "2" else 3, **options), json)
 
 
-@takes()
-def export_ssp(
+@with_options_of()
+def export_ssp_command(
     scenario: Path,
     /,
     *,
@@ -120,8 +120,8 @@ def export_ssp(
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
-@takes(measured.calibrate, together.calibrate_together, measured.bench_at)
-def calibrate(
+@with_options_of(measured.calibrate, together.calibrate_together, measured.bench_at)
+def calibrate_command(
     record: Path,
     /,
     *others: Path,
@@ -213,8 +213,8 @@ def _refuse_of_several(options: Mapping[str, Sequence[str]]) -> None:
             raise InputError(f"--{name} {values[0]}: is of several records of one instrument; give two or more")
 
 
-@takes(measured.apply)
-def apply(
+@with_options_of(measured.apply)
+def apply_command(
     found: Path,
     record: Path,
     /,
@@ -246,8 +246,8 @@ def apply(
     return answer(text, json, result.to_json())
 
 
-@takes(measured.diagnose, together.diagnose_together, measured.bench_at)
-def diagnose(
+@with_options_of(measured.diagnose, together.diagnose_together, measured.bench_at)
+def diagnose_command(
     record: Path,
     /,
     *others: Path,
@@ -298,8 +298,8 @@ def diagnose(
     return answer(result, json, files=files)
 
 
-@takes(measured.inspect)
-def inspect(
+@with_options_of(measured.inspect)
+def inspect_command(
     record: Path, /, *, json: JsonFile = None, allan: File = None, plot: PlotFile = None, **options: Any
 ) -> Answer:
     """Example: trihedron inspect mpu9150-0.strapdown.csv --allan allan.svg
@@ -319,8 +319,8 @@ def inspect(
     return answer(inspection, json)
 
 
-@takes(measured.attitude_of_record)
-def attitude(
+@with_options_of(measured.attitude_of_record)
+def attitude_command(
     record: Path,
     /,
     *,
@@ -355,8 +355,8 @@ def attitude(
     return answer(run, json, complaint=reports.distrust(run, source.path.name))
 
 
-@takes()
-def fmpy_input(
+@with_options_of()
+def fmpy_input_command(
     record: Path,
     /,
     *,
@@ -385,8 +385,8 @@ def fmpy_input(
     return answer(inputs, json, complaint=complaint, status=0 if inputs.trusted_until is None else 2)
 
 
-@takes(measured.check)
-def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
+@with_options_of(measured.check)
+def check_command(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Exit status 2 when something is.
 
     Example: trihedron check bench.toml
@@ -396,8 +396,8 @@ def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     return answer(findings, json, complaint="" if findings.good else findings.verdict)
 
 
-@takes(measured.import_record)
-def import_(
+@with_options_of(measured.import_record)
+def import_command(
     file: Path,
     /,
     *,
@@ -421,8 +421,8 @@ def import_(
     return answer(measured.import_record(file, out=out, mapping=mapping, answers=settings), json)
 
 
-@takes(library.new)
-def new(kind: str, file: File = None, /, *, json: JsonFile = None, **options: Any) -> Answer:
+@with_options_of(library.new)
+def new_command(kind: str, file: File = None, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron new scenario bench.toml
 
     Example: trihedron new record measured.csv --positions 24
@@ -432,8 +432,8 @@ def new(kind: str, file: File = None, /, *, json: JsonFile = None, **options: An
     return answer("\n".join(files), json, {"schema": "trihedron.new/1", "kind": kind, "files": files})
 
 
-@takes(library.export_notebook)
-def export_notebook(
+@with_options_of(library.export_notebook)
+def export_notebook_command(
     record: Path,
     /,
     *,
@@ -447,14 +447,14 @@ def export_notebook(
     return answer(file, json, {"schema": "trihedron.notebook/1", "record": str(record), "file": file})
 
 
-@takes(library.doctor)
-def doctor(*, json: JsonFile = None) -> Answer:
+@with_options_of(library.doctor)
+def doctor_command(*, json: JsonFile = None) -> Answer:
     """Example: trihedron doctor"""
     state = library.doctor()
     return answer(state, json, complaint="" if state.works else str(state).split("\n")[0], status=1)
 
 
-def demo(
+def demo_command(
     *,
     out: Annotated[Path, Parameter(name="--out", validator=ordinary_folder)] = Path("demo-results"),
     seed: int = 2026,

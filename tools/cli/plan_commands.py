@@ -11,7 +11,7 @@ from .. import document, planning, reports
 from ..errors import InputError, nearest
 from ..files import write_text
 from ..planning import library
-from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, takes
+from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, with_options_of
 
 plan = App(
     name="plan",
@@ -22,7 +22,7 @@ OF_A_SET = ("--curve", "--accuracy", "--goal", "--starts", "--cuts", "--seed", "
 
 
 @plan.command
-@takes(library.plan)
+@with_options_of(library.plan)
 def target(
     *targets: str,
     grid: Annotated[float | None, Parameter(allow_leading_hyphen=True)] = None,
@@ -59,7 +59,7 @@ def target(
 
 
 @plan.command
-@takes(library.plan_positions)
+@with_options_of(library.plan_positions)
 def positions(
     count: int | None = None,
     /,
@@ -122,16 +122,16 @@ def _curve(count: int | None, options: dict[str, Any], curve: tuple[int, int], o
     return answer(points, json, files=files)
 
 
-@plan.command
-@takes(library.plan_check)
-def check(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
+@plan.command(name="check")
+@with_options_of(library.plan_check)
+def check_plan(file: Path, /, *, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron plan check plan12/angles.csv --noise-bound 1e-5"""
     distinct_files({"the angles": file, "--json": json})
     return answer(library.plan_check(file, **options, progress=True), json)
 
 
 @plan.command
-@takes(library.plan_imu)
+@with_options_of(library.plan_imu)
 def imu(
     *,
     minutes: Annotated[float, Parameter(allow_leading_hyphen=True)] = 30.0,

@@ -12,7 +12,7 @@ from .. import campaign as campaigns
 from ..errors import InputError
 from ..files import at_once, made_folder, ordinary_file
 from ..options import EffectsFrom
-from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, takes
+from .answer import Answer, File, Folder, JsonFile, ReportFile, answer, distinct_files, page_file, with_options_of
 
 WORSE = 3
 """Exit status of a gate that something does not pass: neither the work failed (1) nor the input was wrong (2)."""
@@ -20,8 +20,8 @@ Optional = Annotated[int | None, Parameter(allow_leading_hyphen=True)]
 Real = Annotated[float | None, Parameter(allow_leading_hyphen=True)]
 
 
-@takes(at_table.measure)
-def measure(
+@with_options_of(at_table.measure)
+def measure_command(
     plan: Path,
     /,
     *,
@@ -45,8 +45,8 @@ def measure(
     return answer(result, json)
 
 
-@takes()
-def hidden(
+@with_options_of()
+def hidden_command(
     record: File = None,
     /,
     *,
@@ -199,8 +199,8 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
             raise InputError(f"{name}: {why}")
 
 
-@takes(library.run_campaign)
-def campaign(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **options: Any) -> Answer:
+@with_options_of(library.run_campaign)
+def campaign_command(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **options: Any) -> Answer:
     """Example: trihedron campaign scenarios/campaigns/attitude-60s.toml --jobs 2 --out attitude-60s"""
     distinct_files({"the campaign": campaign, "--json": json})
     # What is computed is kept as it comes, and --resume goes on with it.
@@ -210,7 +210,7 @@ def campaign(campaign: Path, /, *, out: Folder = None, json: JsonFile = None, **
     return answer(result, json, files=[folder / "runs", folder / "summary.json", folder / "index.html"])
 
 
-def campaign_report(
+def campaign_report_command(
     folder: Path,
     /,
     *,
@@ -253,8 +253,8 @@ def campaign_report(
     return answer(comparison, json, files=[page], complaint=complaint, status=WORSE)
 
 
-@takes(library.compare)
-def compare(
+@with_options_of(library.compare)
+def compare_command(
     first: Path,
     second: Path,
     /,
@@ -287,8 +287,8 @@ def compare(
     return answer(differences, json, complaint=complaint, status=WORSE)
 
 
-@takes(library.plot)
-def plot(
+@with_options_of(library.plot)
+def plot_command(
     run: Path, page: Annotated[Path, Parameter(validator=page_file("the page"))], /, *, json: JsonFile = None
 ) -> Answer:
     """Example: trihedron plot monday.csv monday.html

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..files import LARGEST_RESULT, bytes_of, whole_folder
 from ..records import PositionRecord, StrapdownRecord
-from ..result import object_of, result_of
+from ..result import object_of, parsed_result
 from .cause import Cause, Finding
 from .helps import figures_of
 from .result import DIAGNOSES, Diagnosis, in_present_schema
@@ -28,7 +28,7 @@ def read_diagnosis(path: Path) -> Diagnosis | None:
         content = object_of(content_bytes, str(path))
     except InputError:
         return None
-    return result_of(in_present_schema(content), DIAGNOSES, str(path))
+    return parsed_result(in_present_schema(content), DIAGNOSES, str(path))
 
 
 def coefficients_of(cause: Cause) -> NDArray[np.float64]:

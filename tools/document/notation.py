@@ -52,7 +52,7 @@ def raised(power: int) -> str:
     return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-def typeset(text: str) -> str:
+def typographic(text: str) -> str:
     """Text with the signs of typography, numbers with a power of ten written as such: -1.09e-03 as −1.09·10⁻³."""
     return _MINUS.sub("−", _WRITTEN_POWER.sub(_power, text))
 
@@ -77,7 +77,7 @@ def written(cell: Cell) -> str:
         return "–"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
-    return typeset(plain(cell)).replace("-", "−") if _is_number(cell) else plain(cell)
+    return typographic(plain(cell)).replace("-", "−") if _is_number(cell) else plain(cell)
 
 
 def _is_number(cell: Cell) -> bool:
@@ -94,7 +94,7 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def unit_of(unit: str) -> str:
+def unit_behind(unit: str) -> str:
     """A unit behind a number: nothing for what has none."""
     return "" if unit == "1" else unit
 
@@ -107,7 +107,7 @@ def symbol_text(symbol: str) -> str:
 
 def unit_text(unit: str) -> str:
     """A unit as people write it: m/s² for m/s2, nothing for 1."""
-    return re.sub(r"(?<=[a-zA-Z])[0-9]", lambda power: _POWERS[int(power[0])], unit_of(unit))
+    return re.sub(r"(?<=[a-zA-Z])[0-9]", lambda power: _POWERS[int(power[0])], unit_behind(unit))
 
 
 def half_width(low: float | None, high: float | None) -> float | None:

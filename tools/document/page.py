@@ -22,7 +22,7 @@ from ..errors import InputError
 from ..files import ordinary_file, whole_file, write_text
 from ..locks import own_folder
 from .blocks import Page, Table
-from .notation import look, plain, typeset, written
+from .notation import look, plain, typographic, written
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -81,7 +81,7 @@ def _hashed(script: str) -> str:
 
 
 def _said(text: object) -> str:
-    return typeset(plain(text))
+    return typographic(plain(text))
 
 
 def _cells(table: Table) -> tuple[list[str], list[list[str]]]:

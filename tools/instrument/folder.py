@@ -17,7 +17,7 @@ from ..evidence.evidence import words_of
 from ..evidence.of_record import is_of_instrument, plain
 from ..files import LARGEST_RESULT, bytes_of, write_text
 from ..records import read_record
-from ..result import Result, Told, object_of, result_of
+from ..result import Result, Told, object_of, parsed_result
 
 INSTRUMENT = "trihedron.instrument/1"
 Held = Calibration | Diagnosis
@@ -177,7 +177,7 @@ def entries_of(folder: Path) -> Entries:
     entries = []
     for path in sorted(folder.glob("*.json")):
         content = object_of(bytes_of(path, most=LARGEST_RESULT), str(path))
-        entry = result_of(content, {INSTRUMENT: Entry}, str(path))
+        entry = parsed_result(content, {INSTRUMENT: Entry}, str(path))
         if entry is None:
             raise InputError(f"{path}: schema {content.get('schema')!r}: is no entry of an instrument's folder")
         _held(entry.result, f"{path}: result")
@@ -247,7 +247,7 @@ def digests_of(result: Held) -> dict[str, str]:
     return {"": source.sha256}
 
 
-def parameters_of(result: Held) -> Iterator[tuple[str, str, str, Any]]:
+def parameters_told(result: Held) -> Iterator[tuple[str, str, str, Any]]:
     """What a consistent or explained result tells: label of the record, name, unit, and what has estimate and ends.
 
     What several records share stands once, with the last of them that has the shared value.
@@ -293,7 +293,7 @@ def _dated(entry: Entry) -> list[tuple[str, OfRecord]]:
     result, dates = _held(entry.result, entry.file), {on_date.record: on_date.date for on_date in entry.dates}
     nominal = result.calibration if isinstance(result, Diagnosis) else result
     values: dict[str, dict[str, Parameter]] = {label: {} for label in digests_of(result)}
-    for label, symbol, unit, p in parameters_of(result):
+    for label, symbol, unit, p in parameters_told(result):
         if label in values and None not in (p.estimate, p.low, p.high):
             values[label][symbol] = Parameter(
                 symbol=symbol,
@@ -355,7 +355,7 @@ def _degrees(text: str | None) -> float | None:
 
 def _held(content: Mapping[str, Any], where: str) -> Held:
     """The result of which this is the object; an InputError, which begins with `where`, for any other."""
-    result = result_of(in_present_schema(content), KINDS, where)
+    result = parsed_result(in_present_schema(content), KINDS, where)
     if result is None:
         raise InputError(f"{where}: schema {content.get('schema')!r}: a calibration or a diagnosis is needed")
     return result

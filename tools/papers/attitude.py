@@ -177,7 +177,7 @@ EXACT = PAPER.without("short_pi", "trapezoid", "not_normalised")
 
 
 @dataclass(frozen=True)
-class Cause:
+class WrongCondition:
     """A switch of `Conditions`: what was done, with what effect on the published numbers, and rows that show it."""
 
     switch: str
@@ -186,24 +186,24 @@ class Cause:
 
 
 CAUSES = (
-    Cause(
+    WrongCondition(
         "short_pi",
         "π = 3.141592 in 2π f t detunes 400 + 100 Hz and 420 + 80 Hz from the 500 Hz of the updates: "
         'the whole "instability" of ψ',
         (71, 88),
     ),
-    Cause("trapezoid", "the trapezoid rule makes the printed error of (22), not the method", (1, 13)),
-    Cause("nodes_over_step", "the M nodes lie over the whole step, not over each gyro sample", (1, 13)),
-    Cause(
+    WrongCondition("trapezoid", "the trapezoid rule makes the printed error of (22), not the method", (1, 13)),
+    WrongCondition("nodes_over_step", "the M nodes lie over the whole step, not over each gyro sample", (1, 13)),
+    WrongCondition(
         "not_normalised",
         "angles were taken from quaternions that had left the unit sphere: the advantage over [1, p. 355]",
         (25, 31),
     ),
-    Cause("series_cut", "[1, p. 355] ran without φ⁴/384, and Panov's of remark 3 without φ³/48", (32, 53)),
-    Cause("other_frequencies", "variants 3 and 4 ran at 4π + 1 rad/s in ψ and γ, not at 4π", (10, 11, 34)),
-    Cause("smaller_theta", "the second harmonic of ϑ was 1.5' and 15', not 2' and 20'", (71, 88)),
-    Cause("typed_amplitudes", "amplitudes were typed as rounded decimals of a degree: 2' as 0.0333", (71, 88)),
-    Cause("nodes_as_run", "this row ran with M = 41, not with M = 21", (56,)),
+    WrongCondition("series_cut", "[1, p. 355] ran without φ⁴/384, and Panov's of remark 3 without φ³/48", (32, 53)),
+    WrongCondition("other_frequencies", "variants 3 and 4 ran at 4π + 1 rad/s in ψ and γ, not at 4π", (10, 11, 34)),
+    WrongCondition("smaller_theta", "the second harmonic of ϑ was 1.5' and 15', not 2' and 20'", (71, 88)),
+    WrongCondition("typed_amplitudes", "amplitudes were typed as rounded decimals of a degree: 2' as 0.0333", (71, 88)),
+    WrongCondition("nodes_as_run", "this row ran with M = 41, not with M = 21", (56,)),
 )
 """Every switch of `Conditions`."""
 

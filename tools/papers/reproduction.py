@@ -107,7 +107,7 @@ class ReproducedRow(PublishedRow):
     remark: str
 
 
-class Effect(Result):
+class ConditionEffect(Result):
     """What a row becomes when one of the causes is left out.
 
     Attributes
@@ -129,7 +129,7 @@ class Effect(Result):
     title: str = Field(default="", exclude=True)
 
 
-class Score(Result):
+class TableScore(Result):
     """How many numbers of some tables are reproduced within a fraction, and how many there are."""
 
     tables: tuple[str, ...]
@@ -145,8 +145,8 @@ class Reproduction(Result):
         default="trihedron.attitude-reproduction/1", alias="schema"
     )
     rows: tuple[ReproducedRow, ...]
-    effects: tuple[Effect, ...] = Field(alias="causes")
-    scores: tuple[Score, ...]
+    effects: tuple[ConditionEffect, ...] = Field(alias="causes")
+    scores: tuple[TableScore, ...]
 
     def to_polars(self) -> pl.DataFrame:
         """One row for each published row; angles in degrees."""
@@ -179,7 +179,7 @@ def reproduce_attitude(numbers: Iterable[int] | None = None, *, progress: bool =
     for cause, row in left_out:
         published = np.radians(row.published_deg)
         effects.append(
-            Effect(
+            ConditionEffect(
                 cause=cause.switch,
                 sentence=cause.sentence,
                 row=row.row,
@@ -209,9 +209,11 @@ def _reproduced(row: PublishedRow, reproduced: NDArray, method: NDArray) -> Repr
     )
 
 
-def _score(rows: Sequence[ReproducedRow], tables: tuple[str, ...], within: float) -> Score:
+def _score(rows: Sequence[ReproducedRow], tables: tuple[str, ...], within: float) -> TableScore:
     ratios = np.array([row.ratio for row in rows if row.table in tables])
-    return Score(tables=tables, within=within, numbers=int((np.abs(ratios - 1.0) <= within).sum()), of=int(ratios.size))
+    return TableScore(
+        tables=tables, within=within, numbers=int((np.abs(ratios - 1.0) <= within).sum()), of=int(ratios.size)
+    )
 
 
 def run_tasks(tasks: Iterable[Task], *, progress: bool = False) -> Mapping[Task, np.ndarray]:

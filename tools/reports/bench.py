@@ -12,7 +12,7 @@ from ..calibrated import Calibration
 from ..calibration.estimates import chebyshev_centre
 from ..calibration.model import Linearisation
 from ..document.blocks import Download, Section, Table
-from ..document.notation import Cell, effect_formula, equation, minus, signed, typeset
+from ..document.notation import Cell, effect_formula, equation, minus, signed, typographic
 from ..records import PositionRecord
 from ..rounding import digits, downwards, exactly, residual, to_bound, upwards
 from .pictures.records import bench_tour
@@ -213,7 +213,7 @@ def provenance(result: Calibration, seeds: Mapping[str, object] | None = None) -
         facts["record"] = source.record
         if source.sha256:
             facts["record, SHA-256"] = source.sha256
-    facts["noise bound"] = typeset(f"{exactly(result.noise_bound)} g, {basis(result)}")
+    facts["noise bound"] = typographic(f"{exactly(result.noise_bound)} g, {basis(result)}")
     facts["gravity"] = f"{exactly(result.gravity)} m/s²"
     facts["model"] = f"{result.baseline} scale factors, convention {result.convention}"
     if source is not None and source.bounds:

@@ -3,18 +3,19 @@
 import math
 from pathlib import Path
 
+from ..diagnosis.cause import Cause, Finding
 from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
+from ..motion.norm import norm_values
 from ..records import PositionRecord
-from ..rounding import digits, interval, residual, upwards
-from . import beyond, evidence, witnesses
+from ..rounding import digits, exactly, interval, residual, upwards
+from . import bench, beyond, calibration, evidence, witnesses
 from .bench import cause_lines, next_sections
-from .kinds import kind_of
+from .inspection import record_sections
 from .pictures.residuals import gain_picture, held_out
-from .sources import cited
-from .verdict import MOST_SETS, cut_off, sentences_of, sets_of, verdict_sentence
+from .sources import cited, versions
 
 ANSWERS = {
     "stands": "stands: it brings every error within its bound",
@@ -33,19 +34,17 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     """
     if result.evidence is None:
         return _page_of_file(result)
-    kind = kind_of(result)
     warnings = list(result.warnings)
     if result.cut_off_at is not None:
         warnings.append(cut_off(result.cut_off_at))
-    about = kind.about(result)
     return Page(
-        f"Diagnosis of {about.name}",
-        verdict_sentence(result),
+        _title(result),
+        diagnosis_sentence(result),
         [*beyond.sections(result), *answer_of(result), *remarks_of(result)],
-        lambda: [*kind.record_sections(result, record), *sections_of(result)],
+        lambda: [*_record_sections(result, record), *sections_of(result)],
         tone=TONES.get(result.verdict, "attention"),
-        key=about.key,
-        provenance=about.provenance,
+        key=_key(result),
+        provenance=_provenance(result),
         sources=sources(result),
         warnings=warnings,
     )
@@ -75,7 +74,7 @@ def _page_of_file(result: Diagnosis) -> Page:
 
 def answer_of(result: Diagnosis, files: list[Path] | None = None) -> list[Section]:
     """Return the cause with its size, what it gains, and the residuals; `files` belong to the cause."""
-    sections = [cause_section(result, files or []), gain_section(result), *kind_of(result).errors(result)[:1]]
+    sections = [cause_section(result, files or []), gain_section(result), *_errors(result)[:1]]
     return [section for section in sections if section is not None]
 
 
@@ -92,14 +91,14 @@ def remarks_of(result: Diagnosis) -> list[Section]:
         remarks.append(f"Not excluded: {titles}, which contains what is named.")
     if not (result.band or result.bands):
         remarks += [sentence(text) for text in result.caution or ()]
-    remarks += kind_of(result).remarks(result)
+    remarks += _remarks(result)
     remarks += beyond.extension_texts(result)
     remarks += witnesses.evidence_lines(result)
     remarks += evidence.power_texts(result)
     sections = [Section("What to bear in mind", remarks)] if remarks else []
     sections += hypothesis_sections(result)
     if result.next_positions:
-        sections += next_sections(result.evidence.calibration.linearised, result.next_positions)
+        sections += next_sections(result.calibration.linearised, result.next_positions)
     if result.next:
         sections.append(Section("What to measure next", [sentence(text) for text in result.next]))
     return sections
@@ -108,9 +107,9 @@ def remarks_of(result: Diagnosis) -> list[Section]:
 def sections_of(result: Diagnosis) -> list[Section]:
     """Return what stands behind the answer: further pictures of residuals, evidence, what is excluded."""
     sections = [
-        *kind_of(result).errors(result)[1:],
+        *_errors(result)[1:],
         beyond.level_section(result),
-        *kind_of(result).values(result),
+        *_values(result),
         evidence.ranking_section(result),
         evidence.confusion_section(result),
         evidence.length_section(result),
@@ -197,7 +196,7 @@ def gain_section(result: Diagnosis) -> Section | None:
         f"the orchestrator. Over {count} {pieces} the root mean square error {goes} from {before} to {after} {unit}."
     )
     if gain.over is None:
-        sigma = result.evidence.calibration.noise_bound
+        sigma = result.calibration.noise_bound
         numbers = [int(result.evidence.numbers[i]) for i in gain.rows]
         picture = held_out(gain.before / sigma, gain.after / sigma, numbers)
         caption = "Measurement less simulation at the positions that were held out."
@@ -206,6 +205,108 @@ def gain_section(result: Diagnosis) -> Section | None:
         caption = "Part of the pieces whose error is at most so large."
     header = ["over", "pieces", "rms before", "rms after", "max before", "max after", "unit"]
     return Section("The gain on what was not used", [text], picture, caption, Table(header, rows))
+
+
+# What stands on a page follows from what the result holds: residuals of readings where the calibration is linearised,
+# errors of the attitude where a block was carried.
+
+
+def _title(result: Diagnosis) -> str:
+    if result.reference is not None:
+        return f"Diagnosis of {result.evidence.found.record.path.name}"
+    source = result.calibration.provenance
+    return f"Diagnosis of {'a record' if source is None else source.record}"
+
+
+def _key(result: Diagnosis) -> dict[str, object]:
+    """Return the figures below the verdict."""
+    nominal = result.calibration
+    if nominal.linearised is not None:
+        key = bench.key_figures(nominal)
+        if result.findings:
+            key[f"with {evidence.first_words(result)}"] = f"{residual(result.findings[0].fit.radius)} σ"
+        return key
+    key: dict[str, object] = {"rows": len(result.evidence.found.record), "reference": result.reference}
+    if result.radius is not None and result.noise_bound_arcmin is not None:
+        key[f"bound, {evidence.quoted_words(result)}"] = f"{upwards(result.noise_bound_arcmin, 3)} arcmin"
+        key["largest error"] = f"{residual(result.radius)} of its bound"
+        if result.best is not None:
+            key[f"with {evidence.first_words(result)}"] = residual(result.best.radius)
+    return key
+
+
+def _provenance(result: Diagnosis) -> dict[str, object]:
+    """Return what a diagnosis rests on: the record, options, versions."""
+    nominal = result.calibration
+    if nominal.linearised is not None:
+        shuffled = result.witness is not None and result.witness.shuffles
+        return bench.provenance(nominal, {"seed of the shuffles": nominal.positions} if shuffled else {})
+    record = result.evidence.found.record
+    facts: dict[str, object] = {
+        "record": record.path.name,
+        "record, SHA-256": record.sha256,
+        "reference": result.reference,
+        "gravity": f"{exactly(result.evidence.found.gravity)} m/s²",
+        "model": f"{result.baseline_model} block",
+    }
+    if record.rate is not None:
+        facts["a rate in the record is"] = result.evidence.rates
+    if nominal.sigma.basis:
+        facts["bounds from"] = nominal.sigma.basis
+    if witnesses.witnesses_of(result):
+        facts["seed of the shuffles"] = sum(part.error.size for part in result.evidence.parts)
+    return facts | versions()
+
+
+def _record_sections(result: Diagnosis, record: PositionRecord | None) -> list[Section]:
+    """Return what was measured."""
+    if result.reference is None:
+        return [] if record is None else [bench.measured_section(record, result.calibration)]
+    # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
+    forces = not any(p.symbol.startswith("accelerometer") for p in result.stated.parameters)
+    return record_sections(result.evidence.found, result.warnings, forces=forces, gaps_named=bool(result.missing))
+
+
+def _errors(result: Diagnosis) -> list[Section]:
+    """Return what is left of the record, the first section over the record."""
+    if result.calibration.linearised is not None:
+        return evidence.residual_sections(result)
+    return evidence.error_sections(result, evidence.bias_texts(result)) if result.evidence.parts else []
+
+
+def _values(result: Diagnosis) -> list[Section | None]:
+    """Return what is fitted, and what proves it false."""
+    nominal = result.calibration
+    if nominal.linearised is None:
+        return [evidence.parameter_section(result)]
+    targets = evidence.moved_targets_section(result) or calibration.target_section(nominal)
+    return [targets, bench.proof_section(nominal, result.evidence.numbers)]
+
+
+def _remarks(result: Diagnosis) -> list[str]:
+    """Return what two witnesses say, what has no gain, what is to be added, and what the record cannot show."""
+    gain = result.gain
+    if result.calibration.linearised is not None:
+        remarks = witnesses.two_witnesses(result)
+        if gain is None and result.verdict == "explained":
+            remarks.append("Gain on held-out positions: not possible with these effects and positions.")
+        if gain is not None and gain.over is None and not gain.improves:
+            remarks.append("The extension does not improve the positions that were held out.")
+        return remarks
+    remarks = [sentence(f"to add: {text}") for text in result.missing or ()]
+    if result.verdict != "consistent":
+        return remarks
+    remarks.append(
+        "No effect is named: with the block's own parameters every error stays within the noise, so nothing more is "
+        "supported."
+    )
+    if result.excluded:
+        effects = {(entry["effect"], entry["where"]) for entry in result.excluded}
+        remarks.append(f"The record bounds {len(effects)} effects.")
+    if result.cannot_be_seen:
+        names = dict.fromkeys(place.effect for place in result.cannot_be_seen)
+        remarks.append(f"This record cannot show: {', '.join(names)}.")
+    return remarks
 
 
 def sources(result: Diagnosis) -> list[str]:
@@ -221,7 +322,132 @@ def sources(result: Diagnosis) -> list[str]:
         left_out and "left-out",
         result.gain and "fmi",
     )
-    return list(dict.fromkeys(kind_of(result).sources(result) + methods))
+    return list(dict.fromkeys(_sources_of_model(result) + methods))
+
+
+def _sources_of_model(result: Diagnosis) -> list[str]:
+    if result.calibration.linearised is not None:
+        return bench.calibration_sources(result.calibration)
+    inspection = result.evidence.found
+    norm = norm_values(inspection.accelerometers) is not None
+    first = cited(norm and "norm", inspection.gyros is not None and "allan")
+    if not result.evidence.parts:
+        return first
+    return first + cited("gyros", "attitude", "simplex", result.tried and "chebyshev", "fmi")
+
+
+# The verdict in words: what is named, what else would do, what was not tried
+
+FEW_RIVALS = 3
+"""Up to so many sets of effects are named in the verdict."""
+OTHERS_MAY = "and others may that were not tried: the search was cut off"
+MOST_SETS = 6
+"""So many sets that remain are printed."""
+
+
+def diagnosis_sentence(result: Diagnosis) -> str:
+    """The verdict, with the cause when one is named, and on whose word it rests."""
+    proviso = evidence.proviso_of(result)
+    return f"{_verdict(result)} {sentence(proviso)}" if proviso else _verdict(result)
+
+
+LACKS = "The simulation lacks something"
+
+
+def _verdict(result: Diagnosis) -> str:
+    if result.verdict == "explained":
+        return f"The simulation lacked this: {sentences_of(result.findings[0], result)}."
+    if result.verdict == "ambiguous":
+        return _ambiguous(result)
+    if result.verdict == "unexplained":
+        return _unexplained(result)
+    if result.verdict == "insufficient":
+        return f"Too little was measured to judge the simulation: {missing_words(result)}."
+    return (
+        "Consistent: the simulation explains the record within its noise; no error is more than "
+        f"{residual(result.radius or 0.0)} of its bound, and no effect is named."
+    )
+
+
+def _ambiguous(result: Diagnosis) -> str:
+    """Return which sets would explain the record, and what speaks against the first."""
+    text = f"{LACKS}, and the record does not say what: {rivals(result)}"
+    if result.objections:
+        text += f" But {result.objections[0]}."
+    if only_unlisted(result):
+        text += f" {sentence(result.caution[0])}"
+    return text
+
+
+def _unexplained(result: Diagnosis) -> str:
+    """Return what is known of a record that nothing explains: an objection, a cut-off, a place, or the residual."""
+    least = f"with the best parameters its largest error is {residual(result.radius or 0.0)} times its bound"
+    if result.not_named:
+        return f"{LACKS}: {least}, and {result.not_named[0]}."
+    if result.cut_off_at is not None:
+        return f"{LACKS}: {least}. {sentence(cut_off(result.cut_off_at))}"
+    proven = beyond.proven_text(result)
+    if proven:
+        return f"{LACKS}, and what is {proven}."
+    text = f"{LACKS} that is not in the catalogue: {least}, and no set of up to three effects mends it."
+    return f"{text} {beyond.beyond_words(result)}".rstrip()
+
+
+def missing_words(result: Diagnosis) -> str:
+    """Return what is to be added, or which targets are left open."""
+    texts = [gap for gap in result.missing or () if isinstance(gap, str)]
+    if texts:
+        return f"to add: {'; '.join(texts)}"
+    return f"the readings do not determine {bench.open_targets(result.calibration)}"
+
+
+def rivals(result: Diagnosis) -> str:
+    """Return the sets of effects that remain, few by their names, and what further positions would do."""
+    sets = sets_of(result)
+    text = f"{len(sets)} sets of effects would explain it"
+    if len(sets) <= FEW_RIVALS:
+        text = f"{' or '.join([finding.title for finding in sets])} would explain it"
+    if result.cut_off_at is not None:
+        text += f", {OTHERS_MAY}"
+    proposed = len(result.next_positions or ())
+    if not proposed:
+        return f"{text}."
+    sure = len(bench.deciding(result.calibration.linearised, result.next_positions or ()))
+    if sure == proposed:
+        positions = "position decides" if proposed == 1 else "positions decide"
+        return f"{text}. Readings at {proposed} further {positions}."
+    tells = {0: "none surely tells", 1: "one surely tells"}.get(sure, f"{sure} surely tell")
+    return f"{text}. Of {proposed} further positions that are proposed {tells} two of them apart."
+
+
+def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
+    """The sets that remain, the best first; one where a cause is named."""
+    return result.findings if result.verdict in ("explained", "ambiguous") else ()
+
+
+def cause_sentence(cause: Cause, result: Diagnosis) -> str:
+    """What an engineer is told of a cause; latency also in samples."""
+    if cause.place.effect == "latency":
+        return f"{cause.sentence}, {digits(abs(cause.values[0]) / result.evidence.found.sampling.period)} samples"
+    return cause.sentence
+
+
+def sentences_of(finding: Finding, result: Diagnosis) -> str:
+    """What an engineer is told of the causes of a set."""
+    return "; ".join(cause_sentence(cause, result) for cause in finding.causes)
+
+
+def cut_off(size: int) -> str:
+    """That the search was cut off among sets of a size, and after what."""
+    smaller = {1: "", 2: "no single effect will do; ", 3: "no set of one or two effects will do; "}[size]
+    sets = {1: "single effects", 2: "sets of two", 3: "sets of three"}[size]
+    return f"the search was cut off: {smaller}{sets} were not all tried"
+
+
+def only_unlisted(result: Diagnosis) -> bool:
+    """Whether a record is ambiguous only by what is in no catalogue."""
+    alone = result.verdict == "ambiguous" and not result.alternatives and result.complete is not False
+    return alone and bool(result.caution)
 
 
 # Formulas that a person states

@@ -1,5 +1,6 @@
 """What speaks for a diagnosis: what is left, what mends it, what looks like it, what was left out or is excluded."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -43,11 +44,11 @@ def first_words(result: Diagnosis) -> str:
 
 def residual_sections(result: Diagnosis) -> list[Section]:
     """Return residuals of readings without and with the effects, over the angles, over the inputs, over the turns."""
-    nominal = result.evidence.calibration
+    nominal = result.calibration
     linearised = nominal.linearised
     least = residual(nominal.radius)
     text = f"The nominal model explains every reading within {least} σ."
-    if nominal.radius > 1.0:
+    if (nominal.radius or 0.0) > 1.0:
         text = f"Whatever its parameters, the nominal model leaves a largest residual of at least {least} σ."
     before = (linearised.residual / linearised.bound).reshape(-1, 3)
     after = None
@@ -75,7 +76,7 @@ def residual_sections(result: Diagnosis) -> list[Section]:
     ]
 
 
-def as_stated(result: Diagnosis) -> str:
+def proviso_of(result: Diagnosis) -> str:
     """On whose word a verdict rests that what is stated of the true attitude decides; empty where it rests on none."""
     if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
         return ""
@@ -103,6 +104,17 @@ def error_pictures(result: Diagnosis) -> dict[str, Picture]:
         "time": pictures.errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
         "quantities": pictures.errors_over_quantities(evidence.quantities(), part.error, after),
     }
+
+
+def bias_texts(result: Diagnosis) -> list[str]:
+    """Return in a sentence the gyros' mean at rest that was taken out."""
+    if result.bias_at_rest is None:
+        return []
+    shown = ", ".join([digits(math.degrees(rate), 4) for rate in result.bias_at_rest.radps])
+    text = f"Gyro bias at rest, taken out: {shown} deg/s"
+    if result.bias_at_rest.rms_if_left_in_arcmin is not None:
+        text += f"; left in it would make the errors {digits(result.bias_at_rest.rms_if_left_in_arcmin)} arcmin rms"
+    return [f"{text}."]
 
 
 def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
@@ -143,11 +155,11 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
     ]
 
 
-def target_section(result: Diagnosis) -> Section | None:
+def moved_targets_section(result: Diagnosis) -> Section | None:
     """Return what the effects do to the calibration; None where there are none."""
     if not result.targets:
         return None
-    nominal = result.evidence.calibration
+    nominal = result.calibration
     nominal_parameters = {p.symbol: p for p in nominal.parameters}
     intervals = []
     for target in result.targets:
@@ -467,14 +479,14 @@ def excluded_words(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
     column = entry["where"].replace("-", " ")
     part = next((part for part, columns in COLUMNS.items() if column in columns), "gyros")
     if part == "gyros":
-        words, gyro = in_words(entry["parameter"])
+        words, gyro = gyro_parameter_words(entry["parameter"])
         return part, entry["effect"], words, f"gyro {gyro}" if gyro else "block"
     axes = tuple(entry.get("axes", ()))
     place = EffectPlace(entry["effect"], entry["where"], entry.get("order"), axes, entry.get("law", ""))
     return part, place.title.replace(f" {place.where}", ""), entry["parameter"], column
 
 
-def in_words(parameter: str) -> tuple[str, str]:
+def gyro_parameter_words(parameter: str) -> tuple[str, str]:
     """A parameter without its gyro, and the gyro's number: "gamma_12" is "gamma, axis 2" of gyro 1."""
     match = _OF_A_GYRO.fullmatch(parameter)
     if match is None:

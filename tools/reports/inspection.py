@@ -327,7 +327,7 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
     )
 
 
-def comparison_page(result: AttitudeComparison) -> Page:
+def attitude_comparison_page(result: AttitudeComparison) -> Page:
     """Return the comparison of attitude algorithms, a row for each."""
     columns = ("algorithm", "order", "updates", "apart", "rms", "maximum", "refused")
     words = {"refused": lambda text: text or None}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 PAGES = {
     "Applied": ("calibration", "applied_page"),
-    "AttitudeComparison": ("inspection", "comparison_page"),
+    "AttitudeComparison": ("inspection", "attitude_comparison_page"),
     "AttitudeRun": ("inspection", "attitude_page"),
     "Calibration": ("calibration", "calibration_page"),
     "CampaignResult": ("campaign", "result_page"),
@@ -51,8 +51,18 @@ PAGES = {
     "WordLength": ("papers", "word_length_page"),
 }
 """Kind of result -> module here, and its function that makes the page."""
-OF_RECORDS = ("Calibration", "Diagnosis")
-"""Results whose pages show the record that they were made from, too."""
+BY_FIELD = {
+    "Calibration": {
+        "changes": ("several", "trend_page"),
+        "of_record": ("several", "joint_calibration_page"),
+        "positions": ("calibration", "calibration_page"),
+        "parameters": ("inspection", "norm_page"),
+    },
+    "Diagnosis": {"records": ("several", "several_page")},
+}
+"""Page of a result of one kind by the first of its fields that holds something."""
+OF_RECORDS = ("calibration_page", "diagnosis_page")
+"""Pages that show the record that the result was made from, too."""
 
 
 def page_of(result: Result, record: Any = None) -> Page | None:
@@ -63,27 +73,23 @@ def page_of(result: Result, record: Any = None) -> Page | None:
     record : PositionRecord, StrapdownRecord, optional
         what the result was made from, where that is not known to the result
     """
-    kind = type(result).__name__
-    if kind not in PAGES:
+    named = _maker(result)
+    if named is None:
         return None
-    module, maker = PAGES[kind]
-    if kind == "Calibration":
-        module, maker = _of_calibration(result)
-    if kind == "Diagnosis" and getattr(result, "records", None):
-        module, maker = "several", "several_page"
+    module, maker = named
     make: Callable[..., Page] = getattr(import_module(f"{__package__}.{module}"), maker)
-    if kind in OF_RECORDS and maker != "several_page":
+    if maker in OF_RECORDS:
         return make(result, getattr(result, "made_of", None) if record is None else record)
     return make(result)
 
 
-def _of_calibration(result: Any) -> tuple[str, str]:
-    """Return what makes the page of a calibration: of several records, by the norm of gravity, or at a table."""
-    if result.changes:
-        return "several", "trend_page"
-    if result.of_record:
-        return "several", "joint_calibration_page"
-    return ("inspection", "norm_page") if result.convention is None else PAGES["Calibration"]
+def _maker(result: Result) -> tuple[str, str] | None:
+    """Return the module and the function that make the page of a result; None where it has none."""
+    kind = type(result).__name__
+    for field, maker in BY_FIELD.get(kind, {}).items():
+        if getattr(result, field):
+            return maker
+    return PAGES.get(kind)
 
 
 def shown(result: Result, medium: str, *options: Any) -> Any:
@@ -144,13 +150,12 @@ def figures(result: Result, record: Any = None) -> "dict[str, Figure]":
 
 def _page_with_record(result: Result, record: Any) -> Page:
     """Return the page of a result; an InputError where it needs a record that is not known."""
-    kind = type(result).__name__
-    at_table = kind == "Calibration" and _of_calibration(result) == PAGES["Calibration"]
-    if at_table and record is None and getattr(result, "made_of", None) is None:
+    known = record is not None or getattr(result, "made_of", None) is not None
+    if not known and _maker(result) == PAGES["Calibration"]:
         raise InputError("the page of a calibration from a file needs the record that it was made from")
     page = page_of(result, record)
     if page is None:
-        raise TypeError(f"a {kind} has no page")
+        raise TypeError(f"a {type(result).__name__} has no page")
     return page
 
 

@@ -69,7 +69,7 @@ def plans_page(plans: Plans) -> Page:
         "scale factors": "one for both signs" if first.baseline == "symmetric" else "one for each sign",
         **versions(),
     }
-    estimators = [target_section(plan) for plan in plans]
+    estimators = [estimator_section(plan) for plan in plans]
     return Page(
         "Optimal plan",
         verdict,
@@ -91,7 +91,7 @@ def _certain_signs(plan: Plan) -> str:
     return f"{rule}; u = {exactly(u)}, v = {exactly(v)}"
 
 
-def target_section(plan: Plan) -> Section:
+def estimator_section(plan: Plan) -> Section:
     """Return the estimator of one target, with its numbers."""
     rows: list[list[Cell]] = []
     terms = []

@@ -91,7 +91,7 @@ def two_witnesses(result: Diagnosis) -> list[str]:
     for alone in turns.alone:
         shown = [residual(radius) for radius in alone]
         radii.append(" -> ".join(shown if result.findings else shown[:1]))
-    rests = result.evidence.calibration.positions
+    rests = result.calibration.positions
     return [
         f"Two witnesses, each by itself: accelerometers, over {rests} rests, radius {radii[0]}; gyros, over "
         f"{len(turns.first)} rests and turns, radius {radii[1]}."

@@ -11,7 +11,7 @@ from trihedron.tools.document.notation import (
     effect_formula,
     minus,
     symbol_text,
-    typeset,
+    typographic,
 )
 from trihedron.tools.document.notation import equation as mathml
 
@@ -19,10 +19,10 @@ from trihedron.tools.document.notation import equation as mathml
 @pytest.mark.parametrize(
     ("sign", "text", "written"),
     [
-        (typeset, "-1.09e-03 n² and 1e-05 g", "−1.09·10⁻³ n² and 10⁻⁵ g"),
-        (typeset, "5e12ab 52e1f4 v1e5", "5e12ab 52e1f4 v1e5"),
+        (typographic, "-1.09e-03 n² and 1e-05 g", "−1.09·10⁻³ n² and 10⁻⁵ g"),
+        (typographic, "5e12ab 52e1f4 v1e5", "5e12ab 52e1f4 v1e5"),
         (
-            typeset,
+            typographic,
             "κ by -812.8 arcsec (-1.5), accelerometer-2, X4-5, 2026-11-21, --prior",
             "κ by −812.8 arcsec (−1.5), accelerometer-2, X4-5, 2026-11-21, --prior",
         ),

@@ -19,7 +19,7 @@ from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
 from trihedron.tools.document.blocks import Page, Section
-from trihedron.tools.document.notation import half_width, minus, typeset
+from trihedron.tools.document.notation import half_width, minus, typographic
 from trihedron.tools.document.text import text
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
@@ -187,7 +187,7 @@ def test_sets_that_remain_are_numbered_and_all_named(kind):
 def test_figures_with_the_effects_are_said_to_be_of_the_first_set_that_remains():
     result, page = shown("bench, ambiguous")[0], text_of("bench, ambiguous")
     assert f"With the first of the sets that remain, {result.findings[0].title}, it leaves" in page
-    assert typeset(result.findings[0].causes[0].sentence) in page
+    assert typographic(result.findings[0].causes[0].sentence) in page
 
 
 def test_the_second_witness_and_what_the_cause_does_to_the_calibration():
@@ -310,10 +310,10 @@ def test_mountings_and_senses_go_into_the_list_of_positions():
         (inspection.own_words, "gyro gamma_12", "misalignment of gyro 1 towards axis 2"),
         (inspection.own_words, "accelerometer bias_3", "bias of accelerometer 3"),
         (inspection.own_words, "something else", "something else"),
-        (evidence.in_words, "rate_2", ("rate", "2")),
-        (evidence.in_words, "gamma_12", ("gamma, axis 2", "1")),
-        (evidence.in_words, "coefficient_1_23", ("coefficient, axes 2 3", "1")),
-        (evidence.in_words, "delay", ("delay", "")),
+        (evidence.gyro_parameter_words, "rate_2", ("rate", "2")),
+        (evidence.gyro_parameter_words, "gamma_12", ("gamma, axis 2", "1")),
+        (evidence.gyro_parameter_words, "coefficient_1_23", ("coefficient, axes 2 3", "1")),
+        (evidence.gyro_parameter_words, "delay", ("delay", "")),
     ],
 )
 def test_parameters_are_in_words(words, given, said):

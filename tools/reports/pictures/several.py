@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from ...calibrated import Calibration, Change
+from ...calibrated import Calibration, ParameterChange
 from . import ALERT, FIRST, MUTED, Drawn, drawn, legend, named_rows, sheet
 
 MOST_ROWS = 30
 """So many parameters are drawn."""
 
 
-def drawable(alone: Calibration) -> list[Change]:
+def drawable(alone: Calibration) -> list[ParameterChange]:
     """Return the parameters that two records at least bound, those that surely change first."""
     bounded = []
     for change in alone.changes:
