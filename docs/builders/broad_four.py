@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis.helps import order_of_effects
 from trihedron.tools.diagnosis.result import OrderOfEffects
-from trihedron.tools.evidence.carried import LATENCY, SCALE, Carried
+from trihedron.tools.evidence.carried import LATENCY, SCALE
 from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.evidence.evidence import rms_size
+from trihedron.tools.evidence.evidence import Evidence, rms_size
 from trihedron.tools.evidence.fit import ARCMIN, blocks_of, estimated
 from trihedron.tools.evidence.joint import join
+from trihedron.tools.evidence.rows import Rows
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.rounding import digits
 
@@ -42,18 +43,23 @@ Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 class OfRecord:
     """One of the records: its evidence, and what helps most by itself."""
 
-    evidence: Carried
+    evidence: Evidence
+
+    @property
+    def rows(self) -> Rows:
+        """The rows of its windows."""
+        return self.evidence.rows
 
     @cached_property
     def order(self) -> OrderOfEffects:
         """In which order effects help over windows of the middle length."""
-        return order_of_effects(self.evidence.of_length(self.evidence.quoted), self.evidence.classes.places)
+        return order_of_effects(self.rows.select(self.evidence.model.quoted), self.evidence.model.classes.places)
 
     @cached_property
     def sizes(self) -> Sizes:
         """These effects with their sizes."""
         places = [step.place for step in self.order.steps]
-        numbers = self.evidence.estimate(places)[len(self.evidence.names) :]
+        numbers = self.rows.estimate(places)[len(self.rows.names) :]
         return {place: numbers[block] for place, block in zip(places, blocks_of(places), strict=True)}
 
     @cached_property
@@ -64,20 +70,21 @@ class OfRecord:
     @cached_property
     def in_motion(self) -> NDArray[np.bool_]:
         """Which windows (S,) of the quoted length are in motion."""
-        motion, pieces = self.evidence.motion, self.evidence.parts[self.evidence.quoted].pieces
-        speed = np.linalg.norm(motion.rate - self.evidence.model.bias, axis=1)
+        model = self.evidence.model
+        motion, pieces = model.motion, self.rows.parts[model.quoted].pieces
+        speed = np.linalg.norm(motion.rate - model.gyros.bias, axis=1)
         path = np.cumsum(speed * motion.step)
         return (path[pieces.last] - path[pieces.first]) / pieces.durations(motion.time_s) > SLOW
 
     def errors(self, sizes: Sizes) -> NDArray[np.float64]:
         """Errors (S, 3) of the quoted windows by the FMUs with effects of some sizes [arcmin]."""
-        return self.evidence.applied(sizes) / ARCMIN
+        return self.evidence.reader.rerun.errors(sizes) / ARCMIN
 
     @cached_property
     def linear(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Columns (3 S, 10) of latency and misalignments, and errors (3 S,) of the quoted windows [arcmin]."""
-        part = self.evidence.parts[self.evidence.quoted]
-        numbers = self.evidence.numbers_of([LATENCY, SCALE])
+        part = self.rows.parts[self.evidence.model.quoted]
+        numbers = self.rows.numbers_of([LATENCY, SCALE])
         return part.columns[..., numbers].reshape(part.error.size, -1) / ARCMIN, part.error.ravel() / ARCMIN
 
     def residual(self, solution: NDArray) -> float:
@@ -125,11 +132,11 @@ def stated(records: Mapping[str, StrapdownRecord]) -> str:
     for name, (at_lower, at_upper) in pairs.items():
         row = [name]
         for places in ([LATENCY], BOTH):
-            row.append(needed((at_lower.refit(places).radius, at_upper.refit(places).radius)))
+            row.append(needed((at_lower.model.refit(places).radius, at_upper.model.refit(places).radius)))
         rows.append(row)
-    joint = join(upper)
+    joint = join(upper).model
     fit = joint.refit(BOTH)
-    (delay,), nine = fit.intervals(joint.room(fit), joint.most_rows)
+    (delay,), nine = fit.intervals(joint.room, joint.effort.most_rows)
     open_nine = sum(low <= 0.0 <= high for low, high in nine)
     ends = [digits(1e3 * value, 2) for value in (*delay, *nine[ELEMENT])]
     return f"""## If the cameras err in motion
@@ -154,9 +161,7 @@ def page(records: Mapping[str, StrapdownRecord]) -> str:
     """The case study."""
     entries: dict[str, OfRecord] = {}
     for name, record in records.items():
-        evidence = carried_evidence(record)
-        assert isinstance(evidence, Carried)
-        entries[name] = OfRecord(evidence)
+        entries[name] = OfRecord(carried_evidence(record))
     solutions = {name: np.concatenate([entry.sizes[LATENCY], entry.sizes[SCALE]]) for name, entry in entries.items()}
     alone = [
         [

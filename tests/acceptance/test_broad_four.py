@@ -21,9 +21,9 @@ def test_figures_of_the_page_are_those_of_the_records():
     catalogue = {n: carried_evidence(measured(f"broad-{n}")) for n in ("06", "21")}
     sizes = {}
     for label, evidence in catalogue.items():
-        order = order_of_effects(evidence.of_length(len(evidence.scored) // 2), evidence.classes.places)
+        order = order_of_effects(evidence.rows.select(len(evidence.rows.scored) // 2), evidence.model.classes.places)
         places = [step.place for step in order.steps]
-        result = evidence.estimate(places)[len(evidence.names) :]
+        result = evidence.rows.estimate(places)[len(evidence.rows.names) :]
         sizes[label] = {place: result[block] for place, block in zip(places, blocks_of(places), strict=True)}
     table = re.findall(r"^\| (\d\d) \| ([\d.| ]+) \|$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)[:4]
     page = {
@@ -31,6 +31,10 @@ def test_figures_of_the_page_are_those_of_the_records():
         for on, row in table
     }
     for on, evidence in catalogue.items():
-        assert rms_size(np.array(evidence.applied({}))) / ARCMIN == pytest.approx(page[on]["without"], rel=5e-3)
+        assert rms_size(np.array(evidence.reader.rerun.errors({}))) / ARCMIN == pytest.approx(
+            page[on]["without"], rel=5e-3
+        )
         for source, result in sizes.items():
-            assert rms_size(np.array(evidence.applied(result))) / ARCMIN == pytest.approx(page[on][source], rel=5e-3)
+            assert rms_size(np.array(evidence.reader.rerun.errors(result))) / ARCMIN == pytest.approx(
+                page[on][source], rel=5e-3
+            )

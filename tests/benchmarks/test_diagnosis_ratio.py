@@ -44,12 +44,12 @@ def test_proof_against_a_programme_for_each_set(capsys):
     result: Any = diagnosed_case(case, record)
     assert {cause.place for cause in result.causes} == set(EFFECTS)
     evidence = result.evidence
-    places = evidence.classes.places
-    problem = evidence.search.problem(evidence.search.centre, places)
-    effects, readings = len(places), len(evidence.residual)
+    places = evidence.model.classes.places
+    problem = evidence.model.search.problem(evidence.model.search.centre, places)
+    effects, readings = len(places), len(evidence.rows.residual)
     count = math.comb(effects, 3) + math.comb(effects, 2) * readings + effects * math.comb(readings, 2)
     begun = time.perf_counter()
-    outcome = list(sets_of_size(problem, 3, evidence.search.slack(evidence.search.centre)))
+    outcome = list(sets_of_size(problem, 3, evidence.model.search.slack(evidence.model.search.centre)))
     searched = time.perf_counter() - begun
     some = list(combinations(range(effects), 3))[:: max(1, math.comb(effects, 3) // 20)]
     begun = time.perf_counter()
@@ -69,8 +69,12 @@ def test_least_radii_against_the_solver(positions, capsys):
     """What each effect alone leaves: all rows in the solver at once, and by exchange."""
     case = three_effects(positions)
     evidence: Any = evidence_of(case.measured(), **options_of(case))
-    matrices = [np.hstack((evidence.nominal, evidence.columns_of([p]))) for p in evidence.classes.places[::4]]
-    units = [(matrix / evidence.bound[:, None], evidence.residual / evidence.bound) for matrix in matrices]
+    matrices = [
+        np.hstack((evidence.rows.nominal, evidence.rows.columns_of([p]))) for p in evidence.model.classes.places[::4]
+    ]
+    units = [
+        (matrix / evidence.rows.bound[:, None], evidence.rows.residual / evidence.rows.bound) for matrix in matrices
+    ]
     begun = time.process_time()
     exchanged = [any_centre(*unit, np.ones(len(unit[1])))[0] for unit in units]
     ours = time.process_time() - begun
@@ -89,7 +93,7 @@ def test_least_radii_against_the_solver(positions, capsys):
 def test_how_far_a_set_goes_against_the_solver(capsys):
     """Both ends of each parameter of what 100 positions leave possible: by the solver, warm, and by exchange."""
     evidence: Any = evidence_of(three_effects(100).measured(), **options_of(three_effects(100)))
-    matrix = evidence.nominal / evidence.bound[:, None]
+    matrix = evidence.rows.nominal / evidence.rows.bound[:, None]
     matrix = matrix / np.abs(matrix).max(axis=0)
     ones, ends = np.ones(len(matrix)), np.vstack((np.eye(matrix.shape[1]), -np.eye(matrix.shape[1])))
     span = np.linalg.svd(matrix, full_matrices=False)
@@ -147,11 +151,11 @@ def test_a_whole_diagnosis(positions, capsys):
     result: Any = diagnose(record, **options_of(case), rerun=False)
     durations = time.process_time() - begun
     evidence = result.evidence
-    places, ways = evidence.classes.places, len(evidence.search.ways)
+    places, ways = evidence.model.classes.places, len(evidence.model.search.ways)
     pairs = math.comb(len(places), 2) + len(places) * ways
-    matrix = np.hstack((evidence.nominal, evidence.columns_of(places[:2])))
+    matrix = np.hstack((evidence.rows.nominal, evidence.rows.columns_of(places[:2])))
     begun = time.process_time()
-    least_radius_of_programme(matrix / evidence.bound[:, None], evidence.residual / evidence.bound)
+    least_radius_of_programme(matrix / evidence.rows.bound[:, None], evidence.rows.residual / evidence.rows.bound)
     share = time.process_time() - begun
     with capsys.disabled():
         print(

@@ -36,7 +36,7 @@ def latency_first(found: Diagnosis) -> None:
     assert "noise and reference at rest explain" in bound
     assert "latency and gyro-scale-misalignment" in helps
     (lag,) = re.findall(r"the gyros lag by ([0-9.]+) ms", helps)
-    assert 1e-3 * float(lag) / found.evidence.found.sampling.period == pytest.approx(1.2, abs=0.1)
+    assert 1e-3 * float(lag) / found.evidence.reader.found.sampling.period == pytest.approx(1.2, abs=0.1)
     assert "noise and reference at rest explain" in str(found)
 
 
@@ -93,7 +93,7 @@ def test_the_gyros_of_the_xsens_unit_feel_gravity():
     """Found blind; and the means at rest, without any move, say the same sizes."""
     result = diagnose(measured(XSENS), rerun=False)
     assert (result.verdict, [cause.effect for cause in result.causes]) == ("explained", ["gyro-g-sensitivity"])
-    (at_rest,) = result.evidence.found.gyros.standing
+    (at_rest,) = result.evidence.reader.found.gyros.standing
     assert at_rest.terms == ("gravity",)
     sizes = np.array([p.estimate for p in result.causes[0].parameters]).reshape(3, 3)
     ends = np.array(result.causes[0].intervals).reshape(3, 3, 2)

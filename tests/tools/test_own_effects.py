@@ -62,13 +62,13 @@ def test_it_is_among_what_a_record_is_tried_with(tmp_path):
     hidden = record.secret["hidden"]
     with with_effects_of(path):
         evidence = bench_evidence(record.record, noise_bound=1e-5)
-        effects = [place for place in evidence.places if place.effect == "half-scale"]
+        effects = [place for place in evidence.rows.places if place.effect == "half-scale"]
         assert len(effects) == 3
-        assert set(effects) <= set(evidence.classes.places)
+        assert set(effects) <= set(evidence.model.classes.places)
         (right,) = [place for place in effects if place.where == hidden["where"]]
-        (fit,) = evidence.mended([right], Work())
+        (fit,) = evidence.model.mended([right], Work())
         assert fit.values()[0][0] == pytest.approx(hidden["parameters"]["coefficient"], rel=0.2)
-        assert not any(evidence.mended([place], Work()) for place in effects if place != right)
+        assert not any(evidence.model.mended([place], Work()) for place in effects if place != right)
 
 
 SCENARIO = """

@@ -54,11 +54,14 @@ def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, e
     causes = diagnosis.causes_in(record.sha256)
     if not causes:
         raise InputError("the diagnosis names nothing that is the instrument's: what is a run's is of no other record")
-    if missing := evidence.missing():
+    if missing := evidence.reader.missing():
         raise InputError(f"{record.path}: cannot be run: {'; '.join(map(str, missing.get('missing', ())))}")
-    places = {c.place: c for c in causes if c.place in evidence.linear_places}
+    places = {c.place: c for c in causes if c.place in evidence.rows.linear_places}
     sizes = {place: coefficients_of(cause) for place, cause in places.items()}
-    corrected, readings = evidence.without_added(sizes)
+    rerun = evidence.reader.rerun
+    if rerun is None:
+        raise InputError(f"{record.path}: no component simulates such a record")
+    corrected, readings = rerun.without(sizes)
     effects = []
     for cause in causes:
         how = "left"
@@ -70,9 +73,9 @@ def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, e
     errors: dict[str, Any] = {"rows": len(record), "warnings": list(record.warnings)}
     before = after = None
     if sizes:
-        before, after = evidence.applied({}), evidence.applied(sizes)
+        before, after = rerun.errors({}), rerun.errors(sizes)
     if before is not None and after is not None:
-        over, unit, scale = evidence.quoted_errors
+        over, unit, scale = rerun.quoted
         errors |= {"over": over, "unit": unit}
         for name, error in (("without", before), ("with", after)):
             errors |= {f"{key}_{name}": value for key, value in figures_of(error, scale).items()}
@@ -96,9 +99,12 @@ def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python")
     effects = {cause.place: (cause.values, cause.intervals) for cause in finding.causes}
     titles = " and ".join(place.title for place in effects)
     try:
-        evidence = diagnosis.evidence.including(finding.fit.places)
+        rerun = diagnosis.evidence.including(finding.fit.places).reader.rerun
+        if rerun is None:
+            return []
         with whole_folder(folder) as temporary:
-            written = evidence.extension(finding.fit, effects).write(temporary, f"found of a record: {titles}", flavour)
+            extension = rerun.extension(finding.fit, effects)
+            written = extension.write(temporary, f"found of a record: {titles}", flavour)
         return [folder / path.name for path in written]
     except ValueError as error:
         raise InputError(f"--export {folder}: {error}") from error

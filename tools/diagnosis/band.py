@@ -140,8 +140,8 @@ class Possible:
         evidence = self.evidence
         own = [other.unknown(other.spaced(self.places)) for other in self.others]
         unknown = Unknown.together([self.unknown(knots), *own])
-        bound = evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
-        return Functions(evidence.nominal, evidence.residual, bound, unknown)
+        bound = evidence.rows.bound * (1.0 + evidence.model.second_order) + evidence.model.room
+        return Functions(evidence.rows.nominal, evidence.rows.residual, bound, unknown)
 
     @cached_property
     def every(self) -> Functions:

@@ -156,7 +156,7 @@ class Beyond:
         """The model with a table of few knots that does; None where the place knows no table, or none does."""
         for places in self._tables():
             try:
-                fits = self.evidence.including(places).mended(places, Work())
+                fits = self.evidence.including(places).model.mended(places, Work())
             except ValueError:
                 return None
             if fits:
@@ -208,7 +208,7 @@ class Beyond:
     def _refitted(self, places: Sequence[EffectPlace]) -> Fit | None:
         """The model with tables; None where there are none, a place knows no table, or the fit runs away."""
         try:
-            return self.evidence.including(places).refit(places) if places else None
+            return self.evidence.including(places).model.refit(places) if places else None
         except ValueError:
             return None
 
@@ -252,8 +252,8 @@ class Beyond:
             return np.zeros(0), np.zeros(0)
         pair, evidence, drawn = self.pair, self.evidence, self.lines_of(self.possible)[0][1]
         spread = self.possible.sign * pair.spread(np.eye(len(pair.values)))
-        errors = evidence.residual - self.possible.every.unknown.columns @ drawn
-        errors = errors - evidence.nominal @ np.linalg.lstsq(evidence.nominal, errors, rcond=None)[0]
+        errors = evidence.rows.residual - self.possible.every.unknown.columns @ drawn
+        errors = errors - evidence.rows.nominal @ np.linalg.lstsq(evidence.rows.nominal, errors, rcond=None)[0]
         weight = (spread**2).sum(axis=0)
         tells = weight >= TELLS * weight.max()
         says = self.possible.hats(self.possible.knots) @ drawn + spread.T @ errors / np.where(tells, weight, 1.0)
@@ -303,22 +303,22 @@ class Beyond:
         return StatedLaw(**_keys_of(first, others), **self._left_out(law.fit), shape=law.shape)
 
     def _centred(self, fit: Fit) -> Fit:
-        return fit.centred(self.evidence.room(fit), self.evidence.most_rows)
+        return fit.centred(self.evidence.model.room, self.evidence.model.effort.most_rows)
 
     def _causes(self, fit: Fit) -> list[Cause]:
         """The effects of a centred fit, with intervals."""
-        more = 0.0 if fit.radius <= self.evidence.limit else (NEAR - 1.0) * float(fit.bound.min())
-        intervals = fit.intervals(self.evidence.room(fit) + more, self.evidence.most_rows)
+        more = 0.0 if fit.radius <= self.evidence.model.limit else (NEAR - 1.0) * float(fit.bound.min())
+        intervals = fit.intervals(self.evidence.model.room + more, self.evidence.model.effort.most_rows)
         causes = []
         for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
-            ends = self.evidence.told(place, possible)
+            ends = self.evidence.reader.told(place, possible)
             inside = [min(max(value, low), high) for value, (low, high) in zip(values, ends, strict=True)]
             causes.append(Cause.found(place, (), inside, ends))
         return causes
 
     def _folds(self, fit: Fit) -> dict[int, float]:
         """Errors of readings that were left out, over their bounds, by their numbers; of those that are predicted."""
-        trial = next(iter(self.evidence.including(fit.places).trials(fit)), None)
+        trial = next(iter(self.evidence.including(fit.places).reader.trials(fit)), None)
         if trial is None or trial.folds is None or trial.rows is None:
             return {}
         errors = np.abs(trial.folds[1]) / float(np.median(fit.bound))
@@ -367,8 +367,8 @@ class Beyond:
         keys: dict[str, Any] = {"kind": first.effect, "quantity": self.pair.quantity}
         if self.pair.factor:
             keys["factor"] = self.pair.factor
-        bound = self.evidence.stated_bound
-        if fit.radius > self.evidence.limit and bound is not None:
+        bound = self.evidence.reader.stated_bound
+        if fit.radius > self.evidence.model.limit and bound is not None:
             keys["noise_bound_needed"] = fit.radius * bound
         if first.effect == "lookup" and (knots := _knots_of(first.law or "", first.parameters)):
             keys["knots"] = knots

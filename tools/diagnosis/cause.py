@@ -195,14 +195,14 @@ class Finding:
 
 def centred(evidence: Evidence, fit: Fit) -> Fit:
     """The fit whose parameters and coefficients are one possible point in the middle of what the record leaves."""
-    return fit.centred(evidence.room(fit), evidence.most_rows)
+    return fit.centred(evidence.model.room, evidence.model.effort.most_rows)
 
 
 def parameters_of(evidence: Evidence, fit: Fit) -> tuple[SizedParameter, ...]:
     """The model's parameters as a fit states them, with what the record leaves possible beside the fit's effects."""
-    ends = fit.ends(evidence.room(fit), evidence.most_rows)
+    ends = fit.ends(evidence.model.room, evidence.model.effort.most_rows)
     parameters = []
-    for (name, unit), value, possible in zip(evidence.names, fit.estimate, ends, strict=False):
+    for (name, unit), value, possible in zip(evidence.rows.names, fit.estimate, ends, strict=False):
         parameters.append(SizedParameter.of(name, unit, value, possible))
     return tuple(parameters)
 
@@ -212,13 +212,15 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
 
     What the readings show by themselves stands before them.
     """
-    causes = [Cause.found(effect.place, (), effect.values, effect.ends) for effect in evidence.read_off]
-    intervals = fit.intervals(evidence.room(fit), evidence.most_rows)
+    causes = [Cause.found(effect.place, (), effect.values, effect.ends) for effect in evidence.reader.read_off]
+    intervals = fit.intervals(evidence.model.room, evidence.model.effort.most_rows)
     for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
-        ends, stated = evidence.told(place, possible), []
+        ends, stated = evidence.reader.told(place, possible), []
         for parameter, value, own in zip(place.definition.parameters, values, ends, strict=True):
             stated.append(_stated(parameter.name, value, own))
-        causes.append(Cause.found(evidence.named(place), evidence.classes.equivalents(place), stated, ends))
+        causes.append(
+            Cause.found(evidence.reader.named(place), evidence.model.classes.equivalents(place), stated, ends)
+        )
     return tuple(causes)
 
 
@@ -249,15 +251,15 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
     Of each parameter with effect, where, order and axes: sizes above ``above`` are excluded; effects that the record
     does not bound below their largest possible size are left out.
     """
-    excluded, room, count = [], evidence.room(fit), len(fit.at)
-    for place, columns in evidence.beside(fit):
+    excluded, room, count = [], evidence.model.room, len(fit.at)
+    for place, columns in evidence.model.beside(fit):
         # What bounds an effect beside one way of the others bounds it beside the next one nearly as well.
         proofs: Proofs = {}
-        possible = fit.possible_in_any(room, columns, evidence.most_rows, proofs)
+        possible = fit.possible_in_any(room, columns, evidence.model.effort.most_rows, proofs)
         sizes: list[Interval] = []
         for k, parameter in enumerate(place.definition.parameters):
             sizes.append((0.0, largest_coefficient(possible, count + k, parameter.name)))
-        for parameter, (_, above) in zip(place.definition.parameters, evidence.told(place, sizes), strict=True):
+        for parameter, (_, above) in zip(place.definition.parameters, evidence.reader.told(place, sizes), strict=True):
             if above < parameter.largest and not parameter.name.endswith("phase"):
                 named = {"parameter": parameter.name, "unit": parameter.unit, "above": float(above)}
                 excluded.append({**place.entry, **named})

@@ -247,8 +247,8 @@ def dependence(evidence: Evidence, work: Work | None = None) -> Dependence | Non
     None, too, where the misfit is so large that the linear model may be wrong by more than a bound. What it costs is
     added to the work.
     """
-    pairs = evidence.pairs()
-    if not pairs or not evidence.falsified or evidence.second_order > MOST_SECOND_ORDER:
+    pairs = evidence.reader.pairs
+    if not pairs or not evidence.model.falsified or evidence.model.second_order > MOST_SECOND_ORDER:
         return None
     return Search(evidence, pairs, work or Work()).dependence
 
@@ -282,8 +282,10 @@ class Search:
     @cached_property
     def problem(self) -> Problem:
         """The model without functions, rows in units of their bounds, its columns orthonormal."""
-        bound = self.evidence.bound
-        return Problem.of(self.evidence.residual / bound, column_space(self.evidence.nominal / bound[:, None]), [])
+        bound = self.evidence.rows.bound
+        return Problem.of(
+            self.evidence.rows.residual / bound, column_space(self.evidence.rows.nominal / bound[:, None]), []
+        )
 
     @cached_property
     def weights(self) -> NDArray[np.float64]:
@@ -294,7 +296,7 @@ class Search:
     @cached_property
     def limit(self) -> float:
         """Radius up to which the linear model stands."""
-        return self.evidence.limit + self.evidence.second_order
+        return self.evidence.model.limit + self.evidence.model.second_order
 
     @property
     def dependence(self) -> Dependence:
@@ -302,7 +304,7 @@ class Search:
         freedoms = self.freedoms
         standing = tuple(self.standing(freedoms))
         places = tuple(dict.fromkeys(pair.freedom.split()[0] for pair in self.pairs if pair.freedom in freedoms))
-        return Dependence(standing, tuple(freedoms), places, self.evidence.baseline_radius)
+        return Dependence(standing, tuple(freedoms), places, self.evidence.model.radius)
 
     @cached_property
     def freedoms(self) -> list[str]:
@@ -318,7 +320,7 @@ class Search:
     def space_of(self, columns: NDArray) -> NDArray[np.float64]:
         """What columns (M, K) add to the model."""
         self.work.add(20.0 + 2e-3 * columns.size * columns.shape[1])
-        return spaces_beyond(self.problem.nominal, [columns / self.evidence.bound[:, None]])[0]
+        return spaces_beyond(self.problem.nominal, [columns / self.evidence.rows.bound[:, None]])[0]
 
     def stands(self, space: NDArray) -> bool:
         """Whether the model stands with columns (M, K)."""
@@ -417,7 +419,7 @@ class Search:
         root, basis, residual = self.weighted
         columns, explained = np.vstack([block.T for block in blocks]), np.zeros(len(blocks))
         self.work.add(2.0 * len(blocks) + 1e-4 * columns.size * basis.shape[1])
-        columns *= root / self.evidence.bound
+        columns *= root / self.evidence.rows.bound
         columns -= (columns @ basis) @ basis.T
         widths = np.array([block.shape[1] for block in blocks])
         first, products = np.cumsum(widths) - widths, columns @ residual

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
-from ..evidence.evidence import Evidence, largest_size, rms_size
+from ..evidence.evidence import Evidence, Lengths, Model, Rerun, largest_size, own_with, rms_size
 from ..evidence.fit import ARCMIN, Fit, blocks_of, contains
+from ..evidence.rows import Rows
 from ..rounding import digits
 from .cause import NamedEffect
 from .result import CrossGain, Diagnosis, Helps, Length, OrderedEffect, OrderOfEffects, WithFound
@@ -28,32 +29,34 @@ Sizes = Mapping[EffectPlace, NDArray[np.float64]]
 
 
 def of_lengths(evidence: Evidence) -> Mapping[str, Any]:
-    """Keys of what each scored part of evidence says with what is known beside it; none of evidence without such parts.
+    """Keys of what each scored part of evidence says with what is known beside it; none of evidence without lengths.
 
     Where the model is falsified: its smallest sets of effects, the order in which effects help with what was left out,
     and the same as measured, with nothing taken out.
     """
-    if not evidence.scored:
+    lengths = evidence.reader.lengths
+    if lengths is None:
         return {}
-    lengths = tuple(_length(evidence, k) for k in evidence.scored)
-    stable = is_stable([length.order for length in lengths]) if evidence.falsified else None
-    return {"lengths": lengths, "order_stable": stable}
+    of_parts = tuple(_length(evidence, lengths, k) for k in evidence.rows.scored)
+    stable = is_stable([length.order for length in of_parts]) if evidence.model.falsified else None
+    return {"lengths": of_parts, "order_stable": stable}
 
 
-def _length(evidence: Evidence, k: int) -> Length:
+def _length(evidence: Evidence, lengths: Lengths, k: int) -> Length:
     """What one scored part says."""
-    part, alone = evidence.parts[k], evidence.of_length(k)
+    part, rows = evidence.rows.parts[k], evidence.rows.select(k)
+    alone = lengths.model_of(rows=rows)
     smallest: list[tuple[NamedEffect, ...]] = []
     order = order_as_measured = None
-    if evidence.falsified:
-        places = evidence.classes.places
-        order = order_of_effects(alone, places)
-        if (measured := evidence.as_measured()) is not None:
-            order_as_measured = order_of_effects(measured.of_length(k), places)
+    if evidence.model.falsified:
+        places = evidence.model.classes.places
+        order = order_of_effects(rows, places)
+        if lengths.as_measured is not None:
+            order_as_measured = order_of_effects(lengths.as_measured.select(k), places)
         if alone.falsified:
             for fit in search(alone, places).fits:
                 smallest.append(tuple(NamedEffect.of(place) for place in fit.places))
-    if not (evidence.falsified and alone.falsified):
+    if not (evidence.model.falsified and alone.falsified):
         smallest = [()]
     return Length(
         over=part.label,
@@ -68,12 +71,12 @@ def _length(evidence: Evidence, k: int) -> Length:
     )
 
 
-def order_of_effects(evidence: Evidence, places: Sequence[EffectPlace]) -> OrderOfEffects:
+def order_of_effects(rows: Rows, places: Sequence[EffectPlace]) -> OrderOfEffects:
     """The order in which effects take most off the errors of the one scored part that were left out."""
-    (scored,), folds = evidence.scored, evidence.folds()
+    (scored,), folds = rows.scored, rows.folds()
 
     def rms_left_out(chosen: Sequence[EffectPlace]) -> float:
-        return rms_size(evidence.split(evidence.left_out(chosen, folds))[scored])
+        return rms_size(rows.split(rows.left_out(chosen, folds))[scored])
 
     start = current = rms_left_out(())
     chosen: list[EffectPlace] = []
@@ -114,7 +117,7 @@ def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[Eff
         return (), ()
     places = tuple(step.place for step in order.steps)
     sentences = []
-    for place, values in evidence.values_of(places, evidence.estimate(places)).items():
+    for place, values in evidence.rows.values_of(places, evidence.rows.estimate(places)).items():
         names = (parameter.name for parameter in place.definition.parameters)
         sentences.append(place.definition.sentence(place, dict(zip(names, values, strict=True))))
     effects = " and ".join(step.effect for step in order.steps)
@@ -123,7 +126,8 @@ def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[Eff
         f"{digits(order.held_out_rms_arcmin)} to {digits(order.steps[-1].held_out_rms_arcmin)} arcmin rms, and not "
         f"within their bounds ({'; '.join(sentences)})"
     )
-    if needed := evidence.would_need(places):
+    lengths_of_reader = evidence.reader.lengths
+    if lengths_of_reader is not None and (needed := lengths_of_reader.would_need(places)):
         text += f"; {needed}"
     return places, (text,)
 
@@ -141,22 +145,23 @@ def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:
 
 def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) -> tuple[str, ...]:
     """Effects that one of several lengths needs at most, and that another one would show and does not: not named."""
-    if not lengths:
+    model_of = evidence.reader.lengths and evidence.reader.lengths.model_of
+    if not lengths or model_of is None:
         return ()
     objections = []
     for place, block in zip(fit.places, fit.blocks, strict=True):
-        if place not in evidence.places:
+        if place not in evidence.rows.places:
             # Of one that sets in at a time a length by itself tells less of the time than of the size.
             continue
         needing = [length.over for length in lengths if _needs(length, place)]
         if len(needing) > 1:
             continue
-        columns, size = evidence.numbers_of([place]), fit.central[len(fit.point) :][block]
-        alone = evidence.with_errors([part.columns[..., columns] @ size for part in evidence.parts])
+        columns, size = evidence.rows.numbers_of([place]), fit.central[len(fit.point) :][block]
+        alone = evidence.rows.with_errors([part.columns[..., columns] @ size for part in evidence.rows.parts])
         others = [other for other in fit.places if other != place]
         against = []
-        for k, length in zip(evidence.scored, lengths, strict=True):
-            if length.over not in needing and alone.of_length(k).refit(others).radius > SHOWN:
+        for k, length in zip(evidence.rows.scored, lengths, strict=True):
+            if length.over not in needing and model_of(rows=alone.select(k)).refit(others).radius > SHOWN:
                 against.append(length.over)
         if against:
             needed = f"is needed over {needing[0]} alone" if needing else "is needed over no length by itself"
@@ -183,8 +188,8 @@ def found_in(diagnosis: Diagnosis) -> Sizes:
                 sizes[place] = fit.stated[block]
     elif diagnosis.verdict == "unexplained":
         helpful, _ = what_helps(evidence, diagnosis.lengths or ())
-        places = [place for place in helpful if place in evidence.places]
-        coefficients = evidence.estimate(places)[len(evidence.names) :]
+        places = [place for place in helpful if place in evidence.rows.places]
+        coefficients = evidence.rows.estimate(places)[len(evidence.rows.names) :]
         for place, block in zip(places, blocks_of(places), strict=True):
             sizes[place] = coefficients[block]
     return sizes
@@ -195,27 +200,29 @@ def cross_gains(alone: Mapping[str, Diagnosis]) -> tuple[tuple[CrossGain, ...], 
     known: dict[str, Evidence] = {}
     sources: dict[str, Sizes] = {}
     for label, diagnosis in alone.items():
-        if diagnosis.evidence.names or diagnosis.evidence.parts:
-            known[label] = diagnosis.evidence
+        evidence = diagnosis.evidence
+        if evidence.rows.names or evidence.rows.parts:
+            known[label] = evidence
             if sizes := found_in(diagnosis):
                 sources[label] = sizes
     gains, helps = [], []
     for label, evidence in known.items():
-        if sources and (before := evidence.applied({})) is not None:
-            gains.append(_cross_gain(label, evidence, before, sources))
+        rerun = evidence.reader.rerun
+        if sources and rerun is not None and (before := rerun.errors({})) is not None:
+            gains.append(_cross_gain(label, rerun, before, sources))
     for source, sizes in sources.items():
         for place in sizes:
-            on = [label for label in known if label != source and _helps(known[label], sizes, place)]
+            on = [label for label in known if label != source and _helps(known[label].model, sizes, place)]
             helps.append(Helps(found_in=source, effect=place.title, on=tuple(on)))
     return tuple(gains), tuple(helps) if len(known) > 1 else ()
 
 
-def _cross_gain(label: str, evidence: Evidence, before: NDArray, sources: Mapping[str, Sizes]) -> CrossGain:
+def _cross_gain(label: str, rerun: Rerun, before: NDArray, sources: Mapping[str, Sizes]) -> CrossGain:
     """Errors of a record without effects (S, d), and with what was found in each of some records."""
-    over, unit, scale = evidence.quoted_errors
+    over, unit, scale = rerun.quoted
     applied = []
     for source, sizes in sources.items():
-        errors = evidence.applied(sizes)
+        errors = rerun.errors(sizes)
         if errors is not None:
             applied.append(WithFound(found_in=source, **figures_of(errors, scale)))
     return CrossGain(record=label, over=over, unit=unit, **figures_of(before, scale), applied=tuple(applied))
@@ -226,12 +233,19 @@ def figures_of(error: NDArray, scale: float) -> dict[str, float]:
     return {"rms": rms_size(error) / scale, "max": largest_size(error) / scale}
 
 
-def _helps(evidence: Evidence, sizes: Sizes, place: EffectPlace) -> bool:
+def _helps(model: Model, sizes: Sizes, place: EffectPlace) -> bool:
     """Whether an effect takes something off a record's errors, alone or beside those found with it; to first order."""
-    if place not in evidence.linear_places:
+    if place not in model.rows.linear_places:
         return False
     others = {other: size for other, size in sizes.items() if other != place}
     for after, before in (({place: sizes[place]}, {}), (sizes, others)):
-        if evidence.rms_with(after) < (1.0 - HELPS) * evidence.rms_with(before):
+        if rms_with(model, after) < (1.0 - HELPS) * rms_with(model, before):
             return True
     return False
+
+
+def rms_with(model: Model, effects: Sizes) -> float:
+    """Root mean square of the errors over their bounds with effects of given coefficients, to first order."""
+    places, sizes, point = own_with(model, effects)
+    at = model.about(places, point, sizes)
+    return float(np.sqrt(np.mean((at.residual / at.bound) ** 2)))

@@ -98,22 +98,22 @@ def answered(
     evidence: Evidence, place: EffectPlace, findings: Sequence[Finding] = (), *, rerun: bool = True
 ) -> Hypothesis:
     """What a record says of a formula, beside the smallest sets of the catalogue that were found to stand."""
-    before = 0.0 if evidence.missing() else evidence.refit(()).radius
+    before = 0.0 if evidence.reader.missing() else evidence.model.refit(()).radius
     keys: dict[str, Any] = {"formula": place.law, "where": place.where, "radius_before": before, "radius": before}
     keys |= {**dict.fromkeys(("parameters", "objections", "equivalents", "as_well"), ()), "gain": None}
-    if evidence.missing() or _adds_nothing(evidence, place):
+    if evidence.reader.missing() or _adds_nothing(evidence, place):
         return Hypothesis(answer="cannot be told", **keys)
     same = _same_in_catalogue(evidence, place)
     keys["equivalents"] = tuple(NamedEffect.of(other) for other in same)
-    fits = evidence.mended([place], Work())
+    fits = evidence.model.mended([place], Work())
     if not fits:
         return Hypothesis(answer="refuted", **{**keys, "radius": _radius_with(evidence, place)})
     finding = finding_of(evidence, fits)
     keys |= {"radius": finding.fit.radius, "parameters": finding.causes[-1].parameters}
-    if not evidence.falsified:
+    if not evidence.model.falsified:
         return Hypothesis(answer="not needed", **keys)
     objections = [] if finding.acts else ["it may be zero"]
-    objections += evidence.objections()
+    objections += evidence.reader.objections()
     objections += objections_of(judgement_of(evidence, finding.fit))
     as_well = []
     for other in findings:
@@ -128,11 +128,11 @@ def answered(
 def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPlace, ...]:
     """Effects of the catalogue that add the same to the model wherever it is measured."""
     try:
-        space = evidence.space_of(place)
+        (space,) = evidence.model.spaces_of([place])
     except ValueError:
         # Somewhere it is no number.
         return ()
-    classes = evidence.classes
+    classes = evidence.model.classes
     for first, other in zip(classes.places, classes.spaces, strict=True):
         if same_space(space, other):
             # Where they are run beside the catalogue, formulas have classes too.
@@ -142,14 +142,14 @@ def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPl
 
 def _adds_nothing(evidence: Evidence, place: EffectPlace) -> bool:
     """Whether the model without effects does all that a formula does at the rows of the record."""
-    (space,) = spaces_beyond(evidence.nominal, [evidence.columns_of([place])])
+    (space,) = spaces_beyond(evidence.rows.nominal, [evidence.rows.columns_of([place])])
     return space.shape[1] == 0
 
 
 def _radius_with(evidence: Evidence, place: EffectPlace) -> float:
     """Radius of the model with a formula."""
     try:
-        return evidence.refit([place]).radius
+        return evidence.model.refit([place]).radius
     except ValueError:
         # The exact fit runs away: that of the linear model.
-        return evidence.alone(place)
+        return evidence.model.alone(place)

@@ -100,13 +100,13 @@ def evidence_with_formulas(
 
     An InputError for a formula that depends on what the record has not, or that is no finite number at one of its rows.
     """
-    if not formulas or evidence.missing():
+    if not formulas or evidence.reader.missing():
         return evidence
     try:
         if kind_of(record).runs_formulas:
             evidence = kind_of(record).evidence(record, further=formulas, **options)
         for place in formulas:
-            evidence.columns_of([place])
+            evidence.rows.columns_of([place])
     except ValueError as error:
         raise InputError(f"{record.path}: --hypothesis {error}") from error
     return evidence

@@ -178,7 +178,7 @@ class Laws:
 
     def fitted(self, places: Sequence[EffectPlace], shape: tuple[float, float] | None = None) -> list[Law]:
         """Effects, where the model stands with them."""
-        fits = self.evidence.including(places).mended(places, self.work)
+        fits = self.evidence.including(places).model.mended(places, self.work)
         return [Law(fit, shape) for fit in fits[:1]]
 
     def is_known(self, law: Law, others: Sequence[Law]) -> bool:
@@ -187,7 +187,7 @@ class Laws:
         columns = [fit.jacobian[:, len(fit.point) :] for fit in fits]
         if self.pair.where in GYROS:
             columns = [columns[0], *(own[:, [k]] for own in columns[1:] for k in range(own.shape[1]))]
-        first, *spaces = spaces_beyond(self.evidence.nominal, columns)
+        first, *spaces = spaces_beyond(self.evidence.rows.nominal, columns)
         return any(same_space(first, other) for other in spaces)
 
     def places_of(self, text: str) -> list[EffectPlace]:
@@ -238,15 +238,15 @@ class Laws:
     def stands_at(self, family: Family, s: float) -> bool:
         """Whether one shape makes the linear model stand."""
         evidence = self.evidence
-        jacobian = np.hstack((evidence.nominal, self.pair.spread(family.value(self.pair.values, s)[:, None])))
+        jacobian = np.hstack((evidence.rows.nominal, self.pair.spread(family.value(self.pair.values, s)[:, None])))
         self.work.programme(*jacobian.shape)
-        return chebyshev_radius(jacobian, evidence.residual, self.bound)[0] <= 1.0
+        return chebyshev_radius(jacobian, evidence.rows.residual, self.bound)[0] <= 1.0
 
     @property
     def bound(self) -> NDArray[np.float64]:
         """Bounds (M,) with what the linear model may be wrong by, and what rounding adds."""
         evidence = self.evidence
-        return evidence.bound * (1.0 + evidence.second_order) + evidence.room(evidence.baseline)
+        return evidence.rows.bound * (1.0 + evidence.model.second_order) + evidence.model.room
 
     @cached_property
     def sizes(self) -> NDArray[np.float64]:
@@ -262,8 +262,8 @@ class Laws:
         apart = np.max([0.0 * middle, *(np.abs(family.value(x, end) - middle) for end in ends)], axis=0)
         column = self.pair.spread(middle[:, None])
         spread = (self.sizes @ apart)[:, None]
-        count = evidence.nominal.shape[1]
-        jacobian = np.hstack((evidence.nominal, column))
+        count = evidence.rows.nominal.shape[1]
+        jacobian = np.hstack((evidence.rows.nominal, column))
         largest = LARGEST / max(float(np.abs(middle).max() + apart.max()), 1e-9)
         for sign in (-1.0, 1.0):
             rows = np.zeros(jacobian.shape)
@@ -273,11 +273,13 @@ class Laws:
             growth, proofs = Growth(np.zeros(len(rows)), rows, *sizes), self.proofs[sign]
             # What refuses shapes refuses those beside them nearly as well.
             self.work.add(len(proofs) * (60.0 + 0.01 * jacobian.size))
-            if any(proven_radius(jacobian, evidence.residual, self.bound, growth, proof) > SURELY for proof in proofs):
+            if any(
+                proven_radius(jacobian, evidence.rows.residual, self.bound, growth, proof) > SURELY for proof in proofs
+            ):
                 continue
             self.work.programme(*jacobian.shape)
             try:
-                radius, _, duals = chebyshev_radius(jacobian, evidence.residual, self.bound, growth=growth)
+                radius, _, duals = chebyshev_radius(jacobian, evidence.rows.residual, self.bound, growth=growth)
             except SolverError:
                 return False
             if radius <= 1.0 + 1e-9:

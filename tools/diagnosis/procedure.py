@@ -70,7 +70,7 @@ def diagnose(
         answers = tuple(answered(beside, place, diagnosis.findings, rerun=rerun) for place in formulas)
         return diagnosis.model_copy(update={"hypotheses": answers})
     except SolverError as error:
-        raise InputError(f"{record.path}: {error}; {evidence.too_large}") from error
+        raise InputError(f"{record.path}: {error}; {evidence.reader.too_large}") from error
 
 
 def diagnosed(
@@ -112,8 +112,8 @@ class Candidates:
     @staticmethod
     def of(evidence: Evidence, fits: Sequence[Fit]) -> "Candidates":
         """Sort the sets that a search returned."""
-        groups = equivalence_groups(evidence, fits)
-        every = [finding_of(evidence, group) for group in groups[: evidence.most_sets]]
+        groups = equivalence_groups(evidence.model, fits)
+        every = [finding_of(evidence, group) for group in groups[: evidence.model.effort.most_sets]]
         acting = [finding for finding in every if finding.acts]
         idle = [finding for finding in every if not finding.acts]
         containing = [finding for finding in every if any(finding.contains(other) for other in acting)]
@@ -153,7 +153,7 @@ class Procedure:
         """The result."""
         if self.missing:
             return self._result("insufficient", self.missing)
-        if not self.evidence.falsified:
+        if not self.evidence.model.falsified:
             return self._of_model_that_stands()
         if not self.found.fits:
             return self._without_a_set()
@@ -164,12 +164,12 @@ class Procedure:
     @cached_property
     def head(self) -> Mapping[str, Any]:
         """Keys of what was assumed, and of the model without effects."""
-        return self.evidence.head()
+        return self.evidence.reader.head()
 
     @cached_property
     def missing(self) -> Mapping[str, Any]:
         """Keys of what is missing, where nothing can be fitted."""
-        return self.evidence.missing()
+        return self.evidence.reader.missing()
 
     @cached_property
     def lengths(self) -> Mapping[str, Any]:
@@ -179,7 +179,7 @@ class Procedure:
     @cached_property
     def _read_off(self) -> tuple[str, ...]:
         """Why effects that readings show by themselves are not named."""
-        return tuple(effect.objection for effect in self.evidence.read_off if effect.objection)
+        return tuple(effect.objection for effect in self.evidence.reader.read_off if effect.objection)
 
     @cached_property
     def dependence(self) -> Dependence | None:
@@ -191,14 +191,14 @@ class Procedure:
     @cached_property
     def objections(self) -> tuple[str, ...]:
         """Why nothing is searched for."""
-        return (*self.evidence.objections(), *self._read_off)
+        return (*self.evidence.reader.objections(), *self._read_off)
 
     @cached_property
     def found(self) -> Found:
         """The smallest sets of effects with which the record stands."""
         if self.objections:
             return Found(())
-        return search(self.evidence, progress=self.progress, most_work=self.most_work)
+        return search(self.evidence.model, progress=self.progress, most_work=self.most_work)
 
     @cached_property
     def candidates(self) -> Candidates:
@@ -252,7 +252,7 @@ class Procedure:
         """What the record cannot tell from the sets that stand."""
         caution = (*self.functions.get("caution", ()), *self.unlisted.caution)
         held, fits = self.unlisted.held, self.found.fits
-        several = len(fits[0].places) > self.evidence.most_known_alone
+        several = len(fits[0].places) > self.evidence.model.effort.most_known_alone
         if held is not None and not self.proves_quantity and several:
             # Other laws do as well as sets that one function holds, though no quantity is proven.
             beyond = Beyond(self.evidence, held.pair, held.form, tuple(fits))
@@ -264,15 +264,15 @@ class Procedure:
     @cached_property
     def nominal(self) -> Fit | None:
         """The model without effects, centred, where it stands; else None."""
-        if self.missing or self.evidence.falsified:
+        if self.missing or self.evidence.model.falsified:
             return None
-        return centred(self.evidence, self.evidence.baseline)
+        return centred(self.evidence, self.evidence.model.baseline)
 
     def _explanations(self, sets: Sequence[Finding], functions: Mapping[str, Any]) -> tuple[Explanation, ...]:
         """What the record stands with: sets of the catalogue, then functions that are in none and as simple."""
         explanations = []
         for finding in sets:
-            explanations.append(Explanation.of(finding, self.evidence.calibration_of(finding.fit)))
+            explanations.append(Explanation.of(finding, self.evidence.reader.calibration_of(finding.fit)))
         if "extension" in functions:
             explanations.append(Explanation.of_extension(functions["extension"]))
         return tuple(explanations)
@@ -283,13 +283,13 @@ class Procedure:
         """Consistent, unless the record is too short, or readings show an effect by themselves."""
         evidence, fit = self.evidence, self.nominal
         assert fit is not None
-        excluded = excluded_sizes(evidence, evidence.baseline)
-        calibration = evidence.calibration_of(fit)
-        model = evidence.of_model(fit, calibration, excluded)
+        excluded = excluded_sizes(evidence, evidence.model.baseline)
+        calibration = evidence.reader.calibration_of(fit)
+        model = evidence.reader.of_model(fit, calibration, excluded)
         if self._read_off:
             return self._unexplained(self._read_off, calibration=calibration)
         verdict = "insufficient" if "missing" in model else "consistent"
-        if evidence.read_off and verdict == "consistent":
+        if evidence.reader.read_off and verdict == "consistent":
             finding = Finding(causes_of(evidence, fit), fit)
             explanations = (Explanation.of(finding, calibration),)
             return self._result(
@@ -305,7 +305,7 @@ class Procedure:
     def _without_a_set(self) -> Diagnosis:
         """Unexplained: nothing of the catalogue mends the model."""
         helpful, said = what_helps(self.evidence, self.lengths.get("lengths", ()))
-        gain = self.evidence.gain(self.evidence.refit(helpful)) if self.rerun and helpful else None
+        gain = self.evidence.gain(self.evidence.model.refit(helpful)) if self.rerun and helpful else None
         return self._unexplained((*self.objections, *said), self.functions, gain=gain)
 
     def _of_sets(self) -> Diagnosis:
@@ -316,7 +316,7 @@ class Procedure:
             return self._not_named(idle, unshown=candidates.idle)
         if self.found.is_sample and unlisted.rivals:
             return self._not_named((*(_as_simple(finding, unlisted) for finding in findings), *idle))
-        if untried := self.evidence.untried(self.found.size):
+        if untried := self.evidence.model.untried(self.found.size):
             return self._not_named((*(f"{finding.title} would do; {untried}" for finding in findings), *idle))
         best, judgement = findings[0], judgement_of(self.evidence, findings[0].fit)
         if candidates.are_several or not self.found.complete:
@@ -332,7 +332,7 @@ class Procedure:
         at_one_length: tuple[str, ...] = ()
         if not isinstance(judgement, Witness):
             judgement = by_need(judgement)
-            order = [effect.place for effect in self.evidence.read_off]
+            order = [effect.place for effect in self.evidence.reader.read_off]
             order += [witness.place for witness in judgement if witness.place is not None]
             best = best.in_order(order)
             at_one_length = only_at_one_length(self.evidence, best.fit, self.lengths.get("lengths", ()))
@@ -350,7 +350,7 @@ class Procedure:
         assert calibration is not None
         return self._result(
             "explained",
-            self.evidence.of_model(best.fit, calibration, excluded),
+            self.evidence.reader.of_model(best.fit, calibration, excluded),
             functions=self.functions,
             explanations=explanations,
             caution=self.caution,
@@ -372,7 +372,7 @@ class Procedure:
         if self.proves_quantity:
             # Where other laws of the quantity were not compared, no law is the only one.
             return "quantity" if other_laws or beyond is None else "law"
-        if len(best.fit.places) > self.evidence.most_known_alone:
+        if len(best.fit.places) > self.evidence.model.effort.most_known_alone:
             return None
         return "quantity" if other_laws else "law"
 
@@ -385,7 +385,7 @@ class Procedure:
         rivals = tuple(Explanation.of_function(rival) for rival in self.unlisted.rivals)
         return self._result(
             "ambiguous",
-            self.evidence.probe(fits),
+            self.evidence.reader.probe(fits),
             functions=functions,
             explanations=(*self._explanations(findings, functions), *rivals),
             caution=self.caution,
@@ -402,11 +402,11 @@ class Procedure:
     def _unexplained(
         self, objections: Sequence[str], functions: Mapping[str, Any] | None = None, **keys: Any
     ) -> Diagnosis:
-        proven = self.proven if self.evidence.falsified else None
+        proven = self.proven if self.evidence.model.falsified else None
         if proven is not None:
             keys["level"] = "quantity" if proven.quantity else "place"
             keys["depends_on"] = (proven.on, *proven.same) if proven.quantity else proven.not_excluded
-        structure = residual_structure(self.evidence.channels())
+        structure = residual_structure(self.evidence.reader.channels())
         return self._result(
             "unexplained",
             {},
@@ -434,7 +434,7 @@ class Procedure:
         content |= self.head
         if not self.missing:
             content |= {**self.lengths, **self._power}
-            if self.evidence.falsified:
+            if self.evidence.model.falsified:
                 content |= self._of_misfit
         content |= functions or {}
         content.pop("extension", None)
@@ -445,26 +445,26 @@ class Procedure:
         if verdict == "explained":
             content["causes"] = explanations[0].causes
         if "calibration" not in content:
-            content["calibration"] = self.evidence.calibration_of()
+            content["calibration"] = self.evidence.reader.calibration_of()
         content["warnings"] = (*self.head.get("warnings", ()), *more.get("warnings", ()))
         return Diagnosis.model_validate({**content, "verdict": verdict})
 
     @cached_property
     def _power(self) -> Mapping[str, Any]:
-        power = self.evidence.power() if self.rerun else ()
+        power = self.evidence.reader.power() if self.rerun else ()
         return {"power": power} if power else {}
 
     @cached_property
     def _of_misfit(self) -> Mapping[str, Any]:
         """Keys of a falsified model: on what the misfit depends, the bound that would do, what single effects leave."""
         evidence = self.evidence
-        keys: dict[str, Any] = {"tried": single_radii(evidence) if evidence.ranks_each else ()}
-        if evidence.stated_bound is not None:
-            keys["noise_bound_needed"] = evidence.baseline_radius * evidence.stated_bound
+        keys: dict[str, Any] = {"tried": single_radii(evidence.model) if evidence.model.effort.ranks_each else ()}
+        if evidence.reader.stated_bound is not None:
+            keys["noise_bound_needed"] = evidence.model.radius * evidence.reader.stated_bound
         if self.dependence is not None:
             keys["suffices"] = tuple(Suffices.of(standing) for standing in self.dependence.standing)
             keys |= {"dependence": self.beside_catalogue, "proven": self.proven}
-        return {**keys, **evidence.of_misfit(), **self.found.keys}
+        return {**keys, **self.found.keys}
 
 
 def _named(places: Sequence[EffectPlace]) -> tuple[NamedEffect, ...]:

@@ -80,10 +80,10 @@ class Listed:
         within = np.zeros(columns.shape[1], dtype=bool)
         for k in range(columns.shape[1]):
             within[k] = self._are_within(columns[:, [k]], pair)
-        matrix = np.hstack((self.evidence.nominal, columns[:, within]))
+        matrix = np.hstack((self.evidence.rows.nominal, columns[:, within]))
         free = np.full(matrix.shape[1], np.inf)
-        squares = estimated(matrix, self.evidence.residual)
-        return least_radius(matrix, self.evidence.residual, (-free, free), squares)[0] <= self.evidence.limit
+        squares = estimated(matrix, self.evidence.rows.residual)
+        return least_radius(matrix, self.evidence.rows.residual, (-free, free), squares)[0] <= self.evidence.model.limit
 
     def is_wholly_of(self, fit: Fit, pair: Pair) -> bool:
         """Whether all effects of a fit are functions of a pair."""
@@ -118,11 +118,11 @@ class Listed:
     @cached_property
     def base(self) -> NDArray[np.float64]:
         """The space (M, P) of the model."""
-        return column_space(self.evidence.nominal / self.evidence.bound[:, None])
+        return column_space(self.evidence.rows.nominal / self.evidence.rows.bound[:, None])
 
     def _beyond_model(self, columns: NDArray) -> NDArray[np.float64]:
         """What columns (M, K) add to the model."""
-        columns = columns / self.evidence.bound[:, None]
+        columns = columns / self.evidence.rows.bound[:, None]
         return columns - self.base @ (self.base.T @ columns)
 
     def _are_within(self, columns: NDArray, pair: Pair) -> bool:
@@ -182,9 +182,9 @@ class Unlisted:
         """Beside the fit of a set that stands."""
         if dependence is None:
             # A record without pairs is not compared by its kind, which is no caution of its own.
-            return Unlisted((), None, None, compared=not listed.evidence.pairs())
+            return Unlisted((), None, None, compared=not listed.evidence.reader.pairs)
         # What stands only within what the linear model may be wrong by is no rival, and no proof that there is none.
-        compared = listed.evidence.second_order <= SURE_SECOND_ORDER
+        compared = listed.evidence.model.second_order <= SURE_SECOND_ORDER
         holding = [standing for standing in dependence.standing if listed.is_of(fit, standing.pair)]
         # What of a set is needed, if that is less, counts.
         most = complexity_of(fit.places)
@@ -196,7 +196,7 @@ class Unlisted:
             if compared and standing not in holding and standing.complexity <= most:
                 rivals.append(standing)
         # Where not all sets are tried some stand that are more complex than what is proven, and elsewhere.
-        proven = dependence.proven is not None and len(fit.places) > listed.evidence.most_known_alone
+        proven = dependence.proven is not None and len(fit.places) > listed.evidence.model.effort.most_known_alone
         if proven:
             # All that stands is one quantity, as far as the record tells: no rival of itself, one of a set elsewhere.
             rivals = [] if holding else rivals[:1]
@@ -251,7 +251,7 @@ def _table_fit(evidence: Evidence, rival: Standing) -> Fit | None:
     for law in _tables(rival):
         try:
             place = rival.pair.table(law)
-            fits = evidence.including([place]).mended([place], Work())
+            fits = evidence.including([place]).model.mended([place], Work())
         except ValueError:
             return None
         if fits:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from ...models.effects import EffectPlace
 from ..bounded.programmes import cosine, same_space, spaces_beyond
 from ..bounded.sets import MAX_SET, CutOff, Work
-from ..evidence.evidence import Evidence
+from ..evidence.evidence import Model
 from ..evidence.fit import Fit
+from ..evidence.rows import Rows
 from ..progress import tracked
 
 MOST_FOUND = 60
@@ -49,7 +50,7 @@ class Found:
 
 
 def search(
-    evidence: Evidence,
+    model: Model,
     among: Sequence[EffectPlace] | None = None,
     *,
     progress: bool = False,
@@ -61,13 +62,13 @@ def search(
     members of its effects' classes, too: these differ in the second order of their sizes, for which noise at its bound
     leaves no room.
     """
-    work = Work(most_work * evidence.length)
+    work = Work(most_work * model.effort.cost)
     for size in range(1, MAX_SET + 1):
         fits: list[Fit] = []
         complete = True
         try:
-            for candidate in tracked(evidence.candidates(size, work, among), f"sets of {size}", show=progress):
-                fits += _mended(evidence, candidate, work)
+            for candidate in tracked(model.candidates(size, work, among), f"sets of {size}", show=progress):
+                fits += _mended(model, candidate, work)
                 if len(fits) >= MOST_FOUND:
                     complete = False
                     break
@@ -79,25 +80,25 @@ def search(
     return Found(())
 
 
-def _mended(evidence: Evidence, candidate: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
+def _mended(model: Model, candidate: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
     """Fits with which the model stands, of the first members of the effects' classes that mend it."""
-    classes = [evidence.classes.whole_class(place) for place in candidate]
+    classes = [model.classes.whole_class(place) for place in candidate]
     for places in product(*classes):
-        if fits := evidence.mended(places, work):
+        if fits := model.mended(places, work):
             return fits
     return ()
 
 
-def single_radii(evidence: Evidence) -> tuple[tuple[str, float], ...]:
+def single_radii(model: Model) -> tuple[tuple[str, float], ...]:
     """Radii that single effects leave, with their titles, the least first."""
-    radii = [(place.title, evidence.alone(place)) for place in evidence.classes.places]
+    radii = [(place.title, model.alone(place)) for place in model.classes.places]
     radii.sort(key=lambda entry: (round(entry[1], 9), entry[0]))
     return tuple(radii)
 
 
-def equivalence_groups(evidence: Evidence, fits: Sequence[Fit]) -> list[list[Fit]]:
+def equivalence_groups(model: Model, fits: Sequence[Fit]) -> list[list[Fit]]:
     """Sets that cannot be told apart, together; the least radius first."""
-    classes = evidence.classes
+    classes = model.classes
     groups: list[list[Fit]] = []
     spaces: list[tuple[object, NDArray]] = []
     for fit in fits:
@@ -127,13 +128,13 @@ def compared_places(
     return tuple(by_title[title] for title in titles if title in by_title)[:MOST_COMPARED]
 
 
-def likeness(evidence: Evidence, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+def likeness(rows: Rows, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
     """Cosines (K, K) of the least angles between what linear effects add to the model on a record's rows.
 
     1 where one can be sized to look just like the other, 0 where nothing of it can; a row of zeros for an effect that
     adds nothing here.
     """
-    spaces = spaces_beyond(evidence.nominal, [evidence.columns_of([place]) for place in places])
+    spaces = spaces_beyond(rows.nominal, [rows.columns_of([place]) for place in places])
     cosines = np.zeros((len(spaces), len(spaces)))
     for row, space in enumerate(spaces):
         for column, other in enumerate(spaces):

@@ -26,7 +26,7 @@ from ..errors import InputError, nearest
 from ..evidence.evidence import Evidence, undetermined, words_of
 from ..evidence.fit import Fit
 from ..evidence.joint import Joint, join
-from ..evidence.of_record import Differs, Mended, in_record, is_asked, is_of_instrument, named_alike, names_of
+from ..evidence.of_record import Differs, in_record, is_asked, is_of_instrument, mended, named_alike, names_of
 from .cause import Cause, Finding, NamedEffect, SizedParameter, causes_of, centred, parameters_of
 from .helps import cross_gains
 from .procedure import diagnosed
@@ -62,7 +62,7 @@ def members_of(
     members = named_alike(evidence)
     names: dict[str, None] = {}
     for member in members.values():
-        names |= dict.fromkeys(name for name, _ in member.names)
+        names |= dict.fromkeys(name for name, _ in member.rows.names)
     known: dict[str, None] = {}
     for name in names:
         known |= dict.fromkeys(names_of(name))
@@ -115,17 +115,17 @@ def diagnosed_together(
         found = diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
         return found.model_copy(update={**keys, **Together(joint, alone, found).keys})
     except SolverError as error:
-        raise InputError(f"{', '.join(joint.labels)}: {error}; {joint.too_large}") from error
+        raise InputError(f"{', '.join(joint.model.labels)}: {error}; {joint.reader.too_large}") from error
 
 
 def reason_apart(diagnosis: Diagnosis) -> str | None:
     """Why a record is not judged with the others; None where it is."""
     evidence = diagnosis.evidence
-    if not evidence.names and not evidence.parts:
+    if not evidence.rows.names and not evidence.rows.parts:
         return "nothing can be run: " + "; ".join(map(str, diagnosis.missing or ()))
     if diagnosis.verdict == "unexplained" and not diagnosis.unshown:
         return f"unexplained by itself: {(diagnosis.not_named or ('no set of effects mends it',))[0]}"
-    return _not_sought(evidence.read_off[0].place.title) if evidence.read_off else None
+    return _not_sought(evidence.reader.read_off[0].place.title) if evidence.reader.read_off else None
 
 
 def _not_sought(title: str) -> str:
@@ -134,16 +134,16 @@ def _not_sought(title: str) -> str:
 
 def _joined(
     alone: Mapping[str, Diagnosis], reasons: dict[str, str | None], shared: Sequence[str], own: Sequence[str]
-) -> Joint | None:
+) -> Evidence | None:
     """The records that can be judged together, two at least; to the reasons are added those of others."""
     while True:
         members = {label: diagnosis.evidence for label, diagnosis in alone.items() if reasons[label] is None}
         if len(members) < 2:
             return None
         joint = join(members, shared, own)
-        for k, label in enumerate(joint.labels):
+        for k, label in enumerate(joint.model.labels):
             findings = (*alone[label].findings, *alone[label].unshown)
-            if findings and all(_unsought(finding.fit, joint, k) for finding in findings):
+            if findings and all(_unsought(finding.fit, joint.model, k) for finding in findings):
                 reasons[label] = _not_sought(findings[0].title)
         if not any(reasons[label] for label in members):
             return joint
@@ -162,9 +162,14 @@ def _unsought(fit: Fit, joint: Joint, k: int) -> tuple[EffectPlace, ...]:
 class Together:
     """Records that can be judged together: their joint evidence, each by itself, and the diagnosis of the evidence."""
 
-    joint: Joint
+    evidence: Evidence
     alone: Mapping[str, Diagnosis]
     found: Diagnosis
+
+    @property
+    def joint(self) -> Joint:
+        """The model of all of them."""
+        return self.evidence.model
 
     @property
     def keys(self) -> dict[str, Any]:
@@ -172,7 +177,7 @@ class Together:
         joint, found = self.joint, self.found
         own: dict[str, None] = {}
         for member in joint.members:
-            own |= dict.fromkeys(name for name, _ in member.names if name not in joint.shared)
+            own |= dict.fromkeys(name for name, _ in member.rows.names if name not in joint.shared)
         keys: dict[str, Any] = {"shared": joint.shared, "own": tuple(own), "not_searched": joint.not_searched}
         keys["findings"] = () if self.best is None else found.findings
         if found.verdict == "insufficient":
@@ -241,9 +246,9 @@ class Together:
     def _ends_of(self, members: Mapping[str, Evidence]) -> dict[str, tuple[float, float]]:
         """Ends of each parameter of some of the records together; none where they do not stand."""
         part = join(members, *self.joint.asked)
-        if part.falsified:
+        if part.model.falsified:
             return {}
-        return {sized.name.partition(" in ")[0]: sized.ends for sized in parameters_of(part, part.baseline)}
+        return {sized.name.partition(" in ")[0]: sized.ends for sized in parameters_of(part, part.model.baseline)}
 
     def _with_unsought(self, size: int) -> tuple[list[tuple[Cause, ...]], dict[str, str]]:
         """Sets, no larger, with what mends a record by itself and is not sought in several; where it was not tried.
@@ -261,7 +266,7 @@ class Together:
                 why = "fewer effects mend it" if reached else "nothing falsifies it"
                 untried[label] = NOT_TRIED.format(label=label, why=why)
             for places, finding in self._tried_alone(k, findings, size):
-                beside = join(members | {label: Mended.of(member, finding.fit, places)}, *joint.asked)
+                beside = join(members | {label: mended(member, finding.fit, places)}, *joint.asked)
                 more = _beside(beside, size - len(places))
                 if more is not None:
                     own = (cause for cause in finding.causes if cause.place in places)
@@ -300,14 +305,14 @@ class Together:
         return tuple(cautions)
 
 
-def _beside(joint: Joint, most: int) -> tuple[Cause, ...] | None:
+def _beside(joint: Evidence, most: int) -> tuple[Cause, ...] | None:
     """Causes, so many at most, with which the records stand, empty where they need none; None where all are refuted."""
-    if not joint.falsified:
+    if not joint.model.falsified:
         return ()
     for size in range(1, most + 1):
         try:
-            for places in joint.candidates(size, Work(MOST_WORK)):
-                if fits := joint.mended(places, Work()):
+            for places in joint.model.candidates(size, Work(MOST_WORK)):
+                if fits := joint.model.mended(places, Work()):
                     causes = causes_of(joint, fits[0])
                     return tuple(sorted(causes, key=lambda cause: not cause.is_of_instrument))
         except CutOff:
@@ -375,12 +380,12 @@ def _standing(label: str, diagnosis: Diagnosis, joint: Joint | None, places: Seq
     evidence = diagnosis.evidence
     if joint is not None and label in joint.labels:
         fit = joint.alone_with(joint.labels.index(label), places)
-        if fit.radius <= evidence.limit:
+        if fit.radius <= evidence.model.limit:
             return centred(evidence, fit)
     if diagnosis.verdict == "explained":
         return diagnosis.findings[0].fit
     if diagnosis.verdict == "consistent":
-        return centred(evidence, evidence.baseline)
+        return centred(evidence, evidence.model.baseline)
     return None
 
 
@@ -388,7 +393,7 @@ def _standing(label: str, diagnosis: Diagnosis, joint: Joint | None, places: Seq
 
 
 def calibrated_together(
-    members: Mapping[str, Any],
+    members: Mapping[str, Evidence],
     *,
     shared: Sequence[str] = (),
     own: Sequence[str] = (),
@@ -400,13 +405,14 @@ def calibrated_together(
     all records, and `trihedron diagnose` says why.
     """
     joint = join(members_of(members, shared, own), shared, own)
+    calibrations = {label: record.reader.calibration_of() for label, record in members.items()}
     fit, missing = None, ()
     errors: Sequence[list[ReadingError]] = [[] for _ in members]
-    if not joint.falsified:
-        fit, missing = centred(joint, joint.baseline), joint.missing().get("missing", ())
+    if not joint.model.falsified:
+        fit, missing = centred(joint, joint.model.baseline), joint.reader.missing().get("missing", ())
         if not missing:
-            errors = _reading_errors(joint, members, fit)
-    together = joint.calibration_of(fit)
+            errors = _reading_errors(joint, list(calibrations.values()), fit)
+    together = joint.reader.calibration_of(fit)
     of_record = {}
     for (label, record), digest, of_readings in zip(together.of_record.items(), sha256, errors, strict=True):
         changed = {
@@ -415,10 +421,10 @@ def calibrated_together(
             "provenance": Provenance(record=label, record_sha256=digest),
         }
         of_record[label] = record.model_copy(update=changed)
-    first = next(iter(members.values())).calibration
+    first = next(iter(calibrations.values()))
     changed = {
         "verdict": "insufficient" if missing else together.verdict,
-        "radius": joint.baseline_radius,
+        "radius": joint.model.radius,
         "gravity": first.gravity,
         "convention": "A1",
         "baseline": first.baseline,
@@ -434,12 +440,12 @@ def _where_determined(parameters: Sequence[Parameter]) -> list[Parameter]:
     return [p if p.determined else p.model_copy(update={"estimate": None}) for p in parameters]
 
 
-def _reading_errors(joint: Joint, members: Mapping[str, Any], fit: Fit) -> list[list[ReadingError]]:
+def _reading_errors(joint: Evidence, calibrations: Sequence[Calibration], fit: Fit) -> list[list[ReadingError]]:
     """Return what the accelerometers may be off by at the corners of the input, for each record."""
-    possible = fit.possible(joint.room(fit), None, joint.most_rows).among(np.arange(len(fit.central)))
+    possible = fit.possible(joint.model.room, None, joint.model.effort.most_rows).among(np.arange(len(fit.central)))
     errors = []
-    for member, chosen in zip(members.values(), joint.chosen, strict=True):
-        weights = error_weights(member.here.parametrisation) @ chosen
+    for calibration, chosen in zip(calibrations, joint.model.chosen, strict=True):
+        weights = error_weights(calibration.linearised.parametrisation) @ chosen
         of_member = []
         for (accelerometer, n), w in zip(corners(), weights, strict=True):
             middle = float(w @ fit.central)

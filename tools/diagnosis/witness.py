@@ -183,7 +183,7 @@ def judgement_of(evidence: Evidence, fit: Fit) -> Judgement:
     together: Witness | None = None
     each: list[EffectWitness] = []
     # The shuffles of a trial are made while it is judged, before the next trial begins.
-    for trial in evidence.trials(fit):
+    for trial in evidence.reader.trials(fit):
         if trial.jointly:
             together = together or Witness.of(trial)
         else:

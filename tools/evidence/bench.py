@@ -4,12 +4,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.effects import POSITION_EFFECTS, EffectPlace, Rows
+from ...models.effects import POSITION_EFFECTS, EffectPlace
+from ...models.effects import Rows as Contexts
 from ...models.effects.last_stage import place_of
 from ..bounded.programmes import MANY_ROWS, Interval, any_centre
 from ..bounded.sets import MAX_SET, Work
@@ -53,13 +54,13 @@ from .bench_search import (
     BenchSearch,
     with_usual_signs,
 )
-from .bench_visits import circumstances_of, is_linear, left_open, signature_columns, untold_readings
+from .bench_visits import Circumstances, circumstances_of, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
-from .evidence import Evidence, Trial, parameters_with
+from .evidence import Effort, Evidence, Reader, Trial, own_with, parameters_with
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
-from .rows import About, Channel
+from .rows import About, Channel, Rows
 
 PAIR = 2
 """Effects of a set that is no larger than two that each act at a time of their own."""
@@ -83,85 +84,105 @@ class TurnErrors:
 
 
 @dataclass(frozen=True, eq=False)
-class Bench(Evidence):
-    """What averaged readings at positions of a table say against the exact model of bench and block.
+class Bench:
+    """The exact model of bench and block, which predicts averaged readings at positions of a table.
 
-    `residual`, `nominal` and `bound` are fractions of g, at the nominal model's fit `here`; measurements are ordered
-    position by position, accelerometers 1, 2, 3 within each: M = 3 N.
+    Errors are fractions of g, at the nominal model's fit `here`; measurements are ordered position by position,
+    accelerometers 1, 2, 3 within each: M = 3 N.
 
-    `calibration` is that of the nominal model; `numbers` (N,) are the record's own numbers of its rows; `bounds` are
-    u^max and v^0max of (1.7).
+    `names` are name and unit of each parameter; `places` effects that can be tried; `calibration` is that of the
+    nominal model; `numbers` (N,) are the record's own numbers of its rows; `bounds` are u^max and v^0max of (1.7).
     """
 
+    names: tuple[tuple[str, str], ...]
+    places: tuple[EffectPlace, ...]
     calibration: Calibration
     here: Linearisation
     readings: Readings
     numbers: NDArray[np.int_]
     bounds: tuple[float, float]
 
-    most_sets = None
-    most_rows = None
-    most_known_alone = MAX_SET
-    told_by = "any measurement with these mountings"
-
-    @cached_property
-    def residual(self) -> NDArray[np.float64]:
-        """Readings less prediction (M,)."""
-        return self.here.residual
-
-    @cached_property
-    def nominal(self) -> NDArray[np.float64]:
-        """Derivatives (M, P) by the bench's parameters."""
-        return self.here.jacobian
-
-    @cached_property
-    def bound(self) -> NDArray[np.float64]:
-        """Bounds (M,) of the readings' errors."""
-        return self.here.bound
-
-    @property
-    def limit(self) -> float:
-        """Radius up to which a model stands."""
-        return radius_limit(self.calibration.noise_bound, self.readings.resolution) + FIT_TOLERANCE
-
-    @property
-    def too_large(self) -> str:
-        """What to say where no linear programme of the record can be solved."""
-        return f"is --noise-bound {exactly(self.calibration.noise_bound)} a fraction of g?"
-
-    @property
-    def rounding(self) -> float:
-        """What writing down the readings adds to their bounds."""
-        return reading_uncertainty(self.readings.resolution)
-
     @cached_property
     def rows(self) -> Rows:
+        """The rows at the nominal fit; every fifth position is left out together."""
+        here, sigma = self.here, self.calibration.noise_bound
+        return Rows(
+            self.names,
+            here.point,
+            self.places,
+            here.residual,
+            here.jacobian,
+            here.bound,
+            self.columns_of,
+            fold_numbers=np.repeat(np.arange(len(self.readings)) % FOLDS, 3),
+            are_readings=True,
+            least_singular=least_singular(sigma) / sigma,
+        )
+
+    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """Signatures (M, K) of linear effects at the nominal fit."""
+        return signature_columns(places, self.contexts)
+
+    @cached_property
+    def contexts(self) -> Contexts:
         """What signatures see at the nominal fit."""
         return self.readings.rows(self.here.point)
 
     @property
-    def linear_places(self) -> list[EffectPlace]:
-        """Effects that are linear in their coefficients."""
-        return [place for place in self.places if is_linear(place)]
+    def of_positions(self) -> NDArray[np.int_]:
+        """Which rows are readings at positions."""
+        return np.arange(len(self.here.residual))
 
-    @cached_property
-    def classes(self) -> Classes:
-        """Linear effects by what they add at any positions with the record's mountings."""
-        return Classes.of(self.linear_places, dense_spaces(self.here.parametrisation, self.linear_places))
+    @property
+    def effort(self) -> Effort:
+        """By the readings, of which a usual record has a thousand at most."""
+        cost = max(1.0, len(self.here.residual) / MANY_ROWS)
+        return Effort(cost, most_sets=None, most_rows=None, most_known_alone=MAX_SET)
 
-    def space_of(self, place: EffectPlace) -> NDArray[np.float64]:
-        """What an effect adds to the model at any positions with the record's mountings."""
-        (space,) = dense_spaces(self.here.parametrisation, [place])
-        return space
+    @property
+    def limit(self) -> float:
+        """Radius up to which a model stands."""
+        return bench_limit(self.calibration.noise_bound, self.readings.resolution)
 
-    def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
-        """Signatures (M, K) of linear effects at the nominal fit."""
-        return signature_columns(places, self.rows)
+    @property
+    def room(self) -> float:
+        """What writing down the readings adds to their bounds."""
+        return reading_uncertainty(self.readings.resolution)
+
+    @property
+    def curvature(self) -> float:
+        """The linear model may be wrong by so much times the square of a misfit."""
+        return SECOND_ORDER * float(self.here.bound.min())
+
+    @property
+    def second_order(self) -> float:
+        """What the linear model may be wrong by, in units of the bounds."""
+        return self.curvature * self.radius**2
+
+    @property
+    def radius(self) -> float:
+        """Radius of the nominal model."""
+        return self.calibration.radius or 0.0
 
     @property
     def falsified(self) -> bool:
         """Whether the nominal model cannot be true of the record."""
         return self.calibration.verdict == "falsified"
+
+    @cached_property
+    def baseline(self) -> Fit:
+        """The nominal model, as a fit."""
+        return self.refit(())
+
+    @cached_property
+    def classes(self) -> Classes:
+        """Linear effects by what they add at any positions with the record's mountings."""
+        places = self.rows.linear_places
+        return Classes.of(places, self.spaces_of(places))
+
+    def spaces_of(self, places: Sequence[EffectPlace]) -> list[NDArray[np.float64]]:
+        """What each effect adds to the model at any positions with the record's mountings."""
+        return dense_spaces(self.here.parametrisation, places)
 
     @cached_property
     def search(self) -> BenchSearch:
@@ -174,44 +195,6 @@ class Bench(Evidence):
         """Sets of a size that no bound refuses: linear effects, outliers, and effects that are not linear."""
         return self.search.candidates(size, work)
 
-    @property
-    def of_readings(self) -> int:
-        """How many rows are readings."""
-        return len(self.here.residual)
-
-    @property
-    def of_positions(self) -> NDArray[np.int_]:
-        """Which rows are readings at positions."""
-        return np.arange(len(self.here.residual))
-
-    def turns_of(self, fit: Fit | None) -> TurnErrors | None:
-        """What a fit, or the nominal model, leaves of the turns between positions; None of rests alone."""
-        return None
-
-    @property
-    def second_order(self) -> float:
-        """What the linear model may be wrong by, in units of the bounds."""
-        return self.second_order_at(self.baseline_radius)
-
-    @property
-    def stated_bound(self) -> float:
-        """The noise bound, a fraction of g."""
-        return self.calibration.noise_bound
-
-    @property
-    def baseline_radius(self) -> float:
-        """Radius of the nominal model."""
-        return self.calibration.radius or 0.0
-
-    @property
-    def length(self) -> float:
-        """By the readings, of which a usual record has a thousand at most."""
-        return max(1.0, len(self.residual) / MANY_ROWS)
-
-    def pairs(self) -> Sequence[Pair]:
-        """Accelerometers, turns and tilts of the axes, each with every quantity of the record's rows."""
-        return tuple(pairs_of_bench(self.rows))
-
     def refit(self, places: Sequence[EffectPlace]) -> Fit:
         """The exact model with linear effects, relinearised."""
         fit = fitted(self.readings, Cast(tuple(places)), self.here.point)
@@ -221,9 +204,7 @@ class Bench(Evidence):
 
     def untried(self, size: int) -> str | None:
         """Two steps, slips, warm-ups or lags are never fitted together: where they might do, three effects are not."""
-        if size <= PAIR or not self.search.two_in_time(Work()):
-            return None
-        return "two effects that set in, settle or lag, each at its own time, might do with fewer, and were not tried"
+        return untried_in(self.search, size)
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Effects fitted in each of the ways in which they can act: the best, and with it all others that stand, too.
@@ -252,16 +233,14 @@ class Bench(Evidence):
 
     def alone(self, place: EffectPlace) -> float:
         """Radius that one effect leaves, by the model linearised at the nominal fit."""
-        columns, count = self.columns_of([place]), self.nominal.shape[1]
-        jacobian, rate = np.hstack((self.nominal, columns)), np.zeros((len(columns), count + columns.shape[1]))
+        columns, count = self.columns_of([place]), self.here.jacobian.shape[1]
+        jacobian, rate = np.hstack((self.here.jacobian, columns)), np.zeros((len(columns), count + columns.shape[1]))
         if columns.shape[1] == 1:
-            rate[:, count] = left_open(place, self.rows)
+            rate[:, count] = left_open(place, self.contexts)
         growths = growths_of(Paid.of({place: count}, rate), rate, np.zeros(jacobian.shape[1]))
         if not growths:
-            return any_centre(jacobian, self.residual, self.bound)[0]
-        return least_radius(jacobian, self.residual, self.bound, growths)[0]
-
-    # What a joint evidence of several records asks
+            return any_centre(jacobian, self.here.residual, self.here.bound)[0]
+        return least_radius(jacobian, self.here.residual, self.here.bound, growths)[0]
 
     def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
         """The exact model of bench and linear effects, linearised there."""
@@ -269,109 +248,76 @@ class Bench(Evidence):
         assert model is not None
         return About(self.readings.reading.ravel() - model.reading, model.jacobian, model.bound, model.rate)
 
-    def outlier_at(self, row: int) -> EffectPlace:
-        """A reading that is off, by its row."""
-        return place_of(row // 3 + 1, row % 3 + 1)
-
-    def second_order_at(self, radius: float) -> float:
-        """What the linear model may be wrong by where it misses by so many bounds."""
-        return SECOND_ORDER * radius**2 * float(self.bound.min())
-
-    def applied(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
-        """Errors of the readings (N - 1, 3) behind the first position, at which a run begins, fractions of g."""
-        if not can_be_run(self.readings.circumstances):
-            return None
-        places, sizes, point = self.own_with(effects)
-        at, x = self.about(places, point, sizes), np.append(point, sizes)
-        linear = at.residual, at.bound, at.jacobian
-        fit = Fit(tuple(places), blocks_of(places), x, np.zeros(len(x)), *linear, self.baseline_radius, x, sizes)
-        rows = np.arange(1, len(self.readings))
-        return self.readings.reading[rows] - simulate_rows(self.readings, fit, rows, self.calibration.gravity)
-
-    def without_added(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
-        """Readings less what effects of the accelerometers add to them, at the record's own fit beside all effects."""
-        *_, point = self.own_with(effects)
-        places = [p for p in effects if p in self.linear_places and p.definition.stage == "reading_effects"]
-        known = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
-        added = (self.about(places, point, known).jacobian[:, len(point) :] @ known).reshape(-1, 3)
-        return places, {"specific_force": self.calibration.gravity * (self.readings.reading - added)}
-
-    @property
-    def quoted_errors(self) -> tuple[str, str, float]:
-        """Readings, in g."""
-        return "readings behind the first position", "g", 1.0
-
-    @property
-    def least_singular(self) -> float:
-        """As of the calibration: below, noise moves parameters so far that the second order counts."""
-        return least_singular(self.stated_bound) / self.stated_bound
-
-    def fold_of_rows(self) -> NDArray[np.int_]:
-        """Every fifth position is left out together."""
-        return np.repeat(np.arange(len(self.readings)) % FOLDS, 3)
-
-    # What the readings do not tell
-
-    def room(self, fit: Fit) -> float:
-        """What the readings' rounding adds to the bounds."""
-        return self.rounding
-
-    def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
-        """Intervals of an effect's parameters, widened by what the readings do not tell of Δβ and Δg/g.
-
-        Phases of the inner axis are known up to multiples of Δβ, coefficients of inputs up to powers of 1 − Δg/g.
-        """
-        effect = place.definition
-        turned = self.bounds[0] * (place.order or 1) if place.where == "inner-axis" else 0.0
-        factors = [(1.0 + sign * self.bounds[1]) ** -effect.degree for sign in (-1.0, 1.0)]
-        return tuple(
-            (low - turned, high + turned)
-            if parameter.name.endswith("phase")
-            else (min(low * f for f in factors), max(high * f for f in factors))
-            for parameter, (low, high) in zip(effect.parameters, ends, strict=True)
-        )
-
-    def named(self, place: EffectPlace) -> EffectPlace:
-        """An outlier with the record's own number of its position."""
-        if place.effect != "outlier":
-            return place
-        return place_of(int(self.numbers[int(place.where.removeprefix("position-")) - 1]), place.axes[0])
-
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Linear effects that a fit has not and whose circumstances are told, with their columns (M, k) there."""
         rows = self.readings.rows_with(fit)
-        for place in self.classes.places if fit.places else self.linear_places:
+        for place in self.classes.places if fit.places else self.rows.linear_places:
             if place not in fit.places and not untold_readings([place], rows).any():
                 yield place, signature_columns([place], rows)
 
-    # Keys of the result
+    def including(self, places: Sequence[EffectPlace]) -> Self:
+        """The same: it has signatures of any effect."""
+        return self
 
-    def power(self) -> Sequence[Mapping[str, Any]]:
-        """The power of the positions against the nominal model, of each place and quantity."""
-        room = self.bound * (1.0 + self.limit)
-        return [one.entry for one in powers(self.rows, self.here.parametrisation, self.nominal, room)]
+
+@dataclass(frozen=True, eq=False)
+class BenchReader(Reader):
+    """The reader of rests on a table."""
+
+    model: Bench
+
+    told_by = "any measurement with these mountings"
+
+    @property
+    def too_large(self) -> str:
+        """What to say where no linear programme of the record can be solved."""
+        return f"is --noise-bound {exactly(self.model.calibration.noise_bound)} a fraction of g?"
+
+    @property
+    def stated_bound(self) -> float:
+        """The noise bound, a fraction of g."""
+        return self.model.calibration.noise_bound
+
+    @cached_property
+    def pairs(self) -> Sequence[Pair]:
+        """Accelerometers, turns and tilts of the axes, each with every quantity of the record's rows."""
+        return tuple(pairs_of_bench(self.model.contexts))
+
+    @property
+    def circumstances(self) -> Circumstances:
+        """Those of the positions."""
+        return self.model.readings.circumstances
+
+    def turns_of(self, fit: Fit | None) -> TurnErrors | None:
+        """What a fit, or the nominal model, leaves of the turns between positions; None of rests alone."""
+        return None
+
+    @property
+    def rerun(self) -> "BenchRerun":
+        """The record, simulated again."""
+        return BenchRerun(self.model)
 
     def head(self) -> Mapping[str, Any]:
         """The model without effects."""
-        nominal = self.calibration
+        nominal = self.model.calibration
         return {"baseline_model": nominal.baseline, "next_positions": (), "warnings": nominal.warnings}
 
     def calibration_of(self, fit: Fit | None = None) -> Calibration:
         """The nominal calibration; beside effects its parameters with what the readings leave possible."""
         if fit is None or not fit.places:
-            return self.calibration
-        parameters = parameters_with(self.names, fit.estimate[: len(self.names)], fit.ends(self.room(fit)))
+            return self.model.calibration
+        parameters = parameters_with(self.rows.names, fit.estimate[: len(self.rows.names)], fit.ends(self.model.room))
         extended = {"verdict": "consistent", "radius": fit.radius, "parameters": parameters, "witness": []}
-        return extended_calibration(self.calibration, extended)
+        return extended_calibration(self.model.calibration, extended)
 
     def missing(self) -> Mapping[str, Any]:
         """Targets that stay open and positions that mend it; no more readings than parameters prove nothing."""
-        nominal = self.calibration
-        if self.falsified or (nominal.verdict == "consistent" and len(self.residual) > self.here.span.shape[1]):
+        nominal, here = self.model.calibration, self.model.here
+        if self.model.falsified or (nominal.verdict == "consistent" and len(self.rows.residual) > here.span.shape[1]):
             return {}
         return {
             "missing": tuple(OpenTarget(symbol=gap.symbol, name=gap.name) for gap in nominal.missing),
-            "next_positions": nominal.next_positions or tuple(repeats(self.here)),
+            "next_positions": nominal.next_positions or tuple(repeats(here)),
         }
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
@@ -380,62 +326,131 @@ class Bench(Evidence):
             return {}
         keys = self.targets_of(calibration)
         for place in fit.places:
-            for other in self.classes.equivalents(place):
+            for other in self.model.classes.equivalents(place):
                 titles = (place.title, other.title)
-                mounting = second_mounting(self.here.parametrisation, [place], [other], titles)
+                mounting = second_mounting(self.model.here.parametrisation, [place], [other], titles)
                 if mounting is not None:
                     return {**keys, "second_mounting": mounting}
         return keys
 
     def targets_of(self, calibration: Calibration) -> dict[str, Any]:
         """What an extension does to the calibration's targets."""
-        nominal = self.calibration.linearised
+        nominal = self.model.calibration.linearised
         targets = []
         for symbol, before, after in zip(nominal.symbols, nominal.point, calibration.parameters, strict=False):
             ends = {"low": after.low, "high": after.high}
             targets.append({"symbol": symbol, "before": float(before), "after": after.estimate, **ends})
         return {"targets": targets}
 
+    def named(self, place: EffectPlace) -> EffectPlace:
+        """An outlier with the record's own number of its position."""
+        if place.effect != "outlier":
+            return place
+        return place_of(int(self.model.numbers[int(place.where.removeprefix("position-")) - 1]), place.axes[0])
+
+    def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
+        """Intervals of an effect's parameters, widened by what the readings do not tell of Δβ and Δg/g.
+
+        Phases of the inner axis are known up to multiples of Δβ, coefficients of inputs up to powers of 1 − Δg/g.
+        """
+        effect = place.definition
+        turned = self.model.bounds[0] * (place.order or 1) if place.where == "inner-axis" else 0.0
+        factors = [(1.0 + sign * self.model.bounds[1]) ** -effect.degree for sign in (-1.0, 1.0)]
+        return tuple(
+            (low - turned, high + turned)
+            if parameter.name.endswith("phase")
+            else (min(low * f for f in factors), max(high * f for f in factors))
+            for parameter, (low, high) in zip(effect.parameters, ends, strict=True)
+        )
+
+    def power(self) -> Sequence[Mapping[str, Any]]:
+        """The power of the positions against the nominal model, of each place and quantity."""
+        model, room = self.model, self.rows.bound * (1.0 + self.model.limit)
+        return [one.entry for one in powers(model.contexts, model.here.parametrisation, self.rows.nominal, room)]
+
+    def channels(self) -> Sequence[Channel]:
+        """The residuals of each accelerometer over the angles, its input, time and temperature."""
+        when, n, positions = self.model.readings.circumstances, self.model.contexts.n, self.model.here.positions
+        residual, bound = self.rows.residual.reshape(-1, 3), self.rows.bound.reshape(-1, 3)
+        angles = {"alpha": positions.alpha, "beta": positions.beta}
+        slow = {"time": when.hours[:, None]}
+        if when.temperature is not None:
+            slow["temperature"] = when.temperature[:, None]
+        channels = []
+        for p in range(3):
+            quantities = {"input": n[:, p : p + 1], **slow}
+            label = {"accelerometer": p + 1}
+            channels.append(Channel(label, residual[:, p], bound[:, p], quantities, {"inputs": n}, angles))
+        return channels
+
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """Positions, and where these do not do a mounting, that tell sets apart."""
-        positions = separating_positions(self.readings, self.here.point, fits, self.bounds, self.rounding)
+        model = self.model
+        positions = separating_positions(model.readings, model.here.point, fits, model.bounds, model.room)
         for position in positions:
             if "repeats" in position:
-                position["repeats"] = int(self.numbers[position["repeats"] - 1])
-        mounting = helpful_mounting(self.here.parametrisation, fits, positions, 2.0 * float(self.bound.min()))
+                position["repeats"] = int(model.numbers[position["repeats"] - 1])
+        sure = 2.0 * float(self.rows.bound.min())
+        mounting = helpful_mounting(model.here.parametrisation, fits, positions, sure)
         return {"next_positions": positions} | ({} if mounting is None else {"second_mounting": mounting})
+
+    def trials(self, fit: Fit) -> Iterator[Trial]:
+        """Positions left out in turn, and blocks in time, with the whole set, then without each of several effects."""
+        rows = self.rows
+        return trials(Linear(rows.nominal, rows.residual, rows.bound), fit, self.named, self.model.numbers)
+
+
+@dataclass(frozen=True, eq=False)
+class BenchRerun:
+    """Rests on a table, simulated again by FMUs of table and block."""
+
+    model: Bench
+
+    quoted = ("readings behind the first position", "g", 1.0)
 
     def gain(self, fit: Fit) -> Gain | None:
         """Held-out positions simulated again; None where that says nothing of other positions: outliers."""
         if any(place.definition.kernel is None for place in fit.places):
             return None
-        return measure_gain(self.readings, self.here.point, fit, self.calibration.gravity)
+        return measure_gain(self.model.readings, self.model.here.point, fit, self.model.calibration.gravity)
 
     def extension(self, fit: Fit, effects: Sized) -> Extension:
         """Table and block as they are found, and a run through the record's positions for each of its mountings."""
-        ends = fit.ends(self.room(fit))
-        return extension_of_bench(self.readings, fit, ends, effects, self.calibration.gravity)
+        ends = fit.ends(self.model.room)
+        return extension_of_bench(self.model.readings, fit, ends, effects, self.model.calibration.gravity)
 
-    def channels(self) -> Sequence[Channel]:
-        """The residuals of each accelerometer over the angles, its input, time and temperature."""
-        when = self.readings.circumstances
-        slow = {"time": when.hours, "temperature": when.temperature}
-        residual, bound, n = self.residual.reshape(-1, 3), self.bound.reshape(-1, 3), self.rows.n
-        return [
-            Channel(
-                {"accelerometer": p + 1},
-                residual[:, p],
-                bound[:, p],
-                {"input": n[:, p : p + 1]} | {name: v[:, None] for name, v in slow.items() if v is not None},
-                {"inputs": n},
-                {"alpha": self.here.positions.alpha, "beta": self.here.positions.beta},
-            )
-            for p in range(3)
-        ]
+    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
+        """Errors of the readings (N - 1, 3) behind the first position, at which a run begins, fractions of g."""
+        model, readings = self.model, self.model.readings
+        if not can_be_run(readings.circumstances):
+            return None
+        places, sizes, point = own_with(model, effects)
+        at, x = model.about(places, point, sizes), np.append(point, sizes)
+        linear = at.residual, at.bound, at.jacobian
+        fit = Fit(tuple(places), blocks_of(places), x, np.zeros(len(x)), *linear, model.radius, x, sizes)
+        rows = np.arange(1, len(readings))
+        return readings.reading[rows] - simulate_rows(readings, fit, rows, model.calibration.gravity)
 
-    def trials(self, fit: Fit) -> Iterator[Trial]:
-        """Positions left out in turn, and blocks in time, with the whole set, then without each of several effects."""
-        return trials(Linear(self.nominal, self.residual, self.bound), fit, self.named, self.numbers)
+    def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+        """Readings less what effects of the accelerometers add to them, at the record's own fit beside all effects."""
+        model, linear = self.model, self.model.rows.linear_places
+        *_, point = own_with(model, effects)
+        places = [p for p in effects if p in linear and p.definition.stage == "reading_effects"]
+        known = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
+        added = (model.about(places, point, known).jacobian[:, len(point) :] @ known).reshape(-1, 3)
+        return places, {"specific_force": model.calibration.gravity * (model.readings.reading - added)}
+
+
+def bench_limit(sigma: float, resolution: float) -> float:
+    """Radius up to which a bench stands, of readings with a noise bound that are written to half a last digit."""
+    return radius_limit(sigma, resolution) + FIT_TOLERANCE
+
+
+def untried_in(search: BenchSearch, size: int) -> str | None:
+    """Why sets of so many effects are not the smallest: two that each act at a time of their own are not fitted."""
+    if size <= PAIR or not search.two_in_time(Work()):
+        return None
+    return "two effects that set in, settle or lag, each at its own time, might do with fewer, and were not tried"
 
 
 def extended_calibration(nominal: Calibration, keys: Mapping[str, Any]) -> Calibration:
@@ -453,7 +468,7 @@ GYROS_LEFT_OUT = (
 )
 
 
-def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
+def bench_evidence(record: PositionRecord, **options: Any) -> Evidence:
     """The evidence of a position record.
 
     Options are noise_bound, gravity, baseline, bounds and mounting; they and the errors are as for
@@ -474,4 +489,5 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Bench:
         if effect.within != asked.baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
     ]
     places = tuple(place for effect in known for place in effect.places)
-    return Bench((), names, here.point, places, nominal, here, readings, record.position, asked.bounds)
+    model = Bench(names, places, nominal, here, readings, record.position, asked.bounds)
+    return Evidence.of(BenchReader(model))

@@ -17,47 +17,61 @@ from numpy.typing import NDArray
 from ...fmus.parameters import elements_of
 from ...models.bench import BIAS, MATRIX
 from ...models.effects import EffectPlace
-from ..bounded.programmes import Growth, Interval, chebyshev_radius, spaces_beyond
+from ..bounded.programmes import MANY_ROWS, Growth, Interval, any_centre, chebyshev_radius
 from ..bounded.sets import MOST_OUTLIERS, Problem, Work, sets_of_size
 from ..calibrated import Calibration
 from ..calibration.calibration import Asked
 from ..calibration.gyros import Bench as Place
 from ..calibration.gyros import fit_whole, gyro_names, with_gyros
 from ..calibration.in_motion import InMotion
+from ..calibration.model import Linearisation
 from ..calibration.turns import WithTurns, with_turns
 from ..errors import InputError
 from ..records import BenchRecord, PositionRecord
-from .bench import GYROS_LEFT_OUT, Bench, TurnErrors, bench_evidence
+from .bench import (
+    GYROS_LEFT_OUT,
+    Bench,
+    BenchReader,
+    BenchRerun,
+    TurnErrors,
+    bench_evidence,
+    bench_limit,
+    untried_in,
+)
 from .bench_again import effects_of_model, simulated_turns
 from .bench_in_time import NOT_EXCLUDED, SLACK, SLIP, Moving, TurnsInTime, fades
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
 from .bench_scenario import extension_of_bench
-from .bench_visits import is_linear
+from .bench_search import BenchSearch
+from .bench_visits import Circumstances, is_linear
 from .carried import SHOWN_BY
 from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
-from .evidence import Evidence, Trial
+from .evidence import Effort, Evidence, Trial, linear_fit
 from .extension import Extension, Sized, Start
-from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of
+from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
-from .of_record import width_of
 from .pairs import Pair
-from .rows import About, Channel
+from .rows import About, Channel, Rows, reading_at
 
 LARGEST_FLUCTUATION = 1e-4
 """An axis that turns by less [rad] has not been moved."""
 
 
 @dataclass(frozen=True, eq=False)
-class BenchInMotion(Bench, TurnsInTime):
-    """What rests on a table and turns between them say against the exact model of bench, accelerometers and gyros.
+class BenchInMotion(TurnsInTime):
+    """The exact model of bench, accelerometers and gyros: what rests on a table and turns between them say.
 
     Rows are in units of their bounds: three readings of each position and of each moment in motion, then three
-    integrals of each turn. `rests` is what the positions say by themselves, `moving` all readings, `whole` the model
-    fitted to readings and turns, `travel` the table's way. The last parameter is the accelerometers' lag.
+    integrals of each turn. `rests` is the model of the positions by themselves, `moving` all readings, `whole` the
+    model fitted to readings and turns, `travel` the table's way. The last parameter is the accelerometers' lag.
     """
 
+    names: tuple[tuple[str, str], ...]
+    point: NDArray[np.float64]
+    places: tuple[EffectPlace, ...]
+    calibration: Calibration
     rests: Bench
     moving: Moving
     whole: WithTurns
@@ -70,31 +84,48 @@ class BenchInMotion(Bench, TurnsInTime):
     loose: float = 0.0
     slipping: Fit | None = None
 
-    # The rows are many, and each effect by itself would have to be fitted to all of them.
-    ranks_each = False
-    # Of several, two that set in at a time are not tried together.
-    most_known_alone = 1
-
     @cached_property
-    def residual(self) -> NDArray[np.float64]:
-        """Readings and integrals less prediction (M,), over their bounds."""
+    def rows(self) -> Rows:
+        """Readings and integrals less prediction; every fifth position, and every fifth turn, is left out together."""
+        whole = self.whole
         if self.around is not None:
-            return self.around.residual * self.says
-        return self.whole.residual / self.whole.bound * self.says
+            residual, nominal = self.around.residual * self.says, self.around.jacobian * self.says[:, None]
+        else:
+            lagging = np.zeros((len(whole.bound), 1))
+            lagging[: self.of_readings, 0] = self.moving.lagging(0.0)[1]
+            residual = whole.residual / whole.bound * self.says
+            nominal = np.hstack([whole.jacobian, lagging]) * (self.says / whole.bound)[:, None]
+        turns = (len(residual) - self.of_readings) // 3
+        return Rows(
+            self.names,
+            self.point,
+            self.places,
+            residual,
+            nominal,
+            np.ones(len(residual)),
+            self.columns_of,
+            fold_numbers=np.append(self.moving.read.rows.fold_of_rows, np.repeat(np.arange(turns) % FOLDS, 3)),
+        )
 
-    @cached_property
-    def nominal(self) -> NDArray[np.float64]:
-        """Derivatives (M, P) by the parameters of bench, accelerometers and gyros, over the bounds."""
-        if self.around is not None:
-            return self.around.jacobian * self.says[:, None]
-        lagging = np.zeros((len(self.whole.bound), 1))
-        lagging[: self.of_readings, 0] = self.moving.lagging(0.0)[1]
-        return np.hstack([self.whole.jacobian, lagging]) * (self.says / self.whole.bound)[:, None]
+    @property
+    def here(self) -> Linearisation:
+        """The rests, linearised."""
+        return self.rests.here
+
+    @property
+    def numbers(self) -> NDArray[np.int_]:
+        """The record's own numbers (N,) of its rests."""
+        return self.rests.numbers
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """u^max and v^0max of (1.7)."""
+        return self.rests.bounds
 
     @property
     def of_readings(self) -> int:
         """How many rows are readings."""
-        return len(self.moving.read.residual)
+        return len(self.moving.read.here.residual)
 
     @property
     def of_positions(self) -> NDArray[np.int_]:
@@ -102,17 +133,69 @@ class BenchInMotion(Bench, TurnsInTime):
         return np.flatnonzero(np.repeat(self.moving.at_rest, 3))
 
     @property
-    def falsified(self) -> bool:
-        """Whether the nominal model cannot be true of the record: of rests and turns, or of what is read in motion."""
-        return super().falsified or self.baseline.radius > self.limit
+    def effort(self) -> Effort:
+        """Effects of gyros and of what turns, and their times, are about as many again as those of readings.
+
+        The rows are many, and each effect by itself would have to be fitted to all of them. Two that set in at a time
+        are not tried together.
+        """
+        cost = 2.0 * max(1.0, len(self.rows.residual) / MANY_ROWS)
+        return Effort(cost, most_sets=None, most_rows=None, most_known_alone=1, ranks_each=False)
 
     @property
-    def baseline_radius(self) -> float:
-        """Radius of the nominal model."""
-        return max(super().baseline_radius, self.baseline.radius)
+    def limit(self) -> float:
+        """Radius up to which a model stands."""
+        return bench_limit(self.calibration.noise_bound, self.rests.readings.resolution) + self.loose
 
-    bound = Evidence.bound
-    space_of = Evidence.space_of
+    @property
+    def room(self) -> float:
+        """What writing down the readings adds to their bounds, in units of these."""
+        return self.rests.room / self.calibration.noise_bound
+
+    @property
+    def curvature(self) -> float:
+        """As of the rests."""
+        return self.rests.curvature
+
+    @property
+    def falsified(self) -> bool:
+        """Whether the nominal model cannot be true of the record: of rests and turns, or of what is read in motion."""
+        return self.calibration.verdict == "falsified" or self.baseline.radius > self.limit
+
+    @property
+    def radius(self) -> float:
+        """Radius of the nominal model."""
+        return max(self.calibration.radius or 0.0, self.baseline.radius)
+
+    @cached_property
+    def classes(self) -> Classes:
+        """Linear effects by what they add to the model on these rows."""
+        places = self.rows.linear_places
+        return Classes.of(places, self.spaces_of(places))
+
+    @cached_property
+    def pairs(self) -> Sequence[Pair]:
+        """Accelerometers, gyros and the table, each with every quantity of the record."""
+        return tuple(pairs_of_whole(self.moving.read.contexts, self.travel, self.whole.bound, self.rows.nominal))
+
+    def refit(self, places: Sequence[EffectPlace]) -> Fit:
+        """The exact model with linear effects, relinearised; about a fit the linear one."""
+        if self.around is not None:
+            return linear_fit(self.rows, places)
+        return relinearised(self.at, places, self.point)
+
+    def alone(self, place: EffectPlace) -> float:
+        """Radius that one effect leaves, by the linear model."""
+        return any_centre(self.rows.matrix([place]), self.rows.residual, self.rows.bound)[0]
+
+    @cached_property
+    def search(self) -> BenchSearch:
+        """The search for sets of effects in the rests."""
+        return BenchSearch(self.rests.readings, self.here.point, self.places, self.classes)
+
+    def untried(self, size: int) -> str | None:
+        """As of the rests."""
+        return untried_in(self.search, size)
 
     def at(
         self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray
@@ -128,7 +211,7 @@ class BenchInMotion(Bench, TurnsInTime):
         read = replace(self.moving.read, readings=readings).about(
             [place for place, _ in mine], point[:own], coefficients[columns]
         )
-        residual, jacobian, bound, chosen = self._beside_turns(read, columns, self._added(places), point, coefficients)
+        residual, jacobian, bound, chosen = self._beside_turns(read, columns, self.added(places), point, coefficients)
         rate = np.zeros_like(jacobian)
         rate[: self.of_readings, chosen] = read.rate
         bound = np.where(self.says, bound, np.inf)
@@ -157,7 +240,7 @@ class BenchInMotion(Bench, TurnsInTime):
         residual, jacobian, rate = self.at(places, point, coefficients)
         return About(residual, jacobian, np.ones(len(residual)), rate)
 
-    def _added(self, places: Sequence[EffectPlace], blocks: Sequence[slice] | None = None) -> NDArray[np.float64]:
+    def added(self, places: Sequence[EffectPlace], blocks: Sequence[slice] | None = None) -> NDArray[np.float64]:
         """What effects in motion add to readings [g], and linear ones to integrals [rad]: (M, K)."""
         blocks, known = blocks_of(places) if blocks is None else blocks, self._known
         added = np.zeros((len(self.whole.bound), blocks[-1].stop if blocks else 0))
@@ -178,42 +261,11 @@ class BenchInMotion(Bench, TurnsInTime):
 
     def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """Columns (M, K) of linear effects over the bounds, at the nominal fit."""
-        columns = self._added(places)
+        columns = self.added(places)
         for place, block in zip(places, blocks_of(places), strict=True):
             if acts_at_rest(place) and place not in self.set_in:
                 columns[: self.of_readings, block] = self.moving.read.columns_of([place])
         return columns * (self.says / self.whole.bound)[:, None]
-
-    @cached_property
-    def classes(self) -> Classes:
-        """Linear effects by what they add to the model on these rows."""
-        columns = [self.columns_of([place]) for place in self.linear_places]
-        return Classes.of(self.linear_places, spaces_beyond(self.nominal, columns))
-
-    @property
-    def length(self) -> float:
-        """Effects of gyros and of what turns, and their times, are about as many again as those of readings."""
-        return 2.0 * super().length
-
-    @property
-    def limit(self) -> float:
-        """Radius up to which a model stands."""
-        return super().limit + self.loose
-
-    @property
-    def rounding(self) -> float:
-        """What writing down the readings adds to their bounds, in units of these."""
-        return self.rests.rounding / self.calibration.noise_bound
-
-    def second_order_at(self, radius: float) -> float:
-        """What the linear model may be wrong by where it misses by so many bounds."""
-        return self.rests.second_order_at(radius)
-
-    def refit(self, places: Sequence[EffectPlace]) -> Fit:
-        """The exact model with linear effects, relinearised; about a fit the linear one."""
-        if self.around is not None:
-            return Evidence.refit(self, places)
-        return relinearised(self.at, places, self.point)
 
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
@@ -224,16 +276,17 @@ class BenchInMotion(Bench, TurnsInTime):
         allow them, and the turns by themselves what is beside them.
         """
         places = self.classes.places if among is None else among
-        problem = Problem.of(self.residual, self.nominal, [self.columns_of([place]) for place in places])
+        problem = Problem.of(self.rows.residual, self.rows.nominal, [self.columns_of([place]) for place in places])
         slack = self.limit - 1.0 + SLACK
         seen = set()
         for chosen in sets_of_size(problem, size, slack, MOST_OUTLIERS, work):
             if set(chosen.outliers) <= set(self.of_positions.tolist()):
-                found = (*(places[i] for i in chosen.effects), *(self.outlier_at(row) for row in chosen.outliers))
+                outliers = [reading_at(row) for row in chosen.outliers]
+                found = (*(places[i] for i in chosen.effects), *outliers)
                 seen.add(frozenset(found))
                 yield found
         gyros = [place for place in self.classes.places if place.definition.component in OF_GYROS]
-        resting = {self.outlier_at(int(row)) for row in self.of_positions}
+        resting = {reading_at(int(row)) for row in self.of_positions}
         search, allowed = self.moving.read.search, dict[tuple[EffectPlace, ...], bool]()
         for count in range(1, size + 1):
             for bent in search.candidates(count, work):
@@ -255,16 +308,16 @@ class BenchInMotion(Bench, TurnsInTime):
 
     def _turns_allow(self, places: Sequence[EffectPlace], slack: float, work: Work) -> bool:
         """Whether the turns by themselves stand with some effects of the gyros and the table."""
-        rows = self.matrix(places)[self.of_readings :]
+        rows = self.rows.matrix(places)[self.of_readings :]
         work.programme(*rows.shape)
         own = rows[:, np.abs(rows).max(axis=0) > 0.0]
-        return chebyshev_radius(own, self.residual[self.of_readings :], np.ones(len(own)))[0] <= 1.0 + slack
+        return chebyshev_radius(own, self.rows.residual[self.of_readings :], np.ones(len(own)))[0] <= 1.0 + slack
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set with possible sizes with which the model stands; of what is not linear in its ways."""
         if any(place in self.starting for place in places):
             return self.mended_in_time(places, work)
-        work.programme(*self.matrix([place for place in places if is_linear(place)]).shape)
+        work.programme(*self.rows.matrix([place for place in places if is_linear(place)]).shape)
         if all(is_linear(place) for place in places):
             fit = self.refit(places)
             possible = with_possible_sizes(fit, self.limit, LARGEST_OF_BENCH) if fit.radius <= self.limit else None
@@ -285,7 +338,7 @@ class BenchInMotion(Bench, TurnsInTime):
         blocks = (*fit.blocks, *(slice(b.start + own, b.stop + own) for b in blocks_of(gyros)))
         point = np.append(fit.point, self.point[self.whole.own :])
         sizes = np.append(fit.coefficients, np.zeros(width_of(gyros)))
-        rows = self._beside_turns(fit, np.arange(own), self._added(places, blocks), point, sizes)
+        rows = self._beside_turns(fit, np.arange(own), self.added(places, blocks), point, sizes)
         *rows, chosen = rows
         residual, jacobian, bound = ((values.T / self.whole.bound).T for values in rows)
         at, read = np.append(point, sizes), self.whole.bound[:count]
@@ -311,30 +364,50 @@ class BenchInMotion(Bench, TurnsInTime):
             if place not in fit.places:
                 yield place, self.columns_of([place])
 
-    def fold_of_rows(self) -> NDArray[np.int_]:
-        """Every fifth position is left out together, and with these every fifth turn."""
-        turns = (len(self.residual) - self.of_readings) // 3
-        return np.append(self.moving.read.fold_of_rows(), np.repeat(np.arange(turns) % FOLDS, 3))
+
+@dataclass(frozen=True, eq=False)
+class WholeReader(BenchReader):
+    """The reader of rests on a table and turns between them."""
+
+    model: BenchInMotion
+
+    @property
+    def pairs(self) -> Sequence[Pair]:
+        """Accelerometers, gyros and the table, each with every quantity of the record."""
+        return self.model.pairs
+
+    @property
+    def circumstances(self) -> Circumstances:
+        """Those of the rests."""
+        return self.model.rests.readings.circumstances
+
+    @property
+    def rests(self) -> BenchReader:
+        """The reader of the rests by themselves."""
+        return BenchReader(self.model.rests)
+
+    @property
+    def rerun(self) -> "WholeRerun":
+        """The record, simulated again."""
+        return WholeRerun(self.model)
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Each effect of a fit but outliers: positions and turns left out without it, with it, and with it shuffled.
 
         Its signature is shuffled over positions, and over turns.
         """
-        if not self.acts_linearly(fit):
+        if not self.model.acts_linearly(fit):
             return
-        folds = self.fold_of_rows()
+        folds = self.rows.fold_of_rows
         yield from trials_of_each(fit, [np.flatnonzero(folds == fold) for fold in range(FOLDS)], self._shuffled)
 
     def _shuffled(self, columns: NDArray, rng: np.random.Generator) -> NDArray[np.float64]:
         """Columns (M, k) of an effect moved to other positions, and to other turns."""
         moved = []
-        for part in (columns[: self.of_readings], columns[self.of_readings :]):
+        for part in (columns[: self.model.of_readings], columns[self.model.of_readings :]):
             triples = part.reshape(len(part) // 3, -1)
             moved.append(triples[rng.permutation(len(triples))].reshape(part.shape))
         return np.concatenate(moved)
-
-    # Keys of the result
 
     def told(self, place: EffectPlace, ends: Sequence[Interval]) -> tuple[Interval, ...]:
         """Intervals of an effect's parameters; of the accelerometers' and the table's as of the rests."""
@@ -344,17 +417,9 @@ class BenchInMotion(Bench, TurnsInTime):
         """The power of the positions by themselves."""
         return self.rests.power()
 
-    def pairs(self) -> Sequence[Pair]:
-        """Accelerometers, gyros and the table, each with every quantity of the record."""
-        return self._pairs
-
-    @cached_property
-    def _pairs(self) -> Sequence[Pair]:
-        return tuple(pairs_of_whole(self.moving.read.rows, self.travel, self.whole.bound, self.nominal))
-
     def channels(self) -> Sequence[Channel]:
         """Those of the accelerometers, with what the whole model leaves of their readings."""
-        left = self.residual[self.of_positions].reshape(-1, 3)
+        left = self.rows.residual[self.model.of_positions].reshape(-1, 3)
         return [
             replace(channel, error=left[:, p], bound=np.ones(len(left)))
             for p, channel in enumerate(self.rests.channels())
@@ -363,19 +428,19 @@ class BenchInMotion(Bench, TurnsInTime):
     def turns_of(self, fit: Fit | None) -> TurnErrors | None:
         """What a fit, or the nominal model, leaves of each turn, over its bounds; None where the latter's runs away."""
         try:
-            nominal = self.baseline
+            nominal = self.model.baseline
         except ValueError:
             return None
         fit = fit or nominal
-        rows, turns = self.of_readings, self.whole.turns
-        first, last = (3600.0 * self.travel.hours[ends] for ends in (self.travel.first, self.travel.last))
+        rows, turns, travel = self.model.of_readings, self.model.whole.turns, self.model.travel
+        first, last = (3600.0 * travel.hours[ends] for ends in (travel.first, travel.last))
         before, after = (left[rows:].reshape(-1, 3) for left in (nominal.left, fit.left / fit.allowed))
 
         def alone(own: slice) -> tuple[float, float]:
             """Radius of some of the rows by themselves, without effects and with them."""
-            ones = np.ones(len(self.residual[own]))
+            ones = np.ones(len(self.rows.residual[own]))
             left, columns = fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None]
-            without = chebyshev_radius(self.nominal[own], self.residual[own], ones)[0]
+            without = chebyshev_radius(self.rows.nominal[own], self.rows.residual[own], ones)[0]
             return without, chebyshev_radius(columns[own], left[own], ones)[0]
 
         each = alone(slice(rows)), alone(slice(rows, None))
@@ -391,21 +456,46 @@ class BenchInMotion(Bench, TurnsInTime):
         common = set(fits[0].places).intersection(*(fit.places for fit in fits[1:]))
         apart = dict.fromkeys(place for fit in fits for place in fit.places if place not in common)
         if all(acts_at_rest(place) for place in apart) and all(fit.linear for fit in fits):
-            alone = [self.rests.refit([p for p in fit.places if acts_at_rest(p)]) for fit in fits]
+            alone = [self.model.rests.refit([p for p in fit.places if acts_at_rest(p)]) for fit in fits]
             return self.rests.probe(alone)
         said = dict.fromkeys(SHOWN_BY[place.effect] for place in apart if place.effect in SHOWN_BY)
         return {"next": list(said)}
 
+
+@dataclass(frozen=True, eq=False)
+class WholeRerun:
+    """Rests and turns of a table, simulated again by FMUs."""
+
+    model: BenchInMotion
+
+    @property
+    def rests(self) -> BenchRerun:
+        """The rests by themselves, simulated again."""
+        return BenchRerun(self.model.rests)
+
+    @property
+    def quoted(self) -> tuple[str, str, float]:
+        """As of the rests."""
+        return self.rests.quoted
+
+    def errors(self, effects: Mapping[EffectPlace, NDArray]) -> NDArray[np.float64] | None:
+        """As of the rests."""
+        return self.rests.errors(effects)
+
+    def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
+        """As of the rests."""
+        return self.rests.without(effects)
+
     def _at_rest(self, fit: Fit) -> Fit | None:
         """What a fit says of bench and accelerometers, as a fit of the rests; None where these do not stand with it."""
         places = [place for place in fit.places if acts_at_rest(place)]
-        found = next(iter(self.rests.mended(places, Work())), None) if places else self.rests.baseline
+        found = next(iter(self.model.rests.mended(places, Work())), None) if places else self.model.rests.baseline
         if found is None:
             return None
         columns = [np.arange(b.start, b.stop) for p, b, _ in fit.ways if acts_at_rest(p)]
         own = len(fit.point) + np.concatenate([np.zeros(0, int), *columns])
-        estimate = np.append(fit.estimate[: self.whole.own], fit.estimate[own])
-        return replace(found, estimate=estimate, stated=estimate[self.whole.own :])
+        estimate = np.append(fit.estimate[: self.model.whole.own], fit.estimate[own])
+        return replace(found, estimate=estimate, stated=estimate[self.model.whole.own :])
 
     def gain(self, fit: Fit) -> Gain | None:
         """Held-out positions simulated again, where the effects act there, and every fifth turn where they act there.
@@ -419,24 +509,26 @@ class BenchInMotion(Bench, TurnsInTime):
         return first.model_copy(update={"others": [turned]})
 
     def _gain_of_turns(self, fit: Fit) -> Gain | None:
-        made = self.with_onsets(fit)
-        if not self.acts_linearly(fit) or not made._added(fit.places)[self.of_readings :].any():
+        model, whole = self.model, self.model.whole
+        made = model.with_onsets(fit)
+        if not model.acts_linearly(fit) or not made.added(fit.places)[model.of_readings :].any():
             return None
-        held, errors = np.arange(0, len(self.whole.turns.first), FOLDS), []
-        kept = self.fold_of_rows() != 0
+        held, errors = np.arange(0, len(whole.turns.first), FOLDS), []
+        fitted = model.rows.fold_of_rows != 0
         for places in ((), fit.places):
-            solution = estimated(made.matrix(places)[kept], self.residual[kept])
-            point, sizes = np.split(solution, [len(self.point)])
+            solution = estimated(made.rows.matrix(places)[fitted], model.rows.residual[fitted])
+            step, sizes = np.split(solution, [len(model.point)])
             effects = {p: sizes[block] for p, block in zip(places, blocks_of(places), strict=True)}
             # A slip is told by the clock of the rests, others by that of the rows.
-            began = (self.readings.circumstances.began - float(self.raw.time_s[0])) / 3600.0
+            began = (model.rests.readings.circumstances.began - float(model.raw.time_s[0])) / 3600.0
             set_in = {place: time + began * (place == SLIP) for place, time in made.set_in.items()}
+            point = (model.point + step)[:-1]
             try:
-                read = simulated_turns(self.raw, self.whole, self.travel, (self.point + point)[:-1], effects, set_in)
+                read = simulated_turns(model.raw, whole, model.travel, point, effects, set_in)
             except InputError:
                 # Values that no component takes.
                 return None
-            errors.append((self.whole.turns.integral - read)[held])
+            errors.append((whole.turns.integral - read)[held])
         before, after = errors
         gain = gain_of(before, after, ARCMIN, over="turns", pieces=len(held), rows=held)
         return gain.model_copy(update={"unit": "arcmin"})
@@ -446,9 +538,9 @@ class BenchInMotion(Bench, TurnsInTime):
         at_rest = self._at_rest(fit)
         if at_rest is None:
             raise ValueError("the rests by themselves do not stand with these effects")
-        own, ends = self.whole.own, fit.ends(self.room(fit))
-        gravity = self.calibration.gravity
-        made = extension_of_bench(self.readings, at_rest, ends[:own], effects, gravity)
+        own, ends = self.model.whole.own, fit.ends(self.model.room)
+        gravity = self.model.calibration.gravity
+        made = extension_of_bench(self.model.rests.readings, at_rest, ends[:own], effects, gravity)
 
         def said(values: NDArray) -> dict[str, Any]:
             gyros = values[own:-1].tolist()
@@ -468,7 +560,7 @@ class BenchInMotion(Bench, TurnsInTime):
         return Extension([*made.starts, *starts], made.scenarios)
 
 
-def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> BenchInMotion:
+def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evidence:
     """The evidence of a bench record whose place is known; options as for `bench_evidence`, errors as of the gyros."""
     raw = record.raw
     if not isinstance(raw, BenchRecord):
@@ -476,7 +568,7 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     # By how much an encoder may err says what is motion; more of it than σ would be no reading's noise.
     least = place.encoder_within(LARGEST_FLUCTUATION)
     record = approached(record, least)
-    rests = bench_evidence(record, **options)
+    rests = bench_evidence(record, **options).model
     alone, here = rests.calibration, rests.here
     whole = fit_whole(here, record, place, alone.noise_bound)
     found = with_gyros(alone, record, place, whole, Asked(**options))
@@ -490,6 +582,7 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Benc
     both = with_turns(moving.read.here, whole.turns, str(record.path))
     moving = moving.about(both.point[: both.own])
     places = (*without.places, *IN_MOTION, *effects_of_gyros())
-    names, bounds = (*rests.names, *gyro_names(), ("accelerometer-lag", "s")), rests.bounds
-    told = (found, here, rests.readings, rests.numbers, bounds)
-    return BenchInMotion((), names, np.append(both.point, 0.0), places, *told, rests, moving, both, travel, raw)
+    names = (*rests.names, *gyro_names(), ("accelerometer-lag", "s"))
+    point = np.append(both.point, 0.0)
+    model = BenchInMotion(names, point, places, found, rests, moving, both, travel, raw)
+    return Evidence.of(WholeReader(model))

@@ -112,7 +112,7 @@ class Moving:
     @cached_property
     def motion(self) -> MotionRows:
         """The rows as effects in motion see them."""
-        motion, rows = self.seen.motion(self.to_block, self.lean, self.read.calibration.gravity), self.read.rows
+        motion, rows = self.seen.motion(self.to_block, self.lean, self.read.calibration.gravity), self.read.contexts
         return replace(motion, specific_force=rows.n, hours=rows.hours, temperature=rows.temperature)
 
     def columns(self, place: EffectPlace) -> NDArray[np.float64]:
@@ -302,7 +302,7 @@ class TurnsInTime(SettingIn):
             (place,) = (place for place in places if place in self.starting)
             rest, loose = [p for p in places if p != place], SLACK
             if place == SLIP:
-                loose += self.second_order_at(self.baseline_radius)
+                loose += self.second_order
             rough = self._replaced_by(loose=loose)
             if not (stretches := list(rough.open_stretches(place, rest, work))):
                 return []
@@ -329,8 +329,8 @@ class TurnsInTime(SettingIn):
     def _left_by(self, place: EffectPlace, linear: Sequence[EffectPlace], row: float) -> float:
         """What least squares leave of the rows with an effect that sets in after a row."""
         columns, _ = self.cells[place].columns(int(row))
-        matrix = np.hstack([self.matrix(linear), np.nan_to_num(self.over_bounds(columns))])
-        return float(np.linalg.norm(self.residual - matrix @ estimated(matrix, self.residual)))
+        matrix = np.hstack([self.rows.matrix(linear), np.nan_to_num(self.over_bounds(columns))])
+        return float(np.linalg.norm(self.rows.residual - matrix @ estimated(matrix, self.rows.residual)))
 
     def acts_linearly(self, fit: Fit) -> bool:
         """Whether every effect of a fit is linear in its coefficients, at its time where it sets in."""

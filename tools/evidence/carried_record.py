@@ -20,12 +20,12 @@ from ..motion.rest_noise import gyro_noise, rest_lengths
 from ..records import StrapdownRecord
 from ..records.limits import resolution_of
 from ..rounding import exactly
-from .carried import LATENCY, SCALE, Carried, is_of_gyros, with_parameters
+from .carried import LATENCY, SCALE, CarriedReader, RecordReader
 from .carried_checks import check_record, check_reference_bound, missing_things, warnings_of
-from .carried_run import BIAS, LONG, CarriedRecord
+from .carried_run import BIAS, LONG, Carried, is_of_gyros, with_parameters
 from .cells_in_motion import SEARCHED
-from .evidence import ReadOff
-from .fit import ARCMIN, are_possible, blocks_of, coefficient_count, contains, estimated
+from .evidence import Evidence, Linear, ReadOff, linear_fit
+from .fit import ARCMIN, are_possible, blocks_of, contains, width_of
 from .references import (
     Gravity,
     Run,
@@ -41,7 +41,7 @@ from .references import (
     truth_windows,
     without_earth,
 )
-from .rows import Part, Pieces
+from .rows import Part, Pieces, Rows
 
 BASELINES = ("calibrated", "nominal")
 RELINEARISATIONS = 2
@@ -72,7 +72,7 @@ def carried_evidence(
     rates: str = "instantaneous",
     reference_bound: float | None = None,
     further: Sequence[EffectPlace] = (),
-) -> CarriedRecord:
+) -> Evidence:
     """The evidence of a strapdown record; where nothing can be run, what it lacks.
 
     With true attitude in the record the carried attitude is compared with it over windows of several lengths; without,
@@ -95,9 +95,12 @@ def carried_evidence(
     check_record(found)
     block = baseline or ("nominal" if has_truth(found) else "calibrated")
     if lacks := missing_things(found):
-        return CarriedRecord((), (), np.zeros(0), (), found, block, rates, warnings_of(found), lacks)
-    made = judged(about_main_effect(linear_evidence(found, block, rates, further)))
-    return with_limits(made if reference_bound is None else as_stated(made, ARCMIN * reference_bound))
+        return Evidence.of(RecordReader(Linear(Rows.of(())), found, block, rates, warnings_of(found), lacks))
+    run = about_main_effect(linear_evidence(found, block, rates, further))
+    reader = judged(CarriedReader(run, found, block, rates, warnings_of(found)))
+    if reference_bound is not None:
+        reader = as_stated(reader, ARCMIN * reference_bound)
+    return Evidence.of(with_limits(reader))
 
 
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
@@ -123,7 +126,6 @@ def linear_evidence(
         values = norm_values(found.accelerometers)
         assert values is not None
         x, own = values, own or (BIAS,)
-    record = (found, block, rates, warnings_of(found), ())
 
     def about(x: NDArray, model: GyroModel, *, tried: bool) -> Carried:
         """The evidence about accelerometers of nine parameters (or none) and gyros, with effects that can be tried."""
@@ -141,14 +143,14 @@ def linear_evidence(
             # That of the bias is in the mean already.
             at_rest[:, bias] = 0.0
             integral = integral - integral[..., bias] @ at_rest
-        run = Run(attitude, reference.rows, integral, sum(coefficient_count(place) for place in own))
+        run = Run(attitude, reference.rows, integral, width_of(own))
         parts = reference.parts(run, x, forces)
         names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
         names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
         point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
-        whole = (tuple(parts), tuple(names), point, (*gyros, *forces))
+        rows = Rows.of(parts, names, point, (*gyros, *forces))
         starting = SEARCHED if tried and len(motion) <= LONG else ()
-        return Carried(*whole, *record, own, motion, model, attitude, reference, at_rest, starting=starting)
+        return Carried(rows, found, own, motion, model, attitude, reference, at_rest, starting)
 
     for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if own else 0):
         # An hour's attitudes are large: those of one run go before the next.
@@ -158,11 +160,11 @@ def linear_evidence(
 
 def refined(made: Carried) -> tuple[NDArray[np.float64], GyroModel]:
     """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has."""
-    step = estimated(made.nominal, made.residual)
-    model = with_parameters(made.model, made.own, step[made.of_forces :])
+    step = made.rows.estimate(())
+    model = with_parameters(made.gyros, made.own, step[made.of_forces :])
     # Where a fit wants other scale factors, it is wrong.
     model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))
-    return (made.point + step)[: made.of_forces], model
+    return (made.rows.point + step)[: made.of_forces], model
 
 
 def gravity_reference(found: Inspection) -> Gravity:
@@ -221,10 +223,11 @@ def about_main_onset(made: Carried) -> Carried:
         left, place, about = min(tried, key=lambda one: one[0], default=(np.inf, BIAS, made))
         if not MOST_OF_IT * left < before:
             break
-        solution = about.estimate([place])
+        solution = about.rows.estimate([place])
         if not are_possible(place, about.values_of([place], solution)[place]):
             break
-        made = made.with_errors([part.error for part in about_effects(about, [place], solution).parts])
+        errors = [part.error for part in about_effects(about, [place], solution).rows.parts]
+        made = replace(made, rows=made.rows.with_errors(errors))
     return made
 
 
@@ -246,7 +249,7 @@ def nearest_onset(made: Carried, place: EffectPlace) -> tuple[float, EffectPlace
 def about_effect(made: Carried, place: EffectPlace) -> Carried:
     """The evidence about one of the gyros' effects, until another run does not change it."""
     for _ in range(RELINEARISATIONS):
-        before, solution = _rms_left(made, (place,)), made.estimate([place])
+        before, solution = _rms_left(made, (place,)), made.rows.estimate([place])
         if not are_possible(place, made.values_of([place], solution)[place]):
             break
         made = about_effects(made, [place], solution)
@@ -263,7 +266,7 @@ def main_effects(made: Carried) -> list[EffectPlace]:
     before = _rms_left(made, ())
     if not before > MANY / np.sqrt(3.0):
         return []
-    left = {place: _rms_left(made, (place,)) for place in made.places if is_of_gyros(place)}
+    left = {place: _rms_left(made, (place,)) for place in made.rows.places if is_of_gyros(place)}
     least = min(left.values(), default=np.inf)
     if not MOST_OF_IT * least < before:
         return []
@@ -273,8 +276,8 @@ def main_effects(made: Carried) -> list[EffectPlace]:
 
 def _rms_left(made: Carried, places: Sequence[EffectPlace]) -> float:
     """Root mean square of what least squares leaves, in bounds."""
-    matrix = made.matrix(places)
-    left = made.residual - matrix @ made.estimate(places) if matrix.shape[1] else made.residual
+    matrix = made.rows.matrix(places)
+    left = made.rows.residual - matrix @ made.rows.estimate(places) if matrix.shape[1] else made.rows.residual
     return float(np.sqrt(np.mean(left**2)))
 
 
@@ -286,114 +289,125 @@ def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArra
     several rows have their attitude read so many rows later: a compensation, which knows only the past, carries their
     rates on, and the longer the less well.
     """
-    count, gyros, lag = len(made.names), made.gyros_with(places, solution), 0
+    count, gyros, lag = len(made.rows.names), made.gyros_with(places, solution), 0
     if LATENCY in gyros.effects:
         (delay,) = gyros.effects[LATENCY]
         lag = round(delay / made.motion.period)
         gyros = replace(gyros, effects={**gyros.effects, LATENCY: (delay - lag * made.motion.period,)})
     attitude = carried_attitude(made.motion, gyros, made.found.gravity)
     attitude = attitude[np.clip(np.arange(len(attitude)) + lag, 0, len(attitude) - 1)]
-    columns = np.concatenate([np.arange(count), count + made.numbers_of(places)])
-    errors = [
-        part.error
-        if part.pieces.kind == "norms"
-        else error + np.concatenate([part.nominal, part.columns], axis=-1)[..., columns] @ solution
-        for part, error in zip(made.parts, made.errors_along(attitude, solution[:count]), strict=True)
-    ]
-    return made.with_errors(errors)
+    columns = np.concatenate([np.arange(count), count + made.rows.numbers_of(places)])
+    errors = []
+    for part, error in zip(made.rows.parts, made.errors_along(attitude, solution[:count]), strict=True):
+        if part.pieces.kind == "norms":
+            errors.append(part.error)
+        else:
+            slopes = np.concatenate([part.nominal, part.columns], axis=-1)
+            errors.append(error + slopes[..., columns] @ solution)
+    return replace(made, rows=made.rows.with_errors(errors))
 
 
-def judged(made: Carried) -> Carried:
-    """Evidence of which it is known whether all effects together can bring the errors within the bounds.
+def judged(reader: CarriedReader) -> CarriedReader:
+    """A reader of which it is known whether all effects together can bring the errors within the bounds.
 
     The bounds are what gyros and reference do where nothing that is tested acts, and are never widened by what the
     effects leave: then they would hide what is not in the catalogue. Beside the true attitude windows with errors many
     times those of the others, which nothing in the catalogue makes, are not used; and the simulation is run about all
     effects before their first order counts as too little.
     """
+    made = reader.model
     if isinstance(made.reference, Gravity):
-        return replace(made, bounds_from=RECORD_NOISE)
-    made = replace(made, bounds_from=WITH_TRUTH.format(earth="" if is_inertial(made.found.record) else AND_EARTH))
-    if made.refit(made.places).radius <= made.limit or any(made.mended([p], Work()) for p in made.starting):
-        return made
-    made = without_jumps(made)
-    least, gyros = made.refit(made.places).radius, [place for place in made.places if is_of_gyros(place)]
+        return replace(reader, bounds_from=RECORD_NOISE)
+    reader = replace(reader, bounds_from=WITH_TRUTH.format(earth="" if is_inertial(made.found.record) else AND_EARTH))
+    places = made.rows.places
+    if made.refit(places).radius <= made.limit or any(made.mended([p], Work()) for p in made.starting):
+        return reader
+    reader = without_jumps(reader)
+    made = reader.model
+    least, gyros = made.refit(places).radius, [place for place in places if is_of_gyros(place)]
     for _ in range(RELINEARISATIONS):
         if least <= made.limit:
             break
-        sizes = made.values_of(gyros, made.estimate(gyros))
+        sizes = made.values_of(gyros, made.rows.estimate(gyros))
         possible = [place for place in gyros if are_possible(place, sizes[place])]
-        about = about_effects(made, possible, made.estimate(possible))
-        radius = about.refit(made.places).radius
+        about = about_effects(made, possible, made.rows.estimate(possible))
+        radius = about.refit(places).radius
         if radius >= least:
             break
         made, least = about, radius
-    return made if least <= made.limit else replace(made, least_radius=least)
+    return replace(reader, model=made, least_radius=None if least <= made.limit else least)
 
 
-def as_stated(made: Carried, stated: float) -> Carried:
-    """Evidence that was judged, with the true attitude's error as a person states it, at any row [rad].
+def as_stated(reader: CarriedReader, stated: float) -> CarriedReader:
+    """A reader of evidence that was judged, with the true attitude's error as a person states it, at any row [rad].
 
     It enters the bounds and nothing else: about which effects the rows are linear, and which windows are left out, is
     as without it.
     """
+    made = reader.model
     before = made.reference
     assert isinstance(before, Truth)
     after = replace(before, stated=stated)
     more = after.of_windows - before.of_windows
-    bounds = [part.bound + mine for part, mine in zip(made.parts, more, strict=True)]
+    bounds = [part.bound + added for part, added in zip(made.rows.parts, more, strict=True)]
     earth = "" if before.inertial else AND_EARTH.replace(" and", "")
-    said = AS_STATED.format(earth=earth, stated=exactly(stated / ARCMIN, 12))
-    made = replace(made.with_bounds(bounds), reference=after, bounds_from=said)
-    least = made.refit(made.places).radius
-    return replace(made, least_radius=None if least <= made.limit else least)
+    basis = AS_STATED.format(earth=earth, stated=exactly(stated / ARCMIN, 12))
+    made = replace(made, rows=made.rows.with_bounds(bounds), reference=after)
+    least = made.refit(made.rows.places).radius
+    return replace(reader, model=made, bounds_from=basis, least_radius=None if least <= made.limit else least)
 
 
-def without_jumps(made: Carried) -> Carried:
-    """The evidence without windows in which gyros or truth jump; that they are left out is said."""
-    kept = [np.ones(len(part), dtype=bool) for part in made.parts]
+def without_jumps(reader: CarriedReader) -> CarriedReader:
+    """The reader without windows in which gyros or truth jump; that they are left out is said."""
+    made = reader.model
+    parts = made.rows.parts
+    masks = [np.ones(len(part), dtype=bool) for part in parts]
     for _ in range(ROUNDS_OF_JUMPS):
-        sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(made, kept))]
+        sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(made, masks))]
         far = [size > JUMP * np.median(size) for size in sizes]
         if not any(mask.any() for mask in far):
             break
-        for mine, mask in zip(kept, far, strict=True):
-            mine[np.flatnonzero(mine)[mask]] = False
-    said = tuple(
-        f"{np.count_nonzero(~mine)} windows of {part.label} are not used: gyros or truth jump there as no effect does"
-        for mine, part in zip(kept, made.parts, strict=True)
-        if not mine.all()
-    )
-    return replace(of_windows(made, kept), warnings=(*made.warnings, *said)) if said else made
+        for mask, jumping in zip(masks, far, strict=True):
+            mask[np.flatnonzero(mask)[jumping]] = False
+    warnings = []
+    for mask, part in zip(masks, parts, strict=True):
+        if not mask.all():
+            count = np.count_nonzero(~mask)
+            warnings.append(
+                f"{count} windows of {part.label} are not used: gyros or truth jump there as no effect does"
+            )
+    if not warnings:
+        return reader
+    return replace(reader, model=of_windows(made, masks), warnings=(*reader.warnings, *warnings))
 
 
 def left_out_by_all(made: Carried) -> list[NDArray[np.float64]]:
     """Errors (S, d) of each part that all effects together leave in blocks that are left out [rad]."""
-    even = made.unweighted()
+    even = made.rows.with_bounds([np.ones_like(part.bound) for part in made.rows.parts])
     return even.split(even.left_out(even.places, even.folds()))
 
 
 def of_windows(made: Carried, kept: Sequence[NDArray]) -> Carried:
     """The windows that masks (S,) choose, of each length."""
-    parts = tuple(part.selected(mask) for part, mask in zip(made.parts, kept, strict=True))
+    parts = [part.selected(mask) for part, mask in zip(made.rows.parts, kept, strict=True)]
     scored = tuple(part.pieces for part in parts)
-    return replace(made, parts=parts, reference=replace(made.reference, scored=scored))
+    return replace(made, rows=made.rows.with_parts(parts), reference=replace(made.reference, scored=scored))
 
 
 # Accelerometers at their limit in rests: saturation that the readings show by themselves
 
 
-def with_limits(made: Carried) -> Carried:
-    """The evidence with the limits of its accelerometers that the model cannot do without.
+def with_limits(reader: CarriedReader) -> CarriedReader:
+    """The reader with the limits of its accelerometers that the model cannot do without.
 
     A reading at a limit tells nothing of gravity but that it is beyond; such rests are left out of everything that is
     fitted. Held against the model all the same they say whether it can do without the limit.
 
     One on one side alone, which the catalogue's saturation is not, has an objection.
     """
+    made, limits = reader.model, []
     if not isinstance(made.reference, Gravity):
-        return made
-    found = []
+        return reader
     for axis in range(3):
         rests = rests_at_limit(made.found, axis)
         radius = radius_with(made, rests) if rests else 0.0
@@ -402,10 +416,12 @@ def with_limits(made: Carried) -> Carried:
         level, half, one_sided = level_of(made.found, axis)
         place, objection = EffectPlace("saturation", f"accelerometer-{axis + 1}"), ""
         if one_sided:
-            said = f"accelerometer {axis + 1} is at a limit of {exactly(level)} g on one side alone"
-            objection = f"{said}; the catalogue's saturation is on both"
-        found.append(ReadOff(place, (level,), ((level - half, level + half),), radius, objection))
-    return replace(made, limits=tuple(found))
+            objection = (
+                f"accelerometer {axis + 1} is at a limit of {exactly(level)} g on one side alone; the catalogue's "
+                "saturation is on both"
+            )
+        limits.append(ReadOff(place, (level,), ((level - half, level + half),), radius, objection))
+    return replace(reader, limits=tuple(limits))
 
 
 def rests_at_limit(found: Inspection, axis: int) -> list[slice]:
@@ -433,18 +449,18 @@ def radius_with(made: Carried, rests: list[slice]) -> float:
     assert isinstance(reference, Gravity)
     force = made.found.record.specific_force
     reading = np.array([force[rows].mean(axis=0) for rows in rests]) / made.found.gravity
-    x = made.point[: len(NAMES)]
+    x = made.rows.point[: len(NAMES)]
     error, slopes, by_reading = norm_equations(x, reading)
     noise: NDArray = reference.deviation.max(axis=0)
     bound = factor_for(len(rests)) * np.sqrt((by_reading**2 * noise**2).sum(axis=1))
-    by_own = np.zeros((len(rests), 1, len(made.names) - len(NAMES)))
+    by_own = np.zeros((len(rests), 1, len(made.rows.names) - len(NAMES)))
     ends = [np.array([end(rows) for rows in rests]) for end in (lambda r: r.start, lambda r: r.stop - 1)]
     part = Part(
         Pieces("norms", "norms at a limit", *ends),
         error[:, None],
         bound[:, None],
         np.concatenate([-slopes[:, None, :], by_own], axis=2),
-        np.zeros((len(rests), 1, made.columns.shape[1])),
+        np.zeros((len(rests), 1, width_of(made.rows.places))),
         scored=False,
     )
-    return replace(made, parts=(*made.parts, part)).refit(()).radius
+    return linear_fit(made.rows.with_parts((*made.rows.parts, part)), ()).radius

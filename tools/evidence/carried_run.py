@@ -1,70 +1,41 @@
-"""A record of a block that is carried, and its run: the linear rows of a run of the simulation, onset by onset."""
+"""The model of a block that is carried: a run of the simulation through its record, and linear rows about it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import EffectPlace
 from ..bounded.sets import Work
-from ..calibrated import Calibration
-from ..motion.carry import GyroModel, Motion
+from ..motion.carry import GyroModel, Motion, carried_attitude, reads
 from ..motion.inspect import Inspection
-from ..motion.norm import inputs_of
+from ..motion.norm import NAMES, inputs_of
 from .cells_in_motion import Cells, cells_of
 from .dependences import GyroPairs, pairs_of_accelerometers
-from .evidence import Evidence, rows_over, undetermined
 from .fit import Fit, coefficient_count
 from .observation import Group, Observation
 from .pairs import Pair
-from .references import Gravity, Run, Truth, force_columns, has_truth, matrices_of, turning
-from .rows import Pieces
+from .references import (
+    Gravity,
+    Run,
+    Truth,
+    all_rows,
+    force_columns,
+    matrices_of,
+    rotation_vectors,
+    turned,
+    turning,
+)
+from .rows import Pieces, Rows, rows_over
 from .setting_in import SettingIn
 
 BIAS = EffectPlace("gyro-bias", "gyro-block")
 LONG = 1_000_000
 """A record of more rows is long."""
-
-
-@dataclass(frozen=True, eq=False)
-class CarriedRecord(Evidence):
-    """A record of a block that is carried, as far as it is known before the simulation is run.
-
-    `block` is "calibrated" or "nominal": whether the gyros' scale factors and misalignments are parameters; `rates`,
-    "instantaneous" or "averaged", is what a rate in the record was taken for; `lacks` is what to add where nothing can
-    be run.
-    """
-
-    found: Inspection
-    block: str
-    rates: str
-    warnings: tuple[str, ...]
-    lacks: tuple[str, ...]
-
-    def missing(self) -> Mapping[str, Any]:
-        """What to add where nothing can be run."""
-        return {"missing": self.lacks} if self.lacks else {}
-
-    def calibration_of(self, fit: Fit | None = None) -> Calibration:
-        """Nothing is known of a record of which nothing can be run."""
-        return undetermined("")
-
-    def head(self) -> Mapping[str, Any]:
-        """The record and what it is held against."""
-        record = self.found.record
-        return {
-            "unit": "arcmin",
-            "record": {"rows": len(record), "sha256": record.sha256},
-            "reference": "true attitude" if has_truth(self.found) else "gravity",
-            "noise_bound_arcmin": None,
-            "baseline_model": self.block,
-            "lengths": (),
-            "order_stable": None,
-            "warnings": self.warnings,
-        }
 
 
 class UnitTurns(Run):
@@ -76,18 +47,20 @@ class UnitTurns(Run):
 
 
 @dataclass(frozen=True, eq=False)
-class CarriedRun(CarriedRecord, SettingIn):
-    """Rows of a run of the gyros through a record, beside which effects may set in at a time.
+class Carried(SettingIn):
+    """A run of the gyros through a record: the model that carries the attitude, beside which effects may set in.
 
-    `own` is the gyros' part of the model's parameters; about `model` the rows are linear, and `attitude` (N, 4) was
-    carried with it. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s], None
-    where the bias is free. `starting` are effects that set in at a time, which can be tried too; of those among
-    `places` `set_in` has the time, or the time constant [h].
+    `own` is the gyros' part of the model's parameters; about `gyros` the rows are linear, and `attitude` (N, 4) was
+    carried with them. `at_rest` (3, K) is what each coefficient adds to the mean at rest that is taken out [rad/s],
+    None where the bias is free. `starting` are effects that set in at a time, which can be tried too; of those among
+    the rows' `set_in` has the time, or the time constant [h].
     """
 
+    rows: Rows
+    found: Inspection
     own: tuple[EffectPlace, ...]
     motion: Motion
-    model: GyroModel
+    gyros: GyroModel
     attitude: NDArray[np.float64]
     reference: Gravity | Truth
     at_rest: NDArray[np.float64] | None
@@ -97,21 +70,23 @@ class CarriedRun(CarriedRecord, SettingIn):
     @property
     def of_forces(self) -> int:
         """How many of the parameters are the accelerometers': nine where gravity is the reference."""
-        return len(self.names) - sum(coefficient_count(place) for place in self.own)
+        return len(self.rows.names) - sum(coefficient_count(place) for place in self.own)
 
     def without(self, places: Sequence[EffectPlace]) -> Self:
-        """The evidence with fewer effects that can be tried."""
-        fewer = super().without(places)
-        return fewer if self.at_rest is None else replace(fewer, at_rest=self.at_rest[:, self.numbers_of(fewer.places)])
+        """The model with fewer effects that can be tried."""
+        rows, at_rest = self.rows.without(places), self.at_rest
+        if at_rest is not None:
+            at_rest = at_rest[:, self.rows.numbers_of(rows.places)]
+        return replace(self, rows=rows, at_rest=at_rest)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
         """The pieces of each part, by what a turn within one adds to its error, and what the mean at rest takes out."""
-        bias = None if self.at_rest is None else self.numbers_of([BIAS])
+        bias = None if self.at_rest is None else self.rows.numbers_of([BIAS])
         run = UnitTurns(self.attitude, self.reference.rows, np.zeros((0, 3, 3)), 0)
-        gains = {part.label: part.columns for part in self.reference.parts(run, self.point[: self.of_forces], ())}
+        gains = {part.label: part.columns for part in self.reference.parts(run, self.rows.point[: self.of_forces], ())}
         groups = []
-        for part in self.parts:
+        for part in self.rows.parts:
             mean = None if bias is None else part.columns[..., bias]
             groups.append(Group(part.pieces, gains[part.label], mean))
         return tuple(groups)
@@ -127,12 +102,12 @@ class CarriedRun(CarriedRecord, SettingIn):
     @cached_property
     def observation(self) -> Observation:
         """What the parts say of additions to the gyros' rates over the steps of the run."""
-        adds = turning(self.motion, self.model, self.attitude, 1, len(self.motion))
+        adds = turning(self.motion, self.gyros, self.attitude, 1, len(self.motion))
         return Observation(self.groups, adds, self.resting[1:])
 
     def make_cells(self, place: EffectPlace) -> Cells:
         """Return the cells of an effect's unknown number; of another effect what it does from each row on."""
-        time, steps = self.motion.time_s, self.motion.rows(1, len(self.motion), self.model.inverse, self.model.bias)
+        time, steps = self.motion.time_s, self.motion.rows(1, len(self.motion), self.gyros.inverse, self.gyros.bias)
         added = place.definition.signature(place, steps)
         counted = np.zeros((len(time), *added.shape[1:]))
         if self.at_rest is not None:
@@ -140,38 +115,36 @@ class CarriedRun(CarriedRecord, SettingIn):
         hours = (time - time[0]) / 3600.0
         return cells_of(place, hours, self.groups, self.observation.sums(added), counted, self.resting)
 
+    @cached_property
     def pairs(self) -> Sequence[Pair]:
         """Gyros, and accelerometers where gravity is the reference, each with every quantity of the record."""
-        return self._pairs
-
-    @cached_property
-    def _pairs(self) -> Sequence[Pair]:
         if len(self.motion) > LONG:
             return ()
-        steps = self.motion.rows(1, len(self.motion), self.model.inverse, self.model.bias)
-        pairs = list(GyroPairs(steps, self.observation, [part.bound for part in self.parts]).pairs())
+        steps = self.motion.rows(1, len(self.motion), self.gyros.inverse, self.gyros.bias)
+        pairs = list(GyroPairs(steps, self.observation, [part.bound for part in self.rows.parts]).pairs())
         if isinstance(self.reference, Gravity):
-            pairs += pairs_of_accelerometers(self, self.reference, self.point[: self.of_forces], self.attitude)
+            x = self.rows.point[: self.of_forces]
+            pairs += pairs_of_accelerometers(self.rows.parts, self.reference, x, self.attitude)
         return tuple(pairs)
 
     @property
     def second_order(self) -> float:
         """What the linear model may be wrong by, in bounds: half the square of each turn that is missed."""
-        turns = (part for part in self.parts if part.pieces.kind != "norms")
+        turns = (part for part in self.rows.parts if part.pieces.kind != "norms")
         return max(
             float(((part.error**2).sum(axis=1) / part.bound.min(axis=1)).max(initial=0.0)) / 2.0 for part in turns
         )
 
     def with_onset(self, place: EffectPlace, row: float) -> Self:
-        """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""
+        """The model with an effect that sets in after a row, or with the time constant of that number, too."""
         made = self._beside(place, *self.cells[place].columns(row))
         return replace(made, set_in={**self.set_in, place: self.cells[place].value(row)})
 
     def including(self, places: Sequence[EffectPlace]) -> Self:
-        """The evidence with formulas and tables as more that can be tried; a ValueError for one that it cannot have."""
+        """The model with formulas and tables as more that can be tried; a ValueError for one that it cannot have."""
         made = self
         for place in places:
-            if place not in (*made.places, *made.starting):
+            if place not in (*made.rows.places, *made.starting):
                 made = made._beside(place, *self._columns_at(place))
         return made
 
@@ -179,22 +152,18 @@ class CarriedRun(CarriedRecord, SettingIn):
         """Columns (S, d, K) of each part of an effect that always acts, and its part (3, K) of the mean at rest."""
         if place.definition.component != "AccelerometerBlock":
             return self.make_cells(place).columns(0)
-        reference, x = self.reference, self.point[: self.of_forces]
+        reference, x = self.reference, self.rows.point[: self.of_forces]
         if not isinstance(reference, Gravity):
             raise ValueError("beside a true attitude nothing is told of accelerometers")
         forces = force_columns(place, inputs_of(x, reference.reading), reference.rests)
         by_reading = reference.of_readings(x, self.attitude)
-        columns = [np.tensordot(by_reading[part.label], forces, axes=2) for part in self.parts]
+        columns = [np.tensordot(by_reading[part.label], forces, axes=2) for part in self.rows.parts]
         return columns, np.zeros((3, forces.shape[2]))
 
     def _beside(self, place: EffectPlace, columns: Sequence[NDArray], mean: NDArray) -> Self:
-        """The evidence with one more effect, of such columns (S, d, K) and part (3, K) of the mean at rest."""
-        parts = tuple(
-            replace(part, columns=np.concatenate([part.columns, mine], axis=2))
-            for part, mine in zip(self.parts, columns, strict=True)
-        )
+        """The model with one more effect, of such columns (S, d, K) and part (3, K) of the mean at rest."""
         at_rest = None if self.at_rest is None else np.hstack([self.at_rest, mean])
-        return replace(self, parts=parts, places=(*self.places, place), at_rest=at_rest)
+        return replace(self, rows=self.rows.with_effect(place, columns), at_rest=at_rest)
 
     def candidates(
         self, size: int, work: Work, among: Sequence[EffectPlace] | None = None
@@ -211,4 +180,85 @@ class CarriedRun(CarriedRecord, SettingIn):
 
     def over_bounds(self, columns: Sequence[NDArray]) -> NDArray[np.float64]:
         """Columns (S, d, K) of each part as rows (M, K) over their bounds."""
-        return np.concatenate([rows_over(c, part.bound) for c, part in zip(columns, self.parts, strict=True)])
+        return np.concatenate([rows_over(c, part.bound) for c, part in zip(columns, self.rows.parts, strict=True)])
+
+    def gyros_with(self, places: Sequence[EffectPlace], solution: NDArray) -> GyroModel:
+        """The gyros with steps of the model's parameters and coefficients of effects (P + k,)."""
+        gyros = with_parameters(self.gyros, self.own, solution[self.of_forces : len(self.rows.names)])
+        bias = gyros.bias
+        if self.at_rest is not None:
+            bias = bias - self.at_rest[:, self.rows.numbers_of(places)] @ solution[len(self.rows.names) :]
+        own = {place: values for place, values in self.values_of(places, solution).items() if is_of_gyros(place)}
+        return GyroModel(bias, gyros.scale_misalignment, own)
+
+    def simulated(
+        self, fmus: Mapping[str, Path], places: Sequence[EffectPlace], solution: NDArray, held: Sequence[NDArray]
+    ) -> list[NDArray[np.float64]]:
+        """Errors (n, d) of numbers (n,) of some pieces of each scored kind, by FMUs that are extended by effects.
+
+        The solution (P + k,) are steps of the model's parameters and coefficients of the effects.
+        """
+        pieces = [kind.selected(at) for kind, at in zip(self.reference.scored, held, strict=True)]
+        rows = all_rows(pieces)
+        # What counts the hours must count them from the record's beginning; of a long record a part is run.
+        whole = len(self.motion) <= LONG or reads(places, "HOURS")
+        begin, end = (0, len(self.motion)) if whole else (int(rows[0]), int(rows[-1]) + 1)
+        gyros = self.gyros_with(places, solution)
+        attitude = carried_attitude(self.motion.part(begin, end), gyros, self.found.gravity, fmus)
+        forces = {p: values for p, values in self.values_of(places, solution).items() if not is_of_gyros(p)}
+        up = self.reference.directions((self.rows.point + solution[: len(self.rows.names)])[: len(NAMES)], forces)
+        errors = []
+        for k, (mine, at) in enumerate(zip(pieces, held, strict=True)):
+            moved = replace(mine, first=mine.first - begin, last=mine.last - begin)
+            errors.append(self.reference.errors(k, turned(moved, attitude), up, up, at))
+        return errors
+
+    def errors_along(self, attitude: NDArray, step: NDArray) -> list[NDArray[np.float64]]:
+        """Errors of each part with another attitude and a step of the model's parameters; norms stay."""
+        reference, x, errors = self.reference, self.rows.point[: len(NAMES)], []
+        first, up = reference.directions(x), reference.directions(x + step[: len(NAMES)])
+        for part in self.rows.parts:
+            rotation = turned(part.pieces, attitude)
+            if part.pieces.kind == "norms":
+                errors.append(part.error)
+            elif part.pieces.kind == "rests":
+                errors.append(rotation_vectors(rotation))
+            else:
+                errors.append(reference.errors(reference.scored.index(part.pieces), rotation, up, first))
+        return errors
+
+    @property
+    def quoted(self) -> int:
+        """Number of the part whose errors are quoted: single moves, or the windows of the middle length."""
+        return self.rows.scored[0 if isinstance(self.reference, Gravity) else len(self.rows.scored) // 2]
+
+    @property
+    def falsified(self) -> bool:
+        """Whether the model cannot be true of the record; a bias that is not constant is not its."""
+        return super().falsified or self.unsteady is not None
+
+    @property
+    def unsteady(self) -> str | None:
+        """That the gyros are not constant at rest; None where they are but for noise."""
+        return None if self.reference.noise is None else self.reference.noise.said
+
+    @property
+    def jumps(self) -> bool:
+        """Whether a change of the biases between two rests makes the gyros constant at rest."""
+        return self.reference.noise is not None and self.reference.noise.jumps
+
+
+def is_of_gyros(place: EffectPlace) -> bool:
+    """Whether an effect is carried with the attitude; others change what the accelerometers say at rest."""
+    return place.definition.component != "AccelerometerBlock"
+
+
+def with_parameters(model: GyroModel, places: Sequence[EffectPlace], step: NDArray) -> GyroModel:
+    """The gyros with steps (3,) or (9,) of bias, scale and misalignment added, in the order of the places."""
+    bias, scale, at = model.bias, model.scale_misalignment, 0
+    for place in places:
+        if place == BIAS:
+            bias, at = bias + step[at : at + 3], at + 3
+        else:
+            scale, at = scale + step[at : at + 9], at + 9
+    return GyroModel(bias, scale, model.effects)

@@ -16,11 +16,10 @@ from ...models.effects import MotionRows, Rows
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
 from ..bounded.programmes import column_space
 from ..motion.norm import inputs_of
-from .evidence import Evidence, rows_over
 from .observation import Group, Observation, OnKnots, Travel
 from .pairs import GYROS, TURN, Pair, Spread
 from .references import Gravity
-from .rows import Pieces
+from .rows import Part, Pieces, rows_over
 
 NODES, NODES_OF_TIME = 64, 192
 """Nodes of a function of a quantity, and of time."""
@@ -344,7 +343,7 @@ class OnNodes:
         return np.concatenate([rows_over(columns_of_group, bound) for columns_of_group, bound in pairs])
 
 
-def pairs_of_accelerometers(evidence: Evidence, reference: Gravity, x: NDArray, attitude: NDArray) -> Iterator[Pair]:
+def pairs_of_accelerometers(parts: Sequence[Part], reference: Gravity, x: NDArray, attitude: NDArray) -> Iterator[Pair]:
     """Yield each accelerometer with every quantity of its rests, where gravity is the reference.
 
     `x` are their nine parameters; the attitude (N, 4) was carried.
@@ -355,13 +354,13 @@ def pairs_of_accelerometers(evidence: Evidence, reference: Gravity, x: NDArray, 
     inputs, products = inputs_and_products(n)
     of_readings = reference.of_readings(x, attitude)
     for p, place in enumerate(ACCELEROMETERS):
-        parts = []
-        for part in evidence.parts:
+        blocks = []
+        for part in parts:
             if part.label in of_readings:
-                parts.append(rows_over(of_readings[part.label][..., p], part.bound))
+                blocks.append(rows_over(of_readings[part.label][..., p], part.bound))
             else:
-                parts.append(np.zeros((part.bound.size, len(n))))
-        matrix = np.concatenate(parts)
+                blocks.append(np.zeros((part.bound.size, len(n))))
+        matrix = np.concatenate(blocks)
         for name, values in (inputs | slow | products).items():
             yield Pair(place, name, values, through_matrix(matrix), place)
         for name, values in slow.items():

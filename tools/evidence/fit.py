@@ -410,6 +410,11 @@ def coefficient_count(place: EffectPlace) -> int:
     return len(place.definition.linear_parameters)
 
 
+def width_of(places: Sequence[EffectPlace]) -> int:
+    """How many linear coefficients some effects have together."""
+    return sum(coefficient_count(place) for place in places)
+
+
 def gain_of(before: NDArray, after: NDArray, unit: float = 1.0, **more: Any) -> Gain:
     """The gain by errors (S, d) without and with the effects, whose sizes are quoted in a unit."""
     figures = {}

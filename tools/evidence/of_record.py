@@ -12,9 +12,9 @@ from ...models.effects import EffectPlace
 from ...models.effects.definition import Effect, EffectParameter
 from ..calibration.targets import NAMES
 from .bench_model import LARGEST_OF_BENCH
-from .evidence import Evidence
-from .fit import Fit, blocks_of, coefficient_count
-from .rows import About
+from .evidence import Evidence, Linear, Model, Reader
+from .fit import Fit, blocks_of, width_of
+from .rows import About, Rows
 
 OF_INSTRUMENT = (
     *("X4", "X5", "X9", "X10", "X14", "X15", "X6+X8", "X7+X12", "X11+X13"),
@@ -85,99 +85,71 @@ def in_record(place: EffectPlace, record: str) -> InRecord:
     return InRecord(place.effect, place.where, place.order, place.axes, place.law, record)
 
 
-@dataclass(frozen=True, eq=False)
-class Mended(Evidence):
+class Mended(Linear):
     """A record with effects that mend it by itself as parameters of its own, linear about the fit with them.
 
-    It tells whether the others stand beside these: an effect that is not linear acts as it does there. `rows` are those
-    about the fit, by parameters and those effects; `free` are columns (M, K) of the fit's others, which it has not.
+    It tells whether the others stand beside these: an effect that is not linear acts as it does there. `free` are
+    columns (M, K) of the fit's others, which it has not.
     """
 
-    before: Evidence
-    rows: About
-    effects: tuple[EffectPlace, ...]
-    free: Mapping[EffectPlace, NDArray[np.float64]]
-
-    @staticmethod
-    def of(before: Evidence, fit: Fit, effects: Sequence[EffectPlace]) -> "Mended":
-        """The record with some effects of a fit to it; the fit's others may act in all records, and are taken out."""
-        widths = [block.stop - block.start for block in fit.blocks]
-        held = np.append(np.full(len(fit.point), True), np.repeat([place in effects for place in fit.places], widths))
-        residual = fit.residual + fit.jacobian[:, ~held] @ fit.at[~held]
-        matrix = fit.jacobian[:, held]
-        more = tuple((f"{fit.title} {k}", "") for k in range(int(held.sum()) - len(fit.point)))
-        rows = About(residual, matrix, fit.allowed, np.zeros_like(matrix))
-        own = fit.jacobian[:, len(fit.point) :]
-        free = {place: own[:, block] for place, block, way in fit.ways if place not in effects and way is None}
-        return Mended((), (*before.names, *more), fit.at[held], before.places, before, rows, tuple(effects), free)
-
-    @property
-    def residual(self) -> NDArray[np.float64]:
-        """Errors (M,) at the fit."""
-        return self.rows.residual
-
-    @property
-    def nominal(self) -> NDArray[np.float64]:
-        """Derivatives (M, P + K) by parameters and coefficients."""
-        return self.rows.jacobian
-
-    @property
-    def bound(self) -> NDArray[np.float64]:
-        """Bounds (M,) with what the sizes there leave open."""
-        return self.rows.bound
-
-    @property
-    def limit(self) -> float:
-        """That of the record."""
-        return self.before.limit
-
-    @property
-    def linear_places(self) -> list[EffectPlace]:
-        """Those of the record that are no parameters here."""
-        return [place for place in self.before.linear_places if place not in self.effects]
+    def __init__(self, rows: Rows, before: Model, free: Mapping[EffectPlace, NDArray[np.float64]]) -> None:
+        super().__init__(rows)
+        self.before, self.free = before, free
+        self.limit, self.curvature = before.limit, before.curvature
 
     def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
         """The rows about parameters and coefficients, linear about the fit."""
-        count = len(self.before.names)
-        at = self.before.about(places, self.point[:count], np.zeros(width_of(places)))
+        rows, count = self.rows, len(self.before.rows.names)
+        at = self.before.about(places, rows.point[:count], np.zeros(width_of(places)))
         for place, block in zip(places, blocks_of(places), strict=True):
             at.jacobian[:, count:][:, block] = self.free.get(place, at.jacobian[:, count:][:, block])
-        matrix, rate = (
-            np.hstack([own, more[:, count:]]) for own, more in ((self.nominal, at.jacobian), (self.rows.rate, at.rate))
-        )
-        step = np.concatenate([point - self.point, coefficients])
-        return About(self.residual - matrix @ step, matrix, self.bound, rate)
-
-    def outlier_at(self, row: int) -> EffectPlace | None:
-        """A reading that is off, as of the record."""
-        return self.before.outlier_at(row)
-
-    def second_order_at(self, radius: float) -> float:
-        """As of the record."""
-        return self.before.second_order_at(radius)
+        matrix = np.hstack([rows.nominal, at.jacobian[:, count:]])
+        rate = np.hstack([np.zeros_like(rows.nominal), at.rate[:, count:]])
+        step = np.concatenate([point - rows.point, coefficients])
+        return About(rows.residual - matrix @ step, matrix, rows.bound, rate)
 
 
-def width_of(places: Sequence[EffectPlace]) -> int:
-    """How many coefficients some effects have."""
-    return sum(coefficient_count(place) for place in places)
+def mended(before: Evidence, fit: Fit, effects: Sequence[EffectPlace]) -> Evidence:
+    """The record with some effects of a fit to it; the fit's others may act in all records, and are taken out."""
+    widths = [block.stop - block.start for block in fit.blocks]
+    held = np.append(np.full(len(fit.point), True), np.repeat([place in effects for place in fit.places], widths))
+    residual = fit.residual + fit.jacobian[:, ~held] @ fit.at[~held]
+    more = tuple((f"{fit.title} {k}", "") for k in range(int(held.sum()) - len(fit.point)))
+    rows = replace(
+        before.rows,
+        names=(*before.rows.names, *more),
+        point=fit.at[held],
+        places=tuple(place for place in before.rows.places if place not in effects),
+        residual=residual,
+        nominal=fit.jacobian[:, held],
+        bound=fit.allowed,
+        least_singular=0.0,
+    )
+    columns = fit.jacobian[:, len(fit.point) :]
+    free = {place: columns[:, block] for place, block, way in fit.ways if place not in effects and way is None}
+    return Evidence.of(Reader(Mended(rows, before.model, free)))
 
 
-def named_alike(members: Mapping[str, Evidence]) -> dict[str, Evidence]:
+def named_alike(records: Mapping[str, Evidence]) -> dict[str, Evidence]:
     """Records of which accelerometers that are carried have a table's names, where one of the records is a table's.
 
     A scale factor has it only where the table's does not depend on the sign, for then alone it is the same.
     """
-    known = dict(pair for member in members.values() for pair in member.names)
+    known: dict[str, str] = {}
+    for record in records.values():
+        known |= dict(record.rows.names)
     signed = {plus for plus, minus in SYMMETRIC_PAIRS if minus in known}
-
-    def named(name: str, unit: str) -> tuple[str, str]:
-        other = AT_A_TABLE.get(name, name)
-        return (other, known[other]) if other in known and other not in signed else (name, unit)
-
-    return {
-        label: replace(member, names=tuple(named(*one) for one in member.names)) if member.names else member
-        for label, member in members.items()
-    }
+    alike = {}
+    for label, record in records.items():
+        names = []
+        for name, unit in record.rows.names:
+            other = AT_A_TABLE.get(name, name)
+            names.append((other, known[other]) if other in known and other not in signed else (name, unit))
+        alike[label] = record
+        if tuple(names) != record.rows.names and record.reader.lengths is not None:
+            model = record.reader.lengths.model_of(rows=replace(record.rows, names=tuple(names)))
+            alike[label] = Evidence(model, replace(record.reader, model=model))
+    return alike
 
 
 def is_of_instrument(name: str, shared: Sequence[str] = (), own: Sequence[str] = ()) -> bool:

@@ -1,10 +1,20 @@
-"""Rows of evidence: errors with their bounds, of pieces of a record, of one component, or about a point."""
+"""Rows of evidence: errors with their bounds, and what parameters and effects do to them to first order."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ...models.effects import EffectPlace
+from ...models.effects.last_stage import place_of
+from .fit import blocks_of, estimated
+
+FOLDS = 8
+"""Blocks in time that are left out in turn."""
+RANK = 1e-12
+"""Directions of so small a part of the sum of squares are not determined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +67,11 @@ class Part:
         """In words."""
         return self.pieces.label
 
+    @property
+    def middles(self) -> NDArray[np.float64]:
+        """The middle row of each piece (S,)."""
+        return 0.5 * (self.pieces.first + self.pieces.last)
+
     def selected(self, index: NDArray) -> "Part":
         """Some of the pieces: mask or numbers."""
         names = ("error", "bound", "nominal", "columns")
@@ -90,3 +105,210 @@ class About:
     jacobian: NDArray[np.float64]
     bound: NDArray[np.float64]
     rate: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Linear rows: residual = nominal · step + columns · coefficients + noise within the bound.
+
+    Attributes
+    ----------
+    names : tuple of (str, str)
+        name and unit of each parameter of the model
+    point : array (P,)
+        their values about which the rows are linear
+    places : tuple of EffectPlace
+        effects that can be tried
+    residual, bound : array (M,)
+        errors at the point, and how large noise can make them
+    nominal : array (M, P)
+        derivatives by the parameters
+    columns_of : callable
+        derivatives (M, K) by the coefficients of some effects
+    parts : tuple of Part
+        pieces of each kind, where the record has such; then residual and columns are over the bounds
+    fold_numbers : array (M,), optional
+        the part of the record with which each row is left out; by default blocks in time of the parts
+    are_readings : bool
+        whether they begin with readings of three accelerometers each, any of which may be off by itself
+    least_singular : float
+        directions of the parameters with a smaller singular value, over the bounds, are not determined
+    """
+
+    names: tuple[tuple[str, str], ...]
+    point: NDArray[np.float64]
+    places: tuple[EffectPlace, ...]
+    residual: NDArray[np.float64]
+    nominal: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    columns_of: Callable[[Sequence[EffectPlace]], NDArray[np.float64]]
+    parts: tuple[Part, ...] = ()
+    fold_numbers: NDArray[np.int_] | None = None
+    are_readings: bool = False
+    least_singular: float = 0.0
+
+    @staticmethod
+    def of(
+        parts: Sequence[Part],
+        names: Sequence[tuple[str, str]] = (),
+        point: Sequence[float] | NDArray[np.float64] = (),
+        places: Sequence[EffectPlace] = (),
+    ) -> "Rows":
+        """The rows of parts, whose columns are in the order of the places, over their bounds."""
+        error, nominal, columns = [np.zeros(0)], [np.zeros((0, len(names)))], []
+        for part in parts:
+            error.append((part.error / part.bound).ravel())
+            nominal.append(rows_over(part.nominal, part.bound))
+            columns.append(rows_over(part.columns, part.bound))
+        residual = np.concatenate(error)
+        signatures = np.concatenate(columns) if columns else np.zeros((0, 0))
+        blocks = dict(zip(places, blocks_of(places), strict=True))
+
+        def columns_of(chosen: Sequence[EffectPlace]) -> NDArray[np.float64]:
+            return signatures[:, numbers_in(blocks, chosen)]
+
+        return Rows(
+            tuple(names),
+            np.asarray(point, dtype=float),
+            tuple(places),
+            residual,
+            np.concatenate(nominal),
+            np.ones(len(residual)),
+            columns_of,
+            tuple(parts),
+        )
+
+    @cached_property
+    def blocks(self) -> dict[EffectPlace, slice]:
+        """The columns of each effect in the parts."""
+        return dict(zip(self.places, blocks_of(self.places), strict=True))
+
+    def numbers_of(self, places: Sequence[EffectPlace]) -> NDArray[np.int_]:
+        """Numbers of the columns of some effects in the parts."""
+        return numbers_in(self.blocks, places)
+
+    @property
+    def linear_places(self) -> list[EffectPlace]:
+        """Effects that are linear in their coefficients."""
+        return [place for place in self.places if place.definition.linear]
+
+    def matrix(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """Columns of the model and of some effects (M, P + k)."""
+        return np.hstack([self.nominal, self.columns_of(places)])
+
+    def estimate(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+        """Steps and coefficients (P + k,) of least squares."""
+        return estimated(self.matrix(places), self.residual)
+
+    def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
+        """Values of the parameters of some effects by a solution (P + k,)."""
+        coefficients = solution[len(self.names) :]
+        values = {}
+        for place, block in zip(places, blocks_of(places), strict=True):
+            values[place] = place.definition.from_coefficients(coefficients[block])
+        return values
+
+    # Rows of parts
+
+    @property
+    def scored(self) -> tuple[int, ...]:
+        """Numbers of the parts that the model is judged by."""
+        return tuple(k for k, part in enumerate(self.parts) if part.scored)
+
+    def with_parts(self, parts: Sequence[Part]) -> "Rows":
+        """The rows of other parts with the same columns."""
+        return Rows.of(parts, self.names, self.point, self.places)
+
+    def select(self, k: int) -> "Rows":
+        """The rows of one scored part, with what is known beside it."""
+        return self.with_parts([part for i, part in enumerate(self.parts) if i == k or not part.scored])
+
+    def with_errors(self, errors: Sequence[NDArray]) -> "Rows":
+        """The rows with other errors (S, d) of each part."""
+        return self.with_parts([replace(part, error=own) for part, own in zip(self.parts, errors, strict=True)])
+
+    def with_bounds(self, bounds: Sequence[NDArray]) -> "Rows":
+        """The rows with other bounds (S, d) of each part."""
+        return self.with_parts([replace(part, bound=own) for part, own in zip(self.parts, bounds, strict=True)])
+
+    def without(self, places: Sequence[EffectPlace]) -> "Rows":
+        """The rows with fewer effects that can be tried."""
+        remaining = tuple(place for place in self.places if place not in places)
+        numbers = self.numbers_of(remaining)
+        parts = [replace(part, columns=part.columns[..., numbers]) for part in self.parts]
+        return Rows.of(parts, self.names, self.point, remaining)
+
+    def with_effect(self, place: EffectPlace, columns: Sequence[NDArray]) -> "Rows":
+        """The rows with one more effect, of such columns (S, d, K) in each part."""
+        parts = []
+        for part, added in zip(self.parts, columns, strict=True):
+            parts.append(replace(part, columns=np.concatenate([part.columns, added], axis=2)))
+        return Rows.of(parts, self.names, self.point, (*self.places, place))
+
+    def shuffled(self, place: EffectPlace, rng: np.random.Generator) -> "Rows":
+        """The rows with the columns of one effect moved to other pieces of the same part."""
+        numbers, parts = self.numbers_of([place]), []
+        for part in self.parts:
+            columns = part.columns.copy()
+            columns[..., numbers] = part.columns[rng.permutation(len(part))][..., numbers]
+            parts.append(replace(part, columns=columns))
+        return self.with_parts(parts)
+
+    def split(self, values: NDArray) -> list[NDArray[np.float64]]:
+        """Rows (M,) in units of their bounds as errors (S, d) of each part, in its unit."""
+        ends = np.cumsum([part.error.size for part in self.parts])[:-1]
+        errors = []
+        for part, own in zip(self.parts, np.split(values, ends), strict=True):
+            errors.append(own.reshape(part.error.shape) * part.bound)
+        return errors
+
+    def folds(self, count: int = FOLDS) -> list[NDArray[np.int_]]:
+        """Blocks in time, each with as many pieces of the shortest scored kind as the others; each piece's (S,)."""
+        main = max((self.parts[k] for k in self.scored), key=len)
+        edges = np.quantile(main.middles, np.linspace(0.0, 1.0, min(count, len(main)) + 1)[1:-1])
+        return [np.searchsorted(edges, part.middles) for part in self.parts]
+
+    @property
+    def fold_of_rows(self) -> NDArray[np.int_]:
+        """The part (M,) of the record that each row is left out with."""
+        return self.of_rows(self.folds()) if self.fold_numbers is None else self.fold_numbers
+
+    def of_rows(self, folds: Sequence[NDArray]) -> NDArray[np.int_]:
+        """The block of each row (M,)."""
+        return np.concatenate([np.repeat(own, p.error.shape[1]) for own, p in zip(folds, self.parts, strict=True)])
+
+    def left_out(self, places: Sequence[EffectPlace], folds: Sequence[NDArray]) -> NDArray[np.float64]:
+        """Errors (M,) in units of their bounds, those of each fold predicted by least squares over the others.
+
+        A piece that reaches into a fold that is left out is left out with it where its middle lies in it.
+        """
+        matrix, errors = self.matrix(places), np.array(self.residual)
+        if not matrix.shape[1]:
+            return errors
+        scale = np.linalg.norm(matrix, axis=0)
+        matrix = matrix / np.where(scale > 0.0, scale, 1.0)
+        of_rows = self.of_rows(folds)
+        outs = [np.flatnonzero(of_rows == number) for number in range(of_rows.max() + 1)]
+        grams = np.array([matrix[out].T @ matrix[out] for out in outs])
+        products = np.array([matrix[out].T @ self.residual[out] for out in outs])
+        for out, gram, product in zip(outs, grams.sum(axis=0) - grams, products.sum(axis=0) - products, strict=True):
+            errors[out] = self.residual[out] - matrix[out] @ np.linalg.lstsq(gram, product, rcond=RANK)[0]
+        return errors
+
+
+def numbers_in(blocks: Mapping[EffectPlace, slice], places: Sequence[EffectPlace]) -> NDArray[np.int_]:
+    """Numbers of the columns of some effects."""
+    numbers = [np.zeros(0, dtype=int)]
+    for place in places:
+        numbers.append(np.arange(blocks[place].start, blocks[place].stop))
+    return np.concatenate(numbers)
+
+
+def reading_at(row: int) -> EffectPlace:
+    """A reading that is off, by its row."""
+    return place_of(row // 3 + 1, row % 3 + 1)
+
+
+def rows_over(columns: NDArray, bound: NDArray) -> NDArray[np.float64]:
+    """Columns (S, d, K) over bounds (S, d), as rows (S d, K)."""
+    return (columns / bound[..., None]).reshape(bound.size, columns.shape[-1])

@@ -17,7 +17,7 @@ from ..bounded.sets import Problem, Work, sets_of_size
 from ..bounded.sweep import Rows, Swept, apart, largest_sizes, open_ranges
 from .cells import Cell
 from .cells_in_motion import Cells, Onsets, Range, TimeConstants, refused
-from .evidence import Evidence
+from .evidence import Linear, limits_of
 from .fit import Fit, coefficient_count
 
 MOST_TRIED = 12
@@ -28,8 +28,8 @@ not all are refused, by the second. Then they are so many times nearer, at least
 Standing = tuple[tuple[float, float], list[tuple[Fit, float]], list[Swept]]
 
 
-class SettingIn(Evidence):
-    """Evidence with effects `starting` that set in or fade; of those that are fitted `set_in` has times [h].
+class SettingIn(Linear):
+    """A model with effects `starting` that set in or fade; of those that are fitted `set_in` has times [h].
 
     `left_open` are stretches of an effect's times that are known to hold all that are possible.
     """
@@ -74,7 +74,7 @@ class SettingIn(Evidence):
 
     def values_of(self, places: Sequence[EffectPlace], solution: NDArray) -> dict[EffectPlace, tuple[float, ...]]:
         """Values of the parameters of some effects by a solution (P + k,); those that set in have their times."""
-        values = super().values_of(places, solution)
+        values = self.rows.values_of(places, solution)
         for place in values:
             if place in self.set_in:
                 values[place] = (*values[place], self.set_in[place])
@@ -100,15 +100,15 @@ class SettingIn(Evidence):
     def _candidates(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
         """Linear effects beside which an effect may set in, in the order of their places."""
         every, standing = self.classes.places, set[int]()
-        columns = [self.columns_of([candidate]) for candidate in every]
+        columns = [self.rows.columns_of([candidate]) for candidate in every]
 
         def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
             """Candidates that no bound refuses in a range, but for those that stand in another one."""
             among = [number for number in among if number not in standing]
             columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
-            nominal = np.hstack([self.nominal, columns_held])[finite]
-            problem = Problem.of(self.residual[finite], nominal, [columns[k][finite] for k in among])
+            nominal = np.hstack([self.rows.nominal, columns_held])[finite]
+            problem = Problem.of(self.rows.residual[finite], nominal, [columns[k][finite] for k in among])
             sets = sets_of_size(problem, 1, self.limit - 1.0 + missed + slack, 0, work)
             return [among[number] for open_set in sets for number in open_set.effects]
 
@@ -164,7 +164,7 @@ class SettingIn(Evidence):
             rows, error = self._rows_of_times(place, linear, numbers)
             far = apart(rows, error)
             if sizes is None:
-                sizes = largest_sizes(rows, self.limit, far, rows.bound[len(self.residual) :])
+                sizes = largest_sizes(rows, self.limit, far, rows.bound[len(self.rows.residual) :])
             growth = float((far @ sizes / rows.bound).max())
             swept = Swept(replace(rows, bound=rows.bound + far @ sizes), self.limit, np.zeros(rows.fixed.shape[1]))
             gap = numbers[1] - numbers[0]
@@ -190,7 +190,7 @@ class SettingIn(Evidence):
         if not fits:
             return (0, 0), [], []
         every = swept
-        swept = Swept(every.rows.chosen(slice(len(self.residual))), self.limit, every.origin, every.radii)
+        swept = Swept(every.rows.chosen(slice(len(self.rows.residual))), self.limit, every.origin, every.radii)
         swept.proven = every.proven
         return (begin, end), fits, [swept]
 
@@ -204,13 +204,13 @@ class SettingIn(Evidence):
         cells = self.cells[place]
         assert isinstance(cells, TimeConstants)
         moving, ways, error = cells.swept(numbers)
-        before, errors_over = self.matrix(linear), self.over_bounds(error)
-        largest = np.abs(self.limits_of([place])).max(axis=0)
+        before, errors_over = self.rows.matrix(linear), self.over_bounds(error)
+        largest = np.abs(limits_of([place])).max(axis=0)
         (count, columns_before), none = before.shape, np.zeros((len(largest), len(largest)))
         fixed = np.zeros((count + len(largest), columns_before + len(largest)))
         fixed[:count, :columns_before], fixed[count:, columns_before:] = before, np.eye(len(largest))
         columns = np.vstack([self.over_bounds(moving), np.zeros((len(largest), ways.shape[1]))])
-        residual, bound = np.append(self.residual, none[0]), np.append(self.bound, largest)
+        residual, bound = np.append(self.rows.residual, none[0]), np.append(self.rows.bound, largest)
         rows = Rows(fixed, columns, ways, columns_before + np.arange(len(largest)), residual, bound)
         return rows, np.vstack([errors_over, none])
 
@@ -220,12 +220,12 @@ class SettingIn(Evidence):
         assert isinstance(cells, Onsets)
         columns, columns_moving, ways = cells.swept(*ends)
         fixed, moving = self.over_bounds(columns), self.over_bounds(columns_moving)
-        matrix, residual = np.hstack([self.matrix(linear), fixed]), self.residual.copy()
+        matrix, residual = np.hstack([self.rows.matrix(linear), fixed]), self.rows.residual.copy()
         numbers_moving = np.arange(matrix.shape[1] - fixed.shape[1], matrix.shape[1])
         # What is not told there says nothing.
         untold = ~np.isfinite(fixed).all(axis=1)
         matrix[untold], moving[untold], residual[untold] = 0.0, 0.0, 0.0
-        rows = Rows(matrix, moving, ways, numbers_moving, residual, self.bound)
+        rows = Rows(matrix, moving, ways, numbers_moving, residual, self.rows.bound)
         return Swept(rows, self.limit, np.zeros(matrix.shape[1]))
 
     def _searched(
@@ -254,14 +254,14 @@ class SettingIn(Evidence):
         if place in self.left_open:
             yield from self.left_open[place]
             return
-        matrix, cells = self.matrix(linear), self.cells[place]
+        matrix, cells = self.rows.matrix(linear), self.cells[place]
 
         def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
             """Nothing where bounds refuse the effect in a range."""
             columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
             columns = np.hstack([matrix, columns_held])[finite]
-            return [] if refused(columns, self.residual[finite], self.limit + missed, work) else among
+            return [] if refused(columns, self.rows.residual[finite], self.limit + missed, work) else among
 
         for begin, end, _ in open_ranges(self._edges(place), [0], standing_in):
             yield begin, end - cells.at_once
@@ -275,7 +275,7 @@ class SettingIn(Evidence):
         """Columns (M, L) that hold an effect in a range of its numbers, and what is missed; kept for the next set."""
         known = self.ranges.get((place, begin, end))
         if known is None:
-            largest = np.abs(self.limits_of([place])).max(axis=0)
+            largest = np.abs(limits_of([place])).max(axis=0)
             known = self.ranges[place, begin, end] = self.cells[place].range(begin, end, self.over_bounds, largest)
         return known
 

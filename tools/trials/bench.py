@@ -18,7 +18,7 @@ from ...models.bench import ELEMENTARY, elementary
 from ..calibration.gyros import Bench as Place
 from ..calibration.model import PRESETS
 from ..diagnosis.cause import NamedEffect
-from ..evidence.bench import Bench as Evidence
+from ..evidence.evidence import Evidence
 from ..evidence.fit import composed
 from ..evidence.observation import OF_GYROS
 from ..evidence.of_record import plain
@@ -165,7 +165,7 @@ class TrialBench:
         What changes within a rest may take a part of it away. What gyros do counts from the record's first row, as the
         run does.
         """
-        circumstances = evidence.readings.circumstances
+        circumstances = evidence.reader.circumstances
         warm = None
         if circumstances.temperature is not None:
             warm = (float(temperature_at(np.zeros(1))[0]), float(circumstances.temperature[0]))

@@ -13,10 +13,10 @@ from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
 from ..evidence.bench import bench_evidence
 from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_columns
-from ..evidence.carried import Carried
 from ..evidence.carried_record import linear_evidence
-from ..evidence.evidence import Evidence
+from ..evidence.carried_run import Carried
 from ..evidence.joint import join
+from ..evidence.rows import Rows
 from ..motion.inspect import inspect_record
 from ..motion.norm import norm_values
 from .bench import (
@@ -117,8 +117,8 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
         for name, record in records.items():
             evidence_by_label[name] = bench_evidence(record, noise_bound=NOISE_BOUND)
         joint = join(evidence_by_label)
-        for _ in range(0 if joint.missing() else TRIES):
-            yield draw_shared_and_own(rng, joint, options.effects)
+        for _ in range(0 if joint.reader.missing() else TRIES):
+            yield draw_shared_and_own(rng, joint.model, options.effects)
     else:
         drawing = Drawing.of(rng, options, clean.instrument)
         if drawing.here.deficient:
@@ -231,24 +231,24 @@ def draw_clean_block(seed: int, index: int, reference: Reference | None = None) 
 
 def _hidden_in_block(clean: Case, options: Options) -> Case:
     """The case with an effect of a size relative to that of sure detection."""
-    block, index, evidence = clean.instrument, clean.index, block_evidence(clean)
+    block, index, model = clean.instrument, clean.index, block_model(clean)
     rng = np.random.default_rng([clean.seed, index or 0, 1])
-    if evidence is None:
+    if model is None:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
     unseen_by_gravity = ()
     if block.reference == "gravity":
         unseen_by_gravity = UNSEEN_BETWEEN_RESTS
     unseen = (*TAKEN_OUT, *unseen_by_gravity)
-    every = (*evidence.places, *evidence.starting)
+    every = (*model.rows.places, *model.starting)
     possible = {place.effect for place in every if not options.effects or place.effect in options.effects}
     names = sorted(possible - set(unseen))
     for redrawn in range(BLOCK_TRIES if names else 0):
         name = names[rng.integers(len(names))]
         places = [place for place in every if place.effect == name]
         place = places[rng.integers(len(places))]
-        at_time = evidence
-        if place in evidence.starting:
-            at_time = evidence.with_onset(place, drawn_time(rng, evidence, place))
+        at_time = model
+        if place in model.starting:
+            at_time = model.with_onset(place, drawn_time(rng, model, place))
         relative = float(rng.uniform(*options.sizes))
         effect = place.definition
         if effect.component == "AttitudeComputer" and not block.instruments.increments:
@@ -260,31 +260,31 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
                 return Case(clean.seed, index, replace(block, jitter=jitter), hidden, redrawn)
             continue
         direction = draw_direction(rng, place)
-        coefficients = relative * size_in_block(at_time, place, direction) * direction
-        values = at_time.values_of([place], np.append(np.zeros(len(at_time.names)), coefficients))[place]
+        coefficients = relative * size_in_block(at_time.rows, place, direction) * direction
+        values = at_time.values_of([place], np.append(np.zeros(len(at_time.rows.names)), coefficients))[place]
         if all(np.isfinite(v) and p.possible(v) for v, p in zip(values, effect.parameters, strict=True)):
             return replace(clean, hidden=(Hidden(place, values, relative),), redrawn=redrawn)
     raise InputError(f"case {index}: a record with {block.reference} for its reference cannot show such an effect")
 
 
-def block_evidence(case: Case) -> Carried | None:
-    """The evidence that a diagnosis makes of the record of a moved block; None where it can make none."""
+def block_model(case: Case) -> Carried | None:
+    """The model of which a diagnosis of the record of a moved block begins; None where it can make none."""
     inspection, reference = inspect_record(case.measured(), gravity=STANDARD_GRAVITY), case.instrument.reference
     if reference == "gravity" and norm_values(inspection.accelerometers) is None:
         return None
     return linear_evidence(inspection, BASELINE[reference])
 
 
-def size_in_block(evidence: Evidence, place: EffectPlace, direction: NDArray) -> float:
+def size_in_block(rows: Rows, place: EffectPlace, direction: NDArray) -> float:
     """The size, along a direction of the coefficients, from which the record surely disproves the model.
 
     Beside what the effect contains: where that does as well, it is what is named.
     """
     contained = []
-    for p in evidence.places:
+    for p in rows.places:
         if p.effect in place.definition.contains and p.where == place.where:
             contained.append(p)
-    return _sure_size(evidence.matrix(contained), evidence.columns_of([place]) @ direction, 1.0)
+    return _sure_size(rows.matrix(contained), rows.columns_of([place]) @ direction, 1.0)
 
 
 def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:
@@ -292,10 +292,10 @@ def _jitter_of(clean: Case, place: EffectPlace, wanted: float) -> float | None:
     furthest = replace(
         clean, instrument=replace(clean.instrument, jitter=FURTHEST_STAMP), hidden=(Hidden(place, (1.0,)),)
     )
-    evidence = block_evidence(furthest)
-    if evidence is None or place not in evidence.places:
+    model = block_model(furthest)
+    if model is None or place not in model.rows.places:
         return None
-    part = wanted * size_in_block(evidence, place, np.ones(1))
+    part = wanted * size_in_block(model.rows, place, np.ones(1))
     if part <= 1.0:
         return part * FURTHEST_STAMP
     return None

@@ -347,7 +347,7 @@ def _beside(rng: np.random.Generator, joint: Joint, place: EffectPlace, other: E
     direction = draw_direction(rng, plain(place))
     same = {*joint.classes.whole_class(place), *joint.classes.whole_class(other)}
     rivals = {rival.title: joint.columns_of([rival]) for rival in joint.classes.places if rival not in same}
-    base = np.hstack([joint.nominal, joint.columns_of([other])])
+    base = np.hstack([joint.rows.nominal, joint.columns_of([other])])
     sizes = sizes_of_change(base, joint.columns_of([place]) @ direction, rivals)
     return hidden_at(place, direction, ABOVE * sizes.excluded, sizes)
 
@@ -357,33 +357,33 @@ def hidden_in(rng: np.random.Generator, bench: TrialBench, clean: PositionRecord
 
     It is linear, at its time where it sets in; by default `ABOVE` times as large as excludes each other one.
     """
-    evidence = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND)
-    classes = evidence.classes
+    model = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND).model
+    classes = model.classes
     hideable = [place for first in classes.places for place in classes.whole_class(first)]
-    hideable += evidence.starting
+    hideable += model.starting
     names = sorted({place.effect for place in hideable if not options.effects or place.effect in options.effects})
     if not names:
         return None
     name = names[rng.integers(len(names))]
     possible = [place for place in hideable if place.effect == name]
     place = possible[rng.integers(len(possible))]
-    in_time = place in evidence.starting
+    in_time = place in model.starting
     if in_time:
-        at_time = evidence.with_onset(place, drawn_time(rng, evidence, place))
+        at_time = model.with_onset(place, drawn_time(rng, model, place))
     else:
-        at_time = evidence
+        at_time = model
     direction = draw_direction(rng, place)
     change = at_time.columns_of([place]) @ direction
     columns = {}
     if options.size is None:
         for rival in classes.places:
             if place not in classes.whole_class(rival):
-                columns[rival.title] = evidence.columns_of([rival])
-        for rival in evidence.starting:
+                columns[rival.title] = model.columns_of([rival])
+        for rival in model.starting:
             # What contains it comes behind it.
             if rival != place and place.effect not in rival.definition.contains:
-                columns[rival.title] = most_alike(evidence, rival, change)
-    sizes = sizes_of_change(evidence.nominal, change, columns)
+                columns[rival.title] = most_alike(model, rival, change)
+    sizes = sizes_of_change(model.rows.nominal, change, columns)
     size = ABOVE * sizes.excluded
     if options.size is not None:
         size = relative_size(rng, sizes, options.size)
@@ -392,7 +392,7 @@ def hidden_in(rng: np.random.Generator, bench: TrialBench, clean: PositionRecord
     values = at_time.values_of([place], np.append(np.zeros(len(at_time.names)), size * direction))[place]
     hidden = Hidden(place, values, float(size), sizes)
     # What acts at rest counts from the first rest on.
-    began = evidence.readings.circumstances.began / 3600.0
+    began = model.rests.readings.circumstances.began / 3600.0
     if in_time and acts_at_rest(place):
         return hidden.since(-began)
     return hidden

@@ -377,12 +377,12 @@ def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:
     return direction
 
 
-def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace) -> int:
+def drawn_time(rng: np.random.Generator, model: SettingIn, place: EffectPlace) -> int:
     """The row, or the number of the time constant, from which on an effect that sets in acts in a record.
 
     At any but near the ends, where it shows in hardly any piece.
     """
-    cells = evidence.cells[place]
+    cells = model.cells[place]
     if place.definition.searched == TIME_CONSTANT:
         low, high = (round(cells.number(part * float(cells.hours[-1]))) for part in SHORT_OF_RECORD)
     else:
@@ -390,12 +390,12 @@ def drawn_time(rng: np.random.Generator, evidence: SettingIn, place: EffectPlace
     return int(rng.integers(low, high))
 
 
-def most_alike(evidence: SettingIn, place: EffectPlace, change: NDArray) -> NDArray[np.float64]:
+def most_alike(model: SettingIn, place: EffectPlace, change: NDArray) -> NDArray[np.float64]:
     """Columns (M, K) of an effect that sets in, at the time at which least squares bring it next to a change (M,)."""
-    cells, candidates = evidence.cells[place], []
+    cells, candidates = model.cells[place], []
     for row in cells.edges:
-        candidates.append(np.nan_to_num(evidence.over_bounds(cells.columns(row)[0])))
-    base = column_space(evidence.nominal)
+        candidates.append(np.nan_to_num(model.over_bounds(cells.columns(row)[0])))
+    base = column_space(model.rows.nominal)
     remainder = change - base @ (base.T @ change)
 
     def told(columns: NDArray) -> float:

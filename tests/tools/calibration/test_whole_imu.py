@@ -20,8 +20,8 @@ from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.carried_run import Carried
 from trihedron.tools.exporting import write_fmpy_input
 from trihedron.tools.measured import bench_at
 from trihedron.tools.orchestrator import read_scenario
@@ -91,7 +91,7 @@ def result(record) -> Calibration:
 
 
 def test_a_diagnosis_of_the_rests_says_that_the_gyros_are_left_out(record):
-    warnings = bench_evidence(position_record_of(record), noise_bound=1e-5).head()["warnings"]
+    warnings = bench_evidence(position_record_of(record), noise_bound=1e-5).reader.head()["warnings"]
     assert sum("the gyros of this bench record are left out" in text for text in warnings) == 1
 
 
@@ -388,8 +388,8 @@ def test_against_inertial_space_the_earth_is_no_error_of_the_gyros(truth):
     for comments in ({}, {"attitude_reference": "inertial"}):
         strapdown = replace(short.gyros, attitude=exact, about=comments)
         evidence = carried_evidence(strapdown, baseline="calibrated", reference_bound=0.01)
-        assert isinstance(evidence, Carried)
-        assert evidence.baseline_radius < evidence.limit
-        within[len(comments)] = evidence.stated_bound
-        assert ("Earth" in evidence.bounds_from) == (not comments)
+        assert isinstance(evidence.model, Carried)
+        assert evidence.model.radius < evidence.model.limit
+        within[len(comments)] = evidence.reader.stated_bound
+        assert ("Earth" in evidence.reader.bounds_from) == (not comments)
     assert within[1] < 0.2 * within[0]

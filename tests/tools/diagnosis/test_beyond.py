@@ -104,7 +104,7 @@ def with_temperature() -> Bench:
 def test_what_the_search_can_prove_a_table_says_with_a_kernel():
     """Of every place and quantity, with its factor; what a sense does is in the catalogue."""
     evidence = with_temperature()
-    pairs = [pair for pair in evidence.pairs() if not pair.told]
+    pairs = [pair for pair in evidence.reader.pairs if not pair.told]
     assert {pair.factor for pair in pairs} >= {"sin alpha", "outer tilt", "tilt", "hours", "temperature", "n1", ""}
     for pair in pairs:
         possible = Possible(evidence, pair)
@@ -112,7 +112,7 @@ def test_what_the_search_can_prove_a_table_says_with_a_kernel():
         kind = "around" if pair.circle else "at"
         table = Table(pair.quantity.replace(" ", "*"), kind, tuple(knots.tolist()), pair.factor)
         place = EffectPlace("lookup", pair.where, law=table.law)
-        own, proven = evidence.columns_of([place]), possible.functions(knots).unknown.columns
+        own, proven = evidence.rows.columns_of([place]), possible.functions(knots).unknown.columns
         # A search takes factors over their largest value.
         scale = np.vdot(own, proven) / np.vdot(own, own)
         assert scale > 0.0
@@ -141,7 +141,7 @@ def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_
     assert found.gain.held_out_rms_after < 1.5 * SIGMA
     # A bound that is a little larger is all that the table lacks, one that is a little smaller is too small.
     wider, narrower = (
-        bench_evidence(record, noise_bound=found.noise_bound_needed * part).mended([found.place], Work())
+        bench_evidence(record, noise_bound=found.noise_bound_needed * part).model.mended([found.place], Work())
         for part in (1.001, 0.999)
     )
     assert len(wider) == 1
@@ -171,7 +171,10 @@ def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_
         assert low <= -1.5e-4 * part <= high
     export_extended(result, tmp_path)
     again = run_of_file(tmp_path / "scenario.toml").position_record()
-    assert np.abs(again.specific_force - record.specific_force).max() <= GRAVITY * NOISE_BOUND * result.evidence.limit
+    assert (
+        np.abs(again.specific_force - record.specific_force).max()
+        <= GRAVITY * NOISE_BOUND * result.evidence.model.limit
+    )
 
 
 def test_without_a_proof_there_is_no_band():
@@ -187,7 +190,7 @@ def test_what_is_in_no_catalogue_extends_the_model_and_is_no_cause():
     found = result.extension
     assert found is not None
     assert (found.where, found.quantity, found.kind) == ("outer-axis", "alpha", "lookup")
-    assert found.radius <= result.evidence.limit
+    assert found.radius <= result.evidence.model.limit
     truth, low, high = told(result.beyond, bump)
     assert (low - 1e-7 <= truth).all()
     assert (truth <= high + 1e-7).all()
@@ -219,7 +222,10 @@ def test_it_is_exported_and_run_gives_the_record_again(tmp_path: Path):
     files = export_extended(result, tmp_path)
     assert {file.suffix for file in files} >= {".fmu", ".ssv", ".toml"}
     again = run_of_file(tmp_path / "scenario.toml").position_record()
-    assert np.abs(again.specific_force - record.specific_force).max() <= GRAVITY * NOISE_BOUND * result.evidence.limit
+    assert (
+        np.abs(again.specific_force - record.specific_force).max()
+        <= GRAVITY * NOISE_BOUND * result.evidence.model.limit
+    )
 
 
 @pytest.mark.acceptance
@@ -261,6 +267,6 @@ def test_a_function_of_a_sense_has_no_formula():
     """Its two values are in no order, and no formula is made of them; hysteresis of the catalogue is one."""
     case = draw_alone(1, effects=["hysteresis"])
     evidence = bench_evidence(case.measured(), noise_bound=NOISE_BOUND)
-    pair = next(p for p in evidence.pairs() if p.told and p.where == case.places[0].where)
-    beyond = Beyond(evidence, pair, next(iter(pair.ladders()))[0], (evidence.refit(case.places),))
+    pair = next(p for p in evidence.reader.pairs if p.told and p.where == case.places[0].where)
+    beyond = Beyond(evidence, pair, next(iter(pair.ladders()))[0], (evidence.model.refit(case.places),))
     assert [law.fit.places for law in beyond.laws] == [tuple(case.places)]

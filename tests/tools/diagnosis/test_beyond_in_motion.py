@@ -1,5 +1,6 @@
 """What is in no catalogue, of a block that is carried: band, laws, extension and power say what is true."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -15,8 +16,8 @@ from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
-from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.carried_run import Carried
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.evidence.power import PIECES
 from trihedron.tools.evidence.references import Gravity, turned
@@ -64,14 +65,14 @@ def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
     attitude = table.select("q0", "q1", "q2", "q3").to_numpy()
     force = table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:] / G
     evidence = result.evidence
-    assert isinstance(evidence.reference, Gravity)
+    assert isinstance(evidence.model.reference, Gravity)
     means = np.array(
-        [force[max(rows.start - 1, 0) : rows.stop - 1].mean(axis=0) for rows in evidence.reference.rests.rows]
+        [force[max(rows.start - 1, 0) : rows.stop - 1].mean(axis=0) for rows in evidence.model.reference.rests.rows]
     )
     up = means / np.linalg.norm(means, axis=1)[:, None]
-    for number, moves in enumerate(evidence.reference.scored):
-        error = evidence.reference.errors(number, turned(moves, attitude), up, up)
-        bound = evidence.parts[evidence.scored[number]].bound
+    for number, moves in enumerate(evidence.model.reference.scored):
+        error = evidence.model.reference.errors(number, turned(moves, attitude), up, up)
+        bound = evidence.rows.parts[evidence.rows.scored[number]].bound
         assert np.abs(error / bound).max() <= 1.05
     assert found.knots is not None
     # What is stated is the hump, but for the biases that the model has.
@@ -84,10 +85,10 @@ def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
 def test_bounds_as_much_larger_as_is_said_would_do():
     _, result = of_hump()
     evidence = result.evidence
-    assert result.noise_bound_needed == pytest.approx(evidence.baseline_radius * result.noise_bound_arcmin)
+    assert result.noise_bound_needed == pytest.approx(evidence.model.radius * result.noise_bound_arcmin)
     for part, stands in ((1.001, True), (0.999, False)):
-        larger = evidence.with_bounds([p.bound * part * evidence.baseline_radius for p in evidence.parts])
-        assert (larger.baseline_radius <= evidence.limit) == stands
+        rows = evidence.rows.with_bounds([p.bound * part * evidence.model.radius for p in evidence.rows.parts])
+        assert (replace(evidence.model, rows=rows).radius <= evidence.model.limit) == stands
 
 
 @pytest.mark.acceptance
@@ -97,7 +98,7 @@ def test_a_law_that_comes_later_has_the_columns_of_one_that_was_run(law):
     case, result = of_hump()
     place = Formula.of(law).place
     run = carried_evidence(read_record(case.path, StrapdownRecord), further=[place])
-    assert isinstance(run, Carried)
+    assert isinstance(run.model, Carried)
     later = result.evidence.including([place])
     assert later.columns_of([place]) == pytest.approx(run.columns_of([place]), rel=1e-9, abs=1e-9)
     assert later.including([place]) is later
@@ -115,9 +116,9 @@ def test_the_power_is_what_can_hide():
     _, result = of_hump()
     assert result.power is not None
     evidence, rng = result.evidence, np.random.default_rng(3)
-    pairs = {(pair.where, pair.quantity, pair.factor): pair for pair in evidence.pairs()}
+    pairs = {(pair.where, pair.quantity, pair.factor): pair for pair in evidence.reader.pairs}
     sizes = {(one["place"], one["quantity"], one.get("factor", "")): one["size"] for one in result.power}
-    nominal, form = evidence.nominal, Form("pieces", PIECES)
+    nominal, form = evidence.rows.nominal, Form("pieces", PIECES)
     for key in (("gyro-1", "w1", ""), ("gyro-3", "hours", "")):
         pair, size = pairs[key], sizes[key]
         assert size is not None

@@ -68,9 +68,9 @@ def test_that_functions_were_compared_roughly_or_not_at_all_is_said(size, says):
     """The linear model by which they are compared is wrong by the square of the misfit: a bound, or a third of one."""
     evidence = evidence_of(record_with([6, 41], {"f2": lambda v: size * v.n[:, 1] ** 2}))
     low, high = {None: (0.0, 0.3), ROUGHLY: (0.3, 1.0), NOT_COMPARED: (1.0, np.inf)}[says]
-    assert low < evidence.second_order < high
-    fit = evidence.refit([EffectPlace("quadratic", "accelerometer-2")])
-    assert fit.radius <= evidence.limit
+    assert low < evidence.model.second_order < high
+    fit = evidence.model.refit([EffectPlace("quadratic", "accelerometer-2")])
+    assert fit.radius <= evidence.model.limit
     unlisted = Unlisted.of(dependence(evidence), Listed(evidence), fit)
     assert [text for text in unlisted.caution if text in (ROUGHLY, NOT_COMPARED)] == ([] if says is None else [says])
     # What stands only by a linear model that may be wrong is no rival.
@@ -81,14 +81,14 @@ def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path):
     """Each bound is what weighted least squares leaves with the form beside the model; no programme leaves less."""
     case = outside_case(tmp_path, 3, SMOOTH[0])
     evidence = evidence_of(read_record(tmp_path / case.file))
-    forms = Search(evidence, evidence.pairs(), Work())
+    forms = Search(evidence, evidence.reader.pairs, Work())
     assert forms.weights.sum() == pytest.approx(1.0)
     root = np.sqrt(forms.weights)
     for pair in forms.pairs[::7]:
         blocks = pair.columns_of(list(pair.single()))
         assert len({block.shape[1] for block in blocks}) > pair.circle
         for k, (block, bound) in enumerate(zip(blocks, forms.bounds(blocks), strict=True)):
-            matrix = np.hstack((forms.problem.nominal, block / evidence.bound[:, None]))
+            matrix = np.hstack((forms.problem.nominal, block / evidence.rows.bound[:, None]))
             weighted = root[:, None] * matrix / np.linalg.norm(root[:, None] * matrix, axis=0)
             residual = root * forms.problem.residual
             remaining = residual - weighted @ np.linalg.lstsq(weighted, residual)[0]
@@ -112,7 +112,7 @@ def test_noise_beyond_its_bound_and_faults_at_two_places_prove_no_single_place()
 @pytest.mark.parametrize("count", [36, 100])
 def test_quantities_are_the_same_where_one_is_a_function_of_the_other(count):
     """n3 = cos α, and a temperature that rises and falls is a function of time though time is none of it."""
-    pairs = evidence_of(record_with([13, count], {}, count, temperature=rising_and_falling)).pairs()
+    pairs = evidence_of(record_with([13, count], {}, count, temperature=rising_and_falling)).reader.pairs
     of = {pair.quantity: pair for pair in pairs if pair.where == "accelerometer-1" and not pair.factor}
     for first, second, same in (
         *(("n3", "alpha", True), ("temperature", "hours", True), ("n3", "beta", False), ("n1", "n3", False)),
@@ -148,9 +148,9 @@ def test_a_wander_of_the_catalogue_is_a_function_of_time_by_its_law():
         return 1.2e-4 * np.exp(-2.0 * ((visits.temperature - 21.1) / 3.0) ** 2)
 
     evidence = evidence_of(record_with([13, 0], {"f1": wandering}, temperature=rising_and_falling))
-    listed, (wander,) = Listed(evidence), search(evidence).fits
+    listed, (wander,) = Listed(evidence), search(evidence.model).fits
     assert wander.places[0].effect == "bias-wander"
-    names = {pair.name for pair in evidence.pairs() if listed.is_of(wander, pair)}
+    names = {pair.name for pair in evidence.reader.pairs if listed.is_of(wander, pair)}
     assert "hours" in names
     assert not names & {"n1", "n2", "n3", "alpha", "beta"}
 
@@ -159,7 +159,7 @@ def test_a_wander_of_the_catalogue_is_a_function_of_time_by_its_law():
 def test_sets_of_several_effects_that_are_less_simple_are_no_rivals_of_one_function():
     evidence = evidence_of(record_with([14, 3], {"f1": lambda v: 1.5e-4 * np.tanh(v.n[:, 0] / 0.35)}))
     result: Any = dependence(evidence)
-    listed, sets = Listed(evidence), search(evidence).fits
+    listed, sets = Listed(evidence), search(evidence.model).fits
     complexities = []
     for fit in sets:
         if not any(listed.is_of(fit, function.pair) for function in result.standing):
@@ -235,7 +235,7 @@ def test_a_rival_is_a_table_of_knots_with_which_the_exact_model_stands():
     result: Any = dependence(evidence)
     unlisted = Unlisted(result.standing[:1], None, None)
     (fit,) = unlisted.fits(evidence)
-    assert fit.radius <= evidence.limit
+    assert fit.radius <= evidence.model.limit
     assert (fit.places[0].effect, fit.places[0].where) == ("lookup", "accelerometer-1")
     assert unlisted.caution == (
         "as simple, and in no catalogue: a function of the input of accelerometer 2 at accelerometer 1 would do",

@@ -13,8 +13,8 @@ from trihedron.tools.diagnosis.band import Possible
 from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Dependence, Standing, dependence
 from trihedron.tools.diagnosis.rivals import Listed, Unlisted
-from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.carried_run import Carried
 from trihedron.tools.evidence.dependences import pairs_of_accelerometers
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.evidence.references import Gravity
@@ -45,7 +45,7 @@ def between_rests(add=None, forces=None) -> StrapdownRecord:
 
 def found_in(record: StrapdownRecord) -> Dependence:
     evidence = carried_evidence(record)
-    assert isinstance(evidence, Carried)
+    assert isinstance(evidence.model, Carried)
     found = dependence(evidence)
     assert found is not None
     return found
@@ -99,13 +99,13 @@ def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
         return 4.0 * (growing / np.abs(growing).max()) ** 2
 
     evidence = carried_evidence(filmed(at_gyro(2, square)))
-    assert isinstance(evidence, Carried)
-    (pair,) = (p for p in evidence.pairs() if (p.where, p.quantity, p.factor) == ("gyro-2", "dw2", ""))
+    assert isinstance(evidence.model, Carried)
+    (pair,) = (p for p in evidence.reader.pairs if (p.where, p.quantity, p.factor) == ("gyro-2", "dw2", ""))
     beyond = Beyond(evidence, pair, Form("pieces", 2))
     assert [law.words for law in beyond.laws] == ["c dw2²"]
     table = pair.table("dw2 at -2.0 0.5 3.0")
     own, on_nodes = (
-        evidence.including([table]).columns_of([table]),
+        evidence.including([table]).rows.columns_of([table]),
         pair.spread(Table.of(table.law).columns(pair.values)),
     )
     # It bends between two nodes.
@@ -115,16 +115,16 @@ def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
 def test_functions_that_bend_between_nodes_differ_from_straight_ones_by_what_is_said():
     """Rows of the exact table, with knots that are no nodes: as far from the straight ones as is said, at most."""
     evidence, rng = carried_evidence(filmed()), np.random.default_rng(5)
-    assert isinstance(evidence, Carried)
+    assert isinstance(evidence.model, Carried)
     for quantity in ("w2", "hours"):
-        (pair,) = (p for p in evidence.pairs() if (p.where, p.quantity, p.factor) == ("gyro-2", quantity, ""))
+        (pair,) = (p for p in evidence.reader.pairs if (p.where, p.quantity, p.factor) == ("gyro-2", quantity, ""))
         possible = Possible(evidence, pair)
         assert pair.missed is not None
         low, high = pair.values[[0, -1]]
         knots = np.concatenate([[low], np.sort(rng.uniform(low, high, 12)), [high]])
         table = Table(quantity, "at", tuple(knots.tolist()))
         place, values = pair.table(table.law), rng.normal(size=14)
-        exact = evidence.including([place]).columns_of([place]) @ values
+        exact = evidence.including([place]).rows.columns_of([place]) @ values
         told = np.interp(possible.knots, knots, values)
         straight = pair.spread(possible.hats(possible.knots) @ told)
         bends = float(np.abs(np.diff(np.diff(values) / np.diff(knots))).sum())
@@ -169,18 +169,20 @@ def test_an_accelerometer_that_bends_is_not_put_down_to_a_gyro():
 def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_of):
     """A linear function of a rate is a scale factor or a misalignment, one of time a drift: exactly, by two ways."""
     evidence = carried_evidence(record_of(at_gyro(1, swing)))
-    assert isinstance(evidence, Carried)
-    pairs = {(pair.where, pair.name): pair for pair in evidence.pairs()}
-    hours = evidence.columns_of([EffectPlace("gyro-bias-drift", "gyro-block")])
-    drift = evidence.columns_of([EffectPlace("gyro-scale-drift", "gyro-block")])
+    assert isinstance(evidence.model, Carried)
+    pairs = {(pair.where, pair.name): pair for pair in evidence.reader.pairs}
+    hours = evidence.rows.columns_of([EffectPlace("gyro-bias-drift", "gyro-block")])
+    drift = evidence.rows.columns_of([EffectPlace("gyro-scale-drift", "gyro-block")])
     for p in (1, 2, 3):
         for column, name in ((hours, "hours"), (drift, f"w{p} times hours")):
             pair = pairs[f"gyro-{p}", name]
             mine = pair.spread(pair.values[:, None])[:, 0]
             assert np.abs(mine - column[:, p - 1]).max() <= 1e-6 * np.abs(column[:, p - 1]).max()
-    if isinstance(evidence.reference, Gravity):
-        own = pairs_of_accelerometers(evidence, evidence.reference, evidence.point[:9], evidence.attitude)
-        cubic = evidence.columns_of([EffectPlace("cubic", "accelerometer-2")])[:, 0]
+    if isinstance(evidence.model.reference, Gravity):
+        own = pairs_of_accelerometers(
+            evidence.rows.parts, evidence.model.reference, evidence.rows.point[:9], evidence.model.attitude
+        )
+        cubic = evidence.rows.columns_of([EffectPlace("cubic", "accelerometer-2")])[:, 0]
         pair = next(pair for pair in own if (pair.where, pair.quantity) == ("accelerometer-2", "n2"))
         assert np.abs(pair.spread(pair.values[:, None] ** 3)[:, 0] - cubic).max() <= 1e-9 * np.abs(cubic).max()
 
@@ -188,8 +190,8 @@ def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_
 def test_large_errors_prove_nothing():
     """Where the linear model errs by more than a bound nothing is said."""
     evidence = carried_evidence(filmed(lambda time, rate: 60.0 * at_gyro(2, bump)(time, rate)))
-    assert isinstance(evidence, Carried)
-    assert evidence.second_order > 1.0
+    assert isinstance(evidence.model, Carried)
+    assert evidence.model.second_order > 1.0
     assert dependence(evidence) is None
 
 
@@ -269,12 +271,12 @@ def test_what_is_proven_is_no_rival_of_itself():
 @pytest.mark.parametrize(("effect", "elsewhere"), [("gyro-rate-squared", False), ("gyro-g-sensitivity", True)])
 def test_what_is_proven_is_beside_a_set_that_acts_otherwise_and_beside_no_other(effect: str, elsewhere: bool):
     evidence = carried_evidence(filmed(at_gyro(2, lambda time, rate: rate[:, 1] ** 2)))
-    assert isinstance(evidence, Carried)
-    (pair,) = (p for p in evidence.pairs() if (p.where, p.quantity, p.factor) == ("gyro-2", "w2", ""))
+    assert isinstance(evidence.model, Carried)
+    (pair,) = (p for p in evidence.reader.pairs if (p.where, p.quantity, p.factor) == ("gyro-2", "w2", ""))
     # Of the same quantity, and of another form than the effect has: what is the same is no rival of itself.
     forms = [Standing(pair, Form("pieces", 2), 2, 0.9), Standing(pair, Form("jump", at=0.4), 2, 0.9)]
     own = EffectPlace(effect, "gyro-block")
-    beside = Unlisted.of(Dependence(tuple(forms), (), ("gyro-2",), 3.0), Listed(evidence), evidence.refit([own]))
+    beside = Unlisted.of(Dependence(tuple(forms), (), ("gyro-2",), 3.0), Listed(evidence), evidence.model.refit([own]))
     assert beside.rivals == (tuple(forms[:1]) if elsewhere else ())
     assert [text for text in beside.caution if "catalogue" in text] == []
     assert any("what is proven" in text for text in beside.caution) == elsewhere

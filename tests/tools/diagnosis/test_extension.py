@@ -25,8 +25,8 @@ from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_predictions import undecided
 from trihedron.tools.evidence.bench_scenario import HALF_REST
-from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.carried_run import Carried
 from trihedron.tools.evidence.references import Gravity, turned
 from trihedron.tools.orchestrator import read_scenario
 from trihedron.tools.trials import NOISE_BOUND
@@ -47,15 +47,15 @@ DRAWN = [
 
 def found(evidence, place: EffectPlace) -> Diagnosis:
     """The diagnosis that names an effect, without the search for it."""
-    (fit,) = evidence.mended([place], Work())
+    (fit,) = evidence.model.mended([place], Work())
     assert fit is not None
     fit = centred(evidence, fit)
-    finding, calibration = Finding(causes_of(evidence, fit), fit), evidence.calibration_of(fit)
-    keys = {**evidence.head(), **evidence.of_model(fit, calibration, ())}
+    finding, calibration = Finding(causes_of(evidence, fit), fit), evidence.reader.calibration_of(fit)
+    keys = {**evidence.reader.head(), **evidence.reader.of_model(fit, calibration, ())}
     return Diagnosis(
         **keys,
         verdict="explained",
-        calibration=evidence.calibration_of(),
+        calibration=evidence.reader.calibration_of(),
         explanations=(Explanation.of(finding, calibration),),
         causes=finding.causes,
         findings=(finding,),
@@ -87,7 +87,7 @@ def test_the_exported_scenario_gives_the_record_again(place, values, tmp_path):
     again = run.position_record()
     assert len(again) == len(record)
     # Noise at a step of quantisation: no simulation tells to which side a reading was rounded.
-    told = ~undecided(result.evidence.readings, result.findings[0].fit)
+    told = ~undecided(result.evidence.model.readings, result.findings[0].fit)
     assert told.mean() > 0.75
     assert beyond_noise(record, again)[told].max() <= 1.0
     assert np.abs(again.alpha - record.alpha).max() < 1e-9
@@ -190,8 +190,8 @@ def test_a_strapdown_record_is_carried_again(tmp_path):
     matrix = 2e-3 * np.array([[1.0, 0.2, -0.5], [0.3, -2.0, 0.4], [0.0, 0.3, 1.5]])
     record = strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3]), sensitivity=matrix)
     evidence = carried_evidence(record)
-    assert isinstance(evidence, Carried)
-    assert isinstance(evidence.reference, Gravity)
+    assert isinstance(evidence.model, Carried)
+    assert isinstance(evidence.model.reference, Gravity)
     result = found(evidence, place)
     runs = {}
     for flavour in ("native", "python"):
@@ -201,12 +201,12 @@ def test_a_strapdown_record_is_carried_again(tmp_path):
     assert table.equals(runs["python"])
     attitude = table.select("q0", "q1", "q2", "q3").to_numpy()
     force = table.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:] / G
-    rests = evidence.reference.rests
+    rests = evidence.model.reference.rests
     means = np.array([force[max(rows.start - 1, 0) : rows.stop - 1].mean(axis=0) for rows in rests.rows])
     up = means / np.linalg.norm(means, axis=1)[:, None]
-    for number, moves in enumerate(evidence.reference.scored):
-        error = evidence.reference.errors(number, turned(moves, attitude), up, up)
-        assert np.abs(error / evidence.parts[evidence.scored[number]].bound).max() <= 1.0
+    for number, moves in enumerate(evidence.model.reference.scored):
+        error = evidence.model.reference.errors(number, turned(moves, attitude), up, up)
+        assert np.abs(error / evidence.rows.parts[evidence.rows.scored[number]].bound).max() <= 1.0
     starts = starts_of(tmp_path / "native" / "GyroCompensation.fmu")
     stated = {p["name"]: p["estimate"] for p in result.stated.to_json()["parameters"]}
     assert [starts[f"bias[{i}]"] for i in (1, 2, 3)] == [stated[f"gyro bias_{i}"] for i in (1, 2, 3)]

@@ -42,7 +42,7 @@ def test_a_true_formula_stands_and_a_false_one_is_refuted(text):
     places = places_of([text, formula.false], at_table=True, with_gyros=False)
     right, wrong = (answered(evidence, place, rerun=False) for place in places)
     assert right.answer == "stands"
-    assert right.radius <= evidence.limit < right.radius_before
+    assert right.radius <= evidence.model.limit < right.radius_before
     # The formula counts from the encoder's zero, which nobody knows: a thousandth of the size here.
     for parameter, size in zip(right.parameters, formula.sizes, strict=True):
         assert within(parameter, size, 3e-3 * abs(size))
@@ -107,7 +107,7 @@ def test_an_angle_reaches_the_block_of_what_is_exported(tmp_path):
     assert answer.gain is not None
     assert answer.gain.held_out_rms_after < SIGMA < answer.gain.held_out_rms_before
     sizes = {cause.place: (cause.values, cause.intervals) for cause in answer.finding.causes}
-    evidence.extension(answer.finding.fit, sizes).write(tmp_path / "out", "a formula", "python")
+    evidence.reader.rerun.extension(answer.finding.fit, sizes).write(tmp_path / "out", "a formula", "python")
     assert worst_miss(tmp_path / "out", record) <= SIGMA
 
 

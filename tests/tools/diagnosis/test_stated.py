@@ -31,9 +31,9 @@ def exact_misfit(result: Any) -> float:
             size, phase = values[::2], values[1::2]
             values = np.stack((size * np.cos(phase), size * np.sin(phase)), axis=1).ravel()
         coefficients.append(values)
-    model = Cast(finding.places).model(evidence.readings, point, np.concatenate(coefficients))
+    model = Cast(finding.places).model(evidence.model.readings, point, np.concatenate(coefficients))
     assert model is not None
-    return float(np.abs((evidence.readings.reading.ravel() - model.reading) / model.bound).max())
+    return float(np.abs((evidence.model.readings.reading.ravel() - model.reading) / model.bound).max())
 
 
 @pytest.mark.acceptance
@@ -45,7 +45,7 @@ def exact_misfit(result: Any) -> float:
 def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
     """Least squares is not one: some reading is beyond its bound there."""
     record = hidden_record(4, place, values)
-    fit = bench_evidence(record, noise_bound=NOISE_BOUND).refit([place])
+    fit = bench_evidence(record, noise_bound=NOISE_BOUND).model.refit([place])
     rng = np.random.default_rng(0)
     errors = rng.choice([-1.0, 1.0], size=(len(record), 3)) if at_bound else rng.uniform(-1.0, 1.0, (len(record), 3))
     exact = (record.specific_force / 9.80665).ravel() - fit.residual
@@ -61,7 +61,7 @@ def test_sizes_and_targets_are_one_possible_point(place, values, at_bound):
 def test_a_size_that_rounding_put_beyond_its_end_is_stated_at_the_end():
     place = EffectPlace("quadratic", "accelerometer-2")
     evidence = bench_evidence(hidden_record(3, place, (2e-3,)), noise_bound=NOISE_BOUND)
-    fit = centred(evidence, evidence.refit([place]))
+    fit = centred(evidence, evidence.model.refit([place]))
     ((low, high),) = causes_of(evidence, fit)[0].intervals
     assert low < fit.stated[0] < high
     for value, end in ((high * (1.0 + 1e-12), high), (low * (1.0 - 1e-12), low)):
@@ -73,6 +73,6 @@ def test_a_strapdown_baseline_is_possible_as_it_is_stated():
     result: Any = diagnose(strapdown_record(seed=3, gyro_bias=np.array([2e-3, -1e-3, 1.5e-3])))
     assert result.verdict == "consistent"
     evidence = result.evidence
-    step = np.array([p.estimate for p in result.stated.parameters]) - evidence.point
-    assert np.abs(evidence.residual - evidence.nominal @ step).max() <= 1.0 + 1e-6
+    step = np.array([p.estimate for p in result.stated.parameters]) - evidence.rows.point
+    assert np.abs(evidence.rows.residual - evidence.rows.nominal @ step).max() <= 1.0 + 1e-6
     assert all(p.low <= p.estimate <= p.high for p in result.stated.parameters if p.low is not None)

@@ -41,7 +41,7 @@ def judged(seed: int, place: EffectPlace | None = None, rows: int | None = None)
     case = draw_alone(seed, effects=["quadratic", "encoder-harmonic", "cross-product"] if place is None else [])
     record = case.measured()
     evidence = bench_evidence(record if rows is None else record.selected(np.arange(rows)), noise_bound=NOISE_BOUND)
-    return judgement_of(evidence, evidence.refit(case.places if place is None else [place]))
+    return judgement_of(evidence, evidence.model.refit(case.places if place is None else [place]))
 
 
 def test_a_true_effect_improves_what_was_left_out_and_shuffles_do_not():
@@ -59,7 +59,7 @@ def test_shuffles_are_made_only_where_they_are_asked_for(monkeypatch: pytest.Mon
     evidence = bench_evidence(case.measured(), noise_bound=NOISE_BOUND)
     shuffled = bench_left_out._shuffled
     monkeypatch.setattr(bench_left_out, "_shuffled", lambda *args: (made.append(one) or one for one in shuffled(*args)))
-    trial = next(iter(evidence.trials(evidence.refit(case.places))))
+    trial = next(iter(evidence.reader.trials(evidence.model.refit(case.places))))
     assert trial.folds is not None
     assert made == []
     assert len(list(trial.shuffled)) == len(made) == bench_left_out.SHUFFLES
@@ -79,7 +79,7 @@ def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to()
     quadratic, cubic = EffectPlace("quadratic", "accelerometer-1"), EffectPlace("cubic", "accelerometer-2")
     record = hidden_record(511, quadratic, (2e-4,))
     evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
-    witness: Any = judgement_of(evidence, evidence.refit([quadratic, cubic]))
+    witness: Any = judgement_of(evidence, evidence.model.refit([quadratic, cubic]))
     there, none = witness.each
     assert (there.place, none.place) == (quadratic, cubic)
     assert there.objections == ()
@@ -94,12 +94,12 @@ def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_w
     record = hidden_record(512, place, (2e-4,))
     rng = np.random.default_rng(512)
     here = bench_evidence(record, noise_bound=NOISE_BOUND)
-    exact = 9.80665 * (here.readings.reading.ravel() - here.refit([place]).left).reshape(-1, 3)
+    exact = 9.80665 * (here.model.readings.reading.ravel() - here.model.refit([place]).left).reshape(-1, 3)
     noise = 9.80665 * NOISE_BOUND * rng.choice([-1.0, 1.0], exact.shape)
 
     def largest(force) -> Any:
         evidence = bench_evidence(replace(record, specific_force=force), noise_bound=NOISE_BOUND)
-        return Witness.of(next(evidence.trials(evidence.refit([place])))).largest
+        return Witness.of(next(evidence.reader.trials(evidence.model.refit([place])))).largest
 
     assert not largest(exact + noise).objects
     off = exact + noise
@@ -116,9 +116,11 @@ def test_the_extended_model_runs_at_one_possible_point(tmp_path: Path, kind: str
     assert isinstance(record, PositionRecord)
     evidence = bench_evidence(record, noise_bound=SIGMA)
     ((name, where),) = fresh.hidden
-    fit = evidence.mended([EffectPlace(name, where)], Work())[0]
+    fit = evidence.model.mended([EffectPlace(name, where)], Work())[0]
     rows = np.arange(1, len(record))
-    left = evidence.readings.reading[rows] - simulate_rows(evidence.readings, fit, rows, evidence.calibration.gravity)
+    left = evidence.model.readings.reading[rows] - simulate_rows(
+        evidence.model.readings, fit, rows, evidence.model.calibration.gravity
+    )
     assert np.abs(left / fit.allowed.reshape(-1, 3)[rows]).max() < 1.01
 
 
@@ -179,10 +181,10 @@ def coarse():
 
 def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
     """In 96 directions of amplitude and phase, by another solver, with all that rounding adds to the bounds."""
-    fit, room = coarse.baseline, 1.5e-6 + 2e-15
-    assert coarse.room(fit) == pytest.approx(room, rel=1e-9)
+    fit, room = coarse.model.baseline, 1.5e-6 + 2e-15
+    assert coarse.model.room == pytest.approx(room, rel=1e-9)
     above = {(e["effect"], e["where"], e.get("order")): e["above"] for e in excluded_sizes(coarse, fit)}
-    for place, columns in coarse.beside(fit):
+    for place, columns in coarse.model.beside(fit):
         if place not in (ENCODER, CUBIC, ODD):
             continue
         directions = (
@@ -203,8 +205,8 @@ def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
 def test_what_the_readings_do_not_tell_of_gravity_widens_an_interval_by_no_more():
     """Inputs are told up to the factor 1 − Δg/g: at its largest the ends are the true coefficients."""
     bench = bench_evidence(draw_alone(31, effects=[]).measured(), noise_bound=NOISE_BOUND)
-    error = bench.bounds[1]
-    low, high = bench.told(CUBIC, [(2e-4, 3e-4)])[0]
+    error = bench.model.bounds[1]
+    low, high = bench.reader.told(CUBIC, [(2e-4, 3e-4)])[0]
     assert low == pytest.approx(2e-4 / (1.0 + error) ** 3, rel=1e-12)
     assert high == pytest.approx(3e-4 / (1.0 - error) ** 3, rel=1e-12)
 
@@ -219,16 +221,18 @@ def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
     reading = simulated(bench, alpha, beta, noise=noise).specific_force / GRAVITY
     reading[:, axis] = np.clip(reading[:, axis], -0.6, 0.6)
     made = bench_evidence(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND)
-    assert np.abs(made.search.centre.point).max() < 0.02
+    assert np.abs(made.model.search.centre.point).max() < 0.02
 
 
 def test_positions_that_separate_put_candidates_further_apart_than_both_bounds():
     """A reading may be within σ of two predictions that are less than 2 σ apart, rounded as it is written."""
     evidence = bench_evidence(hidden_record(5, CUBIC, (1e-4,)), noise_bound=NOISE_BOUND)
-    fits = [evidence.refit([place]) for place in (CUBIC, ODD)]
-    readings, room = evidence.readings, 3e-7
+    fits = [evidence.model.refit([place]) for place in (CUBIC, ODD)]
+    readings, room = evidence.model.readings, 3e-7
     with mock.patch.object(bench_predictions, "decide", wraps=bench_predictions.decide) as asked:
-        found = bench_predictions.separating_positions(readings, evidence.search.centre.point, fits, (3e-3, 1e-2), room)
+        found = bench_predictions.separating_positions(
+            readings, evidence.model.search.centre.point, fits, (3e-3, 1e-2), room
+        )
     assert found
     assert [call.args[-1] for call in asked.call_args_list] == [pytest.approx(2.0 * (NOISE_BOUND + room))]
 
@@ -237,7 +241,7 @@ def test_from_where_a_sag_counts_is_within_what_the_bounds_grow_by():
     """The sine of the outer angle from the encoder's zero or from the vertical: the record does not tell."""
     place, part = EffectPlace("sag", "inner-axis"), np.array([3e-3, 4e-3])
     evidence = bench_evidence(hidden_record(4), noise_bound=NOISE_BOUND)
-    readings, point = evidence.readings, evidence.search.centre.point
+    readings, point = evidence.model.readings, evidence.model.search.centre.point
     model, without = Cast((place,)).model(readings, point, part), Cast(()).model(readings, point, np.zeros(0))
     assert model is not None
     assert without is not None

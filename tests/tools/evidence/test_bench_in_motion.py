@@ -27,6 +27,7 @@ from trihedron.tools.evidence.bench_again import simulated_turns
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.observation import Travel, approached
 from trihedron.tools.evidence.pairs import Form
+from trihedron.tools.evidence.rows import reading_at
 from trihedron.tools.records import BenchRecord, PositionRecord, write_record
 from trihedron.tools.trials import Hidden, draw_whole
 from trihedron.tools.trials.bench import TrialBench
@@ -120,7 +121,7 @@ def test_turns_from_row_to_row_hold_the_coning_that_increments_lack(clean):
 
 @pytest.fixture(scope="module")
 def faultless():
-    return whole_evidence(measured(), bench().place, noise_bound=SIGMA)
+    return whole_evidence(measured(), bench().place, noise_bound=SIGMA).model
 
 
 @pytest.mark.parametrize("effect", ["backlash", "hysteresis"])
@@ -134,21 +135,21 @@ def test_a_sense_is_that_of_the_last_move_in_motion_too(faultless, effect):
     sizes, point = np.full(len(places), 1e-4), faultless.point
     before = np.abs(faultless.at((), point, np.zeros(0))[0][: faultless.of_readings]).max()
     for used, stands in ((sizes, True), (-sizes, False), (0.0 * sizes, False)):
-        left, _, rate = (values[: found.of_readings] for values in found.at(places, point, used))
+        left, _, rate = (values[: found.model.of_readings] for values in found.model.at(places, point, used))
         assert (np.abs(left) <= before + 0.1 + rate[:, len(point) :] @ sizes).all() == stands
-    assert found.moving.read.rows.sense_told.mean() > 0.7
+    assert found.model.moving.read.contexts.sense_told.mean() > 0.7
 
 
 def test_a_reading_in_motion_says_nothing_where_its_input_may_change_its_sign(faultless):
     """As the table turns about an accelerometer its input stays near zero: what depends on its sign is not told."""
     places, sizes = CATALOGUE["bias-asymmetry"].places, np.full(3, 1e-3)
     found = whole_evidence(measured(*(Hidden(place, (1e-3,)) for place in places)), bench().place, noise_bound=SIGMA)
-    left = found.at(places, faultless.point, sizes)[0][: found.of_readings].reshape(-1, 3)
-    untold = found.moving.seen.bound == UNTOLD
+    left = found.model.at(places, faultless.point, sizes)[0][: found.model.of_readings].reshape(-1, 3)
+    untold = found.model.moving.seen.bound == UNTOLD
     # A bound of noise, and what the encoder and a parabola are off.
     assert np.abs(left).max() < 1.5
     assert untold.sum() > 3
-    assert (np.abs(found.moving.read.rows.n) < 0.02)[untold].all()
+    assert (np.abs(found.model.moving.read.contexts.n) < 0.02)[untold].all()
 
 
 @pytest.mark.acceptance
@@ -196,15 +197,15 @@ def test_what_only_motion_shows_is_named_with_its_size_inside(place, values):
     """The rests by themselves stand; the readings in motion do not, but with what was hidden in the components."""
     record = measured(Hidden(place, values))
     evidence = whole_evidence(record, bench().place, noise_bound=SIGMA)
-    assert evidence.calibration.verdict == "consistent" or place.effect == "encoder-lag"
-    assert evidence.falsified
-    fit = evidence.refit([place])
+    assert evidence.model.calibration.verdict == "consistent" or place.effect == "encoder-lag"
+    assert evidence.model.falsified
+    fit = evidence.model.refit([place])
     assert fit.radius <= 1.0
     for value, (low, high) in zip(values, fit.intervals()[0], strict=True):
         assert low <= value <= high
         assert high - low < 2.0 * abs(value)
     rivals = [EffectPlace("lever-arm", "accelerometer-1"), EffectPlace("accelerometer-lag", "accelerometer-3")]
-    assert all(evidence.refit([other]).radius > 1.0 for other in rivals)
+    assert all(evidence.model.refit([other]).radius > 1.0 for other in rivals)
 
 
 def bumped(size: float) -> Hidden:
@@ -239,7 +240,7 @@ def test_what_no_catalogue_lists_has_its_place_and_quantity_proven(hidden, where
     assert found is not None
     assert found.proven is not None
     assert (found.place, found.proven.pair.quantity) == (where, quantity)
-    alone = evidence.of_readings
+    alone = evidence.model.of_readings
     columns = np.abs(found.proven.pair.columns(found.proven.form)).max(axis=1)
     seen = columns > 1e-4 * columns.max()
     assert seen[:alone].any() == (not where.startswith("gyro"))
@@ -282,11 +283,11 @@ def test_a_formula_is_of_what_the_record_has():
 def test_functions_of_a_pair_are_the_columns_of_the_catalogue():
     """By two ways: functions at nodes, and effects at every row; of the table on readings and on turns."""
     evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)
-    pairs = {(pair.where, pair.name): pair for pair in evidence.pairs()}
-    harmonic, own = evidence.columns_of([HARMONIC]), pairs["outer-axis", "alpha"]
+    pairs = {(pair.where, pair.name): pair for pair in evidence.reader.pairs}
+    harmonic, own = evidence.rows.columns_of([HARMONIC]), pairs["outer-axis", "alpha"]
     # The true angle is the reading less what an encoder errs by; an effect counts its sine first.
     mine = -own.columns(Form("harmonic", 3))[:, ::-1]
-    squared = evidence.columns_of([EffectPlace("gyro-rate-squared", "gyro-block")])[:, 1]
+    squared = evidence.rows.columns_of([EffectPlace("gyro-rate-squared", "gyro-block")])[:, 1]
     rate = pairs["gyro-2", "w2"]
     for theirs, ours in ((harmonic, mine), (squared, rate.spread(rate.values[:, None] ** 2)[:, 0])):
         assert np.abs(theirs - ours).max() <= 3e-3 * np.abs(theirs).max()
@@ -296,17 +297,17 @@ def test_no_reading_in_motion_is_off_by_itself():
     """Beside an effect that is not linear one was a candidate, and then had no number of its position."""
     evidence = whole_evidence(measured(), bench().place, noise_bound=SIGMA)
     still, moving = (
-        evidence.outlier_at(int(np.flatnonzero(evidence.moving.at_rest == at)[0]) * 3) for at in (True, False)
+        reading_at(int(np.flatnonzero(evidence.model.moving.at_rest == at)[0]) * 3) for at in (True, False)
     )
     hysteresis = EffectPlace("hysteresis", "accelerometer-2")
     sets = [(hysteresis, still), (hysteresis, moving)]
     patch = mock.patch.object
     with (
         patch(bench_in_motion, "sets_of_size", return_value=[]),
-        patch(type(evidence), "_turns_allow", return_value=True),
-        patch(type(evidence.moving.read.search), "candidates", return_value=sets),
+        patch(type(evidence.model), "_turns_allow", return_value=True),
+        patch(type(evidence.model.moving.read.search), "candidates", return_value=sets),
     ):
-        found = list(evidence.candidates(2, Work()))
+        found = list(evidence.model.candidates(2, Work()))
     assert (hysteresis, still) in found
     assert (hysteresis, moving) not in found
 
@@ -321,8 +322,8 @@ def test_of_a_gyro_that_swings_no_slow_temperature_is_proven_alone(seed):
     phase = 0.5 * np.pi - 2.0 * np.pi * per_hour / 24.0 + float(rng.uniform(-0.4, 0.4))
     place = Formula.of(f"w{p} += c*sin({2.0 * np.pi * per_hour:.4f}*hours + {phase:.3f})").place
     clean = whole_evidence(drawn.measured(75, seed), drawn.place, noise_bound=SIGMA)
-    unit = clean.columns_of([place])[:, 0]
-    seen = 2.0 / chebyshev_radius(clean.nominal, unit, np.ones(len(unit)))[0]
+    unit = clean.rows.columns_of([place])[:, 0]
+    seen = 2.0 / chebyshev_radius(clean.rows.nominal, unit, np.ones(len(unit)))[0]
     hidden = Hidden(place, (seen * float(rng.uniform(1.5, 6.0)),))
     found = dependence(whole_evidence(drawn.measured(75, seed, (hidden,)), drawn.place, noise_bound=SIGMA))
     assert found is not None

@@ -9,8 +9,9 @@ import pytest
 
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
-from trihedron.tools.evidence.bench_in_motion import BenchInMotion, whole_evidence
+from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_in_time import SLACK, SLIP
+from trihedron.tools.evidence.evidence import Evidence
 from trihedron.tools.evidence.fit import Fit
 from trihedron.tools.trials import Hidden, draw_whole
 
@@ -31,7 +32,7 @@ CASES = [
 
 
 @cache
-def evidence_with(*hidden: Hidden) -> BenchInMotion:
+def evidence_with(*hidden: Hidden) -> Evidence:
     return whole_evidence(BENCH.measured(5, None, hidden), BENCH.place, noise_bound=SIGMA)
 
 
@@ -48,8 +49,8 @@ def test_a_slip_is_not_lost_where_the_time_next_to_the_best_parts_a_reading():
     values = -3.1027e-3, -4.1974e-4, 1.88724e-3, 0.051250382
     record = bench.measured(5, None, (Hidden(SLIP, values),))
     evidence = whole_evidence(record, bench.place, noise_bound=SIGMA)
-    (fit,) = evidence.mended([SLIP], Work())
-    assert holds(fit, (*values[:-1], values[-1] - evidence.readings.circumstances.began / 3600.0))
+    (fit,) = evidence.model.mended([SLIP], Work())
+    assert holds(fit, (*values[:-1], values[-1] - evidence.reader.circumstances.began / 3600.0))
 
 
 def title(value: object) -> str:
@@ -60,9 +61,9 @@ def title(value: object) -> str:
 def test_turns_change_as_the_extended_component_says(place, values):
     """What the gyro block's own component integrates, with the effect less without, piece by piece."""
     clean, moved = evidence_with(), evidence_with(Hidden(place, values))
-    changed = (moved.whole.turns.integral - clean.whole.turns.integral).ravel()
-    number = clean.cells[place].number(values[-1])
-    columns = clean.with_onset(place, number).columns_set_in(place)[clean.of_readings :]
+    changed = (moved.model.whole.turns.integral - clean.model.whole.turns.integral).ravel()
+    number = clean.model.cells[place].number(values[-1])
+    columns = clean.model.with_onset(place, number).columns_set_in(place)[clean.model.of_readings :]
     assert np.abs(columns @ values[:-1] - changed).max() <= 5e-3 * np.abs(changed).max()
 
 
@@ -70,22 +71,22 @@ def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says(
     """In the middle of a move: the turn that holds the slip has it, too; a rest of both sides says nothing."""
     values = (2e-4, -1e-4, 3e-4, 152.303 / 3600.0)
     clean, moved = evidence_with(), evidence_with(Hidden(SLIP, values))
-    turns = clean.whole.turns
-    assert np.array_equal(turns.first, moved.whole.turns.first)
-    number = clean.cells[SLIP].number(values[-1] - clean.readings.circumstances.began / 3600.0)
-    beside = clean.with_onset(SLIP, number)
-    columns, of = np.nan_to_num(beside.columns_set_in(SLIP)), clean.of_readings
-    by_gyros = (moved.whole.turns.integral - turns.integral).ravel()
+    turns = clean.model.whole.turns
+    assert np.array_equal(turns.first, moved.model.whole.turns.first)
+    number = clean.model.cells[SLIP].number(values[-1] - clean.reader.circumstances.began / 3600.0)
+    beside = clean.model.with_onset(SLIP, number)
+    columns, of = np.nan_to_num(beside.columns_set_in(SLIP)), clean.model.of_readings
+    by_gyros = (moved.model.whole.turns.integral - turns.integral).ravel()
     across = np.repeat((turns.first <= number) & (number < turns.last), 3)
     assert np.abs(by_gyros[across]).max() > 1e-4
     assert np.abs(columns[of:] @ values[:-1] - by_gyros).max() <= 3e-6
-    by_readings = (moved.moving.seen.reading - clean.moving.seen.reading).ravel()
+    by_readings = (moved.model.moving.seen.reading - clean.model.moving.seen.reading).ravel()
     # Which rows of a move are read may change with the slip.
-    same = np.repeat(moved.moving.seen.rows == clean.moving.seen.rows, 3)
+    same = np.repeat(moved.model.moving.seen.rows == clean.model.moving.seen.rows, 3)
     left = (columns[:of] @ values[:-1] - by_readings)[same & beside.says[:of]]
     assert np.abs(left).max() <= 3e-6 < 1e-4 < np.abs(by_readings[same]).max()
-    rested = clean.moving.seen.span[clean.moving.at_rest][3].mean()
-    assert (~clean.with_onset(SLIP, rested).says).sum() == 3
+    rested = clean.model.moving.seen.span[clean.model.moving.at_rest][3].mean()
+    assert (~clean.model.with_onset(SLIP, rested).says).sum() == 3
 
 
 @pytest.mark.acceptance
@@ -95,11 +96,11 @@ def test_a_slip_is_found_with_its_angles_and_its_time(factor):
     for start in (0.0411, 0.04231):
         values = *(factor * theta for theta in (2e-4, -1e-4, 3e-4)), start
         evidence = evidence_with(Hidden(SLIP, values))
-        found = {place: fits for place in evidence.starting if (fits := evidence.mended([place], Work()))}
+        found = {place: fits for place in evidence.model.starting if (fits := evidence.model.mended([place], Work()))}
         assert list(found) == [SLIP]
         ((fit,),) = found.values()
         (ends,) = fit.intervals()
-        assert holds(fit, (*values[:-1], start - evidence.readings.circumstances.began / 3600.0))
+        assert holds(fit, (*values[:-1], start - evidence.reader.circumstances.began / 3600.0))
         assert all(high - low < 10.0 * SIGMA for low, high in ends[:-1])
         # Within a move, or a rest with its moves.
         assert ends[-1][1] - ends[-1][0] < 20.0 / 3600.0
@@ -110,10 +111,10 @@ def test_what_sets_in_beside_another_effect_is_sought_and_found_with_it():
     """Of all pairs few are left by bounds, the true one among them; its intervals hold what was hidden."""
     hidden = Hidden(EffectPlace("encoder-harmonic", "outer-axis", 3), (6e-5, 1.0)), Hidden(BIAS_STEP, CASES[0][1])
     evidence, work = evidence_with(*hidden), Work()
-    left = list(evidence.sets_in_time(2, work, SLACK))
+    left = list(evidence.model.sets_in_time(2, work, SLACK))
     assert tuple(one.place for one in hidden) in left
     assert len(left) <= 5
-    (fit,) = evidence.mended([one.place for one in hidden], work)
+    (fit,) = evidence.model.mended([one.place for one in hidden], work)
     for one, ends in zip(hidden, fit.intervals(), strict=True):
         assert all(low <= value <= high for value, (low, high) in zip(one.values, ends, strict=True))
 
@@ -123,8 +124,8 @@ def test_what_sets_in_beside_another_effect_is_sought_and_found_with_it():
 def test_what_sets_in_is_found_with_its_time(place, values):
     """No other effect that sets in would do, and none that always acts; intervals hold what was hidden."""
     evidence = evidence_with(Hidden(place, values))
-    assert evidence.falsified
-    found = {other: fits for other in evidence.starting if (fits := evidence.mended([other], Work()))}
+    assert evidence.model.falsified
+    found = {other: fits for other in evidence.model.starting if (fits := evidence.model.mended([other], Work()))}
     assert list(found) == [place]
     ((fit,),) = found.values()
     (ends,) = fit.intervals()
@@ -136,4 +137,4 @@ def test_what_sets_in_is_found_with_its_time(place, values):
         # Within a move, or a rest with its moves.
         assert ends[-1][1] - ends[-1][0] < 20.0 / 3600.0
     always = EffectPlace("gyro-bias-drift", "gyro-block"), EffectPlace("gyro-scale-drift", "gyro-block")
-    assert all(evidence.refit([other]).radius > evidence.limit for other in always)
+    assert all(evidence.model.refit([other]).radius > evidence.model.limit for other in always)

@@ -17,6 +17,7 @@ from trihedron.tools.diagnosis.helps import order_of_effects
 from trihedron.tools.diagnosis.search import search
 from trihedron.tools.diagnosis.witness import EffectWitness
 from trihedron.tools.evidence.carried_record import linear_evidence
+from trihedron.tools.evidence.evidence import trials_in_time
 from trihedron.tools.evidence.references import Gravity, turned
 from trihedron.tools.motion.carry import GyroModel, carried_attitude
 from trihedron.tools.motion.inspect import inspect_record
@@ -120,23 +121,25 @@ def test_signatures_are_what_the_exported_components_do(reference):
     """An effect of a small size in the compensation turns the errors as its columns say, to a few per cent."""
     found = inspect_record(clean(0 if reference == "gravity" else 1))
     made = linear_evidence(found, "nominal")
-    part = next(p for p in made.parts if p.scored)
+    part = next(p for p in made.rows.parts if p.scored)
     for place in (SENSITIVITY, SCALE):
         coefficients = 1e-4 * np.cos(np.arange(len(CATALOGUE[place.effect].parameters)))
-        model = GyroModel(made.model.bias, made.model.scale_misalignment, {place: tuple(coefficients)})
+        model = GyroModel(made.gyros.bias, made.gyros.scale_misalignment, {place: tuple(coefficients)})
         after = turned(part.pieces, carried_attitude(made.motion, model, found.gravity))
         change = Rotation.from_matrix(turned(part.pieces, made.attitude) @ after.transpose(0, 2, 1)).as_rotvec()
-        own = made.numbers_of([place])
+        own = made.rows.numbers_of([place])
         expected = part.columns[..., own] @ coefficients
         if isinstance(made.reference, Gravity):
             # Only the turn across gravity counts between rests: it moves the direction by change × up.
-            up = made.reference.directions(made.point[:9])
+            up = made.reference.directions(made.rows.point[:9])
             change = np.cross(change, up[made.reference.ends[0][:, 0]])
             change = np.einsum("skp,sp->sk", made.reference.across(0, up), change)
         else:
             # What an effect adds to the mean at rest is taken out with it: its columns hold both.
             assert made.at_rest is not None
-            expected = expected + part.columns[..., made.numbers_of([BIAS])] @ (made.at_rest[:, own] @ coefficients)
+            expected = expected + part.columns[..., made.rows.numbers_of([BIAS])] @ (
+                made.at_rest[:, own] @ coefficients
+            )
         assert change == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
 
 
@@ -146,7 +149,7 @@ def test_the_native_fmu_gives_the_same_bits_as_the_diagnosis(tmp_path, monkeypat
         pytest.skip("nothing compiles here")
     found = inspect_record(clean(1))
     made = linear_evidence(found, "nominal")
-    model = GyroModel(made.model.bias, made.model.scale_misalignment, {LATENCY: (0.004,), SENSITIVITY: (1e-4,) * 9})
+    model = GyroModel(made.gyros.bias, made.gyros.scale_misalignment, {LATENCY: (0.004,), SENSITIVITY: (1e-4,) * 9})
     fmus = {
         "GyroCompensation": build("GyroCompensation", tmp_path, [LATENCY, SENSITIVITY], flavour="native"),
         "AttitudeComputer": build("AttitudeComputer", tmp_path, flavour="native"),
@@ -160,32 +163,33 @@ def test_a_set_that_helps_shuffled_data_as_much_has_no_witness():
     """Of a clean record an effect explains no more than its shuffles do, or does not help at all."""
     made = simulated()
     fit = made.refit([SENSITIVITY, EffectPlace("gyro-bias-drift", "gyro-block")])
-    assert any(EffectWitness.of(trial).objections for trial in made.trials(fit))
+    assert any(EffectWitness.of(trial).objections for trial in trials_in_time(made.rows, fit))
 
 
 def test_classes_are_effects_whose_signatures_are_parallel():
     made = simulated()
     drift, asymmetry = (EffectPlace(f"gyro-{name}", "gyro-block") for name in ("bias-drift", "scale-asymmetry"))
-    own, other = made.numbers_of([drift]), made.numbers_of([asymmetry])
+    own, other = made.rows.numbers_of([drift]), made.rows.numbers_of([asymmetry])
     parts = []
-    for part in made.parts:
+    for part in made.rows.parts:
         columns = part.columns.copy()
         columns[..., other] = 2.0 * columns[..., own]
         parts.append(replace(part, columns=columns))
-    assert replace(made, parts=tuple(parts)).classes.equivalents(drift) == (asymmetry,)
+    assert replace(made, rows=made.rows.with_parts(parts)).classes.equivalents(drift) == (asymmetry,)
 
 
 def test_least_squares_and_the_search_agree_on_a_known_error():
     """Errors made by one effect are explained by it exactly, and by no smaller set."""
     made, size = simulated(), 4e-3 * np.sin(np.arange(9.0))
-    own = made.numbers_of([SENSITIVITY])
-    made = made.with_errors([part.columns[..., own] @ size for part in made.parts])
+    own = made.rows.numbers_of([SENSITIVITY])
+    errors = [part.columns[..., own] @ size for part in made.rows.parts]
+    made = replace(made, rows=made.rows.with_errors(errors))
     assert made.falsified
     assert (SENSITIVITY,) in [fit.places for fit in search(made).fits]
     assert made.refit([SENSITIVITY]).radius == pytest.approx(0.0, abs=1e-6)
-    assert made.estimate([SENSITIVITY])[len(made.names) :] == pytest.approx(size, abs=1e-9)
-    for k in made.scored:
-        assert order_of_effects(made.of_length(k), [SENSITIVITY, LATENCY]).steps[0].place == SENSITIVITY
+    assert made.rows.estimate([SENSITIVITY])[len(made.rows.names) :] == pytest.approx(size, abs=1e-9)
+    for k in made.rows.scored:
+        assert order_of_effects(made.rows.select(k), [SENSITIVITY, LATENCY]).steps[0].place == SENSITIVITY
 
 
 @pytest.mark.acceptance

@@ -11,10 +11,12 @@ from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.bounded.sweep import apart
 from trihedron.tools.diagnosis.procedure import diagnosed
-from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.carried_run import Carried
 from trihedron.tools.evidence.cells_in_motion import Onsets, TimeConstants, refused
+from trihedron.tools.evidence.evidence import Evidence, limits_of
 from trihedron.tools.evidence.fit import contains
+from trihedron.tools.evidence.rows import Rows
 
 PERIOD = 0.02
 STEP = EffectPlace("gyro-bias-step", "gyro-block")
@@ -26,7 +28,7 @@ SCALE_STEP = EffectPlace("gyro-scale-step", "gyro-block")
 
 def made(
     *, filmed: bool, step: float = 0.0, scale: float = 0.0, at: float = 0.5, settling: tuple[float, float] = (0.0, 1.0)
-) -> Carried:
+) -> Evidence:
     """Evidence of drawn moves; bias [rad/s] and scale factor of gyro 2 may change by a step at a part of the time.
 
     The bias of gyro 3 may settle from a size [rad/s] with a time constant that is a part of the time.
@@ -40,15 +42,21 @@ def made(
     if filmed:
         record = replace(record, attitude=camera_attitude(rng, attitude, 1e-4))
     evidence = carried_evidence(record)
-    assert isinstance(evidence, Carried)
+    assert isinstance(evidence.model, Carried)
     return evidence
+
+
+def with_rows(evidence: Evidence, rows: Rows) -> Evidence:
+    """The evidence of a run with other rows."""
+    model = replace(evidence.model, rows=rows)
+    return Evidence(model, replace(evidence.reader, model=model))
 
 
 @pytest.mark.parametrize("filmed", [False, True])
 def test_a_stretch_holds_what_each_time_within_it_does(filmed):
     """Columns of an effect that sets in within a stretch lie in those of the stretch, where these are known."""
     evidence = made(filmed=filmed)
-    for cells in evidence.cells.values():
+    for cells in evidence.model.cells.values():
         if not isinstance(cells, Onsets):
             continue
         edges = cells.edges
@@ -70,18 +78,18 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
 def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_is_said(filmed):
     """Straight lines between neighbours, and the few columns of a stretch, against the exponential itself."""
     evidence, rng = made(filmed=filmed), np.random.default_rng(2)
-    cells = evidence.cells[WARM_UP]
+    cells = evidence.model.cells[WARM_UP]
     assert isinstance(cells, TimeConstants)
 
     def exactly(number: float) -> np.ndarray:
-        return evidence.with_onset(WARM_UP, number).columns_of([WARM_UP])
+        return evidence.model.with_onset(WARM_UP, number).rows.columns_of([WARM_UP])
 
-    size, worst, told = evidence.limits_of([WARM_UP])[1], 0.0, slice(len(evidence.residual))
+    size, worst, told = limits_of([WARM_UP])[1], 0.0, slice(len(evidence.rows.residual))
     for begin, parts in ((0, 1), (1200, 1), (1200, 5), (len(cells.times) - 81, 1)):
         numbers = begin + np.arange(80 * parts + 1) / parts
-        rows, error = evidence._rows_of_times(WARM_UP, (), numbers)
+        rows, error = evidence.model._rows_of_times(WARM_UP, (), numbers)
         rows, error = rows.chosen(told), error[told]
-        columns, missed = evidence._range(WARM_UP, begin, begin + 80)
+        columns, missed = evidence.model._range(WARM_UP, begin, begin + 80)
         assert missed < 2e-3
         far = apart(rows, error)
         for one in rng.uniform(0.0, 80.0 * parts, 6):
@@ -99,14 +107,14 @@ def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_
 def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_found():
     """Of thousands of bounds none that is a part of a thousand away would stand."""
     clean, number = made(filmed=True), 3200.5
-    clean = clean.with_bounds([0.02 * part.bound for part in clean.parts])
-    there = clean.with_onset(WARM_UP, number)
-    unit, sizes = there.columns_of([WARM_UP]), np.array([1.0, -0.4, 0.3])
+    clean = with_rows(clean, clean.rows.with_bounds([0.02 * part.bound for part in clean.rows.parts]))
+    there = clean.model.with_onset(WARM_UP, number)
+    unit, sizes = there.rows.columns_of([WARM_UP]), np.array([1.0, -0.4, 0.3])
     sizes *= 5000.0 / np.abs(unit @ sizes).max()
     noise = 0.9 * np.sign(np.random.default_rng(3).normal(size=len(unit)))
-    evidence = clean.with_errors(clean.split(unit @ sizes + noise))
-    assert all(evidence.with_onset(WARM_UP, near).refit([WARM_UP]).radius > 1.2 for near in (3200, 3201))
-    (fit,) = evidence.mended([WARM_UP], Work())
+    evidence = with_rows(clean, clean.rows.with_errors(clean.rows.split(unit @ sizes + noise)))
+    assert all(evidence.model.with_onset(WARM_UP, near).refit([WARM_UP]).radius > 1.2 for near in (3200, 3201))
+    (fit,) = evidence.model.mended([WARM_UP], Work())
     for true, (low, high) in zip((*sizes, there.set_in[WARM_UP]), fit.intervals()[0], strict=True):
         assert low <= true <= high
     low, high = fit.intervals()[0][-1]
@@ -117,27 +125,27 @@ def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_fou
 def test_an_effect_that_sets_in_at_the_beginning_is_the_one_that_always_acts(filmed):
     evidence = made(filmed=filmed)
     latency, step = EffectPlace("latency", "gyro-block"), EffectPlace("latency-step", "gyro-block")
-    first = evidence.with_onset(step, 0)
-    assert first.columns_of([step]) == pytest.approx(evidence.columns_of([latency]), abs=1e-9)
+    first = evidence.model.with_onset(step, 0)
+    assert first.rows.columns_of([step]) == pytest.approx(evidence.rows.columns_of([latency]), abs=1e-9)
     assert contains([step], [latency])
     assert not contains([latency], [step])
-    last = evidence.with_onset(step, len(evidence.motion) - 2)
-    assert np.abs(last.columns_of([step])).max() < 1e-2 * np.abs(first.columns_of([step])).max()
+    last = evidence.model.with_onset(step, len(evidence.model.motion) - 2)
+    assert np.abs(last.rows.columns_of([step])).max() < 1e-2 * np.abs(first.rows.columns_of([step])).max()
 
 
 @pytest.mark.parametrize("at", [0.23, *(pytest.param(at, marks=pytest.mark.acceptance) for at in (0.5, 0.71))])
 def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
     evidence = made(filmed=True, step=2e-3, at=at)
-    (fit,) = evidence.mended([STEP], Work())
+    (fit,) = evidence.model.mended([STEP], Work())
     ((*sizes, start),) = fit.values()
     (intervals,) = fit.intervals()
-    hours = evidence.motion.time_s[-1] / 3600.0
+    hours = evidence.model.motion.time_s[-1] / 3600.0
     assert sizes[1] == pytest.approx(2e-3, rel=0.2)
     assert start == pytest.approx(at * hours, abs=4.0 / 3600.0)
     for true, (low, high) in zip((0.0, 2e-3, 0.0, at * hours), intervals, strict=True):
         assert low <= true <= high
-    assert evidence.with_onsets(fit).values_of([STEP], fit.estimate)[STEP][-1] == pytest.approx(start, abs=1e-9)
-    assert not evidence.mended([EffectPlace("latency-step", "gyro-block")], Work())
+    assert evidence.model.with_onsets(fit).values_of([STEP], fit.estimate)[STEP][-1] == pytest.approx(start, abs=1e-9)
+    assert not evidence.model.mended([EffectPlace("latency-step", "gyro-block")], Work())
 
 
 @pytest.mark.parametrize(
@@ -151,16 +159,16 @@ def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
 )
 def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(filmed, part, size):
     evidence = made(filmed=bool(filmed), settling=(size, part))
-    assert evidence.baseline_radius > evidence.limit
-    (fit,) = evidence.mended([WARM_UP], Work())
+    assert evidence.model.radius > evidence.model.limit
+    (fit,) = evidence.model.mended([WARM_UP], Work())
     (intervals,) = fit.intervals()
-    hours = evidence.motion.time_s[-1] / 3600.0
+    hours = evidence.model.motion.time_s[-1] / 3600.0
     ((*sizes, constant),) = fit.values()
     assert sizes[2] == pytest.approx(size, rel=0.3)
     assert constant == pytest.approx(part * hours, rel=0.5)
     for true, (low, high) in zip((0.0, 0.0, size, part * hours), intervals, strict=True):
         assert low <= true <= high
-    again = evidence.with_onsets(fit).values_of([WARM_UP], fit.estimate)[WARM_UP]
+    again = evidence.model.with_onsets(fit).values_of([WARM_UP], fit.estimate)[WARM_UP]
     assert again[-1] == pytest.approx(constant, rel=1e-9)
 
 
@@ -168,17 +176,17 @@ def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(fil
 def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
     """An exponential with ten times the record's length is nearly straight; its mean is taken out."""
     evidence = made(filmed=True)
-    cells = evidence.cells[WARM_UP]
+    cells = evidence.model.cells[WARM_UP]
     assert isinstance(cells, TimeConstants)
     assert cells.times[-1] == pytest.approx(10.0 * cells.hours[-1])
-    slow = evidence.with_onset(WARM_UP, len(cells.times) - 1).columns_of([WARM_UP])
-    drift = evidence.columns_of([DRIFT])
+    slow = evidence.model.with_onset(WARM_UP, len(cells.times) - 1).rows.columns_of([WARM_UP])
+    drift = evidence.rows.columns_of([DRIFT])
     left = slow - drift @ np.linalg.lstsq(drift, slow, rcond=None)[0]
     assert 0.0 < np.abs(left).max() < 0.02 * np.abs(slow).max()
     assert contains([WARM_UP], [DRIFT])
     assert not contains([DRIFT], [WARM_UP])
     drifting = made(filmed=True, settling=(0.04, 10.0))
-    assert drifting.baseline_radius > drifting.limit
+    assert drifting.model.radius > drifting.model.limit
     result = diagnosed(drifting, rerun=False)
     assert (result.verdict, [cause.place for cause in result.causes]) == ("explained", [DRIFT])
     assert (WARM_UP,) in (result.containing_sets or ())
@@ -189,7 +197,7 @@ def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
 def test_what_can_act_from_the_beginning_on_is_not_said_to_set_in(at):
     """The first moves hardly show a scale factor: one that always acts looks like one that sets in after them."""
     evidence, places = made(filmed=True, scale=0.01, at=at), [SCALE, SCALE_STEP]
-    found = {place: evidence.mended([place], Work()) for place in places}
+    found = {place: evidence.model.mended([place], Work()) for place in places}
     ((*_, (start, _)),) = found[SCALE_STEP][0].intervals()
     assert (start == 0.0) == (at == 0.0)
     result = diagnosed(evidence, rerun=False)
@@ -211,33 +219,38 @@ def test_what_is_refused_has_no_fit():
 def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, place):
     """Noise fills the bounds; what sets in does so anywhere in a window, what fades has any time constant between."""
     clean, rng = made(filmed=filmed), np.random.default_rng(11)
-    cells = clean.cells[place]
+    cells = clean.model.cells[place]
     low, high = (1000, 2400) if isinstance(cells, TimeConstants) else cells.edges[[2, -3]]
     for _ in range(3):
-        there = clean.with_onset(place, int(rng.integers(low, high)))
-        unit = there.columns_of([place])
+        there = clean.model.with_onset(place, int(rng.integers(low, high)))
+        unit = there.rows.columns_of([place])
         sizes = rng.normal(size=3)
         sizes *= 8.0 / np.abs(unit @ sizes).max()
-        steps = 0.1 * rng.normal(size=clean.nominal.shape[1]) / np.abs(clean.nominal).max(axis=0)
+        steps = 0.1 * rng.normal(size=clean.rows.nominal.shape[1]) / np.abs(clean.rows.nominal).max(axis=0)
         noise = np.sign(rng.normal(size=len(unit))) * 0.999
-        evidence = clean.with_errors(clean.split(unit @ sizes + clean.nominal @ steps + noise))
-        (fit,) = evidence.mended([place], Work())
-        intervals, ends = fit.intervals(most_rows=evidence.most_rows)[0], fit.ends(0.0, evidence.most_rows)
+        evidence = with_rows(
+            clean, clean.rows.with_errors(clean.rows.split(unit @ sizes + clean.rows.nominal @ steps + noise))
+        )
+        (fit,) = evidence.model.mended([place], Work())
+        intervals, ends = (
+            fit.intervals(most_rows=evidence.model.effort.most_rows)[0],
+            fit.ends(0.0, evidence.model.effort.most_rows),
+        )
         for true, (least, most) in zip((*sizes, there.set_in[place]), intervals, strict=True):
             assert least <= true <= most
-        assert ((ends[:, 0] <= evidence.point + steps) & (evidence.point + steps <= ends[:, 1])).all()
+        assert ((ends[:, 0] <= evidence.rows.point + steps) & (evidence.rows.point + steps <= ends[:, 1])).all()
 
 
 @pytest.mark.parametrize("at", [0.23, pytest.param(0.5, marks=pytest.mark.acceptance)])
 def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_stand(at):
     evidence = made(filmed=True, step=2e-3, at=at)
-    (fit,) = evidence.mended([STEP], Work())
+    (fit,) = evidence.model.mended([STEP], Work())
     (intervals,) = fit.intervals()
-    start, end = (np.searchsorted(evidence.cells[STEP].hours, hour) for hour in intervals[-1])
-    single = [evidence.with_onset(STEP, int(row)).refit([STEP]) for row in range(start, end)]
+    start, end = (np.searchsorted(evidence.model.cells[STEP].hours, hour) for hour in intervals[-1])
+    single = [evidence.model.with_onset(STEP, int(row)).refit([STEP]) for row in range(start, end)]
     reached = []
     for one in single:
-        if one.radius <= evidence.limit:
+        if one.radius <= evidence.model.limit:
             possible = one.possible()
             reached.append([np.add(possible.ends(k), one.central[k]) for k in range(3)])
     low, high = np.min(reached, axis=0)[:, 0], np.max(reached, axis=0)[:, 1]
@@ -248,6 +261,9 @@ def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_sta
 def test_a_gain_that_needs_gyros_that_nobody_has_is_none():
     """Beyond the limits of the components nothing can be run."""
     evidence = made(filmed=True, step=2e-3)
-    fit = evidence.refit([DRIFT])
+    fit = evidence.model.refit([DRIFT])
     assert evidence.gain(fit) is not None
-    assert evidence.with_errors([1e6 * part.error for part in evidence.parts]).gain(fit) is None
+    assert (
+        with_rows(evidence, evidence.rows.with_errors([1e6 * part.error for part in evidence.rows.parts])).gain(fit)
+        is None
+    )

@@ -15,7 +15,7 @@ from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.evidence import rms_size
 from trihedron.tools.evidence.joint import join
-from trihedron.tools.evidence.of_record import Differs, Mended, in_record, is_of_instrument
+from trihedron.tools.evidence.of_record import Differs, in_record, is_of_instrument, mended
 from trihedron.tools.trials import Hidden, draw_clean_block
 
 SIGMA = 1e-5
@@ -41,42 +41,42 @@ def halves(whole):
 def test_halves_that_share_everything_are_the_whole_record(whole, halves):
     """To the exact model: fits, radius and intervals, without an effect and with one beyond its first order."""
     one, both = bench_evidence(whole, noise_bound=SIGMA), join(halves, shared=["*"])
-    assert both.names == one.names
-    assert both.baseline.radius == pytest.approx(one.refit(()).radius, rel=1e-6)
-    whole_fit, joint_fit = one.refit([ENCODER]), both.refit([ENCODER])
+    assert both.rows.names == one.rows.names
+    assert both.model.baseline.radius == pytest.approx(one.model.refit(()).radius, rel=1e-6)
+    whole_fit, joint_fit = one.model.refit([ENCODER]), both.model.refit([ENCODER])
     assert joint_fit.radius == pytest.approx(whole_fit.radius, rel=1e-6)
-    assert joint_fit.radius < 1.0 < one.baseline_radius
+    assert joint_fit.radius < 1.0 < one.model.radius
     np.testing.assert_allclose(joint_fit.ends(), whole_fit.ends(), rtol=1e-6, atol=1e-10)
 
 
 def test_halves_that_share_nothing_are_two_records(halves):
     """The radius of both is the larger of the two, and an interval is that of its own record."""
     apart = join(halves, own=["*"])
-    assert apart.shared == ()
-    fits = {label: one.refit([ENCODER]) for label, one in halves.items()}
+    assert apart.model.shared == ()
+    fits = {label: one.model.refit([ENCODER]) for label, one in halves.items()}
     of_each = [in_record(ENCODER, label) for label in halves]
-    together = apart.refit(of_each)
+    together = apart.model.refit(of_each)
     assert together.radius == pytest.approx(max(fit.radius for fit in fits.values()), rel=1e-6)
-    ends = {name: pair for (name, _), pair in zip(apart.names, together.ends(), strict=True)}
+    ends = {name: pair for (name, _), pair in zip(apart.rows.names, together.ends(), strict=True)}
     for label, fit in fits.items():
-        for symbol, pair in zip(halves[label].here.symbols, fit.ends(), strict=True):
+        for symbol, pair in zip(halves[label].model.here.symbols, fit.ends(), strict=True):
             np.testing.assert_allclose(ends[f"{symbol} in {label}"], pair, rtol=1e-6, atol=1e-10)
 
 
 def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_its_own(halves):
     """So a set that is not sought in several records is tried beside the others: as it acts where it was found."""
-    mended = {label: Mended.of(one, one.refit([ENCODER]), [ENCODER]) for label, one in halves.items()}
+    alone = {label: mended(one, one.model.refit([ENCODER]), [ENCODER]) for label, one in halves.items()}
     of_each = [in_record(ENCODER, label) for label in halves]
-    beside, together = join(mended), join(halves)
-    assert not beside.falsified
-    assert together.falsified
-    assert beside.baseline.radius == pytest.approx(together.refit(of_each).radius, abs=2e-3)
+    beside, together = join(alone), join(halves)
+    assert not beside.model.falsified
+    assert together.model.falsified
+    assert beside.model.baseline.radius == pytest.approx(together.model.refit(of_each).radius, abs=2e-3)
     # One that is mended in one of them alone does not stand.
-    assert join({"even": mended["even"], "odd": halves["odd"]}).falsified
+    assert join({"even": alone["even"], "odd": halves["odd"]}).model.falsified
     # What is left to all records is taken out of the fit again.
-    without = join({label: Mended.of(one, one.refit([ENCODER]), []) for label, one in halves.items()})
-    assert without.falsified
-    assert without.refit([ENCODER]).radius == pytest.approx(together.refit([ENCODER]).radius, abs=2e-3)
+    without = join({label: mended(one, one.model.refit([ENCODER]), []) for label, one in halves.items()})
+    assert without.model.falsified
+    assert without.model.refit([ENCODER]).radius == pytest.approx(together.model.refit([ENCODER]).radius, abs=2e-3)
 
 
 def test_what_is_the_instruments_by_default_and_by_what_is_asked():
@@ -96,16 +96,16 @@ def test_a_shared_parameter_that_differs_in_one_record_is_found_by_how_much_it_d
         "second": simulated(other, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))),
     }
     both = join({label: bench_evidence(record, noise_bound=SIGMA) for label, record in made.items()})
-    assert both.falsified
+    assert both.model.falsified
     place = Differs("parameter", "X4", record="second", unit="1")
-    assert place in both.every_place
-    fit = both.refit([place])
-    assert fit.radius <= both.limit
+    assert place in both.model.places
+    fit = both.model.refit([place])
+    assert fit.radius <= both.model.limit
     ((low, high),) = fit.intervals()[0]
     assert low < 4e-4 < high
     # Of two records it is not told which one differs.
-    assert both.classes.equivalents(place) == (Differs("parameter", "X4", record="first", unit="1"),) or any(
-        isinstance(other, Differs) for other in both.classes.whole_class(place)
+    assert both.model.classes.equivalents(place) == (Differs("parameter", "X4", record="first", unit="1"),) or any(
+        isinstance(other, Differs) for other in both.model.classes.whole_class(place)
     )
 
 
@@ -135,11 +135,11 @@ def carried():
 
 def test_strapdown_records_share_an_effect_within_the_interval_of_each(carried):
     both = join(carried)
-    assert both.falsified
-    fit = both.refit([G_SENSITIVITY])
-    assert fit.radius <= both.limit
+    assert both.model.falsified
+    fit = both.model.refit([G_SENSITIVITY])
+    assert fit.radius <= both.model.limit
     for (low, high), *alone in zip(
-        fit.intervals()[0], *(one.refit([G_SENSITIVITY]).intervals()[0] for one in carried.values()), strict=True
+        fit.intervals()[0], *(one.model.refit([G_SENSITIVITY]).intervals()[0] for one in carried.values()), strict=True
     ):
         for least, most in alone:
             assert least - 1e-9 <= low <= high <= most + 1e-9
@@ -149,9 +149,9 @@ def test_strapdown_records_share_an_effect_within_the_interval_of_each(carried):
 
 def test_what_was_found_in_one_strapdown_record_helps_on_the_other_by_the_fmus(carried):
     first, second = carried.values()
-    estimate = {G_SENSITIVITY: first.estimate([G_SENSITIVITY])[len(first.names) :]}
-    before, after = (rms_size(second.applied(effects)) for effects in ({}, estimate))
-    assert before == pytest.approx(rms_size(second.parts[second.quoted].error), rel=0.05)
+    estimate = {G_SENSITIVITY: first.rows.estimate([G_SENSITIVITY])[len(first.rows.names) :]}
+    before, after = (rms_size(second.reader.rerun.errors(effects)) for effects in ({}, estimate))
+    assert before == pytest.approx(rms_size(second.rows.parts[second.model.quoted].error), rel=0.05)
     assert after < 0.3 * before
 
 
@@ -168,14 +168,14 @@ def test_a_table_and_a_hand_tell_the_same_accelerometers(baseline):
     }
     joint = join(members_of(evidence))
     scale = {"X4", "X9", "X14"} if baseline == "symmetric" else set()
-    assert set(joint.shared) == {"X6+X8", "X7+X12", "X11+X13"} | scale
-    assert "gyro gamma_11 in hand" in dict(joint.names)
-    assert joint.falsified
-    fit = joint.refit([Differs("parameter", "X6+X8", record="hand", unit="rad")])
+    assert set(joint.model.shared) == {"X6+X8", "X7+X12", "X11+X13"} | scale
+    assert "gyro gamma_11 in hand" in dict(joint.rows.names)
+    assert joint.model.falsified
+    fit = joint.model.refit([Differs("parameter", "X6+X8", record="hand", unit="rad")])
     assert fit.radius < 1.0
     ((low, high),) = fit.intervals()[0]
     assert low < 2e-2 < high
     # Effects of accelerometers act in both, those of gyros and of the table in one.
-    common = {place.definition.component for place in joint.every_place if type(place) is EffectPlace}
+    common = {place.definition.component for place in joint.model.places if type(place) is EffectPlace}
     assert common == {"AccelerometerBlock"}
-    assert join(members_of(evidence, own=["X6+X8"]), own=["X6+X8"]).baseline.radius < 1.0
+    assert join(members_of(evidence, own=["X6+X8"]), own=["X6+X8"]).model.baseline.radius < 1.0

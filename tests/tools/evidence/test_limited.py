@@ -89,4 +89,4 @@ def test_a_limit_that_the_model_can_do_without_is_a_warning():
 
 def test_no_sound_record_shows_a_limit():
     for seed in range(4):
-        assert carried_evidence(drawn(20 + seed)).read_off == ()
+        assert carried_evidence(drawn(20 + seed)).reader.read_off == ()

@@ -99,7 +99,7 @@ def first_words(found: Diagnosis) -> tuple[str, str]:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("change", [swinging_scale, pytest.param(rate_in_waves, marks=pytest.mark.acceptance)])
 def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_stretches_no_bound(change, seed):
-    clean = carried_evidence(drawn_record(seed, unchanged, filmed=True)[0]).head()["noise_bound_arcmin"]
+    clean = carried_evidence(drawn_record(seed, unchanged, filmed=True)[0]).reader.head()["noise_bound_arcmin"]
     found: Any = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
     assert (found.verdict, found.causes) == ("unexplained", ())
     assert found.radius > 2.0
@@ -117,7 +117,7 @@ def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_s
 @pytest.mark.parametrize("change", [swinging_bias, pytest.param(two_biases, marks=pytest.mark.acceptance)])
 def test_a_bias_that_is_not_constant_at_rest_is_said_in_the_verdict_and_is_no_noise(change, seed):
     record, clean = (drawn_record(seed, which, filmed=False)[0] for which in (change, unchanged))
-    found, without = diagnose(record, rerun=False), carried_evidence(clean).head()["noise_bound_arcmin"]
+    found, without = diagnose(record, rerun=False), carried_evidence(clean).reader.head()["noise_bound_arcmin"]
     assert (found.verdict, found.causes) == ("unexplained", ())
     assert found.noise_bound_arcmin < 3.0 * without
     assert all("not constant at rest" in said for said in first_words(found))
@@ -140,7 +140,7 @@ def test_biases_that_change_once_are_named_with_the_time_and_said_not_to_be_cons
     (cause,) = found.causes
     for true, (low, high) in zip((*size, start), cause.intervals, strict=True):
         assert low <= true <= high
-    assert found.noise_bound_arcmin < 2.0 * carried_evidence(clean).head()["noise_bound_arcmin"]
+    assert found.noise_bound_arcmin < 2.0 * carried_evidence(clean).reader.head()["noise_bound_arcmin"]
     assert all("not constant at rest" in said for said in (first_words(found)[1], *found.warnings))
     gyros = inspect_record(record).gyros
     assert gyros is not None

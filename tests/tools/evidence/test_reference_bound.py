@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from generator.carried import camera_attitude, drawn_motion, slow_noise, strapdown_record
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.errors import InputError
-from trihedron.tools.evidence.carried import Carried
 from trihedron.tools.evidence.carried_record import carried_evidence
+from trihedron.tools.evidence.carried_run import Carried
 from trihedron.tools.evidence.references import Truth
 from trihedron.tools.records import StrapdownRecord
 
@@ -107,7 +107,7 @@ def test_a_record_that_is_consistent_by_what_is_stated_says_so():
     # In radians it is not the number that was given.
     found = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=303.447)
     assert found.verdict == "consistent"
-    assert "as stated: 303.447 arcmin" in found.evidence.bounds_from
+    assert "as stated: 303.447 arcmin" in found.evidence.reader.bounds_from
     assert "as stated" in str(found).splitlines()[0]
     assert "as stated" in str(found).splitlines()[0]
 
@@ -138,7 +138,7 @@ def test_with_the_effects_that_help_what_they_need_is_enough(narrow):
 def test_it_enters_at_both_ends_of_each_window_and_takes_nothing_from_what_the_record_shows():
     record = filmed(moves=8)
     none, zero, five, nine = (
-        np.concatenate([part.bound for part in carried_evidence(record, reference_bound=bound).parts])
+        np.concatenate([part.bound for part in carried_evidence(record, reference_bound=bound).rows.parts])
         for bound in (None, 0.0, 5.0, 9.0)
     )
     np.testing.assert_allclose(nine - five, 2.0 * 4.0 * ARCMIN, rtol=1e-9)
@@ -155,9 +155,9 @@ def test_what_it_scatters_by_at_rest_is_of_one_row():
         np.outer(signs, [1.5 * ARCMIN, 0.0, 0.0])
     )
     evidence = carried_evidence(replace(exact, attitude=np.roll(turned.as_quat(), 1, axis=1)))
-    assert isinstance(evidence, Carried)
-    assert isinstance(evidence.reference, Truth)
-    assert evidence.reference.at_rest == pytest.approx(1.5 * ARCMIN, rel=1e-6)
+    assert isinstance(evidence.model, Carried)
+    assert isinstance(evidence.model.reference, Truth)
+    assert evidence.model.reference.at_rest == pytest.approx(1.5 * ARCMIN, rel=1e-6)
 
 
 @pytest.mark.parametrize("bound", [-1.0, float("nan"), float("inf")])

@@ -70,7 +70,7 @@ def test_a_knock_in_a_rest_or_a_move_changes_no_verdict(clean, tmp_path, where, 
     assert any(f"row {row + 2}" in line for line in diagnosis.warnings)
     assert f"row {row + 2}" in str(inspect_record(record))
     # Of the moves over one rest and more those with the knock are gone, and no other.
-    first, last = diagnosis.evidence.reference.scored[0].first, diagnosis.evidence.reference.scored[0].last
+    first, last = diagnosis.evidence.model.reference.scored[0].first, diagnosis.evidence.model.reference.scored[0].last
     assert not ((first < row) & (row <= last)).any()
 
 

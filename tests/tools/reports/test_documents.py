@@ -237,7 +237,7 @@ def test_an_effect_that_mends_the_record_only_with_an_impossible_size_is_said_no
 
 
 def test_a_block_says_on_what_it_rests_and_what_is_missing():
-    record = shown("block, explained")[0].evidence.found.record
+    record = shown("block, explained")[0].evidence.reader.found.record
     below = text_of("block, explained").partition("What these results rest on")[2]
     for fact in (record.sha256, "instantaneous", "9.80665 m/s²", "seed of the shuffles", "highspy"):
         assert fact in below
@@ -271,7 +271,10 @@ def test_pages_of_several_mountings_whatever_they_are_called():
     record = replace(clean(), mounting=("upright-1e5",) * half + ("elsewhere",) * (len(clean()) - half))
     mounting = {"upright-1e5": np.eye(3), "elsewhere": np.eye(3)}
     result = diagnose(record, noise_bound=NOISE_BOUND, mounting=mounting)
-    for page in (without_pictures(result.evidence.calibration), html_of(diagnosis.diagnosis_page, result, record)):
+    for page in (
+        without_pictures(result.evidence.model.calibration),
+        html_of(diagnosis.diagnosis_page, result, record),
+    ):
         assert "X8@upright-1e5" in page
         assert "X13@elsewhere" in page
 
@@ -327,7 +330,7 @@ def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers():
         EffectPlace("bias-drift", "accelerometer-1"),
         EffectPlace("quadratic", "accelerometer-3"),
     ]
-    alike = likeness(bench_evidence(clean(), noise_bound=NOISE_BOUND), places)
+    alike = likeness(bench_evidence(clean(), noise_bound=NOISE_BOUND).rows, places)
     assert np.allclose(alike, alike.T)
     assert np.allclose(np.diag(alike), 1.0)
     assert alike[0, 1] > 1.0 - 1e-4
@@ -337,9 +340,9 @@ def test_likeness_is_one_for_members_of_a_class_and_small_for_strangers():
 def test_effects_that_are_compared_begin_with_those_that_were_found():
     explained = shown("block, explained")[0]
     ranked = [title for title, _ in explained.tried]
-    compared = compared_places(explained.evidence.classes.places, [explained.findings[0].places], ranked)
+    compared = compared_places(explained.evidence.model.classes.places, [explained.findings[0].places], ranked)
     assert compared[0] == explained.causes[0].place
-    assert np.diag(likeness(explained.evidence, compared)) == pytest.approx(1.0)
+    assert np.diag(likeness(explained.evidence.rows, compared)) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", ["bench, explained", "bench, ambiguous", "bench, insufficient", "block, explained"])

@@ -37,7 +37,7 @@ from trihedron.tools.trials.block import (
     without_coning,
 )
 from trihedron.tools.trials.case import hideable_in_block
-from trihedron.tools.trials.draw import block_evidence, size_in_block
+from trihedron.tools.trials.draw import block_model, size_in_block
 
 G = 9.80665
 QUIET = Instruments({}, {}, Noise(0.0, 0.0), Noise(0.0, 0.0), 0.0, increments=True)
@@ -170,12 +170,12 @@ def test_hidden_sizes_are_relative_to_what_surely_disproves_the_model(index):
     (hidden,) = draw_case(Options(strapdown=True), 8, index).hidden
     assert 2.0 <= hidden.relative_size <= 3.0
     clean = draw_clean_block(8, index)
-    evidence = block_evidence(clean)
-    assert evidence is not None
+    model = block_model(clean)
+    assert model is not None
     if hidden.place.effect != "jitter":
         coefficients = np.array(hidden.values)
         size = float(np.linalg.norm(coefficients))
-        relative = size / size_in_block(evidence, hidden.place, coefficients / size)
+        relative = size / size_in_block(model.rows, hidden.place, coefficients / size)
         assert relative == pytest.approx(hidden.relative_size, rel=1e-6)
 
 
