@@ -216,9 +216,9 @@ def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: boo
     table = [0.0] * TABLE_SIZE
     prepare_update(float(algorithm.number), list(PRODUCTS), table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
-    work = (np.array(table), np.zeros(SPACE_SIZE), np.zeros(4), attitudes)
+    work = (np.array(table), np.zeros(SPACE_SIZE), np.zeros(4))
     run = _runner(algorithm.kernel, algorithm.previous, loops_over(runs * len(increments)))
-    run(np.ascontiguousarray(increments), algorithm.samples, renormalise, *work)
+    run(np.ascontiguousarray(increments), algorithm.samples, renormalise, work, attitudes)
     return attitudes
 
 
@@ -256,7 +256,7 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, makers: Makers) ->
     multiply, normalise = kernel_made(rotation.multiply), kernel_made(rotation.normalise)
 
     @loop_made
-    def run(increments, samples, renormalise, table, space, part, attitudes):
+    def run(increments, samples, renormalise, work, attitudes):
         attitude, turned = np.zeros(4), np.zeros(4)
         attitude[0] = 1.0
         previous, g = np.zeros(STEP_SIZE), np.zeros(STEP_SIZE)
@@ -265,7 +265,7 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, makers: Makers) ->
             for i in range(samples):
                 for j in range(3):
                     g[3 * i + j] = increments[samples * k + i, j]
-            turn(samples, previous, preceded, g, table, space, part, turned)
+            turn(samples, preceded, (previous, g), work, turned)
             preceded = 1.0
             multiply(attitude, turned, attitude)
             if renormalise:
@@ -280,32 +280,32 @@ def _runner(kernel: Callable[..., Any], keeps_previous: bool, makers: Makers) ->
 
 
 def _turn(step: Callable[..., Any], previous: bool, kernel_made: Callable[..., Any]) -> Callable[..., None]:
-    """The kernel with one signature for all: samples, increments before, whether there are any, own, work, result."""
+    """The kernel with one signature for all: samples, whether a step is before, increments of both, work, result."""
     kernel = kernel_made(step)
     if step in (by_products, by_products_and_series, by_products_cut_off):
 
-        def turn(samples, previous, preceded, g, table, space, part, turned):
-            kernel(previous, g, table, part, turned)
+        def turn(samples, preceded, steps, work, turned):
+            kernel(steps[0], steps[1], work[0], work[2], turned)
 
     elif step in (functional_iteration, rodrigues_iteration):
 
-        def turn(samples, previous, preceded, g, table, space, part, turned):
-            kernel(samples, g, 0, table, space, turned)
+        def turn(samples, preceded, steps, work, turned):
+            kernel(samples, steps[1], 0, work[0], work[1], turned)
 
     elif step is adaptive_degree:
 
-        def turn(samples, previous, preceded, g, table, space, part, turned):
-            kernel(previous, preceded, g, table, space, part, turned)
+        def turn(samples, preceded, steps, work, turned):
+            kernel(steps[0], preceded, steps[1], work[0], work[1], work[2], turned)
 
     elif previous:
 
-        def turn(samples, previous, preceded, g, table, space, part, turned):
-            kernel(previous, g, turned)
+        def turn(samples, preceded, steps, work, turned):
+            kernel(steps[0], steps[1], turned)
 
     else:
 
-        def turn(samples, previous, preceded, g, table, space, part, turned):
-            kernel(g, turned)
+        def turn(samples, preceded, steps, work, turned):
+            kernel(steps[1], turned)
 
     if kernel_made is compiled:
         return compile_callee(turn, allocates=False)
@@ -447,24 +447,23 @@ def _short_words() -> Callable[..., Any]:
             x[i], x_low[i] = two_sum(QUARTER * total, QUARTER * rest + small)
 
     @loop_compiled
-    def add_product(sign, q, q_low, v, v_low, d, d_low):
-        """Add ± q v to the pair d, without an error in the leading product."""
-        leading, error = two_product(q, v)
-        total, rest = two_sum(d, sign * leading)
-        return total, d_low + (rest + sign * (error + (q * v_low + q_low * v)))
+    def add_product(sign, q, v, total):
+        """Add ± q v, each a pair, to a pair, without an error in the leading product."""
+        leading, error = two_product(q[0], v[0])
+        high, rest = two_sum(total[0], sign * leading)
+        return high, total[1] + (rest + sign * (error + (q[0] * v[1] + q[1] * v[0])))
 
     @loop_compiled
     def pair_product(q, q_low, v, v_low, d, d_low):
         """d = q ∘ v in pairs; component 0 of v is a single number."""
-        parts = ((0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3), (0, 1, 2, 3))
         right = ((0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0))
         signs = ((ONE, -ONE, -ONE, -ONE), (ONE, ONE, ONE, -ONE), (ONE, -ONE, ONE, ONE), (ONE, ONE, -ONE, ONE))
         for i in range(4):
-            total, rest = ZERO, ZERO
+            total = (ZERO, ZERO)
             for j in range(4):
-                a, b = parts[i][j], right[i][j]
-                total, rest = add_product(signs[i][j], q[a], q_low[a], v[b], v_low[b], total, rest)
-            d[i], d_low[i] = total, rest
+                k = right[i][j]
+                total = add_product(signs[i][j], (q[j], q_low[j]), (v[k], v_low[k]), total)
+            d[i], d_low[i] = total
 
     @loop_compiled
     def run(high, low, arithmetic, attitudes):

@@ -83,7 +83,35 @@ def degrees_that_read_back(angle: np.ndarray) -> np.ndarray:
     return result
 
 
-class _Record:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class _Origin:
+    """Where a record comes from and how it was read.
+
+    Attributes
+    ----------
+    path : Path
+        where it came from
+    row : ndarray of int, shape (N,)
+        line of the file, as an editor counts; 1, 2, ... when the record has no file
+    warnings : tuple of str
+        what a person should be told
+    sha256 : str
+        of the file's bytes, in hexadecimal; empty when the record has no file
+    about : dict
+        key -> value of the comment lines of its file: serial number, operator, date
+    channels : Channels or None
+        how the channels of the file were read, where somebody said it
+    """
+
+    path: Path = Path("record")
+    row: np.ndarray = field(default_factory=_no_rows)
+    warnings: tuple[str, ...] = ()
+    sha256: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
+    channels: Channels | None = None
+
+
+class _Record(_Origin):
     """What the kinds have in common: arrays of one length, columns of a file, a line for a person."""
 
     word: ClassVar[str]
@@ -91,10 +119,6 @@ class _Record:
     """Field -> its columns in a file, in their order; one column is an array (N,), several are (N, columns)."""
     time_s: np.ndarray
     specific_force: np.ndarray
-    row: np.ndarray
-    path: Path
-    warnings: tuple[str, ...]
-    channels: Channels | None
 
     def __post_init__(self) -> None:
         count = len(self.time_s)
@@ -222,8 +246,10 @@ class RawRecord(_Record):
         readings of the three accelerometers, block frame [m/s²]
     temperature : ndarray, shape (N,), or None
         [°C]
-    path, row, warnings, resolution, sha256, about, channels
+    resolution
         as in PositionRecord
+    path, row, warnings, sha256, about, channels
+        where it comes from
     """
 
     word = "raw record"
@@ -240,13 +266,7 @@ class RawRecord(_Record):
     beta: np.ndarray
     specific_force: np.ndarray
     temperature: np.ndarray | None = None
-    path: Path = Path("record")
-    row: np.ndarray = field(default_factory=_no_rows)
-    warnings: tuple[str, ...] = ()
     resolution: float = 0.0
-    sha256: str = ""
-    about: Mapping[str, str] = field(default_factory=dict)
-    channels: Channels | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -305,22 +325,12 @@ class PositionRecord(_Record):
         half a last digit of the angles as they were written [rad]; 0 where they are exact
     temperature_resolution : float
         half a last digit of the temperature as it was written [K]
-    row : ndarray of int, shape (N,)
-        line of the file, as an editor counts; 1, 2, ... when the record has no file
-    path : Path
-        where it came from
-    warnings : tuple of str
-        what a person should be told
+    path, row, warnings, sha256, about, channels
+        where it comes from
     scatter : ndarray, shape (N, 3), or None
         for a record made from rests: standard error of each mean, from the scatter within its rest [m/s²]
     dwell_noise : DwellNoise or None
         for a record made from rests, where they are long enough to tell
-    sha256 : str
-        of the file's bytes, in hexadecimal; empty when the record has no file
-    about : dict
-        key -> value of the comment lines of its file: serial number, operator, date
-    channels : Channels or None
-        how the channels of the file were read, where somebody said it
     raw : RawRecord or None
         what it was made from, with all the `rests` of the table, refused ones too
     """
@@ -350,14 +360,8 @@ class PositionRecord(_Record):
     resolution: float = 0.0
     angle_resolution: float = 0.0
     temperature_resolution: float = 0.0
-    row: np.ndarray = field(default_factory=_no_rows)
-    path: Path = Path("record")
-    warnings: tuple[str, ...] = ()
     scatter: np.ndarray | None = None
     dwell_noise: DwellNoise | None = None
-    sha256: str = ""
-    about: Mapping[str, str] = field(default_factory=dict)
-    channels: Channels | None = None
     raw: RawRecord | None = None
     rests: tuple[Rest, ...] = ()
 
@@ -406,7 +410,7 @@ class StrapdownRecord(_Record):
     temperature : ndarray, shape (N,), or None
         [°C]
     path, row, warnings, sha256, about, channels
-        as in PositionRecord
+        where it comes from
     """
 
     word = "strapdown record"
@@ -426,12 +430,6 @@ class StrapdownRecord(_Record):
     specific_force: np.ndarray
     attitude: np.ndarray | None = None
     temperature: np.ndarray | None = None
-    path: Path = Path("record")
-    row: np.ndarray = field(default_factory=_no_rows)
-    warnings: tuple[str, ...] = ()
-    sha256: str = ""
-    about: Mapping[str, str] = field(default_factory=dict)
-    channels: Channels | None = None
     velocity_increment: np.ndarray | None = None
 
     def __post_init__(self) -> None:

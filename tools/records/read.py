@@ -121,21 +121,23 @@ def read_record(record: Source, *kinds: Any, channels: Sequence[str] = ()) -> An
         of another kind, or no rest can be found in it
     """
     table = PositionRecord in kinds
-    source = record
-    if isinstance(source, Recorded):
-        record = source.position_record()
-    elif not isinstance(source, PositionRecord | RawRecord | StrapdownRecord):
-        record = _parsed(source, STRAPDOWN_KINDS if kinds and not table and BenchRecord not in kinds else KINDS)
+    measured: Record
+    if isinstance(record, PositionRecord | RawRecord | StrapdownRecord):
+        measured = record
+    elif isinstance(record, Recorded):
+        measured = record.position_record()
+    else:
+        measured = _parsed(record, STRAPDOWN_KINDS if kinds and not table and BenchRecord not in kinds else KINDS)
     if channels:
-        record = record.read_with(Channels.given(channels))
-    if table and isinstance(record, RawRecord):
-        record = position_record_of(record)
-    if not kinds or isinstance(record, kinds):
-        return record
+        measured = measured.read_with(Channels.given(channels))
+    if table and isinstance(measured, RawRecord):
+        measured = position_record_of(measured)
+    if not kinds or isinstance(measured, kinds):
+        return measured
     if table:
         what = "is a strapdown record; a position record or a raw record (alpha_deg, beta_deg) is needed"
-        raise RecordError(record.path, None, None, what)
-    raise InputError(f"{record.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
+        raise RecordError(measured.path, None, None, what)
+    raise InputError(f"{measured.path}: is a table record; a strapdown record (w1_radps, ...) is needed")
 
 
 def read_written(path: Path) -> Record:
