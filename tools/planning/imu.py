@@ -12,6 +12,7 @@ best. Beside the plan stand that bound and what usual practice gives in the same
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from math import ceil, radians
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
@@ -227,16 +228,13 @@ def _lattice_places() -> list[Place]:
 def _lattice_turns() -> list[tuple[Place, ...]]:
     """Whole turns to and fro: about α from two opposite angles at each β, then about β likewise."""
     lattice = np.arange(AWAY_DEG, 360.0, LATTICE_DEG).tolist()
-    turns = []
-    for fixed in lattice:
-        for start in lattice[:: len(lattice) // 2]:
-            for count in WHOLE_TURNS:
-                turns.append(((start, fixed), (start + 360.0 * count, fixed), (start, fixed)))
-    for fixed in lattice:
-        for start in lattice[:: len(lattice) // 2]:
-            for count in WHOLE_TURNS:
-                turns.append(((fixed, start), (fixed, start + 360.0 * count), (fixed, start)))
-    return turns
+    opposite = lattice[:: len(lattice) // 2]
+    about_alpha, about_beta = [], []
+    for fixed, start, count in product(lattice, opposite, WHOLE_TURNS):
+        end = start + 360.0 * count
+        about_alpha.append(((start, fixed), (end, fixed), (start, fixed)))
+        about_beta.append(((fixed, start), (fixed, end), (fixed, start)))
+    return about_alpha + about_beta
 
 
 def _joined(stops: Sequence[Sequence[Place]]) -> tuple[list[Place], list[tuple[int, int]]]:

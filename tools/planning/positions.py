@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib import resources
 from math import ceil
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -227,16 +227,8 @@ def common_positions(
     if effects:
         places, detection = detecting(task, best.places, effects)
         best = costs(task, places)
-    plan = _plan_of(task, best)
-    return plan.model_copy(
-        update={
-            "starts": starts,
-            "interrupted": interrupted,
-            **_proven(bound),
-            "detection": detection,
-            "searched": count,
-        }
-    )
+    outcome = {"starts": starts, "interrupted": interrupted, "detection": detection, "searched": count}
+    return _plan_of(task, best, outcome | _proven(bound))
 
 
 def _check_count(count: int, request: Request) -> None:
@@ -254,14 +246,14 @@ def _least_count(request: Request) -> int:
     return max(FEWEST, -(-len(request.parametrisation().symbols) // 3))
 
 
-def _proven(bound: Bound | None) -> dict[str, object]:
+def _proven(bound: Bound | None) -> dict[str, Any]:
     if bound is None:
-        return {}
+        return {"lower_bound": None, "lower_bound_on": None}
     return {"bound": bound, "lower_bound": bound.ratio, "lower_bound_on": bound.on}
 
 
-def _plan_of(task: Task, best: Costs) -> PositionPlan:
-    """The plan of a set that was found: order of measurement, commands, costs."""
+def _plan_of(task: Task, best: Costs, outcome: dict[str, Any]) -> PositionPlan:
+    """The plan of a set that a search ended with: order of measurement, commands, costs."""
     request, p = task.request, task.parametrisation
     places = best.places.chosen(np.arange(len(best.places) - len(task.measured)))
     commands = unwound(places.angle, task.keep_out)
@@ -279,20 +271,17 @@ def _plan_of(task: Task, best: Costs) -> PositionPlan:
         programme=tuple(order.index(row) + 1 for row in rows.tolist()),
         worst_ratio=best.worst,
         mean_ratio=best.mean,
-        lower_bound=None,
-        lower_bound_on=None,
         costs=dict(zip(symbols, (best.ratio * task.best).tolist(), strict=True)),
         optima=dict(zip(symbols, task.best.tolist(), strict=True)),
         readings=len(best.readings.position),
         **{name: getattr(request, name) for name in REPEATED},
-        starts=0,
-        interrupted=False,
         levelling_error=None if request.goal is None else level,
         azimuth_error=level * request.magnified if request.goal == "gyrocompass" else None,
         measured=len(task.measured) or None,
         mountings={name: matrix.tolist() for name, matrix in zip(p.mountings, p.matrices, strict=True)},
         task=task,
         duration=duration,
+        **outcome,
     )
 
 
