@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import trihedron as th
-from trihedron.tools.foreign.importing import Imported
+from laboratory_imports import imported, refused
 
 COUNT = 6
 TIME = 30.0 * np.arange(COUNT)
@@ -28,18 +27,6 @@ def rows_of(force: np.ndarray, *further: Sequence[object]) -> list[list[object]]
         [k + 1, TIME[k], ALPHA[k], BETA[k], *np.ravel(force[k]).round(6).tolist(), *(column[k] for column in further)]
         for k in range(COUNT)
     ]
-
-
-def imported(folder: Path, text: str, answers: dict[str, str] | None = None, **options: Path) -> Imported:
-    path = folder / "lab.csv"
-    path.write_text(text, encoding="utf-8")
-    return th.import_record(path, answers=answers, **options)
-
-
-def refused(folder: Path, text: str, answers: dict[str, str] | None = None) -> str:
-    with pytest.raises(th.InputError) as error:
-        imported(folder, text, answers)
-    return str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -1,50 +1,25 @@
 """Files as they come in practice: counters from 0, comments among the rows, sums below, numbers in another notation."""
 
-from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import trihedron as th
-from laboratory_files import PLAIN, Bench, bench_columns, table
+from laboratory_files import PLAIN, bench_columns, table
+from laboratory_imports import assert_clean, ideal_bench, imported, refused
 
-K = np.arange(12.0)
-ALPHA, BETA = (37.0 * K + 11.0) % 360.0, (101.0 * K + 7.0) % 360.0
-A, B = np.radians(ALPHA), np.radians(BETA)
-FORCE = np.round(9.80665 * np.stack([np.sin(A) * np.sin(B), np.sin(A) * np.cos(B), np.cos(A)], axis=1), 9)
-BENCH = Bench(60.0 * K, ALPHA, BETA, FORCE, 20.0 + 0.0 * K)
+BENCH = ideal_bench(12)
+FORCE = BENCH.force
 COLUMNS = bench_columns(BENCH)
 LATE = datetime(2026, 3, 17, 23, 55, 0)
-
-
-def imported(folder: Path, content: bytes, answers: dict[str, str] | None = None):
-    path = folder / "lab.csv"
-    path.write_bytes(content)
-    return th.import_record(path, answers=answers)
-
-
-def refused(folder: Path, content: bytes) -> str:
-    with pytest.raises(th.InputError) as error:
-        imported(folder, content)
-    message = str(error.value)
-    assert "\n" not in message
-    return message
-
-
-def assert_clean(record, rows: Sequence[int] = range(12)) -> None:
-    assert record.specific_force == pytest.approx(FORCE[list(rows)], abs=1e-8)
-    assert np.degrees(record.alpha) == pytest.approx(ALPHA[list(rows)], abs=1e-6)
-    assert np.degrees(record.beta) == pytest.approx(BETA[list(rows)], abs=1e-6)
-    assert np.diff(record.time_s) == pytest.approx(np.diff(BENCH.time[list(rows)]), abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["acc{} [m/s²]", "acc_{} [m/s²]", "acc[{}] (m/s²)", "Accel {} [m/s²]"])
 def test_channels_that_are_counted_from_0_are_the_three_axes_in_their_order(name: str, tmp_path: Path):
     """acc0 is axis 1, and acc1 is not."""
     names = [*PLAIN[:4], *(name.format(k) for k in range(3))]
-    assert_clean(imported(tmp_path, table(names, COLUMNS)).record)
+    assert_clean(imported(tmp_path, table(names, COLUMNS)).record, BENCH)
 
 
 def test_four_channels_that_are_counted_from_0_are_no_three_axes(tmp_path: Path):
@@ -58,20 +33,20 @@ def test_rows_that_are_commented_out_are_left_out_and_said(mark: str, tmp_path: 
     lines = table(PLAIN, COLUMNS).decode().splitlines()
     lines[5], lines[8] = mark + lines[5], mark + lines[8]
     conversion = imported(tmp_path, "\n".join(lines).encode())
-    assert_clean(conversion.record, [k for k in range(12) if k not in (4, 7)])
+    assert_clean(conversion.record, BENCH, [k for k in range(12) if k not in (4, 7)])
     assert "2 rows (comments): 6, 9" in conversion.left_out
 
 
 def test_positions_that_are_named_with_such_a_mark_are_no_comments(tmp_path: Path):
     marked = [[f"#{k}" for k in COLUMNS[0]], *COLUMNS[1:]]
-    assert_clean(imported(tmp_path, table(PLAIN, marked)).record)
+    assert_clean(imported(tmp_path, table(PLAIN, marked)).record, BENCH)
 
 
 def test_sums_below_the_table_are_asked_of_all_at_once(tmp_path: Path):
     below = ["mean,,180,170,0.1,0.2,0.3", "std,,100,90,5.1,5.2,5.3", "max,,350,350,9.7,9.7,9.7"]
     content = table(PLAIN, COLUMNS, after=below)
     assert "--set missing=mean,std,max" in refused(tmp_path, content)
-    assert_clean(imported(tmp_path, content, {"missing": "mean,std,max"}).record)
+    assert_clean(imported(tmp_path, content, {"missing": "mean,std,max"}).record, BENCH)
 
 
 NOTATIONS = {
@@ -96,7 +71,7 @@ def test_numbers_in_another_notation_are_refused_and_not_left_out(name: str, tmp
 def test_exponents_of_fortran_and_blanks_behind_signs_are_read(old: str, new: str, tmp_path: Path):
     form = "{:.9E}" if old == "E" else "{:+.9f}"
     texts = [[form.format(v).replace(old, new) for v in axis] for axis in FORCE.T]
-    assert_clean(imported(tmp_path, table(PLAIN, [*COLUMNS[:4], *texts])).record)
+    assert_clean(imported(tmp_path, table(PLAIN, [*COLUMNS[:4], *texts])).record, BENCH)
 
 
 @pytest.mark.parametrize(
@@ -106,14 +81,16 @@ def test_dates_in_other_forms_are_read_over_midnight(form: str, tmp_path: Path):
     times = [(LATE + timedelta(seconds=float(t))).strftime(form) for t in BENCH.time]
     if "," in form:
         times = [f'"{text}"' for text in times]
-    assert_clean(imported(tmp_path, table([PLAIN[0], "Time", *PLAIN[2:]], [COLUMNS[0], times, *COLUMNS[2:]])).record)
+    assert_clean(
+        imported(tmp_path, table([PLAIN[0], "Time", *PLAIN[2:]], [COLUMNS[0], times, *COLUMNS[2:]])).record, BENCH
+    )
 
 
 def test_days_of_a_workbook_are_offered_where_times_look_like_them(tmp_path: Path):
     days = [f"{46098.99 + t / 86400.0:.9f}" for t in BENCH.time]
     content = table([PLAIN[0], "Timestamp", *PLAIN[2:]], [COLUMNS[0], days, *COLUMNS[2:]])
     assert "--set units.time=d or" in refused(tmp_path, content)
-    assert_clean(imported(tmp_path, content, {"units.time": "d"}).record)
+    assert_clean(imported(tmp_path, content, {"units.time": "d"}).record, BENCH)
 
 
 def test_a_date_that_stands_in_the_first_row_alone_is_asked_of_and_can_be_left(tmp_path: Path):
@@ -121,7 +98,7 @@ def test_a_date_that_stands_in_the_first_row_alone_is_asked_of_and_can_be_left(t
     names = [PLAIN[0], "Date", "Time", *PLAIN[2:]]
     content = table(names, [COLUMNS[0], ["2026-03-17", *[""] * 11], clock, *COLUMNS[2:]])
     assert "--set columns.date=none" in refused(tmp_path, content)
-    assert_clean(imported(tmp_path, content, {"columns.date": "none"}).record)
+    assert_clean(imported(tmp_path, content, {"columns.date": "none"}).record, BENCH)
 
 
 @pytest.mark.parametrize("units", [("deg", "min"), ("°", "'"), ("deg", "arcmin")])
@@ -141,5 +118,5 @@ def test_minutes_of_an_angle_in_a_column_of_their_own_are_not_lost(units: tuple[
 )
 def test_other_names_and_units_are_known(names: list[str], tmp_path: Path):
     conversion = imported(tmp_path, table(names, COLUMNS))
-    assert_clean(conversion.record)
+    assert_clean(conversion.record, BENCH)
     assert not conversion.left_out

@@ -12,6 +12,7 @@ import pytest
 
 import trihedron as th
 from laboratory_files import PLAIN, table
+from laboratory_imports import imported, refused
 from trihedron.tools.foreign import sheet
 
 ROWS = [["1", "0", "20", "25", "1.4", "3.0", "9.2"], ["2", "60", "110", "25", "4.1", "8.3", "-3.4"]]
@@ -38,8 +39,8 @@ def archive() -> bytes:
     ids=["packed", "in parts", "filled up", "utf-32"],
 )
 def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tmp_path: Path):
-    (tmp_path / name).write_bytes(content)
-    assert th.import_record(tmp_path / name).record.specific_force == pytest.approx(np.array(FORCE))
+    record = imported(tmp_path, content, name=name).record
+    assert record.specific_force == pytest.approx(np.array(FORCE))
 
 
 @pytest.mark.parametrize(
@@ -60,20 +61,12 @@ def test_what_holds_the_table_beyond_doubt_is_read(name: str, content: bytes, tm
     ids=["cut", "corrupt", "bz2", "xz", "zip", "html", "xml", "json", "json lists", "pdf", "parquet"],
 )
 def test_what_holds_none_is_told_what_would_be_right(content: bytes, message: str, tmp_path: Path):
-    path = tmp_path / "lab.csv"
-    path.write_bytes(content)
-    with pytest.raises(th.InputError) as refused:
-        th.import_record(path)
-    assert message in str(refused.value)
-    assert "\n" not in str(refused.value)
+    assert message in refused(tmp_path, content)
 
 
 def test_a_file_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(sheet, "LARGEST", 100_000)
-    path = tmp_path / "lab.csv.gz"
-    path.write_bytes(gzip.compress(bytes(1_000_000)))
-    with pytest.raises(th.InputError, match="unpacks to more than 100000 bytes"):
-        th.import_record(path)
+    assert "unpacks to more than 100000 bytes" in refused(tmp_path, gzip.compress(bytes(1_000_000)))
 
 
 def test_check_and_diagnose_propose_the_import_of_a_packed_file(tmp_path: Path):

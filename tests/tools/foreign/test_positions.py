@@ -1,6 +1,6 @@
 """Position records as laboratories write them: imported, or asked about; never understood wrongly in silence."""
 
-import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 
 import trihedron as th
 from laboratory_files import Bench, LabFile, position_files, repeated_file
+from laboratory_imports import asked, assert_clean, imported, imported_as_asked, refused, written
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.tools import cli
 from trihedron.tools.records import PositionRecord, RawRecord, read_record
@@ -37,21 +38,6 @@ def file_of(bench: Bench, name: str) -> LabFile:
     return next(file for file in position_files(bench) if file.name == name)
 
 
-def written(folder: Path, file: LabFile) -> Path:
-    path = folder / f"lab{file.suffix}"
-    path.write_bytes(file.content)
-    return path
-
-
-def asked(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], str]:
-    """Keys that an import asks for, and the line in which it does."""
-    with pytest.raises(th.InputError) as refused:
-        th.import_record(path, answers=answers)
-    message = str(refused.value)
-    assert "\n" not in message
-    return set(re.findall(r"--set '?([\w.]+)=", message)), message
-
-
 def test_there_are_forty_dialects():
     assert len(NAMES) == len(set(NAMES)) >= 45
 
@@ -60,26 +46,16 @@ def test_there_are_forty_dialects():
 def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Bench, tmp_path: Path):
     """Exactly what is missing is asked for, at once; with it the record is the clean one, to the last digit written."""
     file = file_of(bench, name)
-    path = written(tmp_path, file)
-    answers: dict[str, str] = {}
-    for last in range(file.rounds if file.needs else 0):
-        keys, message = asked(path, answers)
-        assert keys <= set(file.needs), message
-        answers |= {key: file.needs[key] for key in keys}
-        assert (set(answers) == set(file.needs)) == (last == file.rounds - 1), message
-    conversion = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
-    record = th.read_record(tmp_path / "record.csv")
+    conversion, record = imported_as_asked(tmp_path, file)
     rows = np.arange(len(bench.time)) if file.rows is None else file.rows
     assert isinstance(record, PositionRecord)
-    assert record.specific_force == pytest.approx(bench.force[rows], abs=file.grain)
-    for angles, clean in ((record.alpha, bench.alpha), (record.beta, bench.beta)):
-        assert np.abs((np.degrees(angles) - clean[rows] + 180.0) % 360.0 - 180.0).max() < 1e-6
+    timed = not {"time", "dates"} & set(file.needs)
+    assert_clean(record if timed else replace(record, time_s=bench.time[rows]), bench, rows, file.grain)
     if record.temperature is not None:
         assert record.temperature == pytest.approx(bench.temperature[rows], abs=1e-4)
     # what was written says how finely: no less, and not ten times more
     assert np.abs(record.specific_force - bench.force[rows]).max() <= 1.001 * record.resolution + 1e-15
-    assert {key: record.about.get(key) for key in file.keeps} == file.keeps
-    if not {"time", "dates"} & set(file.needs):
+    if timed:
         assert np.diff(record.time_s) == pytest.approx(np.diff(bench.time[rows]), abs=1e-5)
     assert conversion.to_json()["rows"] == len(record)
 
@@ -88,7 +64,7 @@ def test_a_dialect_is_imported_or_asks_for_what_is_missing(name: str, bench: Ben
 def test_where_a_guess_could_be_wrong_the_other_answer_is_taken_too_or_refused(name: str, bench: Bench, tmp_path: Path):
     """Both answers are possible: the question was one."""
     file = file_of(bench, name)
-    path = written(tmp_path, file)
+    path = written(tmp_path, file.content)
     if set(file.wrong) & {"units.force", "decimal"}:
         # the size of gravity says no
         with pytest.raises(th.InputError, match="gravity"):
@@ -102,7 +78,7 @@ def test_where_a_guess_could_be_wrong_the_other_answer_is_taken_too_or_refused(n
 def test_a_calibration_of_it_is_that_of_the_clean_record(name: str, bench: Bench, tmp_path: Path):
     file = file_of(bench, name)
     rows = np.arange(len(bench.time)) if file.rows is None else file.rows
-    record = th.import_record(written(tmp_path, file), answers=file.needs).record
+    record = th.import_record(written(tmp_path, file.content), answers=file.needs).record
     clean = PositionRecord(
         np.arange(1, len(rows) + 1),
         bench.time[rows],
@@ -119,7 +95,7 @@ def test_a_calibration_of_it_is_that_of_the_clean_record(name: str, bench: Bench
 def test_the_proposed_mapping_is_filled_in_and_used_again(bench: Bench, tmp_path: Path, monkeypatch, capsys):
     """One line of the mapping answers; the next file of the same laboratory needs no question."""
     monkeypatch.chdir(tmp_path)
-    written(tmp_path, file_of(bench, "g or m/s²?"))
+    written(tmp_path, file_of(bench, "g or m/s²?").content)
     assert cli.main(["import", "lab.csv", "--out", "record.csv"]) == 2
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)
@@ -141,7 +117,7 @@ def test_the_proposed_mapping_is_filled_in_and_used_again(bench: Bench, tmp_path
 
 
 def test_signs_units_and_offsets_of_a_mapping_are_obeyed(bench: Bench, tmp_path: Path):
-    path = written(tmp_path, file_of(bench, "other names"))
+    path = written(tmp_path, file_of(bench, "other names").content)
     answers = {"columns.f2_mps2.sign": "-1", "columns.f2_mps2.offset": "0.5", "columns.f2_mps2.from": "acc y [m/s²]"}
     record = th.import_record(path, answers=answers).record
     assert record.specific_force[:, 1] == pytest.approx(0.5 - bench.force[:, 1], abs=1e-9)
@@ -153,7 +129,7 @@ def test_several_readings_of_a_rest_are_averaged_and_their_scatter_kept(numbered
     """The standard error that is kept is that of the noise put in, and bounds the noise where nothing else does."""
     scatter, count = 2e-4, 16
     file = repeated_file(bench, count, scatter, 3, numbered=numbered)
-    path = written(tmp_path, file)
+    path = written(tmp_path, file.content)
     if file.needs:
         assert asked(path)[0] == {"readings", "kind"}
     conversion = th.import_record(path, out=tmp_path / "record.csv", answers=file.needs)
@@ -174,10 +150,9 @@ def test_readings_under_one_number_at_other_angles_are_no_readings_of_one_rest(b
     fields = lines[5].split(",")
     fields[2] = "77.0"
     lines[5] = ",".join(fields)
-    path = tmp_path / "lab.csv"
-    path.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(th.InputError, match=r"row 6: the angles differ from the row before.*--set readings=each"):
-        th.import_record(path)
+    message = refused(tmp_path, "\n".join(lines))
+    assert "row 6: the angles differ from the row before" in message
+    assert "--set readings=each" in message
 
 
 def test_angles_about_zero_are_averaged_round_the_circle(tmp_path: Path):
@@ -185,30 +160,22 @@ def test_angles_about_zero_are_averaged_round_the_circle(tmp_path: Path):
     for k in range(4):
         for j, angle in enumerate((359.99, 0.01, 359.99, 0.01)):
             rows.append(f"{k + 1},{10 * k + j},{angle},{(90.0 * k + angle) % 360.0},0.0,0.0,1.0")
-    path = tmp_path / "lab.csv"
-    path.write_text("\n".join(rows), encoding="utf-8")
-    record = th.import_record(path).record
+    record = imported(tmp_path, "\n".join(rows)).record
     assert np.abs((np.degrees(record.alpha) + 180.0) % 360.0 - 180.0).max() < 1e-9
 
 
 def test_midnight_passes(tmp_path: Path):
     rows = ["pos,Time of day,alpha [deg],beta [deg],ax [g],ay [g],az [g]"]
     rows += [f"{k},{t},{k},0.0,0.0,0.0,1.0" for k, t in enumerate(("23:59:50", "23:59:58", "00:00:06"), 1)]
-    path = tmp_path / "lab.csv"
-    path.write_text("\n".join(rows), encoding="utf-8")
-    conversion = th.import_record(path)
+    conversion = imported(tmp_path, "\n".join(rows))
     assert conversion.record.time_s == pytest.approx([0.0, 8.0, 16.0])
     assert "midnight passes 1 time" in conversion.notes
 
 
 def test_decimal_commas_between_commas_are_refused_as_such(bench: Bench, tmp_path: Path):
     file = file_of(bench, "semicolon, decimal comma")
-    path = tmp_path / "lab.csv"
-    path.write_bytes(file.content.replace(b";", b","))
-    with pytest.raises(
-        th.InputError, match=r"decimal commas between commas cannot be told apart; save it with semicolons"
-    ):
-        th.import_record(path)
+    message = refused(tmp_path, file.content.replace(b";", b","))
+    assert "decimal commas between commas cannot be told apart; save it with semicolons" in message
 
 
 @pytest.mark.parametrize("name", ["German Windows", "German, UTF-16", "tab, decimal point", "other names"])
@@ -216,7 +183,7 @@ def test_check_and_diagnose_propose_the_import(name: str, bench: Bench, tmp_path
     """What is no record, but may become one, is answered with the command that makes it one."""
     monkeypatch.chdir(tmp_path)
     file = file_of(bench, name)
-    path = written(tmp_path, file)
+    path = written(tmp_path, file.content)
     command = f"trihedron import {path.name} --out RECORD.csv"
     assert command in str(th.check(path.name))
     assert cli.main(["diagnose", path.name, "--noise-bound", "1e-5"]) == 2
@@ -231,12 +198,9 @@ def test_a_mapping_takes_all_rows_of_a_longer_file(bench: Bench, tmp_path: Path)
     """Lines are looked for in each file: the next one has another head and more rows."""
     file = file_of(bench, "footer")
     lines = file.content.decode().splitlines()
-    short = tmp_path / "short.csv"
-    short.write_text("\n".join([*lines[:20], "", "Ende der Messung"]), encoding="utf-8")
-    first = th.import_record(short, out=tmp_path / "first.csv")
+    first = imported(tmp_path, "\n".join([*lines[:20], "", "Ende der Messung"]), out=tmp_path / "first.csv")
     assert (first.rows, first.left_out) == (19, ("what stands below row 20",))
-    (tmp_path / "long.csv").write_text("\n".join(["Titel", "", *lines]), encoding="utf-8")
-    long = th.import_record(tmp_path / "long.csv", mapping=tmp_path / "first.import.toml")
+    long = imported(tmp_path, "\n".join(["Titel", "", *lines]), mapping=tmp_path / "first.import.toml")
     assert long.rows == len(bench.time)
 
 
@@ -268,12 +232,9 @@ READINGS = "alpha [deg];beta [deg];ax [g];ay [g];az [g]"
     ids=lambda value: value[:40] if "--set" in value else "",
 )
 def test_what_is_doubtful_is_asked_and_named(text: str, message: str, tmp_path: Path):
-    path = tmp_path / "lab.csv"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(th.InputError) as refused:
-        th.import_record(path)
-    assert message in str(refused.value)
-    assert "things" not in str(refused.value)
+    line = refused(tmp_path, text)
+    assert message in line
+    assert "things" not in line
 
 
 @pytest.mark.parametrize(
@@ -291,9 +252,7 @@ def test_what_is_doubtful_is_asked_and_named(text: str, message: str, tmp_path: 
     ],
 )
 def test_what_is_not_doubtful_is_not_asked(text: str, time: list[float], tmp_path: Path):
-    path = tmp_path / "lab.csv"
-    path.write_text(text, encoding="utf-8")
-    record = th.import_record(path).record
+    record = imported(tmp_path, text).record
     assert record.time_s == pytest.approx(time)
     assert record.position.tolist() == [1, 2, 3]
 
@@ -303,10 +262,9 @@ def test_a_time_series_of_a_table_is_a_raw_record_where_it_is_said_to_be_one(tmp
     count = 60
     alpha = np.repeat([0.0, 90.0, 180.0], 20) + 1e-4 * np.sin(np.arange(count))
     rows = [f"{0.1 * k:.1f};{alpha[k]:.5f};0.0;0.0;{np.cos(np.radians(alpha[k])):.6f};0.1" for k in range(count)]
-    path = tmp_path / "lab.csv"
     names = "t [s];alpha [deg];beta [deg];ax [g];ay [g];az [g]"
     rows = [row.replace(";0.1", f";{np.cos(np.radians(alpha[k])):.6f}") for k, row in enumerate(rows)]
-    path.write_text("\n".join([names, *rows]), encoding="utf-8")
+    path = written(tmp_path, "\n".join([names, *rows]))
     assert asked(path)[0] == {"readings", "kind"}
     record = th.import_record(path, answers={"kind": "raw record"}).record
     assert isinstance(record, RawRecord)

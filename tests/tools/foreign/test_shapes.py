@@ -5,28 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import trihedron as th
-from laboratory_files import GERMAN, PLAIN, Bench, G, bench_columns
+from laboratory_files import GERMAN, PLAIN, G, bench_columns
+from laboratory_imports import assert_clean, ideal_bench, imported, refused
 from laboratory_workbooks import ods
 
-K = np.arange(9.0)
-ALPHA, BETA = (37.0 * K + 11.0) % 360.0, (101.0 * K + 7.0) % 360.0
-A, B = np.radians(ALPHA), np.radians(BETA)
-FORCE = np.round(9.80665 * np.stack([np.sin(A) * np.sin(B), np.sin(A) * np.cos(B), np.cos(A)], axis=1), 9)
-BENCH = Bench(60.0 * K, ALPHA, BETA, FORCE, 20.0 + 0.0 * K)
+BENCH = ideal_bench(9)
+ALPHA, BETA, FORCE = BENCH.alpha, BENCH.beta, BENCH.force
 POINT, COMMA = bench_columns(BENCH), bench_columns(BENCH, scale=1.0 / G, decimals=11, mark=",")
-
-
-def imported(folder: Path, text: str | bytes, answers: dict[str, str] | None = None, name: str = "lab.csv"):
-    path = folder / name
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
-    return th.import_record(path, answers=answers)
-
-
-def assert_clean(record) -> None:
-    assert record.specific_force == pytest.approx(FORCE, abs=1e-8)
-    assert np.degrees(record.alpha) == pytest.approx(ALPHA, abs=1e-6)
-    assert np.degrees(record.beta) == pytest.approx(BETA, abs=1e-6)
 
 
 def lines(rows: list[list[str]], mark: str = ";") -> str:
@@ -58,7 +43,7 @@ TURNED = {
 @pytest.mark.parametrize("name", TURNED)
 def test_a_table_with_a_column_for_each_position_is_read(name: str, tmp_path: Path):
     conversion = imported(tmp_path, TURNED[name])
-    assert_clean(conversion.record)
+    assert_clean(conversion.record, BENCH)
     assert conversion.record.time_s == pytest.approx(BENCH.time)
     assert "a column for each position, turned" in conversion.written_as
     if "German" in name:
@@ -68,7 +53,7 @@ def test_a_table_with_a_column_for_each_position_is_read(name: str, tmp_path: Pa
 def test_a_workbook_on_its_side_is_read(tmp_path: Path):
     values = [[float(text) for text in column] for column in POINT]
     content = ods({"Data": [[name, *column] for name, column in zip(PLAIN, values, strict=True)]})
-    assert_clean(imported(tmp_path, content, name="lab.ods").record)
+    assert_clean(imported(tmp_path, content, name="lab.ods").record, BENCH)
 
 
 def blocks(heading: str, names: str, readings: int = 4, scatter: float = 0.0, decimal: str = ".") -> str:
@@ -98,7 +83,7 @@ HEADINGS = {
 @pytest.mark.parametrize("name", HEADINGS)
 def test_blocks_with_a_heading_for_each_rest_are_averaged(name: str, tmp_path: Path):
     conversion = imported(tmp_path, blocks(*HEADINGS[name]))
-    assert_clean(conversion.record)
+    assert_clean(conversion.record, BENCH)
     assert (conversion.rows, conversion.readings) == (9, 36)
     assert "a block for each rest" in conversion.written_as
 
@@ -116,15 +101,15 @@ def test_what_is_wrong_in_a_block_is_said_by_the_row_of_the_file(tmp_path: Path)
     rows = blocks(*HEADINGS["in one line"]).splitlines()
     row = next(k for k, line in enumerate(rows) if line.startswith("62.0"))
     rows[row] = rows[row].replace(",", ",OVL,", 1).rpartition(",")[0]
-    with pytest.raises(th.InputError, match=f"row {row + 1}, 'ax .*: 'OVL' is no number"):
-        imported(tmp_path, "\n".join(rows))
+    message = refused(tmp_path, "\n".join(rows))
+    assert f"row {row + 1}, 'ax " in message
+    assert ": 'OVL' is no number" in message
 
 
 @pytest.mark.parametrize("angle", ["{a}°30'", "{a}:30", "12°34'56\""])
 def test_degrees_of_a_sexagesimal_angle_are_not_taken_for_the_whole(angle: str, tmp_path: Path):
     text = blocks(f"Position {{k}}: alpha = {angle}, beta = {{b}} deg".replace("{a}", "20"), NAMES)
-    with pytest.raises(th.InputError):
-        imported(tmp_path, text)
+    refused(tmp_path, text)
 
 
 @pytest.mark.parametrize("lost", ["alpha = 48.0000 deg, ", "Position 2: alpha = 48.0000 deg, beta = 108.0000 deg"])
@@ -132,5 +117,4 @@ def test_a_block_without_its_angles_is_no_rest_of_the_one_before(lost: str, tmp_
     """A heading that is lost must not put its readings to another rest in silence."""
     text = blocks(*HEADINGS["in one line"])
     assert lost in text
-    with pytest.raises(th.InputError):
-        imported(tmp_path, text.replace(lost, ""))
+    refused(tmp_path, text.replace(lost, ""))

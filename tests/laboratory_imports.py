@@ -1,0 +1,74 @@
+"""Laboratories' files imported in tests: what is asked, what is refused, whether the record is the clean one."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trihedron as th
+from laboratory_files import Bench, LabFile
+
+
+def ideal_bench(count: int, period: float = 60.0) -> Bench:
+    """Readings of an ideal bench, each rest with its own angles; nine decimals."""
+    k = np.arange(float(count))
+    alpha, beta = (37.0 * k + 11.0) % 360.0, (101.0 * k + 7.0) % 360.0
+    a, b = np.radians(alpha), np.radians(beta)
+    force = 9.80665 * np.stack([np.sin(a) * np.sin(b), np.sin(a) * np.cos(b), np.cos(a)], axis=1)
+    return Bench(period * k, alpha, beta, np.round(force, 9), np.full(count, 20.0))
+
+
+def written(folder: Path, content: bytes | str, name: str = "lab.csv") -> Path:
+    """A file of this content in the folder."""
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def imported(folder: Path, content: bytes | str, answers: dict[str, str] | None = None, **options: Any):
+    """What an import makes of this content."""
+    name = options.pop("name", "lab.csv")
+    return th.import_record(written(folder, content, name), answers=answers, **options)
+
+
+def refused(folder: Path, content: bytes | str, answers: dict[str, str] | None = None) -> str:
+    """The line in which an import of this content is refused."""
+    return asked(written(folder, content), answers)[1]
+
+
+def asked(path: Path, answers: dict[str, str] | None = None) -> tuple[set[str], str]:
+    """Keys that an import asks for, and the line in which it does."""
+    with pytest.raises(th.InputError) as refusal:
+        th.import_record(path, answers=answers)
+    message = str(refusal.value)
+    assert "\n" not in message
+    return set(re.findall(r"--set '?([\w.]+)=", message)), message
+
+
+def imported_as_asked(folder: Path, file: LabFile) -> tuple[Any, Any]:
+    """The import of a file, and the record that is read from what it writes.
+
+    Exactly what the file does not say is asked for, in its number of rounds.
+    """
+    path = written(folder, file.content, f"lab{file.suffix}")
+    answers: dict[str, str] = {}
+    for last in range(file.rounds if file.needs else 0):
+        keys, message = asked(path, answers)
+        assert keys <= set(file.needs), message
+        answers |= {key: file.needs[key] for key in keys}
+        assert (set(answers) == set(file.needs)) == (last == file.rounds - 1), message
+    conversion = th.import_record(path, out=folder / "record.csv", answers=file.needs)
+    record = th.read_record(folder / "record.csv")
+    assert {key: record.about.get(key) for key in file.keeps} == file.keeps
+    return conversion, record
+
+
+def assert_clean(record: Any, bench: Bench, rows: Any = None, grain: float = 1e-8) -> None:
+    """Assert that a record has the readings, angles and times between rests of these rows of a run."""
+    rows = np.arange(len(bench.time)) if rows is None else np.array(rows)
+    assert record.specific_force == pytest.approx(bench.force[rows], abs=grain)
+    for angles, clean in ((record.alpha, bench.alpha), (record.beta, bench.beta)):
+        assert np.abs((np.degrees(angles) - clean[rows] + 180.0) % 360.0 - 180.0).max() < 1e-6
+    assert np.diff(record.time_s) == pytest.approx(np.diff(bench.time[rows]), abs=1e-3)
