@@ -15,8 +15,7 @@ from trihedron.models.attitude_algorithms import PRODUCTS, Algorithm
 from trihedron.models.attitude_algorithms.computer import TABLE_SIZE, prepare_update
 from trihedron.models.attitude_algorithms.iteration import SPACE_SIZE
 from trihedron.models.rotation import multiply
-from trihedron.tools.motion.attitude import angle_between, attitudes_of_angles, rotation_of
-from trihedron.tools.motion.compare import run_algorithm, sample_motion
+from trihedron.tools.motion import angle_between, attitudes_of_angles, rotation_of, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 
 COSTLY = 10

@@ -14,7 +14,7 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.document.blocks import Page
 from trihedron.tools.document.page import html
-from trihedron.tools.planning.targets import optimal_plans
+from trihedron.tools.planning import optimal_plans
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.result import Result
 from trihedron.tools.trials import NOISE_BOUND, Options, draw_alone, draw_case

@@ -3,9 +3,10 @@
 import numpy as np
 
 from trihedron.tools.calibration.targets import expression_weights
+from trihedron.tools.planning import Plan, clearance, sheets, value
 from trihedron.tools.planning.certificate import ceiling, lower_bound
-from trihedron.tools.planning.forms import Sheet, clearance, dual_forms, sheets, value
-from trihedron.tools.planning.targets import Plan, PositionGrid
+from trihedron.tools.planning.forms import Sheet, dual_forms
+from trihedron.tools.planning.targets import PositionGrid
 
 LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
 """By how much |F'y| may exceed one, tried in turn: the lower bound is divided by what is proven."""

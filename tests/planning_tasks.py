@@ -8,9 +8,8 @@ from unittest import mock
 import numpy as np
 
 import trihedron as th
-from trihedron.tools.planning import Request, task, task_of
-from trihedron.tools.planning.positions import PositionPlan, stored_positions
-from trihedron.tools.planning.task import Places, Task
+from trihedron.tools.planning import Places, PositionPlan, Request, stored_positions, task, task_of
+from trihedron.tools.planning.task import Task
 
 SCALE, ZERO, SINGLE, SUM, THIRD = 2.0475623761398, 1.0475623761398, 1.00026989733961, 2.00053979467921, 1.02897485655299
 OPTIMA = np.array([SINGLE] * 2 + [THIRD] + [SCALE] * 6 + [SUM] * 3 + [SINGLE] * 3 + [ZERO] * 3)

@@ -11,8 +11,7 @@ from trihedron.tools.calibration.calibration import channels_advice
 from trihedron.tools.calibration.model import Positions, parametrise
 from trihedron.tools.evidence.carried_checks import wrong_channels
 from trihedron.tools.motion import inspect_record
-from trihedron.tools.records import PositionRecord, StrapdownRecord
-from trihedron.tools.records.channels import PERMUTATIONS, Channels, reading_of
+from trihedron.tools.records import PERMUTATIONS, Channels, PositionRecord, StrapdownRecord, reading_of
 
 pytestmark = pytest.mark.acceptance
 

@@ -7,7 +7,7 @@ import pytest
 
 from generator.tables import AZIMUTH, LATITUDE, PROGRAMME, Errors, Truth, bench_record
 from trihedron.tools.calibration import Bench, calibrate, calibrate_whole
-from trihedron.tools.records.rests import position_record_of
+from trihedron.tools.records import position_record_of
 
 pytestmark = pytest.mark.acceptance
 RECORDS = 200

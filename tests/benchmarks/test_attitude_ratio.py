@@ -17,8 +17,14 @@ from scipy.spatial.transform import Rotation
 from native_model import numbering, open_fmu
 from trihedron.fmus import build, components
 from trihedron.models.attitude_algorithms import ALGORITHMS
-from trihedron.tools.motion.attitude import algorithm_named, angle_between, attitudes_of_angles
-from trihedron.tools.motion.compare import Samples, run_algorithm, sample_motion
+from trihedron.tools.motion import (
+    Samples,
+    algorithm_named,
+    angle_between,
+    attitudes_of_angles,
+    run_algorithm,
+    sample_motion,
+)
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 
 RATE = 100.0

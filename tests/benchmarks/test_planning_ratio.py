@@ -11,7 +11,7 @@ import pytest
 
 from planning_reference import random_mounting
 from trihedron.models.bench import TARGETS, admissible, regressors
-from trihedron.tools.planning.targets import optimal_plans
+from trihedron.tools.planning import optimal_plans
 
 
 def full_columns() -> np.ndarray:

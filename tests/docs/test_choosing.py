@@ -9,8 +9,7 @@ import pytest
 from attitude_motions import operations_per_sample, paper_error, relative_coning_drift
 from trihedron.models.attitude_algorithms import ALGORITHMS, INPUT_KINDS, order_with
 from trihedron.tools.cli import main
-from trihedron.tools.motion.attitude import algorithm_named
-from trihedron.tools.motion.compare import sample_motion
+from trihedron.tools.motion import algorithm_named, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.rounding import downwards
 

@@ -27,7 +27,7 @@ from relations import (
 )
 from trihedron.tools import library, measured
 from trihedron.tools.calibration import apply_calibration
-from trihedron.tools.planning import read_angles
+from trihedron.tools.planning import read_settings
 from trihedron.tools.records import write_record
 
 SIGMA = 1e-5
@@ -312,7 +312,7 @@ def test_settings_in_other_columns_are_the_same_settings(tmp_path):
     table = pl.DataFrame(angles)
     table.write_csv(tmp_path / "a.csv")
     table.select(table.columns[::-1]).write_csv(tmp_path / "b.csv")
-    for entry, second in zip(read_angles(tmp_path / "a.csv"), read_angles(tmp_path / "b.csv"), strict=True):
+    for entry, second in zip(read_settings(tmp_path / "a.csv"), read_settings(tmp_path / "b.csv"), strict=True):
         assert np.array_equal(entry.angle, second.angle)
 
 

@@ -3,6 +3,9 @@ from .attitude import algorithm_named as algorithm_named
 from .attitude import angle_between as angle_between
 from .attitude import attitudes_of_angles as attitudes_of_angles
 from .attitude import run_attitude as run_attitude
+from .carry import GyroModel as GyroModel
+from .carry import carried_attitude as carried_attitude
+from .carry import rotation_of as rotation_of
 from .compare import Samples as Samples
 from .compare import compare_algorithms as compare_algorithms
 from .compare import read_increments as read_increments

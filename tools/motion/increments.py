@@ -10,7 +10,7 @@ from ..records import StrapdownRecord
 from ..records.limits import Limits, channel_limits
 from ..rounding import exactly, upwards
 from .gaps import Bridge, without_gaps
-from .rests import GAP, check_turns, mean_rates
+from .rests import check_turns, mean_rates
 
 JITTER = 0.01
 """Largest deviation of a row's time from the uniform grid that is none, in sampling periods."""
@@ -35,20 +35,11 @@ class Increments:
 def sampling_period(record: StrapdownRecord) -> float:
     """Time between the rows of a uniform record [s].
 
-    An InputError for fewer than two rows, a gap, or a time that is off the uniform grid by more than half the period.
+    An InputError for fewer than two rows, or a time that is off the uniform grid by more than half the period.
     """
     time = record.time_s
     if len(time) < 2:
         raise InputError(f"{record.path}: has {len(time)} row; an attitude needs at least two")
-    between = np.diff(time)
-    usual = float(np.median(between))
-    gaps = np.flatnonzero(between > GAP * usual)
-    if gaps.size:
-        k = int(gaps[0])
-        raise InputError(
-            f"{record.path}, row {int(record.row[k + 1])}, column 'time_s': a gap of {exactly(between[k], 6)} s before "
-            f"{exactly(time[k + 1], 9)} s, where rows come every {exactly(usual, 6)} s; give a record without gaps"
-        )
     period = float(time[-1] - time[0]) / (len(time) - 1)
     off = off_the_grid(time)
     worst = int(np.argmax(np.abs(off)))

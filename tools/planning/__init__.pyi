@@ -1,6 +1,10 @@
+from .certificate import Optimum as Optimum
 from .check import SettingCheck as SettingCheck
 from .check import check_settings as check_settings
 from .check import read_settings as read_settings
+from .forms import clearance as clearance
+from .forms import sheets as sheets
+from .forms import value as value
 from .imu import ImuPlan as ImuPlan
 from .imu import Planned as Planned
 from .imu import imu_programme as imu_programme
@@ -10,7 +14,14 @@ from .positions import checked_dwell as checked_dwell
 from .positions import common_positions as common_positions
 from .positions import fewest_positions as fewest_positions
 from .positions import plan_curve as plan_curve
+from .positions import stored_counts as stored_counts
+from .positions import stored_positions as stored_positions
 from .request import Request as Request
+from .request import parsed_keep_out as parsed_keep_out
+from .targets import Plan as Plan
 from .targets import Plans as Plans
 from .targets import optimal_plans as optimal_plans
+from .task import Places as Places
+from .task import costs as costs
 from .task import task_of as task_of
+from .tour import separated as separated

@@ -1,9 +1,17 @@
+from .channels import PERMUTATIONS as PERMUTATIONS
+from .channels import Channels as Channels
+from .channels import reading_of as reading_of
 from .kinds import BenchRecord as BenchRecord
 from .kinds import PositionRecord as PositionRecord
 from .kinds import RawRecord as RawRecord
 from .kinds import StrapdownRecord as StrapdownRecord
 from .kinds import write_record as write_record
 from .limits import channel_limits as channel_limits
+from .noise import allan_deviation as allan_deviation
+from .noise import noise_bound_from as noise_bound_from
 from .noise import tells_noise as tells_noise
 from .read import Source as Source
 from .read import read_record as read_record
+from .rests import average_rests as average_rests
+from .rests import find_rests as find_rests
+from .rests import position_record_of as position_record_of

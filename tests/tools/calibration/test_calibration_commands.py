@@ -16,8 +16,7 @@ from parameter_intervals import intervals_in
 from trihedron.tools import cli
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.orchestrator import Scenario, run_scenario
-from trihedron.tools.records import PositionRecord, read_record, write_record
-from trihedron.tools.records.rests import find_rests
+from trihedron.tools.records import PositionRecord, find_rests, read_record, write_record
 from trihedron.tools.reports.calibration import calibration_page
 
 SIGMA = 1e-5

@@ -25,8 +25,7 @@ from trihedron.tools.calibration.correction import (
 )
 from trihedron.tools.document.text import text
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import read_record, write_record
-from trihedron.tools.records.kinds import StrapdownRecord
+from trihedron.tools.records import StrapdownRecord, read_record, write_record
 from trihedron.tools.reports.calibration import applied_page, correction_equation
 
 SIGMA = 1e-5

@@ -18,8 +18,7 @@ from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import PositionRecord, read_record, write_record
-from trihedron.tools.records.channels import Channels
+from trihedron.tools.records import Channels, PositionRecord, read_record, write_record
 
 SIGMA = 1e-5
 

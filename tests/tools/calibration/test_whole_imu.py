@@ -25,8 +25,14 @@ from trihedron.tools.evidence.carried_run import Carried
 from trihedron.tools.exporting import write_fmpy_input
 from trihedron.tools.measured import bench_at
 from trihedron.tools.orchestrator import read_scenario
-from trihedron.tools.records import BenchRecord, PositionRecord, StrapdownRecord, read_record, write_record
-from trihedron.tools.records.rests import position_record_of
+from trihedron.tools.records import (
+    BenchRecord,
+    PositionRecord,
+    StrapdownRecord,
+    position_record_of,
+    read_record,
+    write_record,
+)
 from trihedron.tools.reports.calibration import gyro_sections
 from trihedron.tools.trials import Hidden, draw_whole
 

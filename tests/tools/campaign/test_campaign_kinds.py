@@ -18,8 +18,7 @@ from trihedron.tools.campaign.kinds import RunOutputs, motion_samples, reduced
 from trihedron.tools.campaign.runs import Design, columns_of, make_runner
 from trihedron.tools.campaign.store import make_order
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion.attitude import algorithm_named
-from trihedron.tools.motion.compare import read_increments
+from trihedron.tools.motion import algorithm_named, read_increments
 from trihedron.tools.orchestrator import PreparedScenario, Scenario, read_scenario, run_scenario
 from trihedron.tools.trials import Options, run_suite
 

@@ -19,8 +19,7 @@ from trihedron.tools.diagnosis.witness import EffectWitness
 from trihedron.tools.evidence.carried_record import linear_evidence
 from trihedron.tools.evidence.evidence import trials_in_time
 from trihedron.tools.evidence.references import Gravity, turned
-from trihedron.tools.motion.carry import GyroModel, carried_attitude
-from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.motion import GyroModel, carried_attitude, inspect_record
 from trihedron.tools.orchestrator import fmu as orchestrator_fmu
 from trihedron.tools.orchestrator.load import usual_flavour
 from trihedron.tools.trials import Options, draw_case, draw_clean_block

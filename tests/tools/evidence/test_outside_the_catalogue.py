@@ -10,7 +10,7 @@ import pytest
 from generator.carried import camera_attitude, drawn_motion, slow_noise, strapdown_record
 from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.evidence.carried_record import carried_evidence
-from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.motion import inspect_record
 from trihedron.tools.motion.rest_noise import RestNoise, allan_square
 from trihedron.tools.records import StrapdownRecord
 from trihedron.tools.reports import page_of

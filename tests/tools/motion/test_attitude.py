@@ -20,16 +20,15 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.tools.cli import main
 from trihedron.tools.demo import find_record
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion.attitude import (
+from trihedron.tools.motion import (
     AttitudeRun,
     angle_between,
-    attitude_error,
-    heading_and_tilt,
-    rate_at_rest,
-    split_error,
+    compare_algorithms,
+    rotation_of,
+    run_algorithm,
+    sample_motion,
 )
-from trihedron.tools.motion.carry import rotation_of
-from trihedron.tools.motion.compare import compare_algorithms, run_algorithm, sample_motion
+from trihedron.tools.motion.attitude import attitude_error, heading_and_tilt, rate_at_rest, split_error
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.papers.reproduction import angle_errors
 from trihedron.tools.records import StrapdownRecord, write_record

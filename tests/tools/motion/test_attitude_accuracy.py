@@ -11,8 +11,7 @@ from attitude_motions import Course, cone, course_of_harmonics, operations_per_s
 from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.models.harmonic_motion import move_harmonically, store_harmonics
 from trihedron.tools import compiled
-from trihedron.tools.motion.attitude import angle_between
-from trihedron.tools.motion.compare import Samples, read_increments, run_algorithm, sample_motion
+from trihedron.tools.motion import Samples, angle_between, read_increments, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import EXACT, paper_motion
 from trihedron.tools.papers.reproduction import angle_errors
 

@@ -13,7 +13,7 @@ from generator.carried import PERIOD, POSES, strapdown_record, true_motion
 from record_files import measured
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion.inspect import inspect_record
+from trihedron.tools.motion import inspect_record
 from trihedron.tools.motion.norm import calibrate_by_norm, norm_block
 from trihedron.tools.motion.rests import reading_steps, sampling_of
 from trihedron.tools.records import StrapdownRecord, write_record

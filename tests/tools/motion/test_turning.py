@@ -26,8 +26,7 @@ from trihedron.tools.evidence.carried_checks import (
 from trihedron.tools.measured import apply
 from trihedron.tools.motion import inspect_record
 from trihedron.tools.motion.turning import check_turning
-from trihedron.tools.records import StrapdownRecord, read_record, write_record
-from trihedron.tools.records.channels import PERMUTATIONS, Channels, reading_of
+from trihedron.tools.records import PERMUTATIONS, Channels, StrapdownRecord, read_record, reading_of, write_record
 
 G = 9.80665
 QUIET = np.full(3, 1e-3)

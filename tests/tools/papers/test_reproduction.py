@@ -15,8 +15,7 @@ import pytest
 
 from trihedron.models.harmonic_motion import attitude_of_angles, move_harmonically
 from trihedron.tools.errors import InputError
-from trihedron.tools.motion.attitude import algorithm_named
-from trihedron.tools.motion.compare import run_algorithm, sample_motion
+from trihedron.tools.motion import algorithm_named, run_algorithm, sample_motion
 from trihedron.tools.papers.attitude import (
     CAUSES,
     EXACT,

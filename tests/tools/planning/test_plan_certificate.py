@@ -9,8 +9,9 @@ from planning_reference import random_mounting
 from trihedron.models.bench import admissible, nominal_input
 from trihedron.tools.calibration.model import Positions, parametrise, reading_jacobian
 from trihedron.tools.errors import InputError
+from trihedron.tools.planning import clearance, sheets, value
 from trihedron.tools.planning.certificate import ROUNDING, ceiling
-from trihedron.tools.planning.forms import Ridges, Sheet, clearance, dual_forms, sheets, value
+from trihedron.tools.planning.forms import Ridges, Sheet, dual_forms
 
 
 @settings(max_examples=25)

@@ -6,9 +6,9 @@ import pytest
 from planning_tasks import OPTIMA, stored, tables_task
 from trihedron.models.bench import regressors
 from trihedron.tools.errors import InputError
-from trihedron.tools.planning.check import check_settings, detecting, distance, named_effects
+from trihedron.tools.planning import check_settings, costs
+from trihedron.tools.planning.check import detecting, distance, named_effects
 from trihedron.tools.planning.forms import x_from_targets
-from trihedron.tools.planning.task import costs
 
 SETTING = {0.01: 1.0008, 0.05: 1.0036, 0.1: 1.0090, 0.25: 1.0220, 0.5: 1.0498, 1.0: 1.1001}
 """Setting error [deg] to cost of (4.2) over the programme's on the same actual angles, for the published positions."""

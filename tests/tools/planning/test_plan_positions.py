@@ -16,18 +16,25 @@ from generator.stands import random_bench, simulated
 from planning_tasks import OPTIMA, angles, known_optima, planned, stored, tables_task
 from trihedron.models.bench import TARGETS, admissible, nominal_input, regressors
 from trihedron.tools.errors import InputError
-from trihedron.tools.planning import Request, read_settings, task_of
+from trihedron.tools.planning import (
+    Places,
+    Request,
+    costs,
+    parsed_keep_out,
+    read_settings,
+    separated,
+    stored_counts,
+    task_of,
+)
 from trihedron.tools.planning.bounds import bound_positions, pool_of, symmetries
 from trihedron.tools.planning.forms import x_from_targets
-from trihedron.tools.planning.positions import stored_counts
-from trihedron.tools.planning.request import FACES, parsed_keep_out
+from trihedron.tools.planning.request import FACES
 from trihedron.tools.planning.search import improve, random_places, rounded, search_positions
-from trihedron.tools.planning.task import Places, Task, allowed, clearances, costs, freedom
+from trihedron.tools.planning.task import Task, allowed, clearances, freedom
 from trihedron.tools.planning.tour import (
     SAME_PLACE,
     measuring_order,
     move_times,
-    separated,
     shortest_tour,
     tour_duration,
     unwound,

@@ -13,9 +13,8 @@ from planning_proof import ProofError, proven_gap
 from planning_reference import COSTS, random_mounting
 from trihedron.models.bench import TARGETS, admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
-from trihedron.tools.planning import Plans
-from trihedron.tools.planning.forms import sheets
-from trihedron.tools.planning.targets import Plan, PositionGrid
+from trihedron.tools.planning import Plan, Plans, sheets
+from trihedron.tools.planning.targets import PositionGrid
 
 GAP = 1e-9
 """What a proof over all angles may leave open, relative."""

@@ -12,12 +12,13 @@ from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
 from trihedron.tools.calibration.model import PRESETS, parametrise
 from trihedron.tools.calibration.targets import expression_weights
+from trihedron.tools.planning import Optimum, Places, Plan, clearance, costs, sheets, task_of
 from trihedron.tools.planning.bounds import HittingSet, PositionPool, bound_positions
-from trihedron.tools.planning.certificate import MOST_TERMS, Optimum, _expand, _upper, lower_bound
-from trihedron.tools.planning.forms import clearance, dual_forms, sheets, x_from_targets
+from trihedron.tools.planning.certificate import MOST_TERMS, _expand, _upper, lower_bound
+from trihedron.tools.planning.forms import dual_forms, x_from_targets
 from trihedron.tools.planning.search import random_places
-from trihedron.tools.planning.targets import Plan, PositionGrid
-from trihedron.tools.planning.task import Places, Task, clearances, costs, readings, task_of
+from trihedron.tools.planning.targets import PositionGrid
+from trihedron.tools.planning.task import Task, clearances, readings
 
 
 def every_reading(step_deg: float, rule: str, bounds: tuple[float, float]) -> np.ndarray:

@@ -12,8 +12,7 @@ from generator.runs import PROGRAMME, Bench
 from record_files import RAW_HEADER, STRAPDOWN_HEADER, measured, reader, refused
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.motion import inspect_record
-from trihedron.tools.records import StrapdownRecord, read_record, write_record
-from trihedron.tools.records.rests import average_rests, find_rests
+from trihedron.tools.records import StrapdownRecord, average_rests, find_rests, read_record, write_record
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from generator import G
 from generator.carried import POSES, true_motion
 from record_files import measured
-from trihedron.tools.records import RawRecord, StrapdownRecord
-from trihedron.tools.records.limits import channel_limits
+from trihedron.tools.records import RawRecord, StrapdownRecord, channel_limits
 
 PERIOD = 0.01
 KINDS = {

@@ -21,8 +21,7 @@ from trihedron.tools.calibration import calibrate
 from trihedron.tools.calibration.correction import correction_of, face_readings, levelling
 from trihedron.tools.campaign import open_result
 from trihedron.tools.document.page import html
-from trihedron.tools.planning.check import SettingCheck, check_settings
-from trihedron.tools.planning.positions import PositionPlan
+from trihedron.tools.planning import PositionPlan, SettingCheck, check_settings
 from trihedron.tools.reports import page_of
 from trihedron.tools.reports.campaign import campaign_page
 from trihedron.tools.reports.plan import operator_page

@@ -14,7 +14,7 @@ from scipy import stats
 
 from reference import interval_picture, strips_picture
 from trihedron.tools.calibration.model import Positions
-from trihedron.tools.motion.attitude import AttitudeRun
+from trihedron.tools.motion import AttitudeRun
 from trihedron.tools.reports.pictures import COLOURS
 from trihedron.tools.reports.pictures.records import (
     MOST_POINTS,

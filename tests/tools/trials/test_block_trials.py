@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from trihedron.models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.records import StrapdownRecord, read_record
-from trihedron.tools.records.noise import allan_deviation
+from trihedron.tools.records import StrapdownRecord, allan_deviation, read_record
 from trihedron.tools.reports.campaign import write_suite
 from trihedron.tools.trials import (
     Hidden,
