@@ -49,6 +49,19 @@ def steady_record(rate: tuple[float, float, float], count: int = 41, period: flo
     return StrapdownRecord(time, np.tile(rate, (count, 1)), None, up, scalar_first(true), path=Path("steady.csv"))
 
 
+def turning(rate: np.ndarray, attitude: np.ndarray | None = None) -> StrapdownRecord:
+    """Gyros that read these rates (N, 3) at 100 Hz; accelerometers that read gravity along the third axis."""
+    return StrapdownRecord(
+        0.01 * np.arange(len(rate)), rate, None, np.tile([0.0, 0.0, GRAVITY], (len(rate), 1)), attitude
+    )
+
+
+def swinging(count: int, sizes: tuple[float, float, float] = (1.0, 0.7, 1.0)) -> np.ndarray:
+    """Rates (count, 3) of slow swings about each axis, the first of them from zero on."""
+    time = 0.01 * np.arange(count)
+    return np.stack([np.sin(time), np.sin(1.3 * time), np.cos(time)], axis=1) * sizes
+
+
 def test_a_constant_rate_is_followed_exactly() -> None:
     run: Any = th.attitude_of_record(steady_record((0.4, -0.3, 0.2)), algorithm="mean-rate")
     assert len(run.time_s) == 41
@@ -141,25 +154,17 @@ def test_error_of_no_rows() -> None:
     assert attitude_error(np.zeros((0, 4)), np.zeros((0, 4))).shape == (0, 3)
 
 
-def test_a_gap_is_refused_by_its_row() -> None:
-    record = steady_record((0.1, 0.2, 0.3))
-    time = record.time_s + 0.1 * (np.arange(len(record)) >= 20)
-    with pytest.raises(InputError, match=r"steady\.csv, row 25, column 'time_s': a gap of 0\.15 s"):
-        th.attitude_of_record(replace(record, time_s=time, row=np.arange(5, 46)))
-
-
 @pytest.mark.parametrize("how", ["instantaneous", "averaged", "increments"])
 def test_attitudes_after_a_clipped_gyro_are_marked(how: str) -> None:
     """Up to the last update before the first clipped row the attitude is that of the whole motion."""
     time, period = 0.01 * np.arange(3000), 0.01
     rate = np.stack([np.sin(time + 4.0), 0.7 * np.sin(1.3 * time), 0.5 * np.cos(0.8 * time)], axis=1)
-    force = np.tile([0.0, 0.0, GRAVITY], (len(time), 1))
 
     def run(gyros: np.ndarray) -> Any:
-        options: Any = {"algorithm": "mean-rate"} if how == "increments" else {"algorithm": "mean-rate", "rates": how}
         if how == "increments":
-            return th.attitude_of_record(StrapdownRecord(time, None, period * gyros, force), **options)
-        return th.attitude_of_record(StrapdownRecord(time, gyros, None, force), **options)
+            record = replace(turning(gyros), rate=None, increment=period * gyros)
+            return th.attitude_of_record(record, algorithm="mean-rate")
+        return th.attitude_of_record(turning(gyros), algorithm="mean-rate", rates=how)
 
     unclipped, clipped = run(rate), run(np.clip(rate, -0.8, 0.8))
     assert (unclipped.trusted_until, unclipped.saturated, unclipped.trusted.all()) == (None, {}, True)
@@ -173,22 +178,19 @@ def test_attitudes_after_a_clipped_gyro_are_marked(how: str) -> None:
 
 
 def test_a_limit_before_the_run_begins_does_not_count() -> None:
-    time = 0.01 * np.arange(3000)
-    rate = np.clip(np.stack([np.sin(time), 0.7 * np.sin(1.3 * time), np.cos(time)], axis=1), -np.inf, [0.8, 9.0, 9.0])
+    rate = np.clip(swinging(3000), -np.inf, [0.8, 9.0, 9.0])
     rate[1300:] *= 0.5
     true = np.full((3000, 4), np.nan)
     true[1500] = [1.0, 0.0, 0.0, 0.0]
-    record = StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (3000, 1)))
+    record = turning(rate)
     assert th.attitude_of_record(record).trusted_until is not None
     assert th.attitude_of_record(replace(record, attitude=true)).trusted_until is None
 
 
 def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Path, capsys: Any) -> None:
     """Text, JSON, table, complaint and exit status; with --compare too."""
-    time = 0.01 * np.arange(3000)
-    rate = np.clip(np.stack([np.sin(time), 0.7 * np.sin(1.3 * time), np.cos(time)], axis=1), -0.8, 0.8)
     path, result_file, out = tmp_path / "turn.csv", tmp_path / "found.json", tmp_path / "out"
-    write_record(StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (3000, 1))), path)
+    write_record(turning(np.clip(swinging(3000), -0.8, 0.8)), path)
     for options in ([], ["--compare"]):
         assert main(["attitude", str(path), "--json", str(result_file), "--out", str(out), *options]) == 2
         streams = capsys.readouterr()
@@ -203,7 +205,7 @@ def test_a_clipped_record_cannot_be_overlooked_on_the_command_line(tmp_path: Pat
 
 def test_every_row_that_is_written_says_whether_it_is_to_be_trusted(tmp_path: Path) -> None:
     """Row by row where the run is, update by update where the attitude is: both end before the same row."""
-    record = clipped_record()
+    record = turning(np.clip(swinging(600, (1.0, 0.2, 0.1)), -0.8, 0.8))
     for divisor in (1, 3):
         run = th.attitude_of_record(record, rate_divisor=divisor, out=tmp_path)
         rows = pl.read_parquet(tmp_path / "run.parquet")
@@ -215,13 +217,6 @@ def test_every_row_that_is_written_says_whether_it_is_to_be_trusted(tmp_path: Pa
         assert rows["trusted"].to_list() == sorted(rows["trusted"], reverse=True)
     th.attitude_of_record(steady_record((0.1, 0.2, 0.3)), out=tmp_path)
     assert pl.read_parquet(tmp_path / "run.parquet")["trusted"].all()
-
-
-def clipped_record() -> StrapdownRecord:
-    """Gyros that reach their limit after a second."""
-    time = 0.01 * np.arange(600)
-    rate = np.clip(np.stack([np.sin(time), 0.2 * np.sin(1.3 * time), 0.1 * np.cos(time)], axis=1), -0.8, 0.8)
-    return StrapdownRecord(time, rate, None, np.tile([0.0, 0.0, GRAVITY], (600, 1)))
 
 
 def test_stamps_that_jitter_are_said_and_the_rates_integrated_as_logged() -> None:
