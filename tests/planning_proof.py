@@ -5,7 +5,7 @@ import numpy as np
 from trihedron.tools.calibration.targets import expression_weights
 from trihedron.tools.planning import Plan, clearance, sheets, value
 from trihedron.tools.planning.certificate import ceiling, lower_bound
-from trihedron.tools.planning.forms import Sheet, dual_forms
+from trihedron.tools.planning.forms import SignSheet, dual_forms
 from trihedron.tools.planning.targets import PositionGrid
 
 LEVELS = (2e-11, 1e-10, 5e-10, 9e-10, 1e-8, 1e-6)
@@ -43,7 +43,7 @@ def proven_gap(plan: Plan) -> float:
     return max(best.cost - lower_bound(target, best.dual, bound), 0.0) / best.cost
 
 
-def _ceiling(block: list[Sheet], dual: np.ndarray) -> float:
+def _ceiling(block: list[SignSheet], dual: np.ndarray) -> float:
     """What |F'y| is proven not to exceed over all angles."""
     for excess in LEVELS:
         bounded = ceiling(block, dual, 1.0 + excess)

@@ -45,7 +45,7 @@ from ..planning.check import read_settings
 from ..planning.imu import ImuPlan
 from ..planning.positions import PositionPlan
 from ..planning.targets import Plan, Plans
-from ..records.columns import ANGLES, FORCE, VELOCITY, Columns, extra_warning, warnings
+from ..records.columns import ANGLES, FORCE, VELOCITY, FileColumns, extra_warning, warnings
 from ..records.kinds import PositionRecord, RawRecord, StrapdownRecord
 from ..records.limits import channel_limits
 from ..records.read import all_faults, read_record
@@ -164,7 +164,7 @@ def _check_table(findings: Findings, content: bytes, channels: Sequence[str]) ->
         nonlocal columns
         columns = yield from all_faults(findings.path, content)
 
-    columns: Columns | None = None
+    columns: FileColumns | None = None
     for fault in listed():
         text = fault.what
         if fault.column is not None:

@@ -17,7 +17,7 @@ from ..records.columns import (
     POSITION,
     QUATERNION,
     TEMPERATURE,
-    Columns,
+    FileColumns,
     Layout,
     RecordError,
     faults,
@@ -332,7 +332,7 @@ def _scatter(
     return np.sqrt(np.array(squares) / np.sum(sizes - 1) * np.mean(1.0 / sizes))
 
 
-def record_columns(table: UnderstoodTable, conversion: Conversion) -> Columns:
+def record_columns(table: UnderstoodTable, conversion: Conversion) -> FileColumns:
     """The columns as a record's; the first that no record of its kind could have is refused, with the file's row."""
     numbers, kind, sizes = conversion.numbers, table.kind, conversion.resolution
     present = []
@@ -343,7 +343,7 @@ def record_columns(table: UnderstoodTable, conversion: Conversion) -> Columns:
     if conversion.scatter is not None:
         scatter = tuple(conversion.scatter.tolist())
     columns = with_force(
-        Columns(
+        FileColumns(
             table.sheet.path,
             Layout(kind, tuple(present), ()),
             {name: numbers[name] for name in present if name != MOUNTING},

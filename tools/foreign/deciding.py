@@ -83,11 +83,7 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
             fields[column] = _field_named(table, column, source.source)
             table.beside[column] = tuple(_field_named(table, column, name) for name in source.beside)
     mapped = {column for column, source in mapping.columns.items() if source != OPEN}
-    # a column with a name and nothing in it, as templates have, is not there
-    filled = []
-    for field in table.fields:
-        if field.cells:
-            filled.append(field)
+    filled = table.filled
     candidates: dict[str, list[Field]] = {}
     for field in filled:
         if field.head.column and field.head.column not in mapped and field not in fields.values():
@@ -201,8 +197,8 @@ def _decide_kind(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     for further in table.beside.values():
         columns += further
     free = []
-    for field in table.fields:
-        if field not in columns and field.cells:
+    for field in table.filled:
+        if field not in columns:
             free.append(field.label)
     name = table.mapping.kind.replace(OPEN, "")
     if not name and not of_table and not of_block:
@@ -303,8 +299,8 @@ def _ask_for_time(table: UnderstoodTable) -> None:
         return
     is_position, has_unit = table.kind is POSITION, TIME in table.mapping.units
     timed = []
-    for field in table.fields:
-        if field.quantity == TIME and field.cells:
+    for field in table.filled:
+        if field.quantity == TIME:
             timed.append(field.head.text)
     if timed and not has_unit:
         in_order = ""

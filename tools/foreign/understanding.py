@@ -1,6 +1,6 @@
 """A sheet as far as it is understood: each column's place, unit and form; and the questions to a person."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
@@ -140,6 +140,11 @@ class UnderstoodTable:
         return [Field(place, head, self.rows, missing) for place, head in enumerate(self.layout.headings)]
 
     @cached_property
+    def filled(self) -> list[Field]:
+        """The fields that hold something: a column with a name and nothing in it, as templates have, is not there."""
+        return [field for field in self.fields if field.cells]
+
+    @cached_property
     def is_marked(self) -> bool:
         """Whether most rows begin with the mark of a comment: then it is none."""
         marked = sum(bool(texts) and texts[0].lstrip().startswith(COMMENT) for _, texts in self.rows)
@@ -173,6 +178,10 @@ class UnderstoodTable:
         if value is None:
             return parsed_number(bare(text), self.decimal, self.thousands)
         return value
+
+    def values(self, texts: Iterable[str]) -> list[float]:
+        """The numbers among some texts."""
+        return [value for value in map(self.value, texts) if value is not None]
 
     def reading(self, column: str, text: str) -> float | None:
         """The number of a cell in the file's unit, of an angle also from degrees and minutes; None where it is none."""
@@ -265,10 +274,7 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
     elif column == SAMPLE:
         answers, why = ("100 Hz",), f"{head.text!r} counts samples: at which rate"
     else:
-        values = []
-        for value in map(table.value, texts):
-            if value is not None:
-                values.append(value)
+        values = table.values(texts)
         # as a workbook counts days since 1900
         if quantity == TIME and values and DAYS[0] < min(values) and max(values) < DAYS[1]:
             answers = ("d", "s", "ms")
@@ -297,11 +303,7 @@ def _size(table: UnderstoodTable) -> str:
             fields.append(table.origins[column].field)
     squares = []
     for _, texts in table.rows:
-        cells = (cell(texts, field.place) for field in fields)
-        values = []
-        for value in map(table.value, cells):
-            if value is not None:
-                values.append(value)
+        values = table.values(cell(texts, field.place) for field in fields)
         if len(values) == 3:
             squares.append(sum(value * value for value in values))
     if squares:

@@ -24,7 +24,7 @@ from ..records.columns import (
     RAW,
     SHORTEST,
     TEMPERATURE,
-    Columns,
+    FileColumns,
     Layout,
     RecordError,
     faults,
@@ -239,7 +239,7 @@ class RecordLines:
         if not len(time):
             return good, []
         assert self.layout is not None
-        columns = Columns(self.path, self.layout, numbers, None, np.arange(len(time)), 0.0)
+        columns = FileColumns(self.path, self.layout, numbers, None, np.arange(len(time)), 0.0)
         refused = []
         for fault in faults(columns):
             # times are looked at below, beside all that came before; a unit that is wrong is said of a rest

@@ -20,7 +20,7 @@ from ..calibration.targets import expression_weights
 from ..motion.attitude import algorithm_named, angle_between
 from ..motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_algorithm, run_single, sample_motion
 from ..planning.certificate import Optimum
-from ..planning.forms import Sheet, clearance, sheets, value
+from ..planning.forms import SignSheet, clearance, sheets, value
 from ..planning.targets import optimal_plans
 from ..progress import progress_bar
 from ..result import Result
@@ -381,7 +381,7 @@ def _checked(
 
 
 def _margin_and_regressors(
-    block: Sequence[Sheet], readings: Sequence[Mapping[str, float]]
+    block: Sequence[SignSheet], readings: Sequence[Mapping[str, float]]
 ) -> tuple[float, NDArray[np.float64]]:
     """The least clearance [g] of readings, each on its accelerometer's better sheet, and their F (N, 18)."""
     margin, regressors = math.inf, []

@@ -20,7 +20,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..bounded.programmes import OTHER_STRATEGIES, solved, solver
-from .forms import MOST_TERMS, ROUNDING, Sheet, dual_forms, monomials, padded_terms
+from .forms import MOST_TERMS, ROUNDING, SignSheet, dual_forms, monomials, padded_terms
 
 ARTIFICIAL_COST = 1e4
 """Cost of an artificial column, in units of σ: a plan that costs more is of no use."""
@@ -198,7 +198,7 @@ class Ceiling:
     violations: NDArray
 
 
-def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: int = MAX_BOXES) -> Ceiling:
+def ceiling(sheets: Sequence[SignSheet], dual: NDArray, limit: float, *, max_boxes: int = MAX_BOXES) -> Ceiling:
     """Bound |F'y| on the admissible set for a dual y (P,), if possible by `limit`.
 
     The search ends where that is proven, where a position violates it, or with the bound that it has when it has looked
@@ -244,7 +244,7 @@ def ceiling(sheets: Sequence[Sheet], dual: NDArray, limit: float, *, max_boxes: 
     return Ceiling(bound, np.zeros((0, 4)))
 
 
-def _forms(sheets: Sequence[Sheet], dual: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+def _forms(sheets: Sequence[SignSheet], dual: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Forms (2S, 7, 3, 3): ±F'y, base and terms; bounds (2S, 7, 3) of their third derivatives, sizes (2S, 7)."""
     forms = np.zeros((2 * len(sheets), 2 + MOST_TERMS, 3, 3))
     forms[::2, 0] = dual_forms(sheets, dual)

@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from .certificate import ColumnProgramme, Optimum, UndeterminedError, ceiling, quietest, settled_optimum
-from .forms import INSIDE, Ridges, Sheet, WholeGrid, clearance, dual_forms, monomials, regressors_at, value
+from .forms import INSIDE, Ridges, SignSheet, WholeGrid, clearance, dual_forms, monomials, regressors_at, value
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
@@ -50,7 +50,7 @@ NO_WEIGHT = 1e-8
 class Continuum:
     """The continuous admissible set and the columns found on it so far, shared by all targets."""
 
-    def __init__(self, sheets: Sequence[Sheet]):
+    def __init__(self, sheets: Sequence[SignSheet]):
         self._sheets = sheets
         self._ridges = Ridges(sheets, INSIDE)
         angle = np.radians(np.arange(0.0, 360.0, FIRST_STEP_DEG))
@@ -242,7 +242,7 @@ class Continuum:
 
 
 def _above(peaks: NDArray, limit: float) -> NDArray:
-    """Sheet, α, β (K, 3) of the peaks that exceed the limit."""
+    """SignSheet, α, β (K, 3) of the peaks that exceed the limit."""
     return peaks[peaks[:, 4] > limit][:, [0, 2, 3]]
 
 
@@ -264,7 +264,7 @@ class Support:
 
     Attributes
     ----------
-    sheets : sequence of Sheet
+    sheets : sequence of SignSheet
     sheet : (n,) array of int
         which of them
     sense : (n,) array
@@ -277,7 +277,7 @@ class Support:
     dual : (P,) array
     """
 
-    sheets: Sequence[Sheet]
+    sheets: Sequence[SignSheet]
     sheet: NDArray
     sense: NDArray
     alpha: NDArray
@@ -288,11 +288,11 @@ class Support:
 
     @property
     def places(self) -> NDArray:
-        """Sheet, α, β as (n, 3)."""
+        """SignSheet, α, β as (n, 3)."""
         return np.column_stack([self.sheet, self.alpha, self.beta])
 
     @property
-    def at(self) -> list[tuple[Sheet, float, float]]:
+    def at(self) -> list[tuple[SignSheet, float, float]]:
         """The sheet, α and β of each position."""
         return [(self.sheets[k], a, b) for k, a, b in zip(self.sheet, self.alpha, self.beta, strict=True)]
 
@@ -325,7 +325,7 @@ class Support:
         return np.array(rows), np.array(values)
 
 
-def _kind_of_place(sheet: Sheet, alpha: float, beta: float) -> int:
+def _kind_of_place(sheet: SignSheet, alpha: float, beta: float) -> int:
     """-2 inside the set, -1 on its boundary, else the index of the term whose kink makes a corner of the boundary."""
     if float(clearance(sheet, alpha, beta)) > ON_BOUNDARY:
         return -2
@@ -413,7 +413,7 @@ def _jet(forms: NDArray, alpha: float, beta: float) -> NDArray:
 
 
 def _conditions(
-    sheet: Sheet, corner: int, signs: NDArray, place: tuple[float, float], jet: NDArray, dual: NDArray
+    sheet: SignSheet, corner: int, signs: NDArray, place: tuple[float, float], jet: NDArray, dual: NDArray
 ) -> tuple[tuple[float, NDArray, NDArray], ...]:
     """Two conditions on a position, each (amount, derivative by y (P,), derivatives by α and β (2,))."""
     f = jet @ dual

@@ -44,7 +44,7 @@ ROUNDING = 64 * np.finfo(float).eps
 
 
 @dataclass(frozen=True)
-class Sheet:
+class SignSheet:
     """One accelerometer with one sign of its input: its regressor and the set where that sign is certain.
 
     Attributes
@@ -71,7 +71,7 @@ class Sheet:
     mounting: int = 0
 
 
-def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, rule: str = "paper") -> list[Sheet]:
+def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, rule: str = "paper") -> list[SignSheet]:
     """The sheets of a block, one mounting after the other: six for each, or three of a symmetric block.
 
     The bounds are u^max [rad] and v^0max of (1.7), the rule "paper" or "tables" as of `models.bench.sign_margin`.
@@ -104,7 +104,7 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
                     base[2, 2] = -v if rule == "tables" else 0.0
                     terms = np.concatenate([u * stand, v * np.delete(inputs, index, axis=0)])
                     terms = terms[terms.any(axis=(1, 2))]
-                block.append(Sheet(index, sign, np.tensordot(to_x, x, axes=(0, 0)), base, terms, mounting))
+                block.append(SignSheet(index, sign, np.tensordot(to_x, x, axes=(0, 0)), base, terms, mounting))
     angle = np.radians(np.arange(0.0, 360.0, 5.0))
     for sheet in block:
         if v >= 1.0 or clearance(sheet, angle[:, None], angle[None, :]).max() <= 0.0:
@@ -135,7 +135,7 @@ def x_from_targets() -> NDArray:
     return matrix
 
 
-def padded_terms(block: Sequence[Sheet]) -> NDArray:
+def padded_terms(block: Sequence[SignSheet]) -> NDArray:
     """The terms of all sheets (S, `MOST_TERMS`, 3, 3), zero where a sheet has fewer."""
     terms = np.zeros((len(block), MOST_TERMS, 3, 3))
     for k, sheet in enumerate(block):
@@ -168,7 +168,7 @@ def _jets(angle: NDArray) -> NDArray:
     return np.stack([values, first, -values * [1.0, 1.0, 0.0]], axis=1)
 
 
-def dual_forms(block: Sequence[Sheet], dual: NDArray) -> NDArray:
+def dual_forms(block: Sequence[SignSheet], dual: NDArray) -> NDArray:
     """F'y (S, 3, 3) of each sheet for a dual y (P,)."""
     return np.array([np.tensordot(dual, sheet.regressor, axes=(0, 0)) for sheet in block])
 
@@ -182,7 +182,7 @@ def value(form: NDArray, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
     return np.einsum("kij,...i,...j->...k", form, a, b)
 
 
-def regressors_at(block: Sequence[Sheet], sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
+def regressors_at(block: Sequence[SignSheet], sheet: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
     """F (K, P) of each of the places: its sheet's index (K,), α and β (K,) [rad]."""
     regressors, a, b = np.empty((len(sheet), len(block[0].regressor))), harmonics(alpha), harmonics(beta)
     for k in range(len(block)):
@@ -193,7 +193,7 @@ def regressors_at(block: Sequence[Sheet], sheet: NDArray, alpha: NDArray, beta: 
     return regressors
 
 
-def clearance(sheet: Sheet, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
+def clearance(sheet: SignSheet, alpha: ArrayLike, beta: ArrayLike) -> NDArray:
     """c (...): |m_p| − s_p^max for the sheet's sign, positive where (1.9) holds; 1 everywhere for a symmetric block."""
     if sheet.sign == 0:
         return np.ones(np.broadcast_shapes(np.shape(alpha), np.shape(beta)))
@@ -232,7 +232,7 @@ def _in_beta(forms: Sequence[NDArray], sheet: NDArray, alpha: NDArray) -> NDArra
 class Ridges:
     """The greatest ±F'y over the admissible β, as functions of α; a β counts where c ≥ margin [g]."""
 
-    def __init__(self, block: Sequence[Sheet], margin: float):
+    def __init__(self, block: Sequence[SignSheet], margin: float):
         self._margin, self._free = margin, block[0].sign == 0
         signs = np.array(list(product((-1.0, 1.0), repeat=MOST_TERMS)))
         # c with the signs of its absolute values frozen, every way: an arc ends where one of these is zero.
@@ -350,7 +350,7 @@ class Ridges:
 class WholeGrid:
     """A grid that is priced whole: every admissible position of the given lines of both angles (n,) [rad]."""
 
-    def __init__(self, sheets: Sequence[Sheet], angle: NDArray, lines: NDArray):
+    def __init__(self, sheets: Sequence[SignSheet], angle: NDArray, lines: NDArray):
         self._lines, self._basis = lines, harmonics(angle[lines])
         at = angle[lines]
         self._inside = [(clearance(s, at[:, None], at[None, :]) > 0.0).astype(float) for s in sheets]
@@ -374,7 +374,7 @@ class WholeGrid:
 class FineGrid:
     """A grid of angles (n,) [rad] that is priced row by row, and only where a row may hold a position above one."""
 
-    def __init__(self, sheets: Sequence[Sheet], angle: NDArray):
+    def __init__(self, sheets: Sequence[SignSheet], angle: NDArray):
         self._sheets, self._angle, self._basis = sheets, angle, harmonics(angle)
         self._ridges = Ridges(sheets, OUTSIDE)
         self._arcs = [self._ridges.arcs(np.full(len(angle), k), angle) for k in range(len(sheets))]

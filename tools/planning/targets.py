@@ -16,7 +16,7 @@ from ..progress import tracked
 from ..result import Result
 from .certificate import ColumnProgramme, Optimum, UndeterminedError, scaled_optimum, settled_optimum
 from .continuum import Continuum
-from .forms import FineGrid, Sheet, WholeGrid, clearance, dual_forms, regressors_at, sheets
+from .forms import FineGrid, SignSheet, WholeGrid, clearance, dual_forms, regressors_at, sheets
 from .request import Request
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class PositionGrid:
     |F'y| over its β, known exactly, exceeds one. An InputError for a step that is not between 0.01 and 180 degrees.
     """
 
-    def __init__(self, sheets: Sequence[Sheet], step_deg: float):
+    def __init__(self, sheets: Sequence[SignSheet], step_deg: float):
         if not FINEST_DEG <= step_deg <= 180.0:
             raise InputError(f"--grid {step_deg:g}: the step must be between {FINEST_DEG:g} and 180 degrees")
         count = int(360.0 / step_deg + 1e-9) + 1

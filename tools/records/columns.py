@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -101,15 +101,11 @@ class Layout:
     @property
     def numbers(self) -> tuple[str, ...]:
         """The columns of numbers that are there."""
-        numeric = []
-        for name in self.present:
-            if name != MOUNTING:
-                numeric.append(name)
-        return tuple(numeric)
+        return tuple(absent(self.present, (MOUNTING,)))
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class FileColumns:
     """The columns of a file as they were read; NaN stands where an empty field is allowed (`q0..q3`).
 
     `resolution` is half a last digit of the specific forces [m/s²], `angle_resolution` of the angles [deg],
@@ -135,7 +131,7 @@ class Columns:
         return RecordError(self.path, int(self.row[index]), name, what)
 
 
-def with_force(columns: Columns) -> Columns:
+def with_force(columns: FileColumns) -> FileColumns:
     """The columns with specific forces at the rows, where only increments of velocity are there.
 
     The mean over the two intervals beside a row; at the last row over the one before it.
@@ -192,22 +188,16 @@ def recognise(path: Path, names: Sequence[str], row: int | None, kinds: Sequence
         raise RecordError(path, row, None, what)
     groups = {QUATERNION: "the attitude needs q0, q1, q2, q3", FORCE: "give f1_mps2..f3_mps2 or none of them"}
     for group, advice in groups.items():
-        missing = []
-        for name in group:
-            if name not in present:
-                missing.append(name)
+        missing = absent(group, present)
         if group[0] in kind.optional and 0 < len(missing) < len(group):
             raise RecordError(path, row, None, f"column '{missing[0]}' is missing: {advice}")
-    columns = []
-    for name in kind.known:
-        if name in present:
-            columns.append(name)
-    columns = tuple(columns)
-    unknown = []
-    for name in names:
-        if name not in columns:
-            unknown.append(name)
-    return Layout(kind, columns, tuple(unknown))
+    columns = absent(kind.known, absent(kind.known, present))
+    return Layout(kind, tuple(columns), tuple(absent(names, columns)))
+
+
+def absent(names: Iterable[str], present: Container[str]) -> list[str]:
+    """The names that are not among those present, in their order."""
+    return [name for name in names if name not in present]
 
 
 def _distance(names: Sequence[str], kind: RecordKind) -> tuple[int, int]:
@@ -217,15 +207,8 @@ def _distance(names: Sequence[str], kind: RecordKind) -> tuple[int, int]:
 
 
 def _what_is_missing(names: Sequence[str], kind: RecordKind) -> str:
-    missing = []
-    for name in kind.required:
-        if name not in names:
-            missing.append(name)
-    unknown = []
-    for name in names:
-        if name not in kind.known:
-            unknown.append(name)
-    close = get_close_matches(missing[0], unknown, n=1, cutoff=0.6)
+    missing = absent(kind.required, names)
+    close = get_close_matches(missing[0], absent(names, kind.known), n=1, cutoff=0.6)
     hint = ""
     if close:
         hint = f" (is {quoted(close[0])} meant?)"
@@ -236,18 +219,14 @@ def _what_is_missing(names: Sequence[str], kind: RecordKind) -> str:
     return f"{verb} {listed} missing for a {kind.name}{hint}; it needs {','.join(kind.required)}"
 
 
-def extra_warning(columns: Columns) -> tuple[str, ...]:
+def extra_warning(columns: FileColumns) -> tuple[str, ...]:
     """One line that names the columns left out, with the optional column that each may have meant."""
     layout = columns.layout
     if not layout.extra:
         return ()
-    absent = []
-    for name in layout.kind.optional:
-        if name not in layout.present:
-            absent.append(name)
-    lines = []
+    unused, lines = absent(layout.kind.optional, layout.present), []
     for name in layout.extra[:8]:
-        close = get_close_matches(name, absent, n=1, cutoff=0.75)
+        close = get_close_matches(name, unused, n=1, cutoff=0.75)
         if close:
             line = f"{quoted(name)} (did you mean '{close[0]}'?)"
         else:
@@ -260,7 +239,7 @@ def extra_warning(columns: Columns) -> tuple[str, ...]:
     return (f"{columns.path}: not columns of a {layout.kind.name}, left out: {', '.join(lines)}{rest_in_words}",)
 
 
-def warnings(columns: Columns) -> tuple[str, ...]:
+def warnings(columns: FileColumns) -> tuple[str, ...]:
     """What a person should be told of numbers that have no faults."""
     lines = []
     if ANGLES[0] in columns.numbers and 0.0 < float(np.abs(columns.group(ANGLES)).max()) <= 2.0 * math.pi:
@@ -284,7 +263,7 @@ def warnings(columns: Columns) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _rows_from(columns: Columns, index: np.ndarray) -> str:
+def _rows_from(columns: FileColumns, index: np.ndarray) -> str:
     """How many rows, and the first of them."""
     first = int(columns.row[index[0]])
     if len(index) == 1:
@@ -292,7 +271,7 @@ def _rows_from(columns: Columns, index: np.ndarray) -> str:
     return f"{len(index)} rows, the first row {first}"
 
 
-def faults(columns: Columns) -> Iterator[RecordError]:
+def faults(columns: FileColumns) -> Iterator[RecordError]:
     """Every number out of its range, `position` or `time_s` that repeats or runs back, readings that are not specific
     forces in m/s², quaternions that are none."""
     for name, (low, high, needed) in LIMITS.items():
@@ -317,7 +296,7 @@ def faults(columns: Columns) -> Iterator[RecordError]:
         yield from _quaternions(columns)
 
 
-def _increasing(columns: Columns, name: str, least: float = 0.0) -> Iterator[RecordError]:
+def _increasing(columns: FileColumns, name: str, least: float = 0.0) -> Iterator[RecordError]:
     """Where a column does not grow, or by less than `least`."""
     values = columns.numbers[name]
     for k in np.flatnonzero((values[1:] <= values[:-1]) | (values[1:] - values[:-1] < least)):
@@ -337,7 +316,7 @@ def knocks_of(force: np.ndarray) -> np.ndarray:
     return (large > LARGEST_FORCE) | (np.linalg.norm(np.clip(force, -1e9, 1e9), axis=1) > LARGEST_FORCE)
 
 
-def _forces(columns: Columns) -> Iterator[RecordError]:
+def _forces(columns: FileColumns) -> Iterator[RecordError]:
     """Readings that are none, and the wrong unit; knocks are of a series, not of averaged readings."""
     force = columns.group(FORCE)
     averaged = columns.layout.kind is POSITION
@@ -367,7 +346,7 @@ def _forces(columns: Columns) -> Iterator[RecordError]:
         yield RecordError(columns.path, None, _all(FORCE), f"{what}; m/s2 are needed")
 
 
-def spoilt_attitudes(columns: Columns) -> np.ndarray:
+def spoilt_attitudes(columns: FileColumns) -> np.ndarray:
     """Rows (N,) in which a true attitude is given that is none: empty in part, or of a norm that is not 1."""
     if QUATERNION[0] not in columns.numbers:
         return np.zeros(len(columns.row), dtype=bool)
@@ -377,7 +356,7 @@ def spoilt_attitudes(columns: Columns) -> np.ndarray:
     return ~np.isnan(quaternion).all(axis=1) & ~(np.abs(norm - 1.0) <= QUATERNION_NORM)
 
 
-def _quaternions(columns: Columns) -> Iterator[RecordError]:
+def _quaternions(columns: FileColumns) -> Iterator[RecordError]:
     """Columns that are no true attitude: hardly a row of them is one."""
     spoilt = spoilt_attitudes(columns)
     present = ~np.isnan(columns.group(QUATERNION)).all(axis=1)

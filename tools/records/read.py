@@ -37,7 +37,7 @@ from .columns import (
     RAW,
     STRAPDOWN_KINDS,
     TEMPERATURE,
-    Columns,
+    FileColumns,
     Layout,
     RecordError,
     RecordKind,
@@ -64,7 +64,7 @@ PACKED = b"\x1f\x8b"
 
 
 Record: TypeAlias = PositionRecord | RawRecord | StrapdownRecord
-Faults: TypeAlias = Generator[RecordError, None, Columns | None]
+Faults: TypeAlias = Generator[RecordError, None, FileColumns | None]
 """Every fault of a file; what it returns are the columns of the rows without, None where there are none."""
 Wanted = TypeVar("Wanted", PositionRecord, StrapdownRecord)
 Other = TypeVar("Other", PositionRecord, StrapdownRecord, BenchRecord)
@@ -181,7 +181,7 @@ def _parsed(source: Any, kinds: Sequence[RecordKind], *, trusted: bool = False) 
     try:
         raise next(faults)
     except StopIteration as done:
-        columns: Columns = done.value
+        columns: FileColumns = done.value
     lines = extra_warning(columns) + warnings(columns)
     return replace(record_from(columns), warnings=lines, sha256=hashlib.sha256(content).hexdigest())
 
@@ -221,7 +221,7 @@ def _with_import(error: RecordError, path: Path, content: bytes) -> RecordError:
     return RecordError(path, error.row, error.column, what)
 
 
-def record_from(columns: Columns) -> Record:
+def record_from(columns: FileColumns) -> Record:
     """The values of columns that have no faults."""
     classes = {POSITION: PositionRecord, RAW: RawRecord, **dict.fromkeys(BENCH, BenchRecord)}
     kind = classes.get(columns.layout.kind, StrapdownRecord)
@@ -316,7 +316,7 @@ def _read_csv(path: Path, content: bytes, kinds: Sequence[RecordKind]) -> Faults
     names_of_mountings = None
     if MOUNTING in place:
         names_of_mountings = tuple(mounting)
-    return Columns(
+    return FileColumns(
         path,
         layout,
         values,
@@ -477,7 +477,7 @@ def _too_many(path: Path, layout: Layout, rows: int) -> RecordError:
     return RecordError(path, None, None, f"has {rows} rows; at most {most} are read of a {layout.kind.name}")
 
 
-def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, trusted: bool) -> Columns:
+def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, trusted: bool) -> FileColumns:
     """Parquet with the same column names; rows count from 1; raises RecordError for the first fault."""
     wrong = None
     if not trusted:
@@ -503,7 +503,7 @@ def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, tr
     mounting = None
     if MOUNTING in layout.present:
         mounting = _parquet_names(path, frame[MOUNTING])
-    return Columns(path, layout, numbers, mounting, np.arange(1, frame.height + 1), resolution)
+    return FileColumns(path, layout, numbers, mounting, np.arange(1, frame.height + 1), resolution)
 
 
 def _unreadable(path: Path, reason: str) -> RecordError:

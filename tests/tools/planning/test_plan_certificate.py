@@ -11,7 +11,7 @@ from trihedron.tools.calibration.model import Positions, parametrise, reading_ja
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning import clearance, sheets, value
 from trihedron.tools.planning.certificate import ROUNDING, ceiling
-from trihedron.tools.planning.forms import Ridges, Sheet, dual_forms
+from trihedron.tools.planning.forms import Ridges, SignSheet, dual_forms
 
 
 @settings(max_examples=25)
@@ -50,7 +50,7 @@ def test_bounds_of_next_to_nothing_give_arcs_without_a_warning() -> None:
     assert any(np.isfinite(beta).all(axis=1).any() for beta in ends)
 
 
-def sampled_maximum(block: list[Sheet], dual: np.ndarray, seed: int) -> float:
+def sampled_maximum(block: list[SignSheet], dual: np.ndarray, seed: int) -> float:
     """The greatest |F'y| of many admissible positions, corners of the set among them by chance only."""
     rng = np.random.default_rng(seed)
     alpha, beta = rng.uniform(0, 2 * np.pi, (2, 40_000))
