@@ -20,7 +20,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..bounded.programmes import OTHER_STRATEGIES, solved, solver
-from .forms import MOST_TERMS, ROUNDING, SignSheet, dual_forms, monomials, padded_terms
+from .forms import MOST_TERMS, ROUNDING, SignSheet, dual_forms, padded_terms
 
 ARTIFICIAL_COST = 1e4
 """Cost of an artificial column, in units of σ: a plan that costs more is of no use."""
@@ -260,11 +260,23 @@ def _forms(sheets: Sequence[SignSheet], dual: NDArray) -> tuple[NDArray, NDArray
 
 def _expand(forms: NDArray, case: NDArray, alpha: NDArray, beta: NDArray) -> NDArray:
     """Values and derivatives (N, 6, 7) of the forms at centres: 1, α, β, αα, αβ, ββ."""
-    products, values = monomials(alpha, beta), np.empty((len(alpha), 6, forms.shape[1]))
+    a, b = _jets(alpha)[:, [0, 1, 0, 2, 1, 0]], _jets(beta)[:, [0, 0, 1, 0, 1, 2]]
+    monomials = (a[..., :, None] * b[..., None, :]).reshape(len(alpha), 6, 9)
+    values = np.empty((len(alpha), 6, forms.shape[1]))
     for k in np.unique(case):
         rows = case == k
-        values[rows] = products[rows] @ forms[k].reshape(-1, 9).T
+        values[rows] = monomials[rows] @ forms[k].reshape(-1, 9).T
     return values
+
+
+def _jets(angle: NDArray) -> NDArray:
+    """(cos, sin, 1) of angles (N,) and its first two derivatives (N, 3, 3)."""
+    jets = np.zeros((len(angle), 3, 3))
+    c, s = np.cos(angle), np.sin(angle)
+    jets[:, 0, 0], jets[:, 0, 1], jets[:, 0, 2] = c, s, 1.0
+    jets[:, 1, 0], jets[:, 1, 1] = -s, c
+    jets[:, 2, 0], jets[:, 2, 1] = -c, -s
+    return jets
 
 
 def _upper(values: NDArray, third: NDArray, size: NDArray, radius: NDArray, limit: float) -> tuple[NDArray, NDArray]:

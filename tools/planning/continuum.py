@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from .certificate import ColumnProgramme, Optimum, UndeterminedError, ceiling, quietest, settled_optimum
-from .forms import INSIDE, Ridges, SignSheet, WholeGrid, clearance, dual_forms, monomials, regressors_at, value
+from .forms import INSIDE, Ridges, SignSheet, WholeGrid, clearance, dual_forms, regressors_at, value
 
 FIRST_STEP_DEG = 3.0
 SCAN_STEP_DEG = 4.0
@@ -409,7 +409,11 @@ def _newton(start: Support, target: NDArray, metric: NDArray) -> Support | None:
 
 def _jet(forms: NDArray, alpha: float, beta: float) -> NDArray:
     """Values and derivatives (6, K) of forms (K, 3, 3): 1, α, β, αα, αβ, ββ."""
-    return monomials(np.array([alpha]), np.array([beta]))[0] @ forms.reshape(-1, 9).T
+    ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+    a = np.array([[ca, sa, 1.0], [-sa, ca, 0.0], [-ca, -sa, 0.0]])
+    b = np.array([[cb, sb, 1.0], [-sb, cb, 0.0], [-cb, -sb, 0.0]])
+    order = ([0, 1, 0, 2, 1, 0], [0, 0, 1, 0, 1, 2])
+    return np.einsum("kij,mi,mj->mk", forms, a[order[0]], b[order[1]])
 
 
 def _conditions(

@@ -36,8 +36,6 @@ OUTSIDE = -1e-12
 FAN = 17
 TOLERANCE = 1e-10
 """|F'y| may exceed one by this on the grid: the cost is then optimal to this."""
-BY_ALPHA, BY_BETA = [0, 1, 0, 2, 1, 0], [0, 0, 1, 0, 1, 2]
-"""Which derivative of each angle a derivative of a form has: 1, α, β, αα, αβ, ββ."""
 ROWS_AT_ONCE = 64
 ROUNDING = 64 * np.finfo(float).eps
 """A form of nine terms, sines and cosines included, is evaluated to within this times the sum of its coefficients."""
@@ -154,18 +152,6 @@ def harmonics(angle: ArrayLike) -> NDArray:
 def slopes(angle: NDArray) -> NDArray:
     """Derivative (..., 3) of `harmonics`."""
     return np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)], axis=-1)
-
-
-def monomials(alpha: NDArray, beta: NDArray) -> NDArray:
-    """Products (N, 6, 9) of `harmonics` at places (N,), and their derivatives: 1, α, β, αα, αβ, ββ."""
-    by_alpha, by_beta = (_jets(angle)[:, order] for angle, order in ((alpha, BY_ALPHA), (beta, BY_BETA)))
-    return (by_alpha[..., :, None] * by_beta[..., None, :]).reshape(len(alpha), 6, 9)
-
-
-def _jets(angle: NDArray) -> NDArray:
-    """`harmonics` of angles (N,) and its first two derivatives (N, 3, 3)."""
-    values, first = harmonics(angle), slopes(angle)
-    return np.stack([values, first, -values * [1.0, 1.0, 0.0]], axis=1)
 
 
 def dual_forms(block: Sequence[SignSheet], dual: NDArray) -> NDArray:
