@@ -21,7 +21,7 @@ from ..errors import InputError
 from ..motion.inspect import AtTable
 from ..motion.rests import check_meaning
 from ..records import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
-from ..records.comments import INERTIAL
+from ..records.columns import INERTIAL
 from ..records.rests import position_record_of, without_turns
 from ..rounding import exactly, upwards
 from .calibration import Asked, calibrate, reading_uncertainty, wanted_targets

@@ -20,7 +20,7 @@ from ..motion.norm import COLUMNS, NAMES, ROWS, inputs_of, norm_block, norm_equa
 from ..motion.rest_noise import RestNoise, factor_for, rest_lengths, rest_noise
 from ..motion.rests import GAP, Rests
 from ..records import StrapdownRecord
-from ..records.comments import INERTIAL
+from ..records.columns import INERTIAL
 from ..records.noise import SCATTER_FACTOR
 from .fit import coefficient_count
 from .rows import Part, Pieces

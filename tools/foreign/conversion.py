@@ -17,6 +17,7 @@ from ..records.columns import (
     POSITION,
     QUATERNION,
     TEMPERATURE,
+    Comments,
     FileColumns,
     Layout,
     RecordError,
@@ -24,14 +25,26 @@ from ..records.columns import (
     quoted,
     with_force,
 )
-from ..records.comments import Comments
 from ..records.read import significant_digits, written_resolution
 from .layout import COMMENT
 from .mapping import OPEN, plural
 from .names import DATE, SAMPLE, TIMES
-from .numbers import BLANKS, bare, clock, is_missing, numbers_of, parsed_moment, sexagesimal, unit_behind
+from .numbers import (
+    BLANKS,
+    DEGREE,
+    TIME,
+    LaboratoryUnit,
+    bare,
+    clock,
+    is_missing,
+    known_unit,
+    numbers_of,
+    parsed_moment,
+    scaled_unit,
+    sexagesimal,
+    unit_behind,
+)
 from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable
-from .units import DEGREE, TIME, LaboratoryUnit, known_unit, scaled_unit
 
 DIGITS_OF = 2000
 """Rows from which it is seen how finely numbers are written."""

@@ -25,10 +25,21 @@ from ..records.columns import (
 from .layout import COMMENT, layout_of
 from .mapping import OPEN, Mapping
 from .names import DATE, QUANTITY_OF, SAMPLE, TIMES, gyro_of, normal
-from .numbers import Marks, bare, date_of, date_orders, is_clock, is_missing, parsed_moment, parsed_number, two_parts
+from .numbers import (
+    ANGLE,
+    TIME,
+    Marks,
+    bare,
+    date_of,
+    date_orders,
+    is_clock,
+    is_missing,
+    parsed_moment,
+    parsed_number,
+    two_parts,
+)
 from .sheet import Sheet, cell
 from .understanding import CLOCK, MOMENT, NAME, NUMBER, STANDING_DEG, Field, Origin, UnderstoodTable, decide_units
-from .units import ANGLE, TIME
 
 PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
 """Units of minutes and seconds of an arc, beside degrees."""

@@ -10,8 +10,7 @@ from pydantic import Field
 from ..errors import InputError
 from ..files import at_once, bytes_of, is_workbook, ordinary_file, together, write_text
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
-from ..records.columns import FORCE, VELOCITY
-from ..records.comments import SCATTER
+from ..records.columns import FORCE, SCATTER, VELOCITY
 from ..records.read import record_from
 from ..result import ABSENT, Result
 from ..rounding import upwards

@@ -13,9 +13,8 @@ from ..errors import InputError
 from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
 from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, of_name
-from .numbers import bare, has_degree_mark, is_missing, parsed_number, unit_behind
+from .numbers import bare, has_degree_mark, is_missing, known_unit, parsed_number, unit_behind
 from .sheet import LOOKED_AT, Row, Sheet, cell, is_data, is_value, is_word
-from .units import known_unit
 
 TAIL = 300
 """Lines at the end of a file among which the last row of data is looked for."""

@@ -13,7 +13,18 @@ from ..records.columns import FORCE as FORCES
 from ..records.columns import RATE as RATES
 from ..records.columns import TEMPERATURE as TEMPERATURES
 from ..records.columns import VELOCITY as VELOCITIES
-from .units import ANGLE, FORCE, QUANTITIES, RATE, TEMPERATURE, TIME, VELOCITY, LaboratoryUnit, known_unit, spelled_unit
+from .numbers import (
+    ANGLE,
+    FORCE,
+    QUANTITIES,
+    RATE,
+    TEMPERATURE,
+    TIME,
+    VELOCITY,
+    LaboratoryUnit,
+    known_unit,
+    spelled_unit,
+)
 
 POSITION, TIMES, DATE, SAMPLE = "position", "time_s", "date", "sample"
 QUANTITY_OF: dict[str, str] = {}

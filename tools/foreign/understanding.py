@@ -10,20 +10,24 @@ from ..records.columns import ANGLES, FORCE, POSITION, RecordKind
 from .layout import COMMENT, SheetLayout
 from .mapping import OPEN, Mapping, Question
 from .names import QUANTITY_OF, SAMPLE, TIMES, Heading
-from .numbers import bare, is_missing, parsed_number, sexagesimal, unit_behind
-from .sheet import Row, Sheet, cell
-from .units import (
+from .numbers import (
     COUNTS,
     DOUBTFUL,
     EXAMPLES,
     QUANTITIES,
     TIME,
     LaboratoryUnit,
+    bare,
+    is_missing,
     known_unit,
     of_converter,
+    parsed_number,
     scaled_unit,
+    sexagesimal,
     spelled_unit,
+    unit_behind,
 )
+from .sheet import Row, Sheet, cell
 
 STANDING_DEG = 0.5
 """Rows whose angles differ by no more may have been taken at one rest [deg]."""

@@ -26,8 +26,7 @@ from ..records.columns import INCREMENT, QUATERNION, VELOCITY
 from ..result import ABSENT, Array, Result
 from ..rounding import digits, downwards, exactly
 from .carry import carrying, inputs, rotation_of
-from .gaps import Bridge
-from .increments import coarser, gyro_input, sampling_period
+from .increments import Bridge, coarser, gyro_input, sampling_period
 
 VERTICAL_WITHIN = math.radians(5.0)
 """How near the mean specific force must be to the reference's third axis for that to count as the vertical [rad]."""

@@ -24,9 +24,9 @@ from .columns import (
     RATE,
     TEMPERATURE,
     VELOCITY,
+    comment_lines,
     knocks_of,
 )
-from .comments import comment_lines
 
 if TYPE_CHECKING:
     from polars import DataFrame

@@ -41,6 +41,7 @@ from .columns import (
     Layout,
     RecordError,
     RecordKind,
+    comments_of,
     extra_warning,
     faults,
     quoted,
@@ -49,7 +50,6 @@ from .columns import (
     warnings,
     with_force,
 )
-from .comments import comments_of
 from .kinds import BenchRecord, PositionRecord, RawRecord, StrapdownRecord
 from .rests import position_record_of
 

@@ -5,8 +5,7 @@ import math
 import pytest
 
 from trihedron.tools.foreign.names import heading
-from trihedron.tools.foreign.numbers import Marks, clock, parsed_moment, parsed_number, sexagesimal
-from trihedron.tools.foreign.units import scaled_unit
+from trihedron.tools.foreign.numbers import Marks, clock, parsed_moment, parsed_number, scaled_unit, sexagesimal
 
 
 @pytest.mark.parametrize(

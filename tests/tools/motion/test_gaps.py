@@ -12,8 +12,7 @@ import trihedron as th
 from trihedron.tools.cli import main
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion import algorithm_named, angle_between, compare_algorithms, run_algorithm
-from trihedron.tools.motion.gaps import without_gaps
-from trihedron.tools.motion.increments import increments_from
+from trihedron.tools.motion.increments import increments_from, without_gaps
 from trihedron.tools.records import StrapdownRecord, write_record
 
 PERIOD, COUNT = 0.01, 300
