@@ -2,6 +2,7 @@ from .applied import applied_to as applied_to
 from .applied import export_extended as export_extended
 from .applied import read_diagnosis as read_diagnosis
 from .cause import Cause as Cause
+from .kinds import KnownDirections as KnownDirections
 from .kinds import evidence_of as evidence_of
 from .kinds import evidence_options as evidence_options
 from .procedure import diagnose as diagnose

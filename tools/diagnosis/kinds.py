@@ -13,6 +13,7 @@ from ..evidence.bench import bench_evidence
 from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.carried_record import carried_evidence
 from ..evidence.evidence import Evidence
+from ..evidence.known_directions import KnownDirections, directions_evidence
 from ..records import PositionRecord, StrapdownRecord
 
 BOUNDS = (3e-3, 1e-2)
@@ -160,5 +161,13 @@ KINDS: Mapping[type, Kind] = {
         baselines=("calibrated", "nominal"),
         at_table=False,
         runs_formulas=True,
+    ),
+    KnownDirections: Kind(
+        evidence=directions_evidence,
+        options=lambda record, asked: {},
+        own=(),
+        baselines=(),
+        at_table=False,
+        runs_formulas=False,
     ),
 }
