@@ -18,13 +18,13 @@ _TYPES = {
     "Simulation": "orchestrator",
 }
 _FUNCTIONS = {
-    "at_table": ("measure",),
     "library": (
         "compare",
         "doctor",
         "export",
         "export_notebook",
         "hide",
+        "measure",
         "new",
         "plot",
         "run_campaign",
@@ -32,11 +32,10 @@ _FUNCTIONS = {
     ),
     "measured": (
         *("apply", "attitude_of_record", "bench_at", "calibrate", "check", "diagnose"),
-        *("import_record", "inspect"),
+        *("calibrate_together", "diagnose_together", "import_record", "inspect"),
     ),
     "planning.library": ("plan", "plan_check", "plan_imu", "plan_positions"),
     "records": ("read_record",),
-    "together": ("calibrate_together", "diagnose_together"),
 }
 _HOME = _TYPES | dict(sorted((name, module) for module, names in _FUNCTIONS.items() for name in names))
 """In which module of the tools each name is; the stub beside this file says the same to those who check types."""

@@ -1,4 +1,3 @@
-from .tools.at_table import measure as measure
 from .tools.check import Check as Check
 from .tools.errors import InputError as InputError
 from .tools.exporting import Exported as Exported
@@ -9,6 +8,7 @@ from .tools.library import doctor as doctor
 from .tools.library import export as export
 from .tools.library import export_notebook as export_notebook
 from .tools.library import hide as hide
+from .tools.library import measure as measure
 from .tools.library import new as new
 from .tools.library import plot as plot
 from .tools.library import run_campaign as run_campaign
@@ -17,8 +17,10 @@ from .tools.measured import apply as apply
 from .tools.measured import attitude_of_record as attitude_of_record
 from .tools.measured import bench_at as bench_at
 from .tools.measured import calibrate as calibrate
+from .tools.measured import calibrate_together as calibrate_together
 from .tools.measured import check as check
 from .tools.measured import diagnose as diagnose
+from .tools.measured import diagnose_together as diagnose_together
 from .tools.measured import import_record as import_record
 from .tools.measured import inspect as inspect
 from .tools.orchestrator import Simulation as Simulation
@@ -27,8 +29,6 @@ from .tools.planning.library import plan_check as plan_check
 from .tools.planning.library import plan_imu as plan_imu
 from .tools.planning.library import plan_positions as plan_positions
 from .tools.records import read_record as read_record
-from .tools.together import calibrate_together as calibrate_together
-from .tools.together import diagnose_together as diagnose_together
 
 __version__: str
 __all__: list[str]

@@ -1,11 +1,15 @@
 """Arguments of the public functions, as Python gives them: their types, and messages that name them, not options."""
 
 import builtins
+import ctypes
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache, wraps
+from itertools import product
 from pathlib import Path
+from threading import Lock
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -13,7 +17,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from .errors import InputError
 from .options import completed
-from .threads import one_thread
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -99,3 +102,52 @@ def _of_arguments(text: str, names: Sequence[str]) -> str:
         return match[0]
 
     return re.sub(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)", argument, text)
+
+
+# One thread for the linear algebra of a call from Python
+
+_LOCK, _BEFORE = Lock(), list[list[int]]()
+PREFIXES, SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Give OpenBLAS one thread, as NumPy and SciPy bring it with them; what else there may be stays as it is.
+
+    Of calls side by side the last one gives back the numbers that the first one found.
+    """
+    with _LOCK:
+        _BEFORE.append([get() for get, _ in _libraries()])
+        for _, set_to in _libraries():
+            set_to(1)
+    try:
+        yield
+    finally:
+        with _LOCK:
+            # What stands first was found when no call was inside, whichever ends last.
+            counts = _BEFORE.pop()
+            if not _BEFORE:
+                for (_, set_to), count in zip(_libraries(), counts, strict=True):
+                    set_to(count)
+
+
+@cache
+def _libraries() -> list[tuple[Callable[[], int], Callable[[int], None]]]:
+    """What says and sets the number of threads of each OpenBLAS beside the packages."""
+    packages = Path(np.__file__).parent.parent
+    paths = []
+    for folder in ("numpy.libs", "numpy/.dylibs", "scipy.libs", "scipy/.dylibs"):
+        paths.extend((packages / folder).glob("*openblas*"))
+    calls = []
+    for path in sorted(paths):
+        try:
+            library = ctypes.CDLL(str(path))
+        except OSError:
+            continue
+        for prefix, suffix in product(PREFIXES, SUFFIXES):
+            get = getattr(library, f"{prefix}_get_num_threads{suffix}", None)
+            set_to = getattr(library, f"{prefix}_set_num_threads{suffix}", None)
+            if get is not None and set_to is not None:
+                calls.append((get, set_to))
+                break
+    return calls

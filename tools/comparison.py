@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from .errors import InputError, nearest
-from .files import bytes_of
-from .parquet import MAGIC, fault_of_parquet
+from .files import MAGIC, bytes_of, fault_of_parquet
 from .quantity import Quantity
 from .records.read import table_in_memory
 from .result import Result

@@ -12,8 +12,16 @@ import pytest
 
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
-from trihedron.tools.files import LARGEST, LARGEST_TEXT, bytes_of, together, whole_folder, write_text
-from trihedron.tools.parquet import MOST_NUMBERS, fault_of_parquet
+from trihedron.tools.files import (
+    LARGEST,
+    LARGEST_TEXT,
+    MOST_NUMBERS,
+    bytes_of,
+    fault_of_parquet,
+    together,
+    whole_folder,
+    write_text,
+)
 from trihedron.tools.records.columns import POSITION
 
 SCENARIO = """schema = "trihedron.scenario/1"

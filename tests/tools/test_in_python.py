@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import trihedron as th
 import user_script
 from generator.stands import random_bench, simulated
-from trihedron.tools import threads
+from trihedron.tools import arguments
 from trihedron.tools.arguments import in_python
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, write_record
@@ -156,7 +156,7 @@ def test_a_script_as_a_user_writes_it_runs(tmp_path):
 
 def test_linear_algebra_has_one_thread_in_a_call_and_its_own_again_after_it():
     """Of calls side by side the last to end gives it back, whichever that is."""
-    libraries = threads._libraries()
+    libraries = arguments._libraries()
     assert libraries
     before = [get() for get, _ in libraries]
     try:
@@ -164,7 +164,7 @@ def test_linear_algebra_has_one_thread_in_a_call_and_its_own_again_after_it():
             set_to(2)
         counts = in_python(lambda: [get() for get, _ in libraries])
         assert counts() == [1] * len(libraries)
-        first, second = threads.one_thread(), threads.one_thread()
+        first, second = arguments.one_thread(), arguments.one_thread()
         first.__enter__()
         second.__enter__()
         first.__exit__(None, None, None)
@@ -178,5 +178,5 @@ def test_linear_algebra_has_one_thread_in_a_call_and_its_own_again_after_it():
 
 def test_calls_in_calls_end_where_no_library_can_be_told(monkeypatch: pytest.MonkeyPatch):
     """As where NumPy was built with another one than OpenBLAS."""
-    monkeypatch.setattr(threads, "_libraries", list)
+    monkeypatch.setattr(arguments, "_libraries", list)
     assert in_python(lambda: in_python(lambda: 3)())() == 3

@@ -11,8 +11,8 @@ import pytest
 
 import trihedron as th
 from planning_tasks import known_optima
-from trihedron.tools import at_table, cli, library, measured, together
-from trihedron.tools.document.text import table_html
+from trihedron.tools import cli, library, measured
+from trihedron.tools.document.page import table_html
 from trihedron.tools.result import Result
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -68,7 +68,7 @@ def test_every_name_is_there_and_none_is_that_of_a_module():
     """A function named as a module of the root would be replaced by it as soon as anything imports the module."""
     folder = Path(inspect.getfile(th)).parent
     modules = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()}
-    homes = (at_table, library, measured, together)
+    homes = (library, measured)
     members = [(name, it) for home in homes for name, it in vars(home).items() if inspect.isfunction(it)]
     theirs = {home.__name__ for home in homes}
     functions = {name for name, it in members if it.__module__ in theirs and not name.startswith("_")}

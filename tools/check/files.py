@@ -34,13 +34,13 @@ from ..diagnosis import Diagnosis
 from ..diagnosis.result import DIAGNOSES, in_present_schema
 from ..errors import InputError, nearest
 from ..evidence.carried_checks import downward_warning, wrong_channels
+from ..files import MAGIC
 from ..instrument import INSTRUMENT, Entry
 from ..motion import inspect_record
 from ..motion.rests import FEWEST_ROWS
 from ..orchestrator.scenario import SCHEMA as SCENARIO
 from ..orchestrator.scenario import Scenario
 from ..orchestrator.stimuli import read_number_table
-from ..parquet import MAGIC
 from ..planning.check import read_settings
 from ..planning.imu import ImuPlan
 from ..planning.positions import PositionPlan

@@ -10,7 +10,6 @@ from cyclopts import App, Group, Parameter
 from . import commands, studies
 from .answer import exit_status, refuse, say
 from .completion import add_completion
-from .folder import instrument
 from .plan_commands import plan
 
 for _threads in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -70,7 +69,7 @@ GROUPS = {
         "inspect": commands.inspect_command,
         "plan": plan,
         "measure": studies.measure_command,
-        "instrument": instrument,
+        "instrument": studies.instrument,
         "plot": studies.plot_command,
     },
     "Simulate": {

@@ -22,7 +22,6 @@ from .. import (
     records,
     reports,
     ssp,
-    together,
     trials,
 )
 from ..errors import InputError, one_line
@@ -120,7 +119,7 @@ def export_ssp_command(
     return answer(str(path), json, {"schema": "trihedron.export-ssp/1", "file": str(path), "scenario": str(scenario)})
 
 
-@with_options_of(measured.calibrate, together.calibrate_together, measured.bench_at)
+@with_options_of(measured.calibrate, measured.calibrate_together, measured.bench_at)
 def calibrate_command(
     record: Path,
     /,
@@ -165,7 +164,7 @@ def calibrate_command(
         _refuse_of_one(of_one)
         if options.pop("convention", "A1") != "A1":
             raise InputError("--convention A2: is of one record; give one")
-        joint = together.calibrate_together(record, *others, **shared, **options)
+        joint = measured.calibrate_together(record, *others, **shared, **options)
         if report is not None:
             reports.write_report(report, joint)
         if ssv is not None:
@@ -246,7 +245,7 @@ def apply_command(
     return answer(text, json, result.to_json())
 
 
-@with_options_of(measured.diagnose, together.diagnose_together, measured.bench_at)
+@with_options_of(measured.diagnose, measured.diagnose_together, measured.bench_at)
 def diagnose_command(
     record: Path,
     /,
@@ -283,7 +282,7 @@ def diagnose_command(
         if export is not None:
             raise InputError(f"--export {export}: is of one record; give one")
         _refuse_of_one({"hypothesis": options.pop("hypotheses", None)})
-        several = together.diagnose_together(record, *others, **shared, **options, progress=True)
+        several = measured.diagnose_together(record, *others, **shared, **options, progress=True)
         if report is not None:
             reports.write_report(report, several)
         return answer(several, json)

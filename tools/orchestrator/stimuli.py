@@ -16,8 +16,7 @@ import polars as pl
 
 from ...models.table_commands import TICK_TOLERANCE, move_duration
 from ..errors import InputError, nearest, said_of
-from ..files import bytes_of
-from ..parquet import fault_of_parquet
+from ..files import bytes_of, fault_of_parquet
 from .interface import FmuVariable, Interface, Value, checked, conversion, is_angle, refer_to, spread
 from .load import Loaded, Sources, interfaces_of
 from .scenario import MOST_STEPS, Scenario, Stimulus

@@ -22,8 +22,7 @@ import polars as pl
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..files import bytes_of, is_workbook
-from ..parquet import MAGIC, fault_of_parquet
+from ..files import MAGIC, bytes_of, fault_of_parquet, is_workbook
 from ..progress import tracked
 from .channels import Channels
 from .columns import (

@@ -2,7 +2,6 @@ from .calibration import applied_page as applied_page
 from .campaign import campaign_page as campaign_page
 from .campaign import write_campaign_page as write_campaign_page
 from .campaign import write_suite as write_suite
-from .imu_plan import write_imu_plan as write_imu_plan
 from .inspection import distrust as distrust
 from .lines import write_plot as write_plot
 from .lines import write_plot_of_run as write_plot_of_run
@@ -15,6 +14,7 @@ from .pictures.records import allan_picture as allan_picture
 from .pictures.records import plan_picture as plan_picture
 from .plan import operator_page as operator_page
 from .plan import write_curve as write_curve
+from .plan import write_imu_plan as write_imu_plan
 from .plan import write_plan as write_plan
 from .sheet import read_about as read_about
 from .sheet import write_sheet as write_sheet

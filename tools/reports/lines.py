@@ -14,7 +14,7 @@ from ..document.page import write_page
 from ..orchestrator import Simulation
 from ..orchestrator.interface import suffix_for
 from ..rounding import digits
-from .pictures.lines import MOST_LINES, TRUTH, Line, lines_picture
+from .pictures.records import MOST_LINES, TRUTH, Line, lines_picture
 from .sources import versions
 
 MOST_PANELS = 60

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..document.blocks import Page, Section, Table
 from ..document.notation import Cell
-from ..document.page import write_page
-from ..document.text import notebook, text
+from ..document.page import notebook, text, write_page
 from ..errors import InputError
 from ..result import Result
 from ..rounding import digits

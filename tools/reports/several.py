@@ -10,7 +10,7 @@ from ..document.blocks import Page, Section, Table, Tone, table_of
 from ..document.notation import Cell, minus, sentence, unit_text
 from ..instrument import Entries, Entry
 from ..rounding import digits, downwards, interval, residual, upwards
-from .pictures.several import drawable, repeatability_picture
+from .pictures.residuals import drawable, repeatability_picture
 from .sources import cited, versions
 
 VERDICTS = {

@@ -23,7 +23,7 @@ from trihedron.tools.calibration.correction import (
     levelling,
     remaining_error,
 )
-from trihedron.tools.document.text import text
+from trihedron.tools.document.page import text
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
 from trihedron.tools.reports.calibration import applied_page, correction_equation

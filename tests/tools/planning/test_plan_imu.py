@@ -12,7 +12,7 @@ from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.orchestrator import read_scenario
 from trihedron.tools.planning import ImuPlan, Planned
 from trihedron.tools.planning.imu import ImuVisit, TableVisit, programme_record, seconds_of
-from trihedron.tools.reports.imu_plan import way_of, write_imu_plan
+from trihedron.tools.reports.plan import way_of, write_imu_plan
 
 EARTH = np.array([3e-5, -1e-5, 6e-5])
 
