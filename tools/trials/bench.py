@@ -7,6 +7,7 @@ simulated in time, with the effects composed in.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -412,7 +413,7 @@ def bench_positions() -> tuple[NDArray, NDArray]:
 
     The extra ones share no angle: harmonics of the encoders that look alike at equal steps of 45 degrees differ there.
     """
-    pairs = [(20 + 45 * k, beta) for k in range(8) for beta in (25, 145, 265)]
+    pairs: list[tuple[int, int]] = list(product(range(20, 380, 45), (25, 145, 265)))
     for k in range(16):
         pairs.append(((13 + 67 * k) % 360, (33 + 101 * k) % 360))
     angles = np.radians(np.array(pairs, dtype=float))
@@ -424,11 +425,12 @@ def draw_positions(rng: np.random.Generator, count: int) -> tuple[NDArray, NDArr
     kind = rng.integers(3)
     if kind == 0:
         offset = rng.integers(5, 40, 2)
-        grid = [(a + offset[0], b + offset[1]) for a in range(0, 360, 45) for b in range(0, 360, 45)]
+        grid = [(a + offset[0], b + offset[1]) for a, b in product(range(0, 360, 45), repeat=2)]
     elif kind == 1:
         offset = rng.integers(2, 13, 2)
-        grid = [(a + s * offset[0], b + t * offset[1]) for a in (0, 90, 180, 270) for b in (0, 90, 180, 270)
-                for s, t in ((1, 1), (-1, 1))]  # fmt: skip
+        grid = []
+        for a, b in product((0, 90, 180, 270), repeat=2):
+            grid += [(a + offset[0], b + offset[1]), (a - offset[0], b + offset[1])]
     else:
         grid = []
     chosen = set()

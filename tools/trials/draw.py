@@ -121,7 +121,7 @@ def _tried(rng: np.random.Generator, options: Options, clean: Case) -> Iterator[
             yield draw_shared_and_own(rng, joint.model, options.effects)
     else:
         drawing = Drawing.of(rng, options, clean.instrument)
-        if drawing.here.deficient:
+        if drawing.known.model.deficient:
             yield None
             return
         for _ in range(TRIES if drawing.names else 0):

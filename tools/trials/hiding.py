@@ -12,10 +12,10 @@ from ...models.bench import elementary_reading
 from ...models.effects import CATALOGUE, POSITION_EFFECTS, Effect, EffectPlace
 from ...models.effects.last_stage import place_of
 from ..calibration.calibration import Asked, fit_record
-from ..calibration.model import PRESETS, Linearisation, Positions, linearise, parametrise
+from ..calibration.model import PRESETS, Positions, linearise, parametrise
 from ..evidence.bench_in_motion import whole_evidence
 from ..evidence.bench_predictions import dense_spaces
-from ..evidence.bench_visits import Circumstances, Visits, circumstances_of
+from ..evidence.bench_visits import circumstances_of
 from ..evidence.cells import CellsAtRest, beginnings
 from ..evidence.fit import Classes, contains
 from ..evidence.joint import Joint
@@ -36,16 +36,14 @@ from .bench import (
 from .case import Options, hidden_effects
 from .sizes import (
     Hidden,
+    KnownBench,
     SureSizes,
     Way,
     draw_direction,
     drawn_time,
     largest_possible_size,
-    level_margins,
     most_alike,
     sizes_of_change,
-    sizes_of_way,
-    sure_sizes,
 )
 
 ABOVE = 1.5
@@ -88,11 +86,11 @@ def faultless_record(bench: TrialBench) -> PositionRecord:
     )
 
 
-def expected(bench: TrialBench) -> tuple[Linearisation, Circumstances]:
-    """The model at the truth, with the bounds of the readings, and the circumstances of the rows."""
+def expected(bench: TrialBench) -> KnownBench:
+    """The model at the truth, and the circumstances of the rows."""
     record = faultless_record(bench)
     model = fit_record(record, NOISE_BOUND, Asked(baseline=bench.baseline, mounting=bench.matrices))
-    return model, circumstances_of(record)
+    return KnownBench(model, circumstances_of(record))
 
 
 def faultless_model(mountings: Mapping[str, NDArray], alpha: NDArray, beta: NDArray, *, symmetric: bool):
@@ -119,12 +117,19 @@ def _classes_with(mountings: tuple[str, ...], effects: tuple[Effect, ...], symme
     baseline = "asymmetric"
     if symmetric:
         baseline = "symmetric"
-    linear = []
-    for e in effects:
-        if e.within != baseline and e.linear:
-            linear.append(e)
-    places = [place for effect in linear for place in effect.places]
+    places: list[EffectPlace] = []
+    for effect in effects:
+        if effect.within != baseline and effect.linear:
+            places += effect.places
     return Classes.of(places, dense_spaces(p, places))
+
+
+def places_of_classes(classes: Classes) -> list[EffectPlace]:
+    """Every place of the classes, those that stand for another one too."""
+    places: list[EffectPlace] = []
+    for first in classes.places:
+        places += classes.whole_class(first)
+    return places
 
 
 @dataclass(frozen=True)
@@ -133,20 +138,18 @@ class Drawing:
 
     rng: np.random.Generator
     options: Options
-    here: Linearisation
-    circumstances: Circumstances
+    known: KnownBench
     classes: Classes
 
     @staticmethod
     def of(rng: np.random.Generator, options: Options, bench: TrialBench) -> "Drawing":
         """The drawing of effects for a bench."""
-        model, circumstances = expected(bench)
-        return Drawing(rng, options, model, circumstances, classes_with(bench.mountings, symmetric=bench.symmetric))
+        return Drawing(rng, options, expected(bench), classes_with(bench.mountings, symmetric=bench.symmetric))
 
     @cached_property
     def linear(self) -> list[EffectPlace]:
         """Every linear effect that is not wholly in the nominal model, those that stand for another one too."""
-        return [place for first in self.classes.places for place in self.classes.whole_class(first)]
+        return places_of_classes(self.classes)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -161,7 +164,7 @@ class Drawing:
     def drawn(self) -> tuple[EffectPlace, NDArray]:
         """One of the effects at one of its places, and a direction of its coefficients."""
         name = self.names[self.rng.integers(len(self.names))]
-        return draw_place(self.rng, name, self.linear, len(self.here.reading))
+        return draw_place(self.rng, name, self.linear, len(self.known.model.reading))
 
     def sizes(
         self, place: EffectPlace, direction: NDArray, apart: Sequence[EffectPlace], beside: Sequence[EffectPlace] = ()
@@ -173,16 +176,15 @@ class Drawing:
                 if not set(self.classes.whole_class(rival)) & set(apart):
                     rivals.append(rival)
             ways = self.other_ways(place)
-        return sure_sizes(self.here, self.circumstances, place, rivals, direction=direction, beside=beside, ways=ways)
+        return self.known.sure_sizes(place, rivals, direction=direction, beside=beside, ways=ways)
 
     @cached_property
     def ways(self) -> list[Way]:
         """Every effect with an unknown number, in each cell of it."""
-        rows = Visits.of(self.here, self.circumstances).rows(self.here.point)
         ways: list[Way] = []
         for effect in POSITION_EFFECTS.values():
             for place in effect.places if effect.searched is not None else ():
-                for cell in CellsAtRest(place, rows):
+                for cell in CellsAtRest(place, self.known.rows):
                     ways.append((place, cell))
         return ways
 
@@ -202,7 +204,7 @@ class Drawing:
             unit = self.rng.normal(size=len(unit))
             unit /= np.linalg.norm(unit)
         change, rivals = way.columns @ unit, self.classes.places
-        sizes = sizes_of_way(self.here, self.circumstances, change, rivals, self.other_ways(place))
+        sizes = self.known.sizes_of_way(change, rivals, self.other_ways(place))
         low, high = sizes.detected, min(sizes.excluded, MOST_ABOVE * sizes.detected)
         if options.size is not None:
             low, high = (sizes.detected * end for end in options.size)
@@ -216,11 +218,11 @@ class Drawing:
         if not all(parameter.possible(value) for parameter, value in zip(parameters, values, strict=False)):
             return None
         # The run begins before the record's first row.
-        warmth, first = self.circumstances.temperature, float(temperature_at(np.zeros(1))[0])
+        warmth, first = self.known.circumstances.temperature, float(temperature_at(np.zeros(1))[0])
         warm = None
         if warmth is not None:
             warm = (first, float(warmth[0]))
-        hidden = Hidden(place, values, float(size), sizes).since(-self.circumstances.began / 3600.0, warm)
+        hidden = Hidden(place, values, float(size), sizes).since(-self.known.circumstances.began / 3600.0, warm)
         if "settling" in hidden.parameters and warmth is not None:
             # Then, too, the lag was where it may have been.
             begun = first + hidden.parameters["settling"] / hidden.parameters["coefficient"]
@@ -268,14 +270,14 @@ class Drawing:
     def level(self, place: EffectPlace) -> tuple[Hidden, ...] | None:
         """An effect that is not linear, at a level of which the mode's sizes are true."""
         parameter, options = place.definition.parameters[0], self.options
-        largest = min(parameter.largest, float(np.abs(self.here.prediction[:, place.index]).max()))
+        largest = min(parameter.largest, float(np.abs(self.known.model.prediction[:, place.index]).max()))
         low = max(parameter.smallest or 0.0, 1e-3 * largest)
         levels = np.exp(self.rng.uniform(np.log(low), np.log(max(largest, low)), TRIES)).tolist()
         rivals = []
         for rival in self.classes.places:
             if place not in self.classes.whole_class(rival):
                 rivals.append(rival)
-        margins = level_margins(self.here, self.circumstances, place, levels, rivals)
+        margins = self.known.level_margins(place, levels, rivals)
         for level, sizes in zip(levels, margins, strict=True):
             fits = ABOVE * sizes.excluded <= 1.0
             if options.mode == "between":
@@ -359,8 +361,7 @@ def hidden_in(rng: np.random.Generator, bench: TrialBench, clean: PositionRecord
     """
     model = whole_evidence(clean, bench.place, noise_bound=NOISE_BOUND).model
     classes = model.classes
-    hideable = [place for first in classes.places for place in classes.whole_class(first)]
-    hideable += model.starting
+    hideable = [*places_of_classes(classes), *model.starting]
     names = sorted({place.effect for place in hideable if not options.effects or place.effect in options.effects})
     if not names:
         return None

@@ -131,10 +131,9 @@ class Outcome(Told):
 
     def titles(self, *, named: bool, between: str = " + ") -> str:
         """What was hidden, or what was named, by effect and place."""
+        places = self.places
         if named:
-            places = [effect.place for effect in self.named]
-        else:
-            places = self.places
+            places = tuple(effect.place for effect in self.named)
         return between.join(place.title for place in places)
 
 

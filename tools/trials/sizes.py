@@ -11,6 +11,7 @@ Chebyshev distance; b is wider where a sign is open). No parameters of a rival w
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -146,66 +147,89 @@ class Secret(NamedEffect):
         return self.size / self.surely_detected
 
 
-def sure_sizes(
-    here: Linearisation,
-    circumstances: Circumstances,
-    place: EffectPlace,
-    rivals: Sequence[EffectPlace],
-    *,
-    direction: NDArray | None = None,
-    beside: Sequence[EffectPlace] = (),
-    ways: Sequence[Way] = (),
-) -> SureSizes:
-    """Sizes from which an effect is surely detected and from which every rival is surely excluded.
+@dataclass(frozen=True, eq=False)
+class KnownBench:
+    """What could be known of a bench at best: the model with bounds of its readings, and its rows' circumstances."""
 
-    Parameters
-    ----------
-    here, circumstances
-        the nominal model with the bounds of its readings, and of its rows
-    place : EffectPlace
-        linear in its coefficients, or an outlier
-    rivals : sequence of EffectPlace
-        outside the effect's class; an outlier at every other reading is one too
-    direction : (K,) array, optional
-        of the effect's coefficients, of length one; by default the worst of `DIRECTIONS`, each size for itself
-    beside : sequence of EffectPlace
-        effects that the model has too, whatever their size: with those of a pair the sizes say from where the other
-        one cannot be replaced
-    ways : sequence of Way
-        in which effects that are not linear, rivals too, add columns
-    """
-    rows = Visits.of(here, circumstances).rows(here.point)
-    columns = signature_columns([place], rows)
-    # Readings on which the effect acts in a way that the record does not tell prove nothing.
-    nominal = np.hstack(
-        (here.jacobian, _untold_columns([place], rows), *(_freed_columns(companion, rows) for companion in beside))
-    )
-    possible = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
-    reading = None
-    if place.effect == "outlier":
-        reading = int(np.flatnonzero(columns[:, 0])[0])
-    if direction is None:
-        directions = spread_directions(columns.shape[1], DIRECTIONS)
-    else:
+    model: Linearisation
+    circumstances: Circumstances
+
+    @cached_property
+    def rows(self) -> Rows:
+        """What effects see of the rows."""
+        return Visits.of(self.model, self.circumstances).rows(self.model.point)
+
+    def sure_sizes(
+        self,
+        place: EffectPlace,
+        rivals: Sequence[EffectPlace],
+        *,
+        direction: NDArray | None = None,
+        beside: Sequence[EffectPlace] = (),
+        ways: Sequence[Way] = (),
+    ) -> SureSizes:
+        """Sizes from which an effect is surely detected and from which every rival is surely excluded.
+
+        Parameters
+        ----------
+        place : EffectPlace
+            linear in its coefficients, or an outlier
+        rivals : sequence of EffectPlace
+            outside the effect's class; an outlier at every other reading is one too
+        direction : (K,) array, optional
+            of the effect's coefficients, of length one; by default the worst of `DIRECTIONS`, each size for itself
+        beside : sequence of EffectPlace
+            effects that the model has too, whatever their size: with those of a pair the sizes say from where the other
+            one cannot be replaced
+        ways : sequence of Way
+            in which effects that are not linear, rivals too, add columns
+        """
+        columns = signature_columns([place], self.rows)
+        # Readings on which the effect acts in a way that the record does not tell prove nothing.
+        nominal = [self.model.jacobian, _untold_columns([place], self.rows)]
+        for companion in beside:
+            nominal.append(_freed_columns(companion, self.rows))
+        reading = None
+        if place.effect == "outlier":
+            reading = int(np.flatnonzero(columns[:, 0])[0])
         directions = [direction]
-    by_direction = []
-    for d in directions:
-        by_direction.append(_sizes_of_change(nominal, columns @ d, here.bound, possible, own_reading=reading))
-    worst = max(by_direction, key=lambda sizes: sizes.excluded)
-    return SureSizes(max(sizes.detected for sizes in by_direction), worst.excluded, worst.rival)
+        if direction is None:
+            directions = spread_directions(columns.shape[1], DIRECTIONS)
+        possible, bound, detected = self._rivals(rivals, ways), self.model.bound, 0.0
+        worst = None
+        for unit in directions:
+            sizes = _sizes_of_change(np.hstack(nominal), columns @ unit, bound, possible, own_reading=reading)
+            detected = max(detected, sizes.detected)
+            if worst is None or sizes.excluded > worst.excluded:
+                worst = sizes
+        assert worst is not None
+        return replace(worst, detected=detected)
 
+    def sizes_of_way(self, change: NDArray, rivals: Sequence[EffectPlace], ways: Sequence[Way]) -> SureSizes:
+        """Sizes as of `sure_sizes` of what an effect that is not linear adds to the readings (N, 3) [g] in a way."""
+        return _sizes_of_change(self.model.jacobian, change.ravel(), self.model.bound, self._rivals(rivals, ways))
 
-def sizes_of_way(
-    here: Linearisation,
-    circumstances: Circumstances,
-    change: NDArray,
-    rivals: Sequence[EffectPlace],
-    ways: Sequence[Way],
-) -> SureSizes:
-    """As `sure_sizes` of what an effect that is not linear adds to the readings (N, 3) [g] in one of its ways."""
-    rows = Visits.of(here, circumstances).rows(here.point)
-    possible = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals] + _of_ways(ways)
-    return _sizes_of_change(here.jacobian, change.ravel(), here.bound, possible)
+    def level_margins(
+        self, place: EffectPlace, levels: Sequence[float], rivals: Sequence[EffectPlace]
+    ) -> list[SureSizes]:
+        """For each level of an effect that is not linear, factors of its change that surely detect it, exclude rivals.
+
+        The change grows in jumps with the level, so levels are scanned: at one whose factor is 1 or less the effect is
+        surely detected, or every linear rival surely excluded.
+        """
+        margins = []
+        for level in levels:
+            margins.append(self.sizes_of_way(level_change(place, level, self.rows), rivals, ()))
+        return margins
+
+    def _rivals(self, rivals: Sequence[EffectPlace], ways: Sequence[Way]) -> "list[_Rival]":
+        """What could stand for an effect: other effects, and ways of such as are not linear."""
+        possible = []
+        for rival in rivals:
+            possible.append(_Rival(rival.title, _freed_columns(rival, self.rows)))
+        for place, way in ways:
+            possible.append(_Rival(place.title, way.columns.reshape(-1, way.columns.shape[2]), way.one_sign))
+        return possible
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,10 +253,6 @@ class _Rival:
 
 ONE_READING = _Rival("outlier", np.zeros((0, 1)))
 """One reading left out, whichever it is."""
-
-
-def _of_ways(ways: Sequence[Way]) -> list[_Rival]:
-    return [_Rival(p.title, w.columns.reshape(-1, w.columns.shape[2]), w.one_sign) for p, w in ways]
 
 
 def _untold_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
@@ -303,7 +323,9 @@ def _sizes_of_change(
 
 def sizes_of_change(nominal: NDArray, change: NDArray, rivals: Mapping[str, NDArray]) -> SureSizes:
     """Factors of a change (M,) of rows in units of their bounds that surely detect it, and exclude rivals by title."""
-    possible = [_Rival(title, columns) for title, columns in rivals.items()]
+    possible = []
+    for title, columns in rivals.items():
+        possible.append(_Rival(title, columns))
     return _sizes_of_change(nominal, change, np.ones(len(change)), possible)
 
 
@@ -347,24 +369,6 @@ def _is_farther(columns: NDArray, target: NDArray, least: float, first: NDArray)
 def level_change(place: EffectPlace, level: float, rows: Rows) -> NDArray:
     """What an effect that is not linear changes in the readings (N, 3) [g] at a level, by its own kernel."""
     return acted_on([(place, (level,))], rows, rows.prediction) - rows.prediction
-
-
-def level_margins(
-    here: Linearisation,
-    circumstances: Circumstances,
-    place: EffectPlace,
-    levels: Sequence[float],
-    rivals: Sequence[EffectPlace],
-) -> list[SureSizes]:
-    """For each level of an effect that is not linear, factors of its change that surely detect it and exclude rivals.
-
-    The change grows in jumps with the level, so levels are scanned: at one whose factor is 1 or less the effect is
-    surely detected, or every linear rival surely excluded. Arguments as for `sure_sizes`.
-    """
-    rows = Visits.of(here, circumstances).rows(here.point)
-    possible = [_Rival(rival.title, _freed_columns(rival, rows)) for rival in rivals]
-    changes = [level_change(place, level, rows).ravel() for level in levels]
-    return [_sizes_of_change(here.jacobian, change, here.bound, possible) for change in changes]
 
 
 def draw_direction(rng: np.random.Generator, place: EffectPlace) -> NDArray:

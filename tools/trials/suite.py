@@ -221,19 +221,19 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     for outcome in outcomes:
         if not outcome.places:
             clean.append(outcome)
-    errors_found = np.array([error for outcome in outcomes for error in outcome.size_errors])
+    size_errors: list[float] = []
     inside = []
     for outcome in outcomes:
+        size_errors += outcome.size_errors
         if outcome.inside is not None:
             inside.append(outcome.inside)
-    errors = {
-        "estimates": len(errors_found),
-        "mean": float(errors_found.mean()) if len(errors_found) else None,
-        "rms": float(np.sqrt(np.mean(errors_found**2))) if len(errors_found) else None,
-        "largest": float(np.abs(errors_found).max()) if len(errors_found) else None,
-        "cases_with_intervals": len(inside),
-        "inside_intervals": sum(inside),
-    }
+    errors: dict[str, Any] = {"estimates": len(size_errors), "mean": None, "rms": None, "largest": None}
+    if size_errors:
+        sizes = np.array(size_errors)
+        errors["mean"] = float(sizes.mean())
+        errors["rms"] = float(np.sqrt(np.mean(sizes**2)))
+        errors["largest"] = float(np.abs(sizes).max())
+    errors |= {"cases_with_intervals": len(inside), "inside_intervals": sum(inside)}
     records_entry = {}
     if options.records > 1:
         records_entry = {"records": options.records}
@@ -249,14 +249,14 @@ def suite_of(options: Options, seed: int, outcomes: Sequence[Outcome]) -> Suite:
     }
     if options.strapdown:
         del errors["mean"]
-        of = {name: [one for one in outcomes if one.reference == name] for name in ("gravity", "truth")}
         size = None
         if options.mode != "clean":
             size = options.sizes
         by_reference = {}
-        for reference, those in of.items():
-            if those:
-                by_reference[reference] = kinds(those)
+        for reference in ("gravity", "truth"):
+            of_reference = [outcome for outcome in outcomes if outcome.reference == reference]
+            if of_reference:
+                by_reference[reference] = kinds(of_reference)
         of_kind = {
             "schema": "trihedron.hidden-strapdown-suite/1",
             "clean": options.mode == "clean",
