@@ -120,8 +120,8 @@ def initially_known(component: Component) -> set[str]:
     if "effect" in arguments:
         arguments |= of_effects
     names = set()
-    for variable in component.interface:
-        if variable.causality in ("parameter", "input") and variable.name in arguments:
+    for variable in component.of("parameter", "input"):
+        if variable.name in arguments:
             names.add(variable.name)
     return names
 
@@ -276,14 +276,13 @@ def _add_structure(root: Element, component: Component, fmi: int, references: Ma
 
     initial = initially_known(component)
     at_start = " ".join(numbers(v.name for v in component.interface if v.name in initial))
-    shown_outputs = [v for v in component.interface if v.causality == "output"]
-    for variable in shown_outputs:
+    for variable in component.of("output"):
         inputs = numbers(variable.follows)
         for place in numbers([variable.name]):
             output = SubElement(outputs, tags[0], {key: place}, dependencies=" ".join(inputs))
             if inputs:
                 output.set("dependenciesKind", " ".join(["dependent"] * len(inputs)))
-    for place in numbers(v.name for v in shown_outputs):
+    for place in numbers(v.name for v in component.of("output")):
         SubElement(unknowns, tags[1], {key: place}, dependencies=at_start)
 
 
@@ -319,6 +318,11 @@ def model_description(component: Component, content: bytes, *, fmi: int = 2, sou
     if epoch.isdigit():
         moment = datetime.fromtimestamp(math.floor(int(epoch)), UTC)
         root.set("generationDateAndTime", moment.strftime("%Y-%m-%dT%H:%M:%SZ"))
+    return document_bytes(root)
+
+
+def document_bytes(root: Element) -> bytes:
+    """An XML document of an FMU in UTF-8; the same element gives the same bytes."""
     ElementTree.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
 
@@ -393,18 +397,16 @@ def terminals(component: Component) -> bytes:
     SubElement(picture, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"})
     SubElement(picture, "Icon", corners)
     group = SubElement(root, "Terminals")
-    for causality in ("input", "output"):
-        members = [v for v in component.interface if v.causality == causality]
+    for name, members in (("inputs", component.of("input")), ("outputs", component.of("output"))):
         if members:
-            terminal = SubElement(group, "Terminal", name=f"{causality}s", matchingRule="bus")
+            terminal = SubElement(group, "Terminal", name=name, matchingRule="bus")
             for v in members:
                 SubElement(
                     terminal, "TerminalMemberVariable", variableName=v.name, memberName=v.name, variableKind="signal"
                 )
     if not len(group):
         root.remove(group)
-    ElementTree.indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+    return document_bytes(root)
 
 
 def licence() -> str:

@@ -181,7 +181,11 @@ class Component:
     @property
     def interface(self) -> tuple[Variable, ...]:
         """The variables that the world sees."""
-        return tuple(v for v in self.variables if v.causality in ("parameter", "input", "output"))
+        return tuple(self.of("parameter", "input", "output"))
+
+    def of(self, *causalities: Causality) -> list[Variable]:
+        """The variables of these causalities, in the order of the table."""
+        return [variable for variable in self.variables if variable.causality in causalities]
 
     @property
     def effect_count(self) -> int:
@@ -196,9 +200,8 @@ class Component:
     @property
     def parameter_starts(self) -> dict[str, float | list[float]]:
         """Start values of the parameters, by variable."""
-        parameters = [v for v in self.interface if v.causality == "parameter"]
         starts: dict[str, float | list[float]] = {}
-        for variable in parameters:
+        for variable in self.of("parameter"):
             starts[variable.name] = list(variable.starts) if variable.size else variable.starts[0]
         return starts
 
@@ -235,8 +238,8 @@ def inputs_read(component: Component, effects: Sequence[EffectPlace]) -> dict[st
         for kernel in (place.definition.kernel, place.definition.memory):
             if kernel is not None:
                 names.update(kernel.__code__.co_names)
-        for variable in component.interface:
-            if variable.causality == "input" and names.intersection(READ_AT.get(variable.name, ())):
+        for variable in component.of("input"):
+            if names.intersection(READ_AT.get(variable.name, ())):
                 places_of_inputs.setdefault(variable.name, place)
     return places_of_inputs
 
@@ -280,14 +283,15 @@ def started(component: Component, values: Mapping[str, float | Sequence[float]])
     ValueError
         what is no parameter of the component, an array of another length, a value beyond what the parameter takes
     """
-    parameters = {v.name: v for v in component.interface if v.causality == "parameter"}
+    parameters = {variable.name: variable for variable in component.of("parameter")}
     changed = {}
     for name, value in values.items():
         if name not in parameters:
             raise ValueError(f"{component.name} has no parameter {name}")
         variable = parameters[name]
-        numbers = (float(value),) if isinstance(value, int | float) else tuple(float(v) for v in value)
-        if len(numbers) != len(variable.elements) or isinstance(value, int | float) != (variable.size == 0):
+        scalar = isinstance(value, int | float)
+        numbers = tuple(map(float, [value] if isinstance(value, int | float) else value))
+        if len(numbers) != len(variable.elements) or scalar != (variable.size == 0):
             raise ValueError(f"{name} has {len(variable.elements)} elements, not {len(numbers)}")
         least, most = variable.limits
         for number in numbers:

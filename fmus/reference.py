@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from functools import cache
 from xml.etree.ElementTree import Element, SubElement
 
-from .component import Component, Variable
+from .component import Causality, Component, Variable
 from .parameters import xml_bytes
 from .source import instantiate, references
 
@@ -46,7 +46,6 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
         the component refuses its start values, or the inputs
     """
     model, numbers = instantiate(component), references(component)
-    inputs = [v for v in component.interface if v.causality == "input"]
     driven, shown = _columns(component, "input", fmi), _columns(component, "output", fmi)[:MOST_OUTPUTS]
 
     def row(time: float, columns: Iterable[Column]) -> str:
@@ -63,7 +62,7 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
 
     input_lines, output_lines = [heads(driven)], [heads(shown)]
     for k in range(STEPS):
-        for variable in inputs:
+        for variable in component.of("input"):
             for i, element in enumerate(variable.elements):
                 model.set(numbers[element], swing(variable, i, k))
         time = k * component.step_size
@@ -83,12 +82,10 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
     return {ending: "\n".join(every) + "\n" for ending, every in lines.items()}
 
 
-def _columns(component: Component, causality: str, fmi: int) -> list[Column]:
+def _columns(component: Component, causality: Causality, fmi: int) -> list[Column]:
     """The columns of a table: in FMI 3.0 one for each variable, in FMI 2.0 one for each element."""
     columns: list[Column] = []
-    for variable in component.interface:
-        if variable.causality != causality:
-            continue
+    for variable in component.of(causality):
         if fmi == 3:
             columns.append((variable.name, variable, variable.elements))
         else:

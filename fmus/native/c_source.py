@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import fmpy
 
-from ..archive import accompanying_files, identity, model_description, write_archive
+from ..archive import accompanying_files, document_bytes, identity, model_description, write_archive
 from ..component import Component, Variable
 from ..reference import layered_reference
 from ..source import SourcePart, flat_parts
@@ -150,7 +149,7 @@ def _arguments(component: Component, kernel: str, signature: Signature, memory: 
     A TypeError where the table has a scalar and the kernel a vector, or the reverse.
     """
     where = places(component)
-    scalars = {v.name for v in component.variables if not v.size and v.causality in ("parameter", "input")}
+    scalars = {variable.name for variable in component.of("parameter", "input") if not variable.size}
     arguments = []
     for name, kind in zip(component.arguments[kernel], signature.kinds, strict=True):
         if name in ("time", "step"):
@@ -272,8 +271,7 @@ def build_description(component: Component, fmi: int) -> bytes:
     files = SubElement(configuration, "SourceFileSet", language="C99", compilerOptions=options)
     for name in COMPILED[fmi]:
         SubElement(files, "SourceFile", name=name)
-    ElementTree.indent(root)
-    return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="utf-8") + b"\n"
+    return document_bytes(root)
 
 
 def native_sources(component: Component, fmi: int) -> dict[str, bytes]:
