@@ -30,8 +30,6 @@ _KINDS = (
     types.uint64,
 )
 """By the codes of the orchestrator's `ValueType`."""
-_REALS = 2
-"""So many of them are real."""
 
 
 @_intrinsic
@@ -82,48 +80,38 @@ def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
     return types.void(types.int64, types.int64, types.int64), code
 
 
-def _reader(as_number: Any, codes: range) -> Any:
-    """What reads a number by the code of its kind, an int64 where it is none of these codes."""
+def _real_reader() -> Any:
+    """What reads a number as a real one, by the code of its kind."""
 
     def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
         return compile_callee(
-            lambda code, at: as_number(load_number(at, kind)) if code == this else otherwise(code, at)
+            lambda code, at: types.float64(load_number(at, kind)) if code == this else otherwise(code, at)
         )
 
-    reader = compile_callee(lambda _code, at: as_number(load_number(at, types.int64)))
-    for this in reversed(codes):
+    reader = compile_callee(lambda _code, at: types.float64(load_number(at, types.int64)))
+    for this in reversed(range(len(_KINDS) - 2)):
         reader = if_it_is(this, _KINDS[this], reader)
     return reader
 
 
-_whole = _reader(types.int64, range(_REALS, len(_KINDS) - 2))
-_real = _reader(types.float64, range(len(_KINDS) - 2))
-
-
-def _converter() -> Any:
-    """What turns a number of one kind into one of another: factor * value + offset where that is real."""
+def _real_writer() -> Any:
+    """What writes a real number as one of a kind, by its code."""
 
     def if_it_is(this: int, kind: Any, otherwise: Any) -> Any:
-        scaled = compile_callee(lambda of, at, factor, offset: kind(factor * _real(of, at) + offset))
-        number = scaled if this < _REALS else compile_callee(lambda of, at, _factor, _offset: kind(_whole(of, at)))
         return compile_callee(
-            lambda code, to, at, of, factor, offset: (
-                store(to, number(of, at, factor, offset))
-                if code == this
-                else otherwise(code, to, at, of, factor, offset)
-            )
+            lambda code, at, value: store(at, kind(value)) if code == this else otherwise(code, at, value)
         )
 
-    convert = compile_callee(lambda _code, to, at, of, _factor, _offset: store(to, _whole(of, at)))
+    writer = compile_callee(lambda _code, at, value: store(at, types.int64(value)))
     for this in reversed(range(len(_KINDS) - 2)):
-        convert = if_it_is(this, _KINDS[this], convert)
-    return convert
+        writer = if_it_is(this, _KINDS[this], writer)
+    return writer
 
 
 class _Machine:
     """The primitives of the loop as machine code."""
 
-    copy, convert, real_of = copy_bytes, _converter(), _real
+    copy, real_of, store_as = copy_bytes, _real_reader(), _real_writer()
     load_word = compile_callee(lambda at: load_number(at, types.int64))
     load_byte = compile_callee(lambda at: load_number(at, types.uint8))
     load_real = compile_callee(lambda at: load_number(at, types.float64))

@@ -68,8 +68,8 @@ def loop_of(on: Any) -> Callable[..., int]:
     on : class
         what the loop needs of memory and of C functions, all by their addresses: copy(target, source, bytes),
         load_byte, load_word, load_real(address), store_word, store_real(address, value), real_of(type, address),
-        convert(type, target, source, its type, factor, offset), and calls of functions: call2, call4, call5 of
-        words, step2 and step3 as FMI has doStep
+        store_as(type, address, real number), and calls of functions: call2, call4, call5 of words, step2 and step3 as
+        FMI has doStep
 
     Returns
     -------
@@ -79,7 +79,7 @@ def loop_of(on: Any) -> Callable[..., int]:
         or to the first call that fails, and returns its status, else 0
     """
     copy, load_word, load_byte, load_real = on.copy, on.load_word, on.load_byte, on.load_real
-    store_real, store_word, real_of, convert = on.store_real, on.store_word, on.real_of, on.convert
+    store_real, store_word, real_of, store_as = on.store_real, on.store_word, on.real_of, on.store_as
     call2, call4, call5, step2, step3 = on.call2, on.call4, on.call5, on.step2, on.step3
 
     def march(operations, numbers, records, state, clock):
@@ -129,7 +129,8 @@ def loop_of(on: Any) -> Callable[..., int]:
                         state[place] = cursor
                         copy(e, c + cursor * d, d)
                 elif code == CONVERT:
-                    convert(c, a, b, d, numbers[2 * pc], numbers[2 * pc + 1])
+                    # Whole numbers that change their type have at most 32 bits: a real number holds them.
+                    store_as(c, a, numbers[2 * pc] * real_of(d, b) + numbers[2 * pc + 1])
                 elif code == SKIP:
                     if step % a != b:
                         pc = c - 1
@@ -236,10 +237,26 @@ def _function(*types: Any) -> Callable[..., int]:
     return lambda function, *arguments: prototype(function)(*arguments)
 
 
+def _loader(c_type: Any) -> Callable[[int], Any]:
+    """A function that gives the number at an address."""
+    return lambda at: c_type.from_address(at).value
+
+
+def _storer(c_type: Any) -> Callable[[int, Any], None]:
+    """A function that writes a number to an address."""
+
+    def store(at: int, value: Any) -> None:
+        c_type.from_address(at).value = value
+
+    return store
+
+
 class _Plain:
     """The primitives of the loop in plain Python."""
 
     copy = ctypes.memmove
+    load_byte, load_word, load_real = _loader(ctypes.c_uint8), _loader(ctypes.c_int64), _loader(ctypes.c_double)
+    store_word, store_real = _storer(ctypes.c_int64), _storer(ctypes.c_double)
     call2 = _function(ctypes.c_size_t, ctypes.c_size_t)
     call4 = _function(*[ctypes.c_size_t] * 4)
     call5 = _function(*[ctypes.c_size_t] * 5)
@@ -247,33 +264,13 @@ class _Plain:
     step3 = _function(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_size_t] * 4)
 
     @staticmethod
-    def load_byte(at: int) -> int:
-        return ctypes.c_uint8.from_address(at).value
-
-    @staticmethod
-    def load_word(at: int) -> int:
-        return ctypes.c_int64.from_address(at).value
-
-    @staticmethod
-    def load_real(at: int) -> float:
-        return ctypes.c_double.from_address(at).value
-
-    @staticmethod
-    def store_word(at: int, value: int) -> None:
-        ctypes.c_int64.from_address(at).value = value
-
-    @staticmethod
-    def store_real(at: int, value: float) -> None:
-        ctypes.c_double.from_address(at).value = value
-
-    @staticmethod
     def real_of(code: int, at: int) -> float:
         return float(_C_TYPES[code].from_address(at).value)
 
     @staticmethod
-    def convert(to_code: int, to: int, at: int, code: int, factor: float, offset: float) -> None:
-        value = _C_TYPES[code].from_address(at).value
-        _C_TYPES[to_code].from_address(to).value = factor * value + offset if to_code < 2 else value
+    def store_as(code: int, at: int, value: float) -> None:
+        number = _C_TYPES[code].from_address(at)
+        number.value = type(number.value)(value)
 
 
 plain_march = loop_of(_Plain)
