@@ -1,12 +1,16 @@
 """The union of what is possible over all values of a number is what a programme at each of them says."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from trihedron.tools.bounded.possible import Possible
 from trihedron.tools.bounded.programmes import chebyshev_radius
-from trihedron.tools.bounded.sweep import Rows, Swept, apart, largest_sizes
+from trihedron.tools.bounded.sweep import Rows, Swept, apart, largest_sizes, open_ranges
 
 LIMIT = 1.0 + 1e-7
 
@@ -126,3 +130,23 @@ def test_bounds_that_grow_hold_for_every_value_between(seed: int) -> None:
             assert own <= grown.reach(unit) + 1e-6
             assert not unit[3:].any() or own <= sizes @ np.abs(unit[3:])
     assert stood
+
+
+@given(
+    st.lists(st.integers(0, 400), max_size=60, unique=True),
+    st.lists(st.tuples(st.integers(0, 399), st.integers(0, 4)), max_size=8),
+)
+def test_ranges_lose_nothing_that_stands_at_a_value(edges: list[int], standing: list[tuple[int, int]]) -> None:
+    """What stands is refused in no range with its value, whatever else is: so it is in the least range with it."""
+
+    def stands(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
+        return [k for k in among if any(begin <= value < end for value, one in standing if one == k)]
+
+    least = sorted(edges)
+    ranges = list(open_ranges(np.array(least, dtype=int), range(5), stands))
+    assert [begin for begin, _, _ in ranges] == sorted(begin for begin, _, _ in ranges)
+    for begin, end, _ in ranges:
+        assert least.index(end) == least.index(begin) + 1
+    for value, one in standing:
+        if least and least[0] <= value < least[-1]:
+            assert any(begin <= value < end and one in among for begin, end, among in ranges)

@@ -10,10 +10,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from effect_readings import HOURS, G, extended_instance, readings, true_bench
+from generator.positions import SIGMA, drawn_record
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
 from trihedron.models.effects.last_stage import LAST_HOUR
 from trihedron.models.effects.wander import wander_at
+from trihedron.tools.bounded.sets import Work
 from trihedron.tools.calibration.model import predicted_reading
+from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_visits import acted_on
 from trihedron.tools.evidence.cells import BEFORE, LONGEST, CellsAtRest, beginnings, lagged, time_constants
 
@@ -89,6 +92,24 @@ def test_the_cells_cover_all_constants_that_a_record_shows_and_beginnings_of_a_l
     # Half the range beyond it, on both sides.
     assert np.ptp(ahead) == pytest.approx(2.0 * np.ptp(temperature))
     assert temperature[0] + ahead.mean() == pytest.approx(0.5 * (temperature.min() + temperature.max()))
+
+
+@settings(max_examples=2, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**20), part=st.floats(0.12, 0.88))
+@pytest.mark.parametrize("name", ["bias-step", "scale-step", "warm-up"])
+def test_a_truth_at_any_number_is_within_the_intervals_of_cells_that_stand(name, seed, part):
+    """Errors are at their bounds; records are made by other code than the kernels."""
+    place = POSITION_EFFECTS[name].places[-1]
+    hours = drawn_record(seed).time_s / 3600.0
+    number = part * float(hours[-1] - hours[0])
+    values = 60.0 * SIGMA, number
+    evidence = bench_evidence(drawn_record(seed, [(place, values)], at_bound=True), noise_bound=SIGMA)
+    fits = evidence.model.mended([place], Work())
+    held = []
+    for fit in fits:
+        ends = evidence.reader.told(place, fit.intervals(evidence.model.room)[0])
+        held.append(all(low <= value <= high for value, (low, high) in zip(values, ends, strict=True)))
+    assert any(held)
 
 
 @pytest.mark.parametrize("constant", [SLOW, 0.2, FAST])

@@ -1,9 +1,12 @@
 """Effects that set in at a time, or fade with a time constant: what is proven of a stretch is true within it."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from trihedron.models.effects import EffectPlace
@@ -50,6 +53,11 @@ def with_rows(evidence: Evidence, rows: Rows) -> Evidence:
     """The evidence of a run with other rows."""
     model = replace(evidence.model, rows=rows)
     return Evidence(model, replace(evidence.reader, model=model))
+
+
+@cache
+def drawn_once(filmed: bool) -> Evidence:
+    return made(filmed=filmed)
 
 
 @pytest.mark.parametrize("filmed", [False, True])
@@ -215,30 +223,34 @@ def test_what_is_refused_has_no_fit():
     assert not refused(matrix[:0], inside[:0], 1.0, Work())
 
 
-@pytest.mark.parametrize(("filmed", "place"), [(True, STEP), (False, STEP), (True, SCALE_STEP), (True, WARM_UP)])
-def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, place):
+LATENCY_STEP = EffectPlace("latency-step", "gyro-block")
+
+
+@settings(max_examples=3, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**20), part=st.floats(0.0, 1.0))
+@pytest.mark.parametrize(
+    ("filmed", "place"),
+    [(True, STEP), (False, STEP), (True, SCALE_STEP), (True, LATENCY_STEP), (True, WARM_UP)],
+)
+def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, place, seed, part):
     """Noise fills the bounds; what sets in does so anywhere in a window, what fades has any time constant between."""
-    clean, rng = made(filmed=filmed), np.random.default_rng(11)
-    cells = clean.model.cells[place]
+    clean, rng = drawn_once(filmed), np.random.default_rng(seed)
+    rows, cells = clean.rows, clean.model.cells[place]
     low, high = (1000, 2400) if isinstance(cells, TimeConstants) else cells.edges[[2, -3]]
-    for _ in range(3):
-        there = clean.model.with_onset(place, int(rng.integers(low, high)))
-        unit = there.rows.columns_of([place])
-        sizes = rng.normal(size=3)
-        sizes *= 8.0 / np.abs(unit @ sizes).max()
-        steps = 0.1 * rng.normal(size=clean.rows.nominal.shape[1]) / np.abs(clean.rows.nominal).max(axis=0)
-        noise = np.sign(rng.normal(size=len(unit))) * 0.999
-        evidence = with_rows(
-            clean, clean.rows.with_errors(clean.rows.split(unit @ sizes + clean.rows.nominal @ steps + noise))
-        )
-        (fit,) = evidence.model.mended([place], Work())
-        intervals, ends = (
-            fit.intervals(most_rows=evidence.model.effort.most_rows)[0],
-            fit.ends(0.0, evidence.model.effort.most_rows),
-        )
-        for true, (least, most) in zip((*sizes, there.set_in[place]), intervals, strict=True):
-            assert least <= true <= most
-        assert ((ends[:, 0] <= evidence.rows.point + steps) & (evidence.rows.point + steps <= ends[:, 1])).all()
+    there = clean.model.with_onset(place, low + part * (high - low))
+    unit = there.rows.columns_of([place])
+    sizes = rng.normal(size=unit.shape[1])
+    # Some eight bounds, of sizes that are possible.
+    sizes *= min(8.0 / np.abs(unit @ sizes).max(), float((0.9 * limits_of([place])[1] / np.abs(sizes)).min()))
+    steps = 0.1 * rng.normal(size=rows.nominal.shape[1]) / np.abs(rows.nominal).max(axis=0)
+    noise = np.sign(rng.normal(size=len(unit))) * 0.999
+    evidence = with_rows(clean, rows.with_errors(rows.split(unit @ sizes + rows.nominal @ steps + noise)))
+    (fit,) = evidence.model.mended([place], Work())
+    most_rows = evidence.model.effort.most_rows
+    intervals, ends = fit.intervals(most_rows=most_rows)[0], fit.ends(0.0, most_rows)
+    for true, (least, most) in zip((*sizes, there.set_in[place]), intervals, strict=True):
+        assert least <= true <= most
+    assert ((ends[:, 0] <= rows.point + steps) & (rows.point + steps <= ends[:, 1])).all()
 
 
 @pytest.mark.parametrize("at", [0.23, pytest.param(0.5, marks=pytest.mark.acceptance)])
