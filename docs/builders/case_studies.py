@@ -116,10 +116,10 @@ The record alone cannot tell that from an effect that is not in the catalogue.""
 
 def stated_bounds(result: Diagnosis) -> list[float]:
     """Bounds of the cameras' error to be tried: what all effects need, what those need that help, and a fifth more."""
-    evidence, lengths = result.evidence, result.lengths or ()
+    sources, lengths = result.sources, result.lengths or ()
     order = lengths[len(lengths) // 2].order
     chosen = () if order is None else tuple(step.place for step in order.steps)
-    every, helping = (float(upwards(evidence.reader.needed(places), 3)) for places in (evidence.rows.places, chosen))
+    every, helping = (float(upwards(sources.needed(places), 3)) for places in (sources.rows.places, chosen))
     return [every, helping, float(upwards(1.2 * helping, 3))]
 
 
@@ -163,7 +163,7 @@ With {digits(explained.reference_bound_arcmin)} arcmin stated:
 
 def broad_page(result: Diagnosis, stated: Sequence[Diagnosis], pictures: str) -> str:
     """The case study of BROAD 03: without a bound of the cameras' error, and with several that are stated."""
-    inspection = result.evidence.reader.found
+    inspection = result.sources.found
     record = inspection.record
     period = inspection.sampling.period
     middle = (result.lengths or ())[len(result.lengths or ()) // 2]
@@ -261,12 +261,12 @@ Data 6(7):72, 2021, trial 03, CC BY 4.0; other file format, magnetometer and pos
 
 def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], pictures: str) -> str:
     """The case study of the three MPU-9150 logs."""
-    names = [r.evidence.reader.found.record.path.name.removesuffix(".strapdown.csv") for r in results]
+    names = [r.sources.found.record.path.name.removesuffix(".strapdown.csv") for r in results]
     rows = [
         [
             name,
             r.verdict,
-            len(r.evidence.reader.found.rests),
+            len(r.sources.found.rests),
             length.pieces,
             digits(length.rms_arcmin),
             upwards(r.noise_bound_arcmin, 3),
@@ -300,7 +300,7 @@ def mpu_page(results: Sequence[Diagnosis], nominal: Sequence[Diagnosis], picture
         for name, n in zip(names, nominal, strict=True)
     ]
     unseen = ", ".join(dict.fromkeys(place.effect for place in results[0].cannot_be_seen or ()))
-    hertz = 1.0 / results[0].evidence.reader.found.sampling.period
+    hertz = 1.0 / results[0].sources.found.sampling.period
     verdicts = ", ".join(f"{name} {r.verdict}" for name, r in zip(names, results, strict=True))
     causes = [cause.place.effect for r in results for cause in r.causes]
     naming = f"Named: {', '.join(causes)}" if causes else "No effect is named in any of them"
@@ -357,7 +357,7 @@ accelerometer data", ICINS 2020; columns reordered, time added.
 
 def xsens_page(result: Diagnosis, nominal: Diagnosis, pictures: str) -> str:
     """The case study of the Xsens unit of imu_tk."""
-    inspection = result.evidence.reader.found
+    inspection = result.sources.found
     record, rests = inspection.record, inspection.rests
     lengths = result.lengths or ()
     (cause,) = result.causes

@@ -401,6 +401,11 @@ class Diagnosis(Told):
         return self
 
     @property
+    def sources(self) -> Any:
+        """The reader of the record, which has what pages draw of it; None of a diagnosis that comes from a file."""
+        return None if self.evidence is None else self.evidence.reader
+
+    @property
     def extension(self) -> BeyondCatalogue | None:
         """A formula or a table that extends the model though it is in no catalogue."""
         return next((one.extension for one in self.explanations if one.extension is not None), None)

@@ -129,11 +129,6 @@ class Bench:
         return self.readings.rows(self.here.point)
 
     @property
-    def of_positions(self) -> NDArray[np.int_]:
-        """Which rows are readings at positions."""
-        return np.arange(len(self.here.residual))
-
-    @property
     def effort(self) -> Effort:
         """By the readings, of which a usual record has a thousand at most."""
         cost = max(1.0, len(self.here.residual) / MANY_ROWS)
@@ -282,6 +277,16 @@ class BenchReader(Reader):
     def pairs(self) -> Sequence[Pair]:
         """Accelerometers, turns and tilts of the axes, each with every quantity of the record's rows."""
         return tuple(pairs_of_bench(self.model.contexts))
+
+    @property
+    def numbers(self) -> NDArray[np.int_]:
+        """The record's own numbers (N,) of its positions."""
+        return self.model.numbers
+
+    @property
+    def of_positions(self) -> NDArray[np.int_]:
+        """Which rows are readings at positions."""
+        return np.arange(len(self.rows.residual))
 
     @property
     def circumstances(self) -> Circumstances:

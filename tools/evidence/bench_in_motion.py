@@ -377,6 +377,11 @@ class WholeReader(BenchReader):
         return self.model.pairs
 
     @property
+    def of_positions(self) -> NDArray[np.int_]:
+        """Which rows are readings at positions."""
+        return self.model.of_positions
+
+    @property
     def circumstances(self) -> Circumstances:
         """Those of the rests."""
         return self.model.rests.readings.circumstances

@@ -43,7 +43,7 @@ from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of
 from .pairs import Pair
 from .power import powers_of_record
 from .references import Gravity, Truth, has_truth
-from .rows import Channel
+from .rows import Channel, Part
 
 SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
 LATENCY = EffectPlace("latency", "gyro-block")
@@ -131,6 +131,15 @@ class CarriedReader(RecordReader):
         return self.limits
 
     @property
+    def quoted_part(self) -> Part:
+        """The part whose errors are quoted."""
+        return self.rows.parts[self.model.quoted]
+
+    def quoted_errors(self, fit: Fit) -> NDArray[np.float64]:
+        """The errors (S, d) that a fit leaves of it."""
+        return self.rows.split(fit.left)[self.model.quoted]
+
+    @property
     def pairs(self) -> Sequence[Pair]:
         """Gyros, and accelerometers where gravity is the reference, each with every quantity of the record."""
         return self.model.pairs
@@ -168,7 +177,7 @@ class CarriedReader(RecordReader):
         ``rate``: mean rate about each axis; ``turn``: its integral; ``orientation``: specific force at the beginning;
         ``time``; ``temperature`` where the record has it.
         """
-        motion, pieces = self.model.motion, self.rows.parts[self.model.quoted].pieces
+        motion, pieces = self.model.motion, self.quoted_part.pieces
         sums = np.cumsum((motion.rate - self.model.gyros.bias) * motion.step[:, None], axis=0)
         turn = sums[pieces.last] - sums[pieces.first]
         force = motion.force(pieces.first)
@@ -210,7 +219,7 @@ class CarriedReader(RecordReader):
     @property
     def stated_bound(self) -> float:
         """The median bound of the quoted errors [arcmin]; all bounds grow as it does."""
-        return float(np.median(self.rows.parts[self.model.quoted].bound)) / ARCMIN
+        return float(np.median(self.quoted_part.bound)) / ARCMIN
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """What the record leaves open; what a wrong clock would do."""
@@ -282,7 +291,7 @@ class CarriedReader(RecordReader):
 
     def _too_large(self, least: float) -> str:
         assert isinstance(self.model.reference, Truth)
-        part, stated = self.rows.parts[self.model.quoted], self.model.reference.stated
+        part, stated = self.quoted_part, self.model.reference.stated
         bound = float(np.median(part.bound)) / ARCMIN
         explained = "noise and reference at rest explain"
         taken = f"at rest it scatters by {upwards(self.model.reference.at_rest / ARCMIN, 3)}"
@@ -324,7 +333,7 @@ class CarriedReader(RecordReader):
 
     def channels(self) -> Sequence[Channel]:
         """The quoted errors about each axis, with what they may depend on."""
-        part, left = self.rows.parts[self.model.quoted], self.rows.split(self.model.baseline.left)[self.model.quoted]
+        part, left = self.quoted_part, self.quoted_errors(self.model.baseline)
         if isinstance(self.model.reference, Gravity):
             up = self.model.reference.directions(self.rows.point[: len(NAMES)])
             left = np.einsum("skp,sk->sp", self.model.reference.across(0, up), left)

@@ -32,7 +32,7 @@ def diagnosis_page(result: Diagnosis, record: PositionRecord | None = None) -> P
     The answer is the cause or the candidates, the gain, the first residuals and what to bear in mind; behind it stand
     record, model, evidence, and what is excluded. `record` is that of positions, where the diagnosis is of one.
     """
-    if result.evidence is None:
+    if result.sources is None:
         return _page_of_file(result)
     warnings = list(result.warnings)
     if result.cut_off_at is not None:
@@ -160,7 +160,7 @@ def _cause_remarks(result: Diagnosis) -> list[str]:
     for places in result.equal_sets:
         same.append(" with ".join([place.title for place in places]))
     if same and result.verdict == "explained":
-        remarks.append(f"By {result.evidence.reader.told_by} it cannot be told from: {', '.join(same)}.")
+        remarks.append(f"By {result.sources.told_by} it cannot be told from: {', '.join(same)}.")
     second = result.second_mounting
     if second is not None:
         remarks.append(
@@ -197,7 +197,7 @@ def gain_section(result: Diagnosis) -> Section | None:
     )
     if gain.over is None:
         sigma = result.calibration.noise_bound
-        numbers = [int(result.evidence.model.numbers[i]) for i in gain.rows]
+        numbers = [int(result.sources.numbers[i]) for i in gain.rows]
         picture = held_out(gain.before / sigma, gain.after / sigma, numbers)
         caption = "Measurement less simulation at the positions that were held out."
     else:
@@ -213,7 +213,7 @@ def gain_section(result: Diagnosis) -> Section | None:
 
 def _title(result: Diagnosis) -> str:
     if result.reference is not None:
-        return f"Diagnosis of {result.evidence.reader.found.record.path.name}"
+        return f"Diagnosis of {result.sources.found.record.path.name}"
     source = result.calibration.provenance
     return f"Diagnosis of {'a record' if source is None else source.record}"
 
@@ -226,7 +226,7 @@ def _key(result: Diagnosis) -> dict[str, object]:
         if result.findings:
             key[f"with {evidence.first_words(result)}"] = f"{residual(result.findings[0].fit.radius)} σ"
         return key
-    key: dict[str, object] = {"rows": len(result.evidence.reader.found.record), "reference": result.reference}
+    key: dict[str, object] = {"rows": len(result.sources.found.record), "reference": result.reference}
     if result.radius is not None and result.noise_bound_arcmin is not None:
         key[f"bound, {evidence.quoted_words(result)}"] = f"{upwards(result.noise_bound_arcmin, 3)} arcmin"
         key["largest error"] = f"{residual(result.radius)} of its bound"
@@ -241,20 +241,20 @@ def _provenance(result: Diagnosis) -> dict[str, object]:
     if nominal.linearised is not None:
         shuffled = result.witness is not None and result.witness.shuffles
         return bench.provenance(nominal, {"seed of the shuffles": nominal.positions} if shuffled else {})
-    record = result.evidence.reader.found.record
+    record = result.sources.found.record
     facts: dict[str, object] = {
         "record": record.path.name,
         "record, SHA-256": record.sha256,
         "reference": result.reference,
-        "gravity": f"{exactly(result.evidence.reader.found.gravity)} m/s²",
+        "gravity": f"{exactly(result.sources.found.gravity)} m/s²",
         "model": f"{result.baseline_model} block",
     }
     if record.rate is not None:
-        facts["a rate in the record is"] = result.evidence.reader.rates
+        facts["a rate in the record is"] = result.sources.rates
     if nominal.sigma.basis:
         facts["bounds from"] = nominal.sigma.basis
     if witnesses.witnesses_of(result):
-        facts["seed of the shuffles"] = sum(part.error.size for part in result.evidence.rows.parts)
+        facts["seed of the shuffles"] = sum(part.error.size for part in result.sources.rows.parts)
     return facts | versions()
 
 
@@ -264,16 +264,14 @@ def _record_sections(result: Diagnosis, record: PositionRecord | None) -> list[S
         return [] if record is None else [bench.measured_section(record, result.calibration)]
     # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
     forces = not any(p.symbol.startswith("accelerometer") for p in result.stated.parameters)
-    return record_sections(
-        result.evidence.reader.found, result.warnings, forces=forces, gaps_named=bool(result.missing)
-    )
+    return record_sections(result.sources.found, result.warnings, forces=forces, gaps_named=bool(result.missing))
 
 
 def _errors(result: Diagnosis) -> list[Section]:
     """Return what is left of the record, the first section over the record."""
     if result.calibration.linearised is not None:
         return evidence.residual_sections(result)
-    return evidence.error_sections(result, evidence.bias_texts(result)) if result.evidence.rows.parts else []
+    return evidence.error_sections(result, evidence.bias_texts(result)) if result.sources.rows.parts else []
 
 
 def _values(result: Diagnosis) -> list[Section | None]:
@@ -282,7 +280,7 @@ def _values(result: Diagnosis) -> list[Section | None]:
     if nominal.linearised is None:
         return [evidence.parameter_section(result)]
     targets = evidence.moved_targets_section(result) or calibration.target_section(nominal)
-    return [targets, bench.proof_section(nominal, result.evidence.model.numbers)]
+    return [targets, bench.proof_section(nominal, result.sources.numbers)]
 
 
 def _remarks(result: Diagnosis) -> list[str]:
@@ -330,10 +328,10 @@ def sources(result: Diagnosis) -> list[str]:
 def _sources_of_model(result: Diagnosis) -> list[str]:
     if result.calibration.linearised is not None:
         return bench.calibration_sources(result.calibration)
-    inspection = result.evidence.reader.found
+    inspection = result.sources.found
     norm = norm_values(inspection.accelerometers) is not None
     first = cited(norm and "norm", inspection.gyros is not None and "allan")
-    if not result.evidence.rows.parts:
+    if not result.sources.rows.parts:
         return first
     return first + cited("gyros", "attitude", "simplex", result.tried and "chebyshev", "fmi")
 
@@ -430,9 +428,7 @@ def sets_of(result: Diagnosis) -> tuple[Finding, ...]:
 def cause_sentence(cause: Cause, result: Diagnosis) -> str:
     """What an engineer is told of a cause; latency also in samples."""
     if cause.place.effect == "latency":
-        return (
-            f"{cause.sentence}, {digits(abs(cause.values[0]) / result.evidence.reader.found.sampling.period)} samples"
-        )
+        return f"{cause.sentence}, {digits(abs(cause.values[0]) / result.sources.found.sampling.period)} samples"
     return cause.sentence
 
 

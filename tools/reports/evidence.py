@@ -57,8 +57,8 @@ def residual_sections(result: Diagnosis) -> list[Section]:
         which = "" if result.verdict == "explained" else f", {finding.title},"
         text += f" With {first_words(result)}{which} it leaves {residual(finding.fit.radius)} σ."
         over_bounds = finding.fit.left / finding.fit.allowed
-        after = over_bounds[result.evidence.model.of_positions].reshape(-1, 3)
-    proof = proved(nominal, result.evidence.model.numbers)
+        after = over_bounds[result.sources.of_positions].reshape(-1, 3)
+    proof = proved(nominal, result.sources.numbers)
     return [
         Section(
             "Residuals before and after" if result.findings else "Residuals",
@@ -81,7 +81,7 @@ def proviso_of(result: Diagnosis) -> str:
     if result.reference_bound_arcmin is None or result.verdict in ("unexplained", "insufficient"):
         return ""
     places = result.findings[0].fit.places if result.best is not None else ()
-    least = upwards(result.evidence.reader.needed(places), 3)
+    least = upwards(result.sources.needed(places), 3)
     return (
         f"this holds if the true attitude errs by {exactly(result.reference_bound_arcmin)} arcmin at most at any row, "
         f"as stated, which no record tells; less than {least} would not do, and "
@@ -91,20 +91,19 @@ def proviso_of(result: Diagnosis) -> str:
 
 def quoted_words(result: Diagnosis) -> str:
     """The pieces whose errors are quoted."""
-    part = result.evidence.rows.parts[result.evidence.model.quoted]
+    part = result.sources.quoted_part
     return "moves" if part.pieces.kind == "moves" else f"windows of {part.label}"
 
 
 def error_pictures(result: Diagnosis) -> dict[str, Picture]:
     """Errors of pieces without and with the effects over time, and over what they may depend on, as SVG."""
-    evidence = result.evidence
-    quoted = evidence.model.quoted
-    part, time = evidence.rows.parts[quoted], evidence.reader.found.record.time_s
+    sources = result.sources
+    part, time = sources.quoted_part, sources.found.record.time_s
     middle = 0.5 * (time[part.pieces.first] + time[part.pieces.last])
-    after = evidence.rows.split(result.findings[0].fit.left)[quoted] if result.best is not None else None
+    after = sources.quoted_errors(result.findings[0].fit) if result.best is not None else None
     return {
         "time": pictures.errors_over_time(np.asarray(middle), part.error, after, part.bound, quoted_words(result)),
-        "quantities": pictures.errors_over_quantities(evidence.reader.quantities(), part.error, after),
+        "quantities": pictures.errors_over_quantities(sources.quantities(), part.error, after),
     }
 
 
@@ -133,7 +132,7 @@ def error_sections(result: Diagnosis, bias: Sequence[str]) -> list[Section]:
         least = f"The largest error of the block as delivered is {residual(radius)} of its bound"
     if result.best is not None:
         least += f"; with {result.findings[0].title} it is {residual(result.best.radius)} of it"
-    two = result.evidence.rows.parts[result.evidence.model.quoted].error.shape[1] == 2
+    two = result.sources.quoted_part.error.shape[1] == 2
     about, size = ("two axes across it", "√2") if two else ("three axes", "√3")
     return [
         Section(
@@ -246,7 +245,7 @@ def ranking_section(result: Diagnosis) -> Section | None:
             remaining.add(finding.causes[0].place.title)
             remaining |= {place.title for place in finding.causes[0].alike}
     refused = len(mending - remaining)
-    if refused and remaining and result.evidence.model.effort.most_known_alone:
+    if refused and remaining and result.sources.model.effort.most_known_alone:
         which = "One of them is" if refused == 1 else f"{refused} of them are"
         paragraphs.append(
             f"{which} not among the sets that remain: only a size that is not possible, or only to first order, mends "
@@ -266,24 +265,24 @@ def confusion_section(result: Diagnosis) -> Section | None:
     """Return what could be taken for what in this record, and the classes; None of fewer than two effects."""
     titles = [title for title, _ in result.tried]
     sets = [finding.fit.places for finding in result.findings]
-    places = compared_places(result.evidence.model.classes.places, sets, titles) if titles else ()
+    places = compared_places(result.sources.model.classes.places, sets, titles) if titles else ()
     if len(places) < 2:
         return None
     rows = _equivalent_rows(result)
-    beyond = ", beyond what the model's parameters imitate" if result.evidence.rows.names else ""
+    beyond = ", beyond what the model's parameters imitate" if result.sources.rows.names else ""
     paragraphs = [
         f"How alike effects look in this record{beyond}: 1 means that the one can be sized to look just like the "
         "other, 0 that it cannot at all. Close to 1 it takes small noise to confuse them."
     ]
     if result.findings and not rows:
         paragraphs.append(
-            f"What was found is alone in its class: by {result.evidence.reader.told_by} every other effect differs."
+            f"What was found is alone in its class: by {result.sources.told_by} every other effect differs."
         )
-    header = ["effect", f"cannot be told by {result.evidence.reader.told_by} from"]
+    header = ["effect", f"cannot be told by {result.sources.told_by} from"]
     return Section(
         "Evidence: what could be taken for what",
         paragraphs,
-        pictures.likeness_picture([place.title for place in places], likeness(result.evidence.rows, places)),
+        pictures.likeness_picture([place.title for place in places], likeness(result.sources.rows, places)),
         "Cosine of the least angle between what two effects add to the readings.",
         Table(header, rows) if rows else None,
     )

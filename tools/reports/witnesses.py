@@ -79,7 +79,7 @@ def _joint_table(witness: Witness) -> Table | None:
 
 def _turns(result: Diagnosis) -> TurnErrors | None:
     """Errors of the turns between positions, without and with the first set of effects, where gyros have seen them."""
-    return result.evidence.reader.turns_of(result.findings[0].fit if result.findings else None)
+    return result.sources.turns_of(result.findings[0].fit if result.findings else None)
 
 
 def two_witnesses(result: Diagnosis) -> list[str]:

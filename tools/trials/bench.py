@@ -19,7 +19,6 @@ from ...models.bench import ELEMENTARY, elementary
 from ..calibration.gyros import Bench as Place
 from ..calibration.model import PRESETS
 from ..diagnosis.cause import NamedEffect
-from ..evidence.evidence import Evidence
 from ..evidence.fit import composed
 from ..evidence.observation import OF_GYROS
 from ..evidence.of_record import plain
@@ -160,13 +159,13 @@ class TrialBench:
         assert record.raw is not None
         return record.raw
 
-    def as_recorded(self, hidden: Sequence[Hidden], evidence: Evidence) -> tuple[Hidden, ...]:
+    def as_recorded(self, hidden: Sequence[Hidden], sources: Any) -> tuple[Hidden, ...]:
         """What is hidden by the clock of the record: only it says when its first rest was.
 
         What changes within a rest may take a part of it away. What gyros do counts from the record's first row, as the
         run does.
         """
-        circumstances = evidence.reader.circumstances
+        circumstances = sources.circumstances
         warm = None
         if circumstances.temperature is not None:
             warm = (float(temperature_at(np.zeros(1))[0]), float(circumstances.temperature[0]))

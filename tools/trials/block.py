@@ -139,7 +139,7 @@ class Block:
         """The record as a laboratory has it."""
         return record
 
-    def as_recorded(self, hidden: Sequence[Hidden], evidence: Any) -> tuple[Hidden, ...]:
+    def as_recorded(self, hidden: Sequence[Hidden], sources: Any) -> tuple[Hidden, ...]:
         """The record's clock is that of the run."""
         return tuple(hidden)
 

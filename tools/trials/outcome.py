@@ -157,7 +157,7 @@ def judged_case(case: Case, result: Diagnosis) -> Outcome:
         kind = outcome_kind(case.places, result.verdict, sets)
     else:
         kind = outcome_kind(case.places, result.verdict, sets, result.equal_sets, result.containing_sets)
-        secrets = instrument.as_recorded(case.hidden, result.evidence)
+        secrets = instrument.as_recorded(case.hidden, result.sources)
     inside, errors = _held_against(secrets, kind, sets, instrument.table)
     fields = instrument.told(case.seed, case.index or 0, secrets)
     if case.days:
