@@ -14,7 +14,7 @@ from ..records.columns import ANGLES, FORCE, TEMPERATURE
 from .mapping import Mapping, printable
 from .names import DATE, NOTHING, POSITION, TIMES, Heading, from_one, heading, is_unit_row, joined_head, of_name
 from .numbers import bare, has_degree_mark, is_missing, known_unit, parsed_number, unit_behind
-from .sheet import LOOKED_AT, Row, Sheet, cell, is_data, is_value, is_word
+from .sheet import LOOKED_AT, Row, Sheet, cell, has_text, is_data, is_value, is_word
 
 TAIL = 300
 """Lines at the end of a file among which the last row of data is looked for."""
@@ -310,7 +310,7 @@ def _turned(sheet: Sheet, rows: list[Row]) -> Sheet | None:
         part.append(texts)
     cells.append([])
     columns = list(zip_longest(*inside, fillvalue=""))
-    while not any(text.strip() for text in columns[0]):
+    while not has_text(columns[0]):
         columns.pop(0)
     cells += map(list, columns)
     return replace(sheet, cells=cells, shape="a column for each position, turned")

@@ -164,7 +164,7 @@ class Sheet:
         """The rows from line `first` on; what is empty is passed over."""
         if self.cells is not None:
             for line, texts in enumerate(self.cells[first - 1 : last], first):
-                if any(text.strip() for text in texts):
+                if has_text(texts):
                     yield line, texts
             return
         lines = islice(self.lines, first - 1, last)
@@ -182,7 +182,7 @@ class Sheet:
                 return
             except csv.Error as error:
                 raise InputError(f"{self.path}: row {line}: is no row of fields ({error})") from error
-            if any(text.strip() for text in texts):
+            if has_text(texts):
                 yield line, texts
 
     @property
@@ -198,6 +198,11 @@ class Sheet:
         else:
             between = repr(self.separator)
         return f"{self.encoding}, {between} between fields{shape}"
+
+
+def has_text(texts: Sequence[str]) -> bool:
+    """Whether some cell of a row is not empty."""
+    return bool("".join(texts).strip())
 
 
 def cell(texts: Sequence[str], place: int) -> str:

@@ -207,17 +207,16 @@ def sample_motion(harmonics: np.ndarray, period: float, count: int, intervals: i
     return Samples(period, increments, angles)
 
 
-def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False, runs: int = 1) -> np.ndarray:
+def run_algorithm(algorithm: Algorithm, increments: np.ndarray, renormalise: bool = False) -> np.ndarray:
     """Attitudes (N // samples, 4), scalar first, at the end of each step of an algorithm, from the attitude 1.
 
-    The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out. So many runs
-    like this one are to be made.
+    The increments (N, 3) are of the gyro samples [rad]; samples that do not fill a step are left out.
     """
     table = [0.0] * TABLE_SIZE
     prepare_update(float(algorithm.number), list(PRODUCTS), table)
     attitudes = np.empty((len(increments) // algorithm.samples, 4))
     work = (np.array(table), np.zeros(SPACE_SIZE), np.zeros(4))
-    run = _runner(algorithm.kernel, algorithm.previous, loops_over(runs * len(increments)))
+    run = _runner(algorithm.kernel, algorithm.previous, loops_over(len(increments)))
     run(np.ascontiguousarray(increments), algorithm.samples, renormalise, work, attitudes)
     return attitudes
 

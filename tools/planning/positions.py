@@ -184,13 +184,11 @@ class NoSetError(InputError):
     """No set of so many positions was found that determines every target."""
 
 
-def common_positions(
-    count: int, request: Request, *, stored: bool = True, enough: float = 0.0, progress: bool = False
-) -> PositionPlan:
+def common_positions(count: int, request: Request, *, enough: float = 0.0, progress: bool = False) -> PositionPlan:
     """Find one set of positions for all targets, with what is proven of every other set.
 
-    The search begins with the plan that the package holds for so many positions, where `stored` says so and it fits. It
-    finds the same for the same arguments, and ends with the best so far after Ctrl-C, or once a worst ratio is enough.
+    The search begins with the plan that the package holds for so many positions, where it fits. It finds the same for
+    the same arguments, and ends with the best so far after Ctrl-C, or once a worst ratio is enough.
     An InputError for options that cannot be used, and for so few positions that no set was found.
     """
     _check_count(count, request)
@@ -203,9 +201,7 @@ def common_positions(
         )
     if effects and request.measured:
         raise InputError("--detect: does not go with --measured")
-    beginnings = []
-    if stored:
-        beginnings = [places.joined(task.measured) for places in _starting_positions(task, count)]
+    beginnings = [places.joined(task.measured) for places in _starting_positions(task, count)]
     best, starts, interrupted = search_positions(task, count, beginnings=beginnings, enough=enough, progress=progress)
     if best is None:
         less = ", or leave more angles by --keep-out" if request.keep_out else ""

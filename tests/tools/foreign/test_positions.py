@@ -74,24 +74,6 @@ def test_where_a_guess_could_be_wrong_the_other_answer_is_taken_too_or_refused(n
     assert not np.array_equal(wrong.time_s, right.time_s)
 
 
-@pytest.mark.parametrize("name", ["German Windows", "counts", "sexagesimal", "1 February or 2 January?"])
-def test_a_calibration_of_it_is_that_of_the_clean_record(name: str, bench: Bench, tmp_path: Path):
-    file = file_of(bench, name)
-    rows = np.arange(len(bench.time)) if file.rows is None else file.rows
-    record = th.import_record(written(tmp_path, file.content), answers=file.needs).record
-    clean = PositionRecord(
-        np.arange(1, len(rows) + 1),
-        bench.time[rows],
-        np.radians(bench.alpha[rows]),
-        np.radians(bench.beta[rows]),
-        bench.force[rows],
-    )
-    ours, theirs = (th.calibrate(source, noise_bound=1e-5) for source in (record, clean))
-    assert ours.verdict == theirs.verdict
-    values = [[p.estimate for p in source.parameters if p.estimate is not None] for source in (ours, theirs)]
-    assert values[0] == pytest.approx(values[1], abs=2e-8)
-
-
 def test_the_proposed_mapping_is_filled_in_and_used_again(bench: Bench, tmp_path: Path, monkeypatch, capsys):
     """One line of the mapping answers; the next file of the same laboratory needs no question."""
     monkeypatch.chdir(tmp_path)
