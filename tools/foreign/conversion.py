@@ -104,8 +104,8 @@ def converted(table: UnderstoodTable) -> Conversion:
         if column == TIMES:
             numbers[TIMES] = _times(table, texts, lines)
         elif origin.form == NAME and column != MOUNTING:
-            changes = [before != text for before, text in zip(texts[column], texts[column][1:], strict=False)]
-            numbers[column] = np.cumsum([True, *changes])
+            labels = np.array(texts[column])
+            numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))
         elif column not in (MOUNTING, DATE):
             values = (_values(table, column, texts[column], lines) - origin.offset) * origin.sign
             # Units of angles give degrees; of all columns those of increments alone are in radians.
@@ -251,7 +251,10 @@ def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[st
     """Half a last digit of what was written, in the record's units, by the unit in their names."""
     resolutions = {}
     for unit, columns in RESOLUTIONS.items():
-        largest = max((_resolution(table, column, texts[column]) for column in columns if column in texts), default=0.0)
+        largest = 0.0
+        for column in columns:
+            if column in texts:
+                largest = max(largest, _resolution(table, column, texts[column]))
         if largest > 0.0:
             resolutions[unit] = largest
     return resolutions
@@ -309,7 +312,7 @@ def _average(table: UnderstoodTable, conversion: Conversion) -> None:
         conversion.scatter = _scatter(numbers, means, sizes)
     conversion.numbers, conversion.row = means, conversion.row[begins]
     if conversion.names:
-        conversion.names = [conversion.names[k] for k in begins]
+        conversion.names = np.array(conversion.names)[begins].tolist()
 
 
 def _moved(numbers: dict[str, NDArray[np.float64]]) -> NDArray[np.bool_]:

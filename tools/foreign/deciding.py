@@ -4,6 +4,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..errors import InputError, nearest
 from ..records.columns import (
     ANGLES,
@@ -339,8 +341,8 @@ def _decide_dates(table: UnderstoodTable, field: Field) -> None:
     orders = date_orders(texts)
     times: dict[str, list[float]] = {}
     for order in orders:
-        moments = [parsed_moment(text, order) or 0.0 for text in texts]
-        times[order] = [at - moments[0] for at in moments]
+        moments = np.array([parsed_moment(text, order) or 0.0 for text in texts])
+        times[order] = (moments - moments[:1]).tolist()
     answer = table.mapping.dates.replace(OPEN, "")
     differing = [text for text, *at in zip(texts, *times.values(), strict=True) if len(set(at)) > 1]
     if not answer and differing:

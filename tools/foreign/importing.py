@@ -36,6 +36,7 @@ from .sheet import (
     is_labview,
     labview_sheet,
     lines_of,
+    names_of,
     refuse_other,
     sheet_of_workbook,
     text_sheet,
@@ -136,7 +137,7 @@ def make_record(
     sheets = sheets_of(file, filled)
     table = understood(sheets[0], filled)
     if len(sheets) > 1:
-        table.ask("sheet", [sheet.name for sheet in sheets], "tables stand in several sheets")
+        table.ask("sheet", names_of(sheets), "tables stand in several sheets")
     if table.questions:
         conversion = Conversion()
     else:
@@ -205,7 +206,8 @@ def _first_rows_as_written(table: UnderstoodTable) -> list[str]:
     """The names and the first rows of the file, for the end of a mapping."""
     names = [head.text for head in table.layout.headings]
     lines = [f"{table.sheet.path.name}, {table.sheet.about}; its first rows:", " | ".join(names)]
-    lines += [" | ".join(texts) for _, texts in table.rows[:SHOWN]]
+    for _, texts in table.rows[:SHOWN]:
+        lines.append(" | ".join(texts))
     return [printable(line)[:200] for line in lines]
 
 

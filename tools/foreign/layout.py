@@ -128,7 +128,7 @@ def _first_data(sheet: Sheet, head: Sequence[Row], mapping: Mapping) -> int:
         stated = mapping.first
     else:
         stated = sheet.stated.first_row
-    lines = [line for line, _ in head]
+    lines = list(dict(head))
     if stated:
         at = next((line for line in lines if line >= stated), 0)
         if not at:

@@ -225,7 +225,8 @@ def mapping_text(mapping: Mapping, questions: Sequence[Question], notes: Sequenc
             elif value not in ("", [], -1) and (key, value) != ("last", 0):
                 lines.append(f"{_key(key)} = {_value(value)}")
     lines.append("")
-    lines += [f"# {note}" for note in notes]
+    for note in notes:
+        lines.append(f"# {note}")
     text = "\n".join(lines).rstrip() + "\n"
     return f"{text}{_MARK}{sha256(text.encode()).hexdigest()[:16]}\n"
 

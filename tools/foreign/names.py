@@ -286,7 +286,8 @@ def _triad(words: list[str], quantity: str) -> str:
         if len(axes) != 1 or len(words) > 4:
             return ""
         axis = axes[0]
-        stem = " ".join(word for word in words if word != axis)
+        words.remove(axis)
+        stem = " ".join(words)
     place = "xyz123".index(axis) % 3
     if stem in ("", "g", "channel", "kanal", "ch"):
         # the unit alone says what such a name means

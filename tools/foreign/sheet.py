@@ -409,9 +409,14 @@ def workbook_sheets(path: Path, content: bytes) -> list[Sheet]:
     return [Sheet(path, cells=_cells(rows), name=name) for name, rows in map(json.loads, lines)]
 
 
+def names_of(sheets: list[Sheet]) -> list[str]:
+    """The names of a workbook's sheets."""
+    return [sheet.name for sheet in sheets]
+
+
 def sheet_of_workbook(sheets: list[Sheet], path: Path, name: str) -> Sheet:
     """The sheet of a name; an InputError where there is none."""
-    names = [sheet.name for sheet in sheets]
+    names = names_of(sheets)
     if name not in names:
         raise InputError(f"{path}: sheet {name!r} is not there; {nearest(name, names)}")
     return sheets[names.index(name)]

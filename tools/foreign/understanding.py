@@ -63,9 +63,9 @@ class Field:
     @cached_property
     def cells(self) -> list[tuple[int, str]]:
         """Line and text of each cell; missing ones are left out."""
-        cells = [(line, cell(texts, self.place).strip()) for line, texts in self.rows]
         filled = []
-        for line, text in cells:
+        for line, texts in self.rows:
+            text = cell(texts, self.place).strip()
             if not is_missing(text, self.missing):
                 filled.append((line, text))
         return filled
