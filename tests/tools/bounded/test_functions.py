@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from trihedron.tools.bounded.functions import Functions, Unknown
+from trihedron.tools.bounded.functions import Band, Functions, Unknown
 
 TURN = 2.0 * np.pi
 
@@ -13,11 +13,19 @@ def hats(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(values, knots, unit) for unit in np.eye(len(knots))], axis=1)
 
 
+def assert_in_band(functions: Functions, truth: np.ndarray) -> Band:
+    """Every value of the truth, but for what the parameters imitate, is between the ends."""
+    band, shown = functions.band(np.arange(len(truth))), functions.told(truth)
+    assert (band.low - 1e-9 <= shown).all()
+    assert (shown <= band.high + 1e-9).all()
+    return band
+
+
 def straight(q: np.ndarray, **more) -> tuple[np.ndarray, Unknown]:
     """Parameters that are a line and something that jumps about, and a function of q (N,)."""
-    other = np.cos(40.0 * np.arange(len(q)) ** 2)
+    jumping = np.cos(40.0 * np.arange(len(q)) ** 2)
     knots = np.unique(q)
-    return np.stack((np.ones_like(q), q, other), axis=1), Unknown(knots, hats(q, knots), **more)
+    return np.stack((np.ones_like(q), q, jumping), axis=1), Unknown(knots, hats(q, knots), **more)
 
 
 @pytest.mark.parametrize("shape", [lambda q: q**5, lambda q: np.exp(-(((q - 0.3) / 0.2) ** 2)), np.abs, np.sin])
@@ -26,15 +34,13 @@ def test_the_truth_is_in_the_band_and_lines_are_no_part_of_it(shape):
     q = np.sort(random.uniform(-1.0, 1.0, 40))
     jacobian, unknown = straight(q)
     truth = 6.0 * shape(q)
-    left = truth + jacobian @ [3.0, -5.0, 2.0] + random.uniform(-1.0, 1.0, len(q))
-    functions = Functions(jacobian, left, np.ones(len(q)), unknown)
-    band = functions.band(np.arange(len(q)))
-    told = functions.told(truth)
+    residual = truth + jacobian @ [3.0, -5.0, 2.0] + random.uniform(-1.0, 1.0, len(q))
+    functions = Functions(jacobian, residual, np.ones(len(q)), unknown)
+    assert_in_band(functions, truth)
+    shown = functions.told(truth)
     assert functions.imitated.shape[1] == 2
-    assert functions.told(truth + 3.0 - 4.0 * q) == pytest.approx(told, abs=1e-9)
-    assert (band.low - 1e-9 <= told).all()
-    assert (told <= band.high + 1e-9).all()
-    assert np.polyfit(q, told, 1) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert functions.told(truth + 3.0 - 4.0 * q) == pytest.approx(shown, abs=1e-9)
+    assert np.polyfit(q, shown, 1) == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
 def test_a_parabola_read_between_knots_is_in_the_band():
@@ -42,9 +48,9 @@ def test_a_parabola_read_between_knots_is_in_the_band():
     q, knots = np.linspace(-1.0, 1.0, 200), np.linspace(-1.0, 1.0, 9)
     cell = np.clip(np.searchsorted(knots, q), 1, 8)
     between = (q - knots[cell - 1]) * (knots[cell] - q) / (knots[cell] - knots[cell - 1]) / 2.0
-    left, other = 80.0 * q**2 - 0.999, np.cos(40.0 * np.arange(200) ** 2)[:, None]
+    residual, jumping = 80.0 * q**2 - 0.999, np.cos(40.0 * np.arange(200) ** 2)[:, None]
     for missed in (None, between):
-        functions = Functions(other, left, np.ones(200), Unknown(knots, hats(q, knots), between=missed))
+        functions = Functions(jumping, residual, np.ones(200), Unknown(knots, hats(q, knots), between=missed))
         band = functions.band(np.arange(9))
         assert band.bending > Unknown(knots, hats(q, knots)).bending(80.0 * knots**2)
         inside = (band.low <= functions.told(80.0 * knots**2)) & (functions.told(80.0 * knots**2) <= band.high)
@@ -56,8 +62,8 @@ def test_ends_are_those_of_one_programme_written_out():
     random = np.random.default_rng(5)
     q = np.linspace(0.0, 1.0, 12)
     jacobian, unknown = straight(q)
-    left = 3.0 * np.abs(q - 0.4) + random.uniform(-0.1, 0.1, len(q))
-    functions = Functions(jacobian, left, np.full(len(q), 0.1), unknown)
+    residual = 3.0 * np.abs(q - 0.4) + random.uniform(-0.1, 0.1, len(q))
+    functions = Functions(jacobian, residual, np.full(len(q), 0.1), unknown)
     band = functions.band(np.arange(len(q)))
     slopes = np.diff(np.eye(12), axis=0) / np.diff(q)[:, None]
     changes = np.diff(slopes, axis=0)
@@ -70,14 +76,14 @@ def test_ends_are_those_of_one_programme_written_out():
             [np.zeros((1, 15)), np.ones((1, 10))],
         ]
     )
-    told = np.hstack((np.zeros((2, 3)), np.stack((np.ones(12), q)), np.zeros((2, 10))))
-    most = np.concatenate((left + 0.1, 0.1 - left, np.zeros(20), [band.bending]))
+    level = np.hstack((np.zeros((2, 3)), np.stack((np.ones(12), q)), np.zeros((2, 10))))
+    most = np.concatenate((residual + 0.1, 0.1 - residual, np.zeros(20), [band.bending]))
     ends = [(None, None)] * 15 + [(0.0, None)] * 10
     for k in range(12):
         cost = np.zeros(25)
         cost[3 + k] = 1.0
         low, high = (
-            sign * linprog(sign * cost, rows, most, told, np.zeros(2), bounds=ends).fun for sign in (1.0, -1.0)
+            sign * linprog(sign * cost, rows, most, level, np.zeros(2), bounds=ends).fun for sign in (1.0, -1.0)
         )
         assert (band.low[k], band.high[k]) == pytest.approx((low, high), abs=1e-7)
 
@@ -85,8 +91,8 @@ def test_ends_are_those_of_one_programme_written_out():
 def test_what_bends_least_is_a_line_where_a_line_will_do():
     q = np.linspace(0.0, 2.0, 15)
     jacobian, unknown = straight(q)
-    left = 0.5 * np.cos(40.0 * np.arange(15) ** 2)
-    least, bending = Functions(jacobian, left, np.ones(15), unknown).least()
+    residual = 0.5 * np.cos(40.0 * np.arange(15) ** 2)
+    least, bending = Functions(jacobian, residual, np.ones(15), unknown).least()
     assert bending == pytest.approx(0.0, abs=1e-8)
     assert least == pytest.approx(0.0, abs=1e-6)
 
@@ -102,10 +108,7 @@ def test_a_function_round_a_circle_has_no_ends():
     assert bends == pytest.approx([TURN * 16.0] * 4, rel=0.1)
     functions = Functions(np.ones((30, 1)), 5.0 * np.cos(2.0 * angle), np.ones(30), unknown)
     assert functions.imitated.shape[1] == 1
-    band = functions.band(np.arange(30))
-    told = functions.told(5.0 * np.cos(2.0 * angle))
-    assert (band.low - 1e-9 <= told).all()
-    assert (told <= band.high + 1e-9).all()
+    assert_in_band(functions, 5.0 * np.cos(2.0 * angle))
 
 
 def test_a_step_is_limited_by_its_size_not_by_its_slope():
@@ -113,14 +116,11 @@ def test_a_step_is_limited_by_its_size_not_by_its_slope():
     q = np.linspace(0.0, 1.0, 25)
     jacobian, unknown = straight(q, steps=True)
     truth = 6.0 * (q > 0.43)
-    left = truth + random.uniform(-1.0, 1.0, 25)
-    functions = Functions(jacobian[:, :1], left, np.ones(25), unknown)
+    residual = truth + random.uniform(-1.0, 1.0, 25)
+    functions = Functions(jacobian[:, :1], residual, np.ones(25), unknown)
     _least, bending = functions.least()
     assert 4.0 - 1e-9 <= bending <= 6.0 + 1e-9
-    band = functions.band(np.arange(25))
-    told = functions.told(truth)
-    assert (band.low - 1e-9 <= told).all()
-    assert (told <= band.high + 1e-9).all()
+    band = assert_in_band(functions, truth)
     early, late = q < 0.4, q > 0.5
     assert band.low[late].min() > band.high[early].max() - 4.0
 

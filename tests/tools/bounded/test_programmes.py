@@ -1,8 +1,5 @@
 """The linear programmes, on cases that can be done by hand or by another solver."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -26,13 +23,16 @@ def test_two_readings_by_hand():
     assert [value, *x, *duals] == pytest.approx([0.05, 0.05, 0.0, 0.5], abs=1e-12)
 
 
+UNITS = np.array([1.0, 1e-3, 1e3, 1.0, 1.0, 1.0])
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_radius_agrees_with_another_formulation_and_its_duals_prove_it(seed):
     rng = np.random.default_rng(seed)
     jacobian, residual = rng.normal(size=(30, 6)), rng.normal(size=30)
     bound = rng.uniform(1e-6, 1e-4, 30)
     residual *= bound
-    radius, x, duals = chebyshev_radius(jacobian * [1, 1e-3, 1e3, 1, 1, 1], residual, bound)
+    radius, x, duals = chebyshev_radius(jacobian * UNITS, residual, bound)
     scaled, target = jacobian / bound[:, None] * 1e-5, residual / bound
     ones = np.ones((30, 1))
     reference = linprog(
@@ -42,21 +42,15 @@ def test_radius_agrees_with_another_formulation_and_its_duals_prove_it(seed):
         bounds=[(None, None)] * 6 + [(0, None)],
     )
     assert radius == pytest.approx(reference.fun, rel=1e-7)
-    worst = np.abs(residual - jacobian * [1, 1e-3, 1e3, 1, 1, 1] @ x) / bound
+    worst = np.abs(residual - jacobian * UNITS @ x) / bound
     assert worst.max() == pytest.approx(radius, rel=1e-8)
     np.testing.assert_allclose(jacobian.T @ duals * 1e-5, 0, atol=1e-9)
     assert duals @ residual == pytest.approx(radius, rel=1e-9)
     assert np.abs(duals) @ bound == pytest.approx(1.0, rel=1e-9)
-    assert np.count_nonzero(np.abs(duals) * bound > 1e-9) <= 7
-
-
-def test_the_witness_alone_has_the_same_radius():
-    rng = np.random.default_rng(8)
-    jacobian, residual, bound = rng.normal(size=(60, 18)), rng.normal(size=60), np.full(60, 0.1)
-    radius, _, duals = chebyshev_radius(jacobian, residual, bound)
+    # The few readings that prove it have the same radius by themselves.
     witness = np.abs(duals) * bound > 1e-9
-    assert 2 <= witness.sum() <= 19
-    alone, _, _ = chebyshev_radius(jacobian[witness], residual[witness], bound[witness])
+    assert witness.sum() <= 7
+    alone, _, _ = chebyshev_radius(jacobian[witness] * UNITS, residual[witness], bound[witness])
     assert alone == pytest.approx(radius, rel=1e-9)
 
 
@@ -103,18 +97,6 @@ def test_taking_in_rows_gives_the_same_as_all_at_once(seed, monkeypatch):
             assert len(phi) == len(bound)
 
 
-def test_many_rows_are_shortened_to_few_of_the_same_singular_values(monkeypatch):
-    monkeypatch.setattr(programmes, "BLOCK", 64)
-    rows, target = np.random.default_rng(5).normal(size=(2, 1000, 6))
-    few = programmes.shortened(np.column_stack((rows, target)))
-    assert len(few) < 250
-    solved = np.linalg.lstsq(few[:, :6], few[:, 6:], rcond=None)[0]
-    np.testing.assert_allclose(solved, np.linalg.lstsq(rows, target, rcond=None)[0], rtol=0, atol=1e-13)
-    values = [np.linalg.svd(row, compute_uv=False) for row in (few[:, :6], rows)]
-    np.testing.assert_allclose(*values, rtol=1e-13)
-    assert len(programmes.shortened(rows[:100])) == 100
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
     """What is proven is never more than the radius, however far the columns move, and hardly less where little."""
@@ -142,13 +124,6 @@ def test_duals_of_a_programme_bound_the_radius_of_one_nearly_alike(seed):
                 assert proven_radius(*duals_of_first, growth, duals) <= least + 1e-9
                 if moved == 0.01 and largest == 3.0:
                     assert proven_radius(*duals_of_first, growth, duals) >= 0.9 * least
-
-
-def test_the_solver_says_nothing_of_itself():
-    """HiGHS 1.16 says its name once a process, when an instance is made: in the middle of what a command prints."""
-    program = "from trihedron.tools.bounded.programmes import solver; solver().run()"
-    process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (process.returncode, process.stdout, process.stderr) == (0, "", "")
 
 
 def test_what_goes_round_in_circles_is_a_stated_failure(monkeypatch: pytest.MonkeyPatch):

@@ -138,25 +138,6 @@ def test_columns_that_depend_on_others_change_nothing():
     assert bounds[2:] == pytest.approx(np.full(2, bounds[0]), rel=1e-9)
 
 
-def test_one_at_a_time_candidates_have_the_bounds_that_they_have_together():
-    problem = random_problem(5)
-    weights = sharp_weights(problem, np.full(40, 1 / 40), 3)
-    one_at_a_time, together = project(problem, weights, together=False), project(problem, weights)
-    assert not np.array_equal(one_at_a_time.gram, together.gram)
-    sets = [EffectSet((k,), outliers) for k in range(len(problem.blocks)) for outliers in ((), (3,), (3, 7))]
-    rows = np.array([as_row(candidate) for candidate in sets])
-    survivors = bounds_of(rows, parts(problem, one_at_a_time))
-    assert survivors == pytest.approx(bounds_of(rows, parts(problem, together)), rel=1e-9)
-
-
-def test_where_one_projection_refuses_every_set_no_other_is_made():
-    small = random_problem(3)
-    problem = Problem(1e6 * small.residual, small.nominal, small.columns, small.blocks)
-    work = Work()
-    assert not list(sets_of_size(problem, 1, 0.0, 0, work))
-    assert work.done < 2.0 * problem.size_of_projection
-
-
 def test_lawsons_algorithm_makes_the_bound_sharp():
     small = random_problem(3)
     problem = Problem(3.0 * small.residual, small.nominal, small.columns, small.blocks)

@@ -27,29 +27,29 @@ def drawn(seed: int, spread: float) -> Rows:
     return Rows(fixed, moving, ways, rows.moving_columns, true + bound * rng.uniform(-1.0, 1.0, 80), bound)
 
 
-def every(rows: Rows) -> dict[int, tuple[Possible, NDArray]]:
+def standing_at(rows: Rows) -> dict[int, tuple[Possible, NDArray]]:
     """A set for each value that stands, with its centre."""
-    found = {}
+    standing = {}
     for way in range(len(rows.ways)):
         radius, x, _ = chebyshev_radius(rows.matrix(way), rows.residual, rows.bound)
         if radius <= LIMIT:
-            found[way] = Possible(rows.matrix(way), rows.residual - rows.matrix(way) @ x, rows.bound), x
-    return found
+            standing[way] = Possible(rows.matrix(way), rows.residual - rows.matrix(way) @ x, rows.bound), x
+    return standing
 
 
 @pytest.mark.parametrize("spread", [0.1, 1.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_union_reaches_as_far_as_the_farthest_of_its_values(seed: int, spread: float) -> None:
     rows = drawn(seed, spread)
-    swept, single = Swept(rows, LIMIT, np.zeros(5)), every(rows)
+    swept, single = Swept(rows, LIMIT, np.zeros(5)), standing_at(rows)
     for way, radius in swept.search():
         assert (radius <= LIMIT) == (way in single)
     assert not swept.refused[list(single)].any()
     shared = {}
-    other = swept.beside(np.zeros(5), np.arange(80), 0.0, None, shared)
+    enclosing = swept.beside(np.zeros(5), np.arange(80), 0.0, None, shared)
     for weights in np.vstack((np.eye(5), -np.eye(5), [[1.0, -0.5, 0.2, 0.7, 0.3]])):
         most = max(possible.reach(weights) + weights @ x for possible, x in single.values())
-        for union in (swept, other):
+        for union in (swept, enclosing):
             assert union.bounded(weights) >= most - 1e-6
             assert union.reach(weights) == pytest.approx(most, abs=1e-6)
             assert union.reach(weights, most + 1.0) == pytest.approx(most + 1.0)
@@ -66,7 +66,7 @@ def test_with_further_columns_it_holds_what_each_value_leaves_of_them(seed: int)
     assert swept.tried(30) <= LIMIT or any(radius <= LIMIT for _, radius in swept.search())
     enclosing = swept.beside(np.zeros(5), np.arange(80), 0.0, further, {})
     low, high = enclosing.ends(5)
-    for way, (_, x) in every(rows).items():
+    for way, (_, x) in standing_at(rows).items():
         matrix = np.hstack((rows.matrix(way), further))
         one = Possible(matrix, rows.residual - matrix @ np.append(x, 0.0), rows.bound)
         assert low - 1e-6 <= one.ends(5)[0] <= one.ends(5)[1] <= high + 1e-6
