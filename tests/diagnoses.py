@@ -4,9 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from generator import SIGMA
+import numpy as np
+
+from generator import SIGMA, G
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.diagnosis import Cause, diagnose
+from trihedron.tools.evidence.references import turned
 from trihedron.tools.records import PositionRecord
 
 Sizes = Sequence[float | tuple[float, float]]
@@ -43,3 +46,19 @@ def assert_named(result: Any, hidden: Mapping[EffectPlace, Sizes]) -> None:
     assert sets_of(result) == [set(hidden)]
     for cause in result.causes:
         assert holds(cause, hidden[cause.place]), (cause, hidden[cause.place])
+
+
+def worst_carried(evidence: Any, run: Any) -> float:
+    """The largest error, over its bound, of gravity carried by a run's attitudes to after every move.
+
+    It is held against where the run's accelerometers say that gravity is.
+    """
+    attitude = run.select("q0", "q1", "q2", "q3").to_numpy()
+    force = run.select("f1_mps2", "f2_mps2", "f3_mps2").to_numpy()[1:] / G
+    reference, rows, worst = evidence.model.reference, evidence.rows, 0.0
+    means = np.array([force[max(rest.start - 1, 0) : rest.stop - 1].mean(axis=0) for rest in reference.rests.rows])
+    up = means / np.linalg.norm(means, axis=1)[:, None]
+    for number, moves in enumerate(reference.scored):
+        error = reference.errors(number, turned(moves, attitude), up, up)
+        worst = max(worst, float(np.abs(error / rows.parts[rows.scored[number]].bound).max()))
+    return worst

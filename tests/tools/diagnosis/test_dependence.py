@@ -18,7 +18,7 @@ from trihedron.tools.diagnosis.laws import Laws
 from trihedron.tools.diagnosis.rivals import NOT_COMPARED, ROUGHLY, Listed, Unlisted, complexity_of
 from trihedron.tools.diagnosis.search import search
 from trihedron.tools.evidence.bench import bench_evidence
-from trihedron.tools.records import read_record
+from trihedron.tools.records import PositionRecord, read_record
 
 SMOOTH = [SHAPES.index(shape) for shape in (encoder_bump, fifth_power, of_temperature, one_jump)]
 evidence_of = partial(bench_evidence, noise_bound=SIGMA)
@@ -80,7 +80,7 @@ def test_that_functions_were_compared_roughly_or_not_at_all_is_said(size, says):
 def test_many_forms_at_once_are_bounded_as_each_by_itself(tmp_path):
     """Each bound is what weighted least squares leaves with the form beside the model; no programme leaves less."""
     case = outside_case(tmp_path, 3, SMOOTH[0])
-    evidence = evidence_of(read_record(tmp_path / case.file))
+    evidence = evidence_of(read_record(tmp_path / case.file, PositionRecord))
     forms = Search(evidence, evidence.reader.pairs, Work())
     assert forms.weights.sum() == pytest.approx(1.0)
     root = np.sqrt(forms.weights)
