@@ -86,12 +86,12 @@ def basis(result: Calibration) -> str:
 
 def key_figures(result: Calibration) -> dict[str, object]:
     """Return what stands below the verdict."""
-    return {
-        "positions": result.positions,
-        "readings": result.measurements,
-        "noise bound σ": f"{upwards(result.noise_bound, 3)} g ({basis(result)})",
-        "least largest residual": f"{residual(result.radius)} σ",
-    }
+    figures: dict[str, object] = {}
+    if result.positions is not None:
+        figures |= {"positions": result.positions, "readings": result.measurements}
+    figures["noise bound σ"] = f"{upwards(result.noise_bound, 3)} g ({basis(result)})"
+    figures["least largest residual"] = f"{residual(result.radius)} σ"
+    return figures
 
 
 def proved(result: Calibration, numbers: NDArray) -> NDArray:
@@ -214,8 +214,9 @@ def provenance(result: Calibration, seeds: Mapping[str, object] | None = None) -
         if source.sha256:
             facts["record, SHA-256"] = source.sha256
     facts["noise bound"] = typographic(f"{exactly(result.noise_bound)} g, {basis(result)}")
-    facts["gravity"] = f"{exactly(result.gravity)} m/s²"
-    facts["model"] = f"{result.baseline} scale factors, convention {result.convention}"
+    if result.convention is not None:
+        facts["gravity"] = f"{exactly(result.gravity)} m/s²"
+        facts["model"] = f"{result.baseline} scale factors, convention {result.convention}"
     if source is not None and source.bounds:
         u, v = source.bounds
         facts["bounds of (1.7)"] = f"u = {exactly(u)}, v = {exactly(v)}"

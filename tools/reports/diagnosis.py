@@ -8,6 +8,7 @@ from ..diagnosis.hypothesis import Hypothesis
 from ..diagnosis.result import Diagnosis
 from ..document.blocks import Page, Section, Table, Tone
 from ..document.notation import Cell, sentence, unit_text
+from ..motion.inspect import Inspection
 from ..motion.norm import norm_values
 from ..records import PositionRecord
 from ..rounding import digits, exactly, interval, residual, upwards
@@ -211,42 +212,51 @@ def gain_section(result: Diagnosis) -> Section | None:
 # errors of the attitude where a block was carried.
 
 
+def _inspection(result: Diagnosis) -> Inspection | None:
+    """Return what was seen of a record of gyros and accelerometers; None of another record."""
+    return getattr(result.sources, "found", None)
+
+
 def _title(result: Diagnosis) -> str:
-    if result.reference is not None:
-        return f"Diagnosis of {result.sources.found.record.path.name}"
-    source = result.calibration.provenance
-    return f"Diagnosis of {'a record' if source is None else source.record}"
+    inspection, source = _inspection(result), result.calibration.provenance
+    name = "a record"
+    if inspection is not None:
+        name = inspection.record.path.name
+    elif source is not None:
+        name = source.record
+    return f"Diagnosis of {name}"
 
 
 def _key(result: Diagnosis) -> dict[str, object]:
     """Return the figures below the verdict."""
-    nominal = result.calibration
-    if nominal.linearised is not None:
-        key = bench.key_figures(nominal)
-        if result.findings:
-            key[f"with {evidence.first_words(result)}"] = f"{residual(result.findings[0].fit.radius)} σ"
+    with_effects = f"with {evidence.first_words(result)}"
+    inspection = _inspection(result)
+    if inspection is not None:
+        key: dict[str, object] = {"rows": len(inspection.record), "reference": result.reference}
+        if result.radius is not None and result.noise_bound_arcmin is not None:
+            key[f"bound, {evidence.quoted_words(result)}"] = f"{upwards(result.noise_bound_arcmin, 3)} arcmin"
+            key["largest error"] = f"{residual(result.radius)} of its bound"
+            if result.best is not None:
+                key[with_effects] = residual(result.best.radius)
         return key
-    key: dict[str, object] = {"rows": len(result.sources.found.record), "reference": result.reference}
-    if result.radius is not None and result.noise_bound_arcmin is not None:
-        key[f"bound, {evidence.quoted_words(result)}"] = f"{upwards(result.noise_bound_arcmin, 3)} arcmin"
-        key["largest error"] = f"{residual(result.radius)} of its bound"
-        if result.best is not None:
-            key[f"with {evidence.first_words(result)}"] = residual(result.best.radius)
+    key = bench.key_figures(result.calibration)
+    if result.findings:
+        key[with_effects] = f"{residual(result.findings[0].fit.radius)} σ"
     return key
 
 
 def _provenance(result: Diagnosis) -> dict[str, object]:
     """Return what a diagnosis rests on: the record, options, versions."""
-    nominal = result.calibration
-    if nominal.linearised is not None:
+    nominal, inspection = result.calibration, _inspection(result)
+    if inspection is None:
         shuffled = result.witness is not None and result.witness.shuffles
         return bench.provenance(nominal, {"seed of the shuffles": nominal.positions} if shuffled else {})
-    record = result.sources.found.record
+    record = inspection.record
     facts: dict[str, object] = {
         "record": record.path.name,
         "record, SHA-256": record.sha256,
         "reference": result.reference,
-        "gravity": f"{exactly(result.sources.found.gravity)} m/s²",
+        "gravity": f"{exactly(inspection.gravity)} m/s²",
         "model": f"{result.baseline_model} block",
     }
     if record.rate is not None:
@@ -260,18 +270,21 @@ def _provenance(result: Diagnosis) -> dict[str, object]:
 
 def _record_sections(result: Diagnosis, record: PositionRecord | None) -> list[Section]:
     """Return what was measured."""
-    if result.reference is None:
-        return [] if record is None else [bench.measured_section(record, result.calibration)]
-    # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
-    forces = not any(p.symbol.startswith("accelerometer") for p in result.stated.parameters)
-    return record_sections(result.sources.found, result.warnings, forces=forces, gaps_named=bool(result.missing))
+    inspection = _inspection(result)
+    if inspection is not None:
+        # Where gravity is the reference the accelerometers stand among the block's own parameters, better known.
+        forces = not any(p.symbol.startswith("accelerometer") for p in result.stated.parameters)
+        return record_sections(inspection, result.warnings, forces=forces, gaps_named=bool(result.missing))
+    return [] if record is None else [bench.measured_section(record, result.calibration)]
 
 
 def _errors(result: Diagnosis) -> list[Section]:
     """Return what is left of the record, the first section over the record."""
     if result.calibration.linearised is not None:
         return evidence.residual_sections(result)
-    return evidence.error_sections(result, evidence.bias_texts(result)) if result.sources.rows.parts else []
+    if _inspection(result) is not None and result.sources.rows.parts:
+        return evidence.error_sections(result, evidence.bias_texts(result))
+    return []
 
 
 def _values(result: Diagnosis) -> list[Section | None]:
@@ -328,7 +341,9 @@ def sources(result: Diagnosis) -> list[str]:
 def _sources_of_model(result: Diagnosis) -> list[str]:
     if result.calibration.linearised is not None:
         return bench.calibration_sources(result.calibration)
-    inspection = result.sources.found
+    inspection = _inspection(result)
+    if inspection is None:
+        return cited("simplex", result.tried and "chebyshev")
     norm = norm_values(inspection.accelerometers) is not None
     first = cited(norm and "norm", inspection.gyros is not None and "allan")
     if not result.sources.rows.parts:

@@ -22,7 +22,7 @@ def rests(seed: int, effect: str = "", size: float = 0.0, accelerometer: int = 1
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_nonlinear_scale_factor_is_named_with_its_true_size_inside(seed):
+def test_a_nonlinear_scale_factor_is_named_with_its_true_size_inside(seed, tmp_path):
     rng = np.random.default_rng([77, seed])
     effect, accelerometer = str(rng.choice(list(NONLINEAR))), int(rng.integers(1, 4))
     size = float(rng.uniform(2e-4, 8e-4) * rng.choice([-1.0, 1.0]))
@@ -34,6 +34,9 @@ def test_a_nonlinear_scale_factor_is_named_with_its_true_size_inside(seed):
     assert low <= size <= high
     assert high - low < 0.5 * abs(size)
     assert result.stated.verdict == "consistent"
+    assert str(result).startswith(f"The simulation lacked this: {cause.sentence[0].lower()}")
+    assert "None" not in str(result)
+    assert result.report(tmp_path / "page.html").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("seed", range(3))
