@@ -99,7 +99,10 @@ def table_of(
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page: prose, equations, then its picture, its table and the files that belong to it."""
+    """A part of the page: prose, equations, then its picture, its table and the files that belong to it.
+
+    Columns of the table that have nothing in any row are left out, and so is a table without rows.
+    """
 
     title: str
     paragraphs: Sequence[str] = ()
@@ -118,8 +121,16 @@ class Section:
     def __post_init__(self) -> None:
         if isinstance(self.paragraphs, str):
             object.__setattr__(self, "paragraphs", (self.paragraphs,))
+        if self.table is not None:
+            object.__setattr__(self, "table", self.table.without_empty_columns() if self.table.rows else None)
         if not all(equation.startswith("<math ") for equation in self.equations):
             raise ValueError("an equation is not MathML: it begins with '<math '")
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is anything in it."""
+        parts = (self.paragraphs, self.picture, self.table, self.files, self.equations, self.download)
+        return any(parts)
 
 
 def _no_sections() -> "Sequence[Section]":
@@ -151,7 +162,10 @@ class Page:
     zoom: bool = False
     """its pictures are lines over time, of which a stretch can be drawn out"""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "answer", [section for section in self.answer if section.holds])
+
     @cached_property
     def sections(self) -> "Sequence[Section]":
-        """All sections in their order."""
-        return [*self.answer, *self.further()]
+        """All sections that hold anything, in their order."""
+        return [*self.answer, *[section for section in self.further() if section.holds]]

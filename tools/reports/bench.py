@@ -187,7 +187,7 @@ def next_sections(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -
             [purpose],
             next_directions(here.positions.alpha, here.positions.beta, alpha, beta, labels),
             "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
-            Table(header, rows).without_empty_columns(),
+            Table(header, rows),
             download=Download(file, next_positions_csv(positions), f"{file}, to take to the table"),
         )
     ]

@@ -179,7 +179,7 @@ def _table(result: Diagnosis) -> Table | None:
             for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
                 rows.append([name, p.name, *interval(value, *ends), unit_text(p.unit), residual(law.radius), left_out])
     header = ["law", "parameter", "estimate", "low", "high", "unit", "radius", "left out, rms"]
-    return Table(header, rows) if rows else None
+    return Table(header, rows)
 
 
 def _law_name(law: StatedLaw, cause: Cause) -> str:
@@ -241,4 +241,4 @@ def level_section(result: Diagnosis) -> Section | None:
         complexity = str(function.complexity)
         rows.append([function.where, function.on, function.form, complexity, residual(function.radius)])
     header = ["place", "quantity", "form", "complexity", "radius"]
-    return Section("Place and quantity", paragraphs, table=Table(header, rows) if rows else None)
+    return Section("Place and quantity", paragraphs, table=Table(header, rows))

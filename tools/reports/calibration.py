@@ -194,8 +194,7 @@ def target_sections(
 
 def open_sections(result: Calibration) -> list[Section]:
     """Return what the readings do not determine, and the positions that would; none where nothing is open."""
-    missing = bench.missing_texts(result)
-    sections = [Section("What is open", missing)] if missing else []
+    sections = [Section("What is open", bench.missing_texts(result))]
     if result.linearised is None:
         return sections
     return [*sections, *bench.next_sections(result.linearised, result.next_positions)]
@@ -285,7 +284,7 @@ def target_table(result: Calibration, truth: Mapping[str, float] | None = None) 
             + ("; bar: truth." if true_values else ".")
         )
     header = [*numbers.header[:4], "interval", *numbers.header[4:], "truth"]
-    return Table(header, rows, caption).without_empty_columns()
+    return Table(header, rows, caption)
 
 
 def _in_sigma(result: Calibration, p: Parameter, value: float | None) -> float | None:
@@ -308,7 +307,7 @@ def beside_table(result: Calibration) -> Table:
         if not p.possible(p.least_squares):
             outside.append("least squares")
         rows.append([*cells, " and ".join(outside) or None])
-    return Table([*numbers.header, "outside the interval"], rows).without_empty_columns()
+    return Table([*numbers.header, "outside the interval"], rows)
 
 
 LATITUDE_DEG = 55.75
@@ -348,7 +347,7 @@ def gyro_sections(result: Calibration) -> list[Section]:
     if result.gyros is None:
         return []
     columns = ("symbol", "name", "central", "error_bound", "low", "high", "guaranteed_error", "least_squares", "unit")
-    table = table_of(result.of_gyros, columns, WORDS).without_empty_columns()
+    table = table_of(result.of_gyros, columns, WORDS)
     texts = gyro_texts(result.gyros, result.of_gyros)
     falsified = result.verdict == "falsified"
     return [Section("The gyros, in the accelerometers' axes", texts, table=None if falsified else table)]

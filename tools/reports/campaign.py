@@ -87,7 +87,7 @@ def _quantiles(item: Mapping[str, Any], results: Results | None) -> Section:
         rows.append([name, *words, entry["runs"], *figures, upwards(entry["largest"], 4)])
         if results is not None:
             columns[words] = np.asarray(results.numbers(name))
-    table = Table([*header, "largest"], rows).without_empty_columns()
+    table = Table([*header, "largest"], rows)
     names = list(item["result"])
     title = "Distributions" if len(names) > 1 else f"Distribution of {names[0]}"
     if not columns:
@@ -179,7 +179,7 @@ def comparison_page(comparison: Comparison) -> Page:
     counts = [f"{len(comparison.of(kind))} {kind}" for kind in ("worse", "better", "changed", "same")]
     how = "runs of the same number are pairs" if comparison.paired else "two samples of runs"
     changed = [change for change in comparison.changes if change.verdict != "same"]
-    answer = [Section("Changes", table=_change_table(changed))] if changed else []
+    answer = [Section("Changes", table=_change_table(changed))]
     verdict = f"{len(comparison.changes)} scalars compared ({how}): {', '.join(counts)}"
     return Page("Two campaigns", verdict, answer)
 
@@ -284,7 +284,7 @@ def _about(campaign: Campaign) -> Section:
         ((form, value),) = axis.model_dump(exclude_none=True).items()
         values = ", ".join(exactly(v) if isinstance(v, float) else str(v) for v in value[:MOST_VALUES])
         rows.append([name, form.replace("_", " "), minus(values) + (", ..." if len(value) > MOST_VALUES else "")])
-    table = Table(["parameter", "distribution", "of"], rows) if rows else None
+    table = Table(["parameter", "distribution", "of"], rows)
     return Section("What was run", [" ".join(paragraphs)], table=table)
 
 
@@ -459,7 +459,7 @@ def _failure_sections(suite: Suite) -> list[Section]:
         names = outcome.titles(named=True, between=" and ")
         verdict = f"{outcome.verdict}: {names}" if names or not suite.strapdown else outcome.verdict
         lines.append(f"case {outcome.case}: hidden {hidden}{where}; {verdict}")
-    return [Section("Wrong or in part", lines[:MOST_LISTED])] if lines else []
+    return [Section("Wrong or in part", lines[:MOST_LISTED])]
 
 
 def _all_failures(suite: Suite) -> list[Section]:
@@ -469,10 +469,8 @@ def _all_failures(suite: Suite) -> list[Section]:
         if outcome.outcome != "right":
             case = [outcome.case, outcome.positions, outcome.reference, outcome.titles(named=False) or NOTHING]
             rows.append([*case, outcome.verdict, outcome.outcome, outcome.titles(named=True), outcome.why])
-    if not rows:
-        return []
     header = ["case", "positions", "reference", "hidden", "verdict", "outcome", "named", "what it says"]
-    return [Section("Cases that were not named rightly", table=Table(header, rows).without_empty_columns())]
+    return [Section("Cases that were not named rightly", table=Table(header, rows))]
 
 
 def _about_section(suite: Suite) -> Section:

@@ -61,8 +61,8 @@ def _page_of_file(result: Diagnosis) -> Page:
             for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
                 rows.append([number, cause.place.title, p.name, *interval(value, *ends), unit_text(p.unit)])
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit"]
-    table = Table(header, rows) if rows else None
-    answer = [Section("What explains the record", texts, table=table)] if texts else []
+    table = Table(header, rows)
+    answer = [Section("What explains the record", texts, table=table)]
     return Page(
         "A diagnosis from its file",
         f"{result.verdict.capitalize()}.",
@@ -96,7 +96,7 @@ def remarks_of(result: Diagnosis) -> list[Section]:
     remarks += beyond.extension_texts(result)
     remarks += witnesses.evidence_lines(result)
     remarks += evidence.power_texts(result)
-    sections = [Section("What to bear in mind", remarks)] if remarks else []
+    sections = [Section("What to bear in mind", remarks)]
     sections += hypothesis_sections(result)
     if result.next_positions:
         sections += next_sections(result.calibration.linearised, result.next_positions)
@@ -144,7 +144,7 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     for finding in first_sets:
         equations += cause_lines(finding.causes)
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
-    table = Table(header, rows).without_empty_columns()
+    table = Table(header, rows)
     title = "The cause" if named else "Causes that remain"
     return Section(title, paragraphs, table=table, files=files, equations=equations)
 
@@ -489,7 +489,7 @@ def hypothesis_sections(result: Diagnosis) -> list[Section]:
         if hypothesis.finding is not None:
             equations += cause_lines([hypothesis.finding.causes[-1]])
     header = ["formula", "answer", "radius without", "with", "coefficient", "estimate", "low", "high", "unit"]
-    table = Table(header, rows).without_empty_columns()
+    table = Table(header, rows)
     return [Section("Hypotheses", paragraphs, table=table, equations=equations)]
 
 

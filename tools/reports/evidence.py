@@ -208,7 +208,7 @@ def parameter_section(result: Diagnosis) -> Section | None:
         text += " The estimates are those of a block that the record contradicts: no interval is given."
         caption = ""
     header = ["parameter", "estimate", "interval", "low", "high", "unit"]
-    return Section("The block's own parameters", [text], table=Table(header, rows, caption).without_empty_columns())
+    return Section("The block's own parameters", [text], table=Table(header, rows, caption))
 
 
 def _interval_bars(parameters: Sequence[Any]) -> list[Cell]:
@@ -284,7 +284,7 @@ def confusion_section(result: Diagnosis) -> Section | None:
         paragraphs,
         pictures.likeness_picture([place.title for place in places], likeness(result.sources.rows, places)),
         "Cosine of the least angle between what two effects add to the readings.",
-        Table(header, rows) if rows else None,
+        Table(header, rows),
     )
 
 
@@ -385,7 +385,7 @@ def excluded_sections(result: Diagnosis) -> list[Section]:
         for (words, parameter, unit), sizes in entries.items():
             rows.append([words, parameter, *[sizes.get(column) for column in COLUMNS[part]], unit])
         if rows:
-            table = Table(["effect", "parameter", *COLUMNS[part], "unit"], rows).without_empty_columns()
+            table = Table(["effect", "parameter", *COLUMNS[part], "unit"], rows)
             sections.append(Section(f"Excluded: effects of the {part}", paragraphs, table=table))
             paragraphs = []
     if result.cannot_be_seen:
@@ -428,7 +428,7 @@ def power_section(result: Diagnosis) -> Section | None:
             "parameters imitate of a function does not count. A sharper function, or one of several quantities, may "
             "hide at a larger size."
         ],
-        table=Table(["function of", "times", *columns, "unit"], rows).without_empty_columns(),
+        table=Table(["function of", "times", *columns, "unit"], rows),
     )
 
 

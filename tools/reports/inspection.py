@@ -198,7 +198,7 @@ def _gyros(gyros: GyrosAtRest) -> Section:
         chance = None if model.by_chance is None else Number(f"{digits(100.0 * model.by_chance)} %")
         rows.append([model.title, residual(model.radius), chance])
     header = ["model of the means", "largest residual over its bound", "shuffled rests that do as well"]
-    table = Table(header, rows).without_empty_columns() if rows else None
+    table = Table(header, rows)
     return Section("Gyros at rest", paragraphs, table=table)
 
 
@@ -312,7 +312,7 @@ def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
             cells.append(None if part is None else digits(rms_degrees(part[run.judged])))
         rows.append(cells)
     header = ["gyro bias taken out [deg/s]", "rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]"]
-    table = Table([*header, "heading rms [deg]", "tilt rms [deg]"], rows) if rows else None
+    table = Table([*header, "heading rms [deg]", "tilt rms [deg]"], rows)
     paragraphs = [f"{run_line(last)}."]
     for line in [*care_lines(last), *split_lines(last)]:
         paragraphs.append(sentence(line))
@@ -331,7 +331,7 @@ def attitude_comparison_page(result: AttitudeComparison) -> Page:
     """Return the comparison of attitude algorithms, a row for each."""
     columns = ("algorithm", "order", "updates", "apart", "rms", "maximum", "refused")
     words = {"refused": lambda text: text or None}
-    table = table_of(result.algorithms, columns, words).without_empty_columns()
+    table = table_of(result.algorithms, columns, words)
     verdict = f"{len(result.algorithms)} algorithms compared with {result.reference}."
     return Page("Attitude algorithms", verdict, [Section("Algorithms", table=table)], warnings=care_lines(result))
 

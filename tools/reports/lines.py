@@ -137,7 +137,7 @@ def compared_page(result: Compared) -> Page:
     rows: list[list[Cell]] = []
     for cells, difference in zip(differences.rows, result.columns, strict=True):
         rows.append([*cells, difference.one_only or None, "yes" if difference.within else "no"])
-    table = Table([*differences.header, "rows of one only", "allowed"], rows).without_empty_columns()
+    table = Table([*differences.header, "rows of one only", "allowed"], rows)
 
     def pictures() -> list[Section]:
         apart = _drawn(result.differences.lazy(), {}, "Second less first")[0]

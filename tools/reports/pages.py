@@ -160,8 +160,7 @@ def _page_with_record(result: Result, record: Any) -> Page:
 
 def plain_page(title: str, verdict: str, lines: Sequence[str] = (), warnings: Sequence[str] = ()) -> Page:
     """Return a page of a verdict and a few lines."""
-    answer = [Section(title, lines)] if lines else []
-    return Page(title, verdict, answer, warnings=warnings)
+    return Page(title, verdict, [Section(title, lines)], warnings=warnings)
 
 
 # Results that need few words

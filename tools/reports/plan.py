@@ -154,7 +154,7 @@ def _order_section(plan: "PositionPlan") -> Section:
         again = "again" if at in plan.programme[: number - 1] else None
         mounting = position.mounting if len(plan.mountings) > 1 else None
         rows.append([number, digits(position.alpha_deg, 6), digits(position.beta_deg, 6), mounting, again])
-    table = Table(["no.", "α [deg]", "β [deg]", "mounting", "measured"], rows).without_empty_columns()
+    table = Table(["no.", "α [deg]", "β [deg]", "mounting", "measured"], rows)
     return Section("Positions", picture=positions_picture(plan), caption=POSITIONS_DRAWN, table=table)
 
 
@@ -289,7 +289,7 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
                 else "Write the encoder readings down as they are: what counts is where the table stands.",
                 *_kept_out(plan),
             ],
-            table=Table(header, rows).without_empty_columns(),
+            table=Table(header, rows),
         ),
         Section(
             "Positions",

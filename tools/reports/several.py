@@ -108,7 +108,7 @@ def several_page(result: Diagnosis) -> Page:
     for entry in result.records or ():
         rows.append([entry.record, entry.diagnosis.verdict, _titles(entry.diagnosis.best), entry.left_out or None])
         provenance[entry.record] = entry.sha256
-    alone = Table(["record", "verdict", "causes", "not judged with the others"], rows).without_empty_columns()
+    alone = Table(["record", "verdict", "causes", "not judged with the others"], rows)
     shared = [f"One value for all: {', '.join(result.shared or ()) or 'no parameter'}."]
     if result.own:
         shared.append(f"Each record's own: {', '.join(result.own)}.")
@@ -146,7 +146,7 @@ def _changes(alone: Calibration | None) -> list[Section]:
             lines.append(
                 f"{words(change.symbol)} changes by {_in_unit(downwards(change.at_least), change.unit)} at least{most}."
             )
-    return [Section("What is no constant", lines)] if lines else []
+    return [Section("What is no constant", lines)]
 
 
 def _titles(explanation: Explanation | None) -> str | None:
@@ -262,7 +262,7 @@ def entries_page(result: Entries) -> Page:
     """Return the entries, in order of their dates."""
     lines = [entry_text(entry) for entry in result.entries]
     verdict, *further = lines or ["nothing is in the folder"]
-    return Page("Entries", verdict, [Section("Entries", further)] if further else [])
+    return Page("Entries", verdict, [Section("Entries", further)])
 
 
 def trend_page(result: Calibration, _: object = None) -> Page:
@@ -283,7 +283,7 @@ def trend_page(result: Calibration, _: object = None) -> Page:
     return Page(
         f"{serial or 'An instrument'} over time",
         f"{verdict}; {constants} of {judged} parameters may be constants over {len(result.of_record)} dates.",
-        [Section("Since when", changes)] if changes else [],
+        [Section("Since when", changes)],
         lambda: _repeatability(result),
         tone,
         {"dates": len(result.of_record)},

@@ -74,7 +74,7 @@ def _joint_table(witness: Witness) -> Table | None:
             rms = [digits(score.rms_before, 2), digits(score.rms_after, 2)]
             rows.append([name, score.scored, *rms, upwards(score.max_before), upwards(score.max_after)])
     header = ["left out", "readings", "rms before [g]", "rms after [g]", "max before [g]", "max after [g]"]
-    return Table(header, rows) if rows else None
+    return Table(header, rows)
 
 
 def _turns(result: Diagnosis) -> TurnErrors | None:
