@@ -150,7 +150,7 @@ def _refuse_other_columns(where: str, computation: Computation, dtypes: Mapping[
     for name in computation.names:
         if name not in dtypes:
             raise InputError(f"{where}: '{name}' is no column of the results; {nearest(name, list(dtypes))}")
-    numbers = [*(computation.quantiles or []), *(computation.sensitivity or [])]
+    numbers = (computation.quantiles or []) + (computation.sensitivity or [])
     if computation.against is not None:
         numbers.append(computation.against)
     for name in numbers:

@@ -187,7 +187,9 @@ def _template() -> "Template":
 def moment_page(moment: Moment) -> str:
     """What changes on the page, as HTML; whatever texts hold is shown and never run."""
     session, present, settings = moment.session, moment.present, moment.session.programme.settings
-    last = session.visits[-1] if session.visits else None
+    last = None
+    if session.visits:
+        last = session.visits[-1]
     bad = [visit_text(session, visit) for visit in session.visits if visit.bad and visit is not last]
     state = present.state
     if present.why and state != "settling":
@@ -231,7 +233,9 @@ def _row(session: Session, setting: TableSetting) -> tuple[str, str, str, int | 
     readings = ""
     if visits:
         readings = angles_text(*session.visit_angles_deg((good or visits)[-1]))
-    number = good[-1].number if good else None
+    number = None
+    if good:
+        number = good[-1].number
     return angles_text(setting.alpha_deg, setting.beta_deg), session.state_of(setting), readings, number
 
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
+import numpy as np
 
 from .archive import UnpackedFmu
 from .guest_process import HEAD
@@ -159,7 +160,8 @@ class Guest:
         """Status and values of an operation; of one that waited before it, where that has failed."""
         if self.lost:
             raise LostError
-        operations, self._pending = [*self._pending, operation], []
+        operations, self._pending = self._pending, []
+        operations.append(operation)
         answers = self._request(operations)
         count = len(operations)
         if len(answers) < count:
@@ -227,7 +229,7 @@ class Guest:
         if name == "fmi2DoStep":
             return self._step(name), (_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_int)
         if name == "fmi3DoStep":
-            return self._step(name), (_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[_WORD] * 4)
+            return self._step(name), [_WORD, ctypes.c_double, ctypes.c_double, ctypes.c_bool] + [_WORD] * 4
         if name.lower().endswith("fmustate"):
             return self._state(name), (_WORD, _WORD)
         if name.endswith("Status"):
@@ -249,8 +251,10 @@ class Guest:
     def _step(self, name: str) -> Callable[..., int]:
         def step(_: int, begin: float, length: float, final: int, *places: int) -> int:
             self._fetched = {}
-            outputs = [(bytes(size),) for size in _STEP_OUTPUTS[: len(places)]]
-            return self._call_into(name, (begin, length, final, *outputs), places)
+            arguments: list[Any] = [begin, length, final]
+            for size in _STEP_OUTPUTS[: len(places)]:
+                arguments.append((bytes(size),))
+            return self._call_into(name, tuple(arguments), places)
 
         return step
 
@@ -280,17 +284,18 @@ class Guest:
         kind = _kind(name)
 
         def setter(_: int, references: int, several: int, values: int, *counts: int) -> int:
-            count = (several, *counts)[-1]
+            count = _count_of(several, counts)
+            arguments: list[Any] = [ctypes.string_at(references, 4 * several), several]
             if kind == "String":
                 texts = (ctypes.c_char_p * count).from_address(values)
-                memory: tuple[Any, ...] = ([text or b"" for text in texts],)
+                arguments.append([text or b"" for text in texts])
             elif kind == "Binary":
                 blocks = [bytes_at(block) for block in (_WORD * count).from_address(values)]
-                sizes = (_WORD * count)(*map(len, blocks))
-                memory = (bytes(sizes), blocks)
+                arguments += [np.array([len(block) for block in blocks], dtype=np.uint64).tobytes(), blocks]
             else:
-                memory = (ctypes.string_at(values, VALUE_TYPES[kind].dtype().itemsize * count),)
-            operation = ("call", name, (ctypes.string_at(references, 4 * several), several, *memory, *counts))
+                arguments.append(ctypes.string_at(values, VALUE_TYPES[kind].dtype().itemsize * count))
+            arguments += counts
+            operation = ("call", name, tuple(arguments))
             if not self._stepping:
                 return self._ask(*operation)[0]
             self._pending.append(operation)
@@ -304,13 +309,15 @@ class Guest:
 
         def call_of(references: int, several: int, counts: Sequence[int]) -> tuple[str, tuple[Any, ...]]:
             """The call for a port, whose references stay where they are."""
-            count = (several, *counts)[-1]
+            count = _count_of(several, counts)
             output: tuple[Any, ...] = (bytes(VALUE_TYPES[kind].dtype().itemsize * count),)
             if kind == "String":
                 output = ("texts", count)
             elif kind == "Binary":
                 output = ("binaries", count)
-            return name, (ctypes.string_at(references, 4 * several), several, output, *counts)
+            arguments: list[Any] = [ctypes.string_at(references, 4 * several), several, output]
+            arguments += counts
+            return name, tuple(arguments)
 
         def getter(_: int, references: int, several: int, values: int, *counts: int) -> int:
             if references not in calls:
@@ -380,6 +387,13 @@ def settings_of(fmu: UnpackedFmu, name: str, progress: str = "") -> dict[str, An
 
 def _is_step(operation: Sequence[Any]) -> bool:
     return operation[0] == "call" and operation[1].endswith("DoStep")
+
+
+def _count_of(several: int, counts: Sequence[int]) -> int:
+    """The number of values: FMI 3.0 says it, in FMI 2.0 it is that of the references."""
+    if counts:
+        return counts[0]
+    return several
 
 
 def _kind(name: str) -> str:

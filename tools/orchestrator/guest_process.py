@@ -62,7 +62,7 @@ class _Callbacks(ctypes.Structure):
 class _EventInfo(ctypes.Structure):
     """What fmi2NewDiscreteStates writes."""
 
-    _fields_ = (*((f"flag{k}", _INTEGER) for k in range(5)), ("next", _REAL))
+    _fields_ = (("flags", _INTEGER * 5), ("next", _REAL))
 
 
 def _flags(count: int) -> tuple[Any, list[Any]]:
@@ -119,12 +119,13 @@ class Events:
             if self.version == 2:
                 info = _EventInfo()
                 self.call("NewDiscreteStates", ctypes.byref(info))
-                again, terminate, defined, following = info.flag0, info.flag1, info.flag4, info.next
+                flags, following = info.flags, info.next
             else:
                 flags, places = _flags(5)
                 event = _REAL()
                 self.call("UpdateDiscreteStates", *places, ctypes.byref(event))
-                again, terminate, defined, following = flags[0], flags[1], flags[4], event.value
+                following = event.value
+            again, terminate, defined = flags[0], flags[1], flags[4]
             self.next_event = following if defined else math.inf
             if terminate:
                 self.ended = self.time
@@ -341,8 +342,7 @@ class Host:
         """
         version, handled = settings["version"], settings["handled"]
         if handled:
-            *sizes, tolerance = handled
-            self._events = ExchangeSolver(version, self._plain_call, self.log, sizes, tolerance)
+            self._events = ExchangeSolver(version, self._plain_call, self.log, handled[:-1], handled[-1])
         elif handled is not None:
             self._events = Events(version, self._plain_call, self.log)
         if settings["progress"]:
@@ -378,8 +378,8 @@ class Host:
     def _callbacks(self, logger: str) -> _Callbacks:
         """What an FMU of FMI 2.0 is given: memory, and a logger that writes out what printf would."""
         memory = ctypes.CDLL("msvcrt" if os.name == "nt" else None)
-        pointers = [ctypes.cast(function, ctypes.c_void_p).value for function in (memory.calloc, memory.free)]
-        callbacks = _Callbacks(_LOGGER_2, *pointers, None, id(self))
+        allocate, free = ctypes.cast(memory.calloc, ctypes.c_void_p), ctypes.cast(memory.free, ctypes.c_void_p)
+        callbacks = _Callbacks(_LOGGER_2, allocate.value, free.value, None, id(self))
         self._alive += [memory, callbacks]
         if logger:
             proxy = ctypes.CDLL(logger).addLoggerProxy
@@ -424,12 +424,13 @@ class Host:
     def answer(self, request: Sequence[tuple[Any, ...]]) -> list[tuple[int, Any]]:
         """Make the operations of a request, until one fails; what each gave, and what follows a step."""
         answers: list[tuple[int, Any]] = []
-        for at, (verb, *arguments) in enumerate(request):
+        for at, operation in enumerate(request):
             self.progress[0] = at
-            answers.append(getattr(self, verb)(*arguments))
+            verb = operation[0]
+            answers.append(getattr(self, verb)(*operation[1:]))
             if answers[-1][0] > WARNING:
                 return answers
-            if verb == "call" and arguments[0].endswith("DoStep"):
+            if verb == "call" and operation[1].endswith("DoStep"):
                 for following, (name, outputs, memory) in enumerate(self.follows, at + 1):
                     self.progress[0] = following
                     status = self._plain_call(name, *memory)

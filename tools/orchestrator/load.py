@@ -94,7 +94,8 @@ def usual_flavour() -> Literal["native", "python"]:
 @cache
 def _sources() -> str:
     """Hash of everything that components are made from."""
-    versions = [platform.python_version(), host_name(), *map(fmus.version, ("trihedron", "fmpy", "pythonfmu"))]
+    versions = [platform.python_version(), host_name()]
+    versions += map(fmus.version, ("trihedron", "fmpy", "pythonfmu"))
     digest = hashlib.sha256(repr(versions).encode())
     for folder in (Path(str(package.__file__)).parent for package in (models, fmus)):
         for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix not in (".pyc", ".fmu")):

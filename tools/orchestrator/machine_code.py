@@ -73,8 +73,8 @@ def copy_bytes(_context: Any, _target: Any, _source: Any, _size: Any) -> Any:
     def code(context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         pointer = _BYTE.as_pointer()
         copy = builder.module.declare_intrinsic("llvm.memcpy", [pointer, pointer, _WORD])
-        ends = [builder.inttoptr(value, pointer) for value in values[:2]]
-        builder.call(copy, [*ends, values[2], ir.Constant(ir.IntType(1), 0)])
+        target, source = builder.inttoptr(values[0], pointer), builder.inttoptr(values[1], pointer)
+        builder.call(copy, [target, source, values[2], ir.Constant(ir.IntType(1), 0)])
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, types.int64), code

@@ -29,7 +29,7 @@ import ctypes
 import hashlib
 import math
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -224,14 +224,17 @@ def compiled_march() -> Callable[..., int]:
 
 def _c_types() -> dict[int, Any]:
     """The types of C by the codes of `ValueType`."""
-    numbers = [t for t in VALUE_TYPES.values() if not t.by_address]
-    return {number.code: np.ctypeslib.as_ctypes_type(number.dtype) for number in numbers}
+    types = {}
+    for value_type in VALUE_TYPES.values():
+        if not value_type.by_address:
+            types[value_type.code] = np.ctypeslib.as_ctypes_type(value_type.dtype)
+    return types
 
 
 _C_TYPES = _c_types()
 
 
-def _function(*types: Any) -> Callable[..., int]:
+def _function(types: Sequence[Any]) -> Callable[..., int]:
     """A call of int f(types) at an address; plain integers are what ctypes passes fastest."""
     prototype = cache(ctypes.CFUNCTYPE(ctypes.c_int, *types))
     return lambda function, *arguments: prototype(function)(*arguments)
@@ -257,11 +260,9 @@ class _Plain:
     copy = ctypes.memmove
     load_byte, load_word, load_real = _loader(ctypes.c_uint8), _loader(ctypes.c_int64), _loader(ctypes.c_double)
     store_word, store_real = _storer(ctypes.c_int64), _storer(ctypes.c_double)
-    call2 = _function(ctypes.c_size_t, ctypes.c_size_t)
-    call4 = _function(*[ctypes.c_size_t] * 4)
-    call5 = _function(*[ctypes.c_size_t] * 5)
-    step2 = _function(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_int)
-    step3 = _function(ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_bool, *[ctypes.c_size_t] * 4)
+    call2, call4, call5 = (_function([ctypes.c_size_t] * count) for count in (2, 4, 5))
+    step2 = _function([ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_int])
+    step3 = _function([ctypes.c_size_t, ctypes.c_double, ctypes.c_double, ctypes.c_bool] + [ctypes.c_size_t] * 4)
 
     @staticmethod
     def real_of(code: int, at: int) -> float:

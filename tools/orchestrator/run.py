@@ -301,8 +301,10 @@ def _recorded(
         if ended:
             so_far = {"steps": reached, "final_time_s": grid.time(reached), "ended": ended}
         columns = ["time_s"]
-        columns += [column.name for column in assembly.columns]
-        columns += [mark.meta.output_name() for mark in marks]
+        for column in assembly.columns:
+            columns.append(column.name)
+        for mark in marks:
+            columns.append(mark.meta.output_name())
         with journal.finished(form, so_far) as (table, files, folder):
             run = Simulation(
                 title=scenario.title,
@@ -328,10 +330,9 @@ def _recorded(
 
 
 def _provenance(prepared: PreparedScenario, assembly: Assembly) -> dict[str, Any]:
-    fmus = {
-        name: {"source": entry.fmu.label, "model": entry.interface.model, "sha256": entry.fmu.sha256}
-        for name, entry in assembly.loaded.items()
-    }
+    fmus = {}
+    for name, entry in assembly.loaded.items():
+        fmus[name] = {"source": entry.fmu.label, "model": entry.interface.model, "sha256": entry.fmu.sha256}
     return {
         "schema": SCHEMA,
         "scenario": prepared.scenario.as_written(),
@@ -362,7 +363,9 @@ def simulate_table(
                 update["no_positions"] = str(error)
         if run.beside is not None and "averages" in update:
             write_record(update["averages"], run.beside / POSITIONS)
-            update["files"] = (*run.files, run.files[0].with_name(POSITIONS))
+            files = list(run.files)
+            files.append(run.files[0].with_name(POSITIONS))
+            update["files"] = tuple(files)
         return run.model_copy(update=update)
 
     with _prepared(scenario) as prepared:

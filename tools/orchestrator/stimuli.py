@@ -164,7 +164,7 @@ def _read_csv(content: bytes, label: str, required: Sequence[str] | None) -> Num
             filled.append((number, line))
     if not filled:
         raise InputError(f"{label}: is empty; a header line with the columns' names is needed")
-    (first, top), *rows = filled
+    (first, top), rows = filled[0], filled[1:]
     try:
         header = [name.strip() for name in next(csv.reader([top], strict=True))]
     except (csv.Error, StopIteration) as error:
@@ -241,8 +241,11 @@ def resolve_rows(
         if variables[0].value_type.by_address:
             raise InputError(f"columns.'{text}' is a {variables[0].kind}; rows are numbers")
         ends.append((interface, variables[0], column, conversion(variables[0].unit, column, interface.scales)))
-    table = table_with(["time_s", *(column for _, _, column, _ in ends)])
-    increments = any(is_angle(variable.unit, interface.scales) for interface, variable, *_ in ends)
+    names, increments = ["time_s"], False
+    for interface, variable, column, _ in ends:
+        names.append(column)
+        increments = increments or is_angle(variable.unit, interface.scales)
+    table = table_with(names)
 
     @cache
     def held(grid: StepGrid) -> tuple[np.ndarray, np.ndarray]:

@@ -42,11 +42,12 @@ from ...models.effects.definition import ACCELEROMETERS, AXES, GYRO_BLOCK, whole
 from ..errors import InputError, nearest, one_line
 from ..files import bytes_of
 
+TABLE_PLACES = (*AXES, "base")
 STAGES = {
     ("AccelerometerBlock", "reading_effects"): ACCELEROMETERS,
     ("AccelerometerBlock", "final_effects"): ACCELEROMETERS,
-    ("TurntableMotion", "encoder_effects"): (*AXES, "base"),
-    ("TurntableMotion", "geometry_effects"): (*AXES, "base", "mounting"),
+    ("TurntableMotion", "encoder_effects"): TABLE_PLACES,
+    ("TurntableMotion", "geometry_effects"): (*TABLE_PLACES, "mounting"),
     ("GyroBlock", "reading_effects"): (GYRO_BLOCK,),
     ("GyroBlock", "final_effects"): (GYRO_BLOCK,),
     ("AttitudeComputer", "increment_effects"): ("attitude-computer",),
@@ -120,7 +121,9 @@ class OwnEffects:
             )
         if several is not None and not isinstance(several, list | tuple):
             raise InputError(f"{self.path}: EFFECTS is a {type(several).__name__}; it is a tuple of effects")
-        fields = [("EFFECT", single)] if single is not None else []
+        fields = []
+        if single is not None:
+            fields.append(("EFFECT", single))
         for k, effect in enumerate(several or ()):
             fields.append((f"EFFECTS[{k}]", effect))
         if not fields:
@@ -434,10 +437,13 @@ def kernel_additions(
     """Return what the kernel adds (N, ports) to the ports of its stage, row by row."""
     assert effect.kernel is not None
     added = np.zeros((COUNT, PORTS[str(effect.stage)]))
-    context, seen = (np.array(columns).T.tolist() for columns in rows.seen_by(effect.component))
+    contexts, inputs = rows.seen_by(effect.component)
+    context, seen = np.array(contexts).T.tolist(), np.array(inputs).T.tolist()
+    numbers: list[float] = list(effect.place_numbers(place))
+    numbers += map(float, values)
     for row in range(COUNT):
         port = [0.0] * added.shape[1]
-        effect.kernel(context[row], seen[row], *effect.place_numbers(place), *map(float, values), port)
+        effect.kernel(context[row], seen[row], *numbers, port)
         added[row] = port
     return added
 
@@ -457,8 +463,10 @@ def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
         part, agree = (AT_REST, AGREE)
 
     def added(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = list(effect.from_coefficients(coefficients))
+        values += last
         with errors_of_field(refuse, "kernel"):
-            ports_added = kernel_additions(place, effect, (*effect.from_coefficients(coefficients), *last), rows)
+            ports_added = kernel_additions(place, effect, values, rows)
         if not np.isfinite(ports_added).all():
             raise refuse("kernel", "does not give a finite number on some rows")
         return ports_added
@@ -474,10 +482,12 @@ def _check_columns(place: EffectPlace, effect: Effect, refuse: Refusal) -> None:
     slopes = []
     for size in (part[0] * largest, part[1] * largest):
         for sign in signs:
-            single = [added(sign * size * unit) / (sign * size) for unit in np.eye(count)]
-            slopes.append(np.stack(single, axis=2))
+            slope = np.zeros((COUNT, PORTS[str(effect.stage)], count))
+            for k, unit in enumerate(np.eye(count)):
+                slope[:, :, k] = added(sign * size * unit) / (sign * size)
+            slopes.append(slope)
     scale = max(1.0, float(np.abs(slopes[0]).max()))
-    if max(float(np.abs(slopes[0] - further).max()) for further in slopes[1:]) > agree * scale:
+    if float(np.abs(np.array(slopes[1:]) - slopes[0]).max()) > agree * scale:
         raise refuse("kernel", "is not linear in its parameters; an effect that is not has variants")
     size = part[0] * largest
     if np.abs(added(size * np.ones(count)) / size - slopes[0].sum(axis=2)).max() > agree * scale * count:

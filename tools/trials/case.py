@@ -139,15 +139,14 @@ def hidden_effects() -> tuple[str, ...]:
 
 def hideable_in_block() -> tuple[str, ...]:
     """Names of effects that some record of a moved block can hide."""
-    forces = []
-    for e in POSITION_EFFECTS.values():
-        if e.component == "AccelerometerBlock" and e.linear:
-            forces.append(e.name)
-    turns = []
-    for e in STRAPDOWN_EFFECTS.values():
-        if e.variants is None and e.name not in TAKEN_OUT:
-            turns.append(e.name)
-    return (*turns, *forces)
+    names = []
+    for effect in STRAPDOWN_EFFECTS.values():
+        if effect.variants is None and effect.name not in TAKEN_OUT:
+            names.append(effect.name)
+    for effect in POSITION_EFFECTS.values():
+        if effect.component == "AccelerometerBlock" and effect.linear:
+            names.append(effect.name)
+    return tuple(names)
 
 
 def check_seed(seed: int) -> None:

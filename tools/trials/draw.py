@@ -235,13 +235,12 @@ def _hidden_in_block(clean: Case, options: Options) -> Case:
     rng = np.random.default_rng([clean.seed, index or 0, 1])
     if model is None:
         raise InputError(f"case {index}: its rests do not tell the accelerometers' parameters")
-    unseen_by_gravity = ()
+    unseen: set[str] = set(TAKEN_OUT)
     if block.reference == "gravity":
-        unseen_by_gravity = UNSEEN_BETWEEN_RESTS
-    unseen = (*TAKEN_OUT, *unseen_by_gravity)
+        unseen.update(UNSEEN_BETWEEN_RESTS)
     every = (*model.rows.places, *model.starting)
     possible = {place.effect for place in every if not options.effects or place.effect in options.effects}
-    names = sorted(possible - set(unseen))
+    names = sorted(possible - unseen)
     for redrawn in range(BLOCK_TRIES if names else 0):
         name = names[rng.integers(len(names))]
         places = [place for place in every if place.effect == name]

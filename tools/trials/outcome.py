@@ -228,7 +228,8 @@ def _is_same(causes: Sequence[Cause], places: Sequence[EffectPlace]) -> bool:
     if not causes:
         return not places
     for number, place in enumerate(places):
-        remaining = [*places[:number], *places[number + 1 :]]
+        remaining = list(places)
+        del remaining[number]
         if place in _alike(causes[0]) and _is_same(causes[1:], remaining):
             return True
     return False
