@@ -30,10 +30,10 @@ from .mapping import (
 )
 from .names import DATE
 from .sheet import (
+    LABVIEW,
     LARGEST,
     Sheet,
     decoded,
-    is_labview,
     labview_sheet,
     lines_of,
     names_of,
@@ -171,7 +171,7 @@ def sheets_of(file: Path, mapping: Mapping) -> list[Sheet]:
         refuse_other(file, content)
         text, encoding = decoded(file, content, mapping.encoding)
         lines = lines_of(file, text)
-        if is_labview(lines):
+        if lines[0].strip().startswith(LABVIEW):
             return [labview_sheet(file, lines, encoding)]
         return [upright(text_sheet(file, lines, encoding, mapping.separator))]
     sheets = [upright(sheet) for sheet in workbook_sheets(file, content)]

@@ -54,6 +54,7 @@ MARKERS = {
 }
 """What a text may begin with, and its encoding."""
 LABVIEW = "LabVIEW Measurement"
+"""How a measurement file of LabVIEW (.lvm) begins, whose header says separator, marks, units and period."""
 END_OF_HEADER = "***End_of_Header***"
 KEPT_OF_HEADER = ("Operator", "Project", "Description", "Date", "Time", "Notes")
 """What of a header of LabVIEW is about the measurement; the rest is about the file."""
@@ -341,11 +342,6 @@ def _worth(sheet: Sheet) -> tuple[int, int]:
         return 0, 0
     most = max(words.values(), key=len, default=[])
     return len(most), -sum(most)
-
-
-def is_labview(lines: list[str]) -> bool:
-    """Whether lines of text are a LabVIEW measurement file (.lvm): a header says separator, marks, units and period."""
-    return lines[0].strip().startswith(LABVIEW)
 
 
 def labview_sheet(path: Path, lines: list[str], encoding: str) -> Sheet:

@@ -305,7 +305,8 @@ def quiet_rests(record: StrapdownRecord, sampling: RecordSampling) -> Rests:
     turns = _steady_turns(rate, record.specific_force, still, noise[:3])
     turning += int(turns.sum())
     still = [rows for rows, out in zip(still, turns, strict=True) if not out]
-    at_limit = clipped_rests(sampling.limits, still)
+    limited = sampling.limits.of("f")
+    at_limit = [bool(np.mean(limited[rows]) > LEAST_SHARE) for rows in still]
     rows = tuple(rows for rows, out in zip(still, at_limit, strict=True) if not out)
     clipped = tuple(rows for rows, out in zip(still, at_limit, strict=True) if out)
     finite_noise = np.where(np.isfinite(noise), noise, 0.0)
@@ -424,12 +425,6 @@ def _averaged(
         temperature=temperature,
         noise=noise,
     )
-
-
-def clipped_rests(limits: Limits, rests: list[slice]) -> NDArray[np.bool_]:
-    """Rests (K,) in which an accelerometer is at its limit now and then, or always."""
-    at_limit = limits.of("f")
-    return np.array([bool(np.mean(at_limit[rows]) > LEAST_SHARE) for rows in rests], dtype=bool)
 
 
 def reading_steps(values: NDArray[np.float64], rests: tuple[slice, ...]) -> tuple[NDArray, NDArray]:

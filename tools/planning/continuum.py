@@ -88,7 +88,9 @@ class Continuum:
             new = _above(peaks, 1.0 + SLIGHT)
             reached = float(target @ dual) / max(1.0, float(peaks[:, 4].max(initial=1.0)))
             if not len(new) and (reached > (1.0 - CLOSE) * cost or cost == before):
-                new = self._overlooked(dual, 1.0 + max(GOOD_GAP, 0.1 * (1.0 - reached / cost)))
+                # in a narrow tip of the set the scan may miss a position
+                limit = 1.0 + max(GOOD_GAP, 0.1 * (1.0 - reached / cost))
+                new = self._tops(dual, ceiling(self._sheets, dual, limit, max_boxes=BOXES).violations)
                 bound, reached = (0.0, 0.0) if len(new) else (bound, reached)
             before = cost
             if reached > bound:
@@ -107,10 +109,6 @@ class Continuum:
             cost = float(np.abs(weights).sum())
             dual = self._level_dual(target, cost, min(bound, cost))
         return min([*plans, self._unfinished(target, weights, proof)], key=lambda plan: plan.gap)
-
-    def _overlooked(self, dual: NDArray, limit: float) -> NDArray:
-        """Positions (K, 3) where |F'y| exceeds the limit and that the scan missed, in a narrow tip of the set."""
-        return self._tops(dual, ceiling(self._sheets, dual, limit, max_boxes=BOXES).violations)
 
     def _tops(self, dual: NDArray, violations: NDArray) -> NDArray:
         """The local maxima (K, 3) to which violations (K, 4) belong."""

@@ -490,7 +490,8 @@ def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, tr
             raise _too_many(path, layout, rows)
         frame = pl.read_parquet(io.BytesIO(content), columns=list(layout.present))
     except (pl.exceptions.PolarsError, OSError, ValueError, OverflowError) as error:
-        raise _unreadable(path, str(error)) from error
+        lines = str(error).strip().splitlines() or ["it is corrupt"]
+        raise RecordError(path, None, None, f"is not a readable Parquet file ({lines[0][:120]})") from error
     if frame.height == 0:
         raise RecordError(path, None, None, "has no rows; at least one is needed")
     numbers = {name: _parquet_numbers(path, frame[name]) for name in layout.numbers}
@@ -503,11 +504,6 @@ def _read_parquet(path: Path, content: bytes, kinds: Sequence[RecordKind], *, tr
     if MOUNTING in layout.present:
         mounting = _parquet_names(path, frame[MOUNTING])
     return FileColumns(path, layout, numbers, mounting, np.arange(1, frame.height + 1), resolution)
-
-
-def _unreadable(path: Path, reason: str) -> RecordError:
-    lines = reason.strip().splitlines() or ["it is corrupt"]
-    return RecordError(path, None, None, f"is not a readable Parquet file ({lines[0][:120]})")
 
 
 def _parquet_numbers(path: Path, series: pl.Series) -> np.ndarray:
