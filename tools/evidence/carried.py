@@ -154,8 +154,8 @@ class CarriedReader(RecordReader):
         """Moves over one, two and three rests, or windows of several lengths; as measured with the mean at rest."""
         rows, measured = self.rows, None
         if self.bias_at_rest is not None and BIAS in rows.places:
-            own = rows.numbers_of([BIAS])
-            measured = rows.with_errors([p.error + p.columns[..., own] @ self.bias_at_rest for p in rows.parts])
+            numbers = rows.numbers_of([BIAS])
+            measured = rows.with_errors([p.error + p.columns[..., numbers] @ self.bias_at_rest for p in rows.parts])
         return Lengths(self.model.quoted, partial(replace, self.model), measured, self.would_need)
 
     @property
@@ -166,10 +166,13 @@ class CarriedReader(RecordReader):
     @property
     def not_seen(self) -> tuple[EffectPlace, ...]:
         """Effects on the block that this record could not show at any possible size."""
-        every = (p for e in CATALOGUE.values() if e.component in COMPONENTS for p in e.places)
-        told = (*self.model.own, *self.rows.places, *self.model.starting, *(effect.place for effect in self.read_off))
-        others = [place for place in every if place not in told]
-        return (*(place for place in self.rows.places if place not in self.model.seen), *others)
+        tried = self.rows.places
+        known = {*self.model.own, *tried, *self.model.starting, *(effect.place for effect in self.read_off)}
+        unseen = [place for place in tried if place not in self.model.seen]
+        for effect in CATALOGUE.values():
+            if effect.component in COMPONENTS:
+                unseen += [place for place in effect.places if place not in known]
+        return tuple(unseen)
 
     def quantities(self) -> dict[str, NDArray[np.float64]]:
         """What the errors of the quoted pieces may depend on: (S, k) each.
@@ -181,15 +184,15 @@ class CarriedReader(RecordReader):
         sums = np.cumsum((motion.rate - self.model.gyros.bias) * motion.step[:, None], axis=0)
         turn = sums[pieces.last] - sums[pieces.first]
         force = motion.force(pieces.first)
-        found = {
+        quantities = {
             "rate": turn / pieces.durations(motion.time_s)[:, None],
             "turn": turn,
             "orientation": force / np.maximum(np.linalg.norm(force, axis=1), 1e-12)[:, None],
             "time": motion.time_s[pieces.first][:, None],
         }
         if motion.temperature is not None:
-            found["temperature"] = motion.temperature[pieces.first][:, None]
-        return found
+            quantities["temperature"] = motion.temperature[pieces.first][:, None]
+        return quantities
 
     def head(self) -> Mapping[str, Any]:
         """The record, what it is held against, the bound, the baseline and what no record of this kind shows."""
@@ -214,7 +217,7 @@ class CarriedReader(RecordReader):
     def power(self) -> Sequence[Mapping[str, Any]]:
         """The power of the record against the model without effects, of each place and quantity."""
         room = self.rows.bound * (1.0 + self.model.limit)
-        return [one.entry for one in powers_of_record(self.pairs, self.rows.nominal, room)]
+        return [pair_power.entry for pair_power in powers_of_record(self.pairs, self.rows.nominal, room)]
 
     @property
     def stated_bound(self) -> float:
@@ -271,8 +274,9 @@ class CarriedReader(RecordReader):
         intervals = fit.intervals(most_rows=self.model.effort.most_rows)[fit.places.index(SCALE)]
         low, high = np.array(intervals).reshape(3, 3, 2).transpose(2, 0, 1)
         least, most = float(np.diag(low).max()), float(np.diag(high).min())
-        beside = ~np.eye(3, dtype=bool)
-        if not (least <= most and least * most > 0.0 and (low[beside] <= 0.0).all() and (high[beside] >= 0.0).all()):
+        off_diagonal = ~np.eye(3, dtype=bool)
+        zero_beside = (low[off_diagonal] <= 0.0).all() and (high[off_diagonal] >= 0.0).all()
+        if not (least <= most and least * most > 0.0 and zero_beside):
             return ()
         percent = 50.0 * (least + most)
         changed = f"{exactly(abs(percent), 2)} % too {'long' if percent > 0 else 'short'}"
@@ -294,23 +298,23 @@ class CarriedReader(RecordReader):
         part, stated = self.quoted_part, self.model.reference.stated
         bound = float(np.median(part.bound)) / ARCMIN
         explained = "noise and reference at rest explain"
-        taken = f"at rest it scatters by {upwards(self.model.reference.at_rest / ARCMIN, 3)}"
+        scatter = f"at rest it scatters by {upwards(self.model.reference.at_rest / ARCMIN, 3)}"
         if stated is not None:
             explained = "noise at rest and the true attitude's error as stated explain"
-            taken = f"{exactly(stated / ARCMIN, 12)} is stated, and {taken}"
+            scatter = f"{exactly(stated / ARCMIN, 12)} is stated, and {scatter}"
         needed = upwards(self.needed(self.rows.places), 3)
         return (
             f"all effects of the catalogue together leave errors of {residual(least)} bounds, and none that sets in at "
             f"a time is enough: over {part.label} the bound would have to be {downwards(least * bound, 3)} arcmin, and "
             f"{explained} {upwards(bound, 3)}; something that is not in the catalogue acts, or the true attitude errs "
-            f"more than that in motion: it would have to err by {needed} arcmin or more at a row; {taken}"
+            f"more than that in motion: it would have to err by {needed} arcmin or more at a row; {scatter}"
         )
 
     def needed(self, places: Sequence[EffectPlace]) -> float:
         """The least bound of the true attitude's error at any row [arcmin] with which these effects are enough."""
         assert isinstance(self.model.reference, Truth)
         pairs = zip(self.rows.parts, self.model.reference.of_windows, strict=True)
-        others = np.concatenate([(part.bound - of_truth).ravel() for part, of_truth in pairs]) / ARCMIN
+        of_gyros = np.concatenate([(part.bound - of_truth).ravel() for part, of_truth in pairs]) / ARCMIN
         scale = np.concatenate([part.bound.ravel() for part in self.rows.parts]) / ARCMIN
         matrix, count = self.rows.matrix(places) * scale[:, None], len(self.rows.names)
         low, high = limits_of(places)
@@ -320,7 +324,7 @@ class CarriedReader(RecordReader):
             matrix,
             self.rows.residual * scale,
             np.full(len(scale), 2.0),
-            growth=Growth(others, np.zeros_like(matrix), np.append(-free, low), np.append(free, high)),
+            growth=Growth(of_gyros, np.zeros_like(matrix), np.append(-free, low), np.append(free, high)),
         )
         return max(least, self.model.reference.at_rest / ARCMIN)
 
@@ -333,12 +337,12 @@ class CarriedReader(RecordReader):
 
     def channels(self) -> Sequence[Channel]:
         """The quoted errors about each axis, with what they may depend on."""
-        part, left = self.quoted_part, self.quoted_errors(self.model.baseline)
+        part, errors = self.quoted_part, self.quoted_errors(self.model.baseline)
         if isinstance(self.model.reference, Gravity):
             up = self.model.reference.directions(self.rows.point[: len(NAMES)])
-            left = np.einsum("skp,sk->sp", self.model.reference.across(0, up), left)
+            errors = np.einsum("skp,sk->sp", self.model.reference.across(0, up), errors)
         bound, quantities = part.bound.max(axis=1), self.quantities()
-        return [Channel({"axis": axis + 1}, left[:, axis], bound, quantities) for axis in range(3)]
+        return [Channel({"axis": axis + 1}, errors[:, axis], bound, quantities) for axis in range(3)]
 
     def trials(self, fit: Fit) -> Iterator[Trial]:
         """Each effect of a fit: blocks in time left out without it, with it, with its signature at other pieces."""
@@ -351,10 +355,10 @@ class CarriedReader(RecordReader):
         shown_by: dict[str, list[str]] = {}
         for name in open_effects:
             shown_by.setdefault(SHOWN_BY.get(name, OF_ACCELEROMETERS), []).append(name)
-        said = [f"{what} (shows {', '.join(names)})" for what, names in shown_by.items()]
+        sentences = [f"{what} (shows {', '.join(names)})" for what, names in shown_by.items()]
         if isinstance(self.model.reference, Gravity) and "latency" in open_effects:
-            said.append("the true attitude beside the record: between rests latency leaves no error")
-        return {"next": said}
+            sentences.append("the true attitude beside the record: between rests latency leaves no error")
+        return {"next": sentences}
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,8 +387,8 @@ class CarriedRerun:
         for k, errors_before, errors_after in zip(rows.scored, before, after, strict=True):
             label, count = rows.parts[k].label, len(errors_before)
             kinds.append(gain_of(errors_before, errors_after, ARCMIN, over=label, pieces=count))
-        first, *others = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - rows.scored.index(model.quoted)))
-        return first.model_copy(update={"others": others})
+        first, *further = sorted(kinds, key=lambda kind: abs(kinds.index(kind) - rows.scored.index(model.quoted)))
+        return first.model_copy(update={"others": further})
 
     @staticmethod
     def _errors_of_folds(
@@ -401,9 +405,9 @@ class CarriedRerun:
                 gyros = model.gyros_with(places, solution)
                 if not takes("GyroCompensation", gyros.parameters, gyros.effects):
                     return None
-                held = [np.flatnonzero(folds[k] == fold) for k in rows.scored]
-                simulated = model.simulated(fmus, places, solution, held)
-                for error, at, simulated_errors in zip(errors, held, simulated, strict=True):
+                numbers = [np.flatnonzero(folds[k] == fold) for k in rows.scored]
+                simulated = model.simulated(fmus, places, solution, numbers)
+                for error, at, simulated_errors in zip(errors, numbers, simulated, strict=True):
                     error[at] = simulated_errors
         return errors
 
@@ -411,10 +415,10 @@ class CarriedRerun:
         """Errors (S, d) of the quoted moves or windows [rad]."""
         model, rows = self.model, self.model.rows
         places, sizes, point = own_with(model, effects)
-        held = [np.arange(len(rows.parts[k])) for k in rows.scored]
+        numbers = [np.arange(len(rows.parts[k])) for k in rows.scored]
         with own_folder() as scratch:
             fmus = extended_fmus(places, scratch, RUN, usual_flavour())
-            simulated = model.simulated(fmus, places, np.concatenate([point - rows.point, sizes]), held)
+            simulated = model.simulated(fmus, places, np.concatenate([point - rows.point, sizes]), numbers)
         return simulated[rows.scored.index(model.quoted)]
 
     def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
@@ -422,9 +426,9 @@ class CarriedRerun:
         model, rows = self.model, self.model.rows
         undone = {p: (p.definition.component, p.definition.stage) == ("GyroBlock", "reading_effects") for p in effects}
         places = [p for p in effects if p in rows.places and undone[p]]
-        known = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
-        sizes = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), known]))
-        return places, {"rate": None, "increment": compensated_increments(model.motion, sizes, model.found.gravity)}
+        sizes = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
+        effects = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), sizes]))
+        return places, {"rate": None, "increment": compensated_increments(model.motion, effects, model.found.gravity)}
 
     def extension(self, fit: Fit, effects: Sized) -> Extension:
         """Gyros, attitude computer and, where gravity is the reference, accelerometers as they are found, and a run.
@@ -436,21 +440,21 @@ class CarriedRerun:
         gyros = self.model.with_onsets(fit).gyros_with(fit.places, np.append(point - self.model.rows.point, fit.stated))
         bias = gyros.bias
         vectors = (point, *fit.ends(0.0, self.model.effort.most_rows).T, np.full(len(point), np.nan))
-        found, low, high, depends = (self._parameters(vector, bias) for vector in vectors)
+        parameters, low, high, depends = (self._parameters(vector, bias) for vector in vectors)
         starts = []
-        for name, values in found.items():
-            least, most, told = (elements_of(side[name]) for side in (low, high, depends))
-            intervals = {element: (least[element], most[element]) for element, v in told.items() if np.isnan(v)}
+        for name, values in parameters.items():
+            least, most, unknown = (elements_of(side[name]) for side in (low, high, depends))
+            intervals = {element: (least[element], most[element]) for element, v in unknown.items() if np.isnan(v)}
             starts.append(Start.of(name, values, intervals, effects))
         return Extension(starts, {"scenario": self._scenario(fit)})
 
     def _parameters(self, vector: NDArray, bias: NDArray) -> dict[str, Parameters]:
         """Parameters of the components with the model's (P,); the gyros' bias (3,) [rad/s] where it is none."""
-        x, own = np.split(vector, [self.model.of_forces])
-        scale = own[3:] if SCALE in self.model.own else self.model.gyros.scale_misalignment
+        x, gyro_values = np.split(vector, [self.model.of_forces])
+        scale = gyro_values[3:] if SCALE in self.model.own else self.model.gyros.scale_misalignment
         gyros: Parameters = {"gravity": self.model.found.gravity}
-        gyros |= {"bias": (own[:3] if self.model.own else bias).tolist(), "scale_misalignment": scale.tolist()}
-        found: dict[str, Parameters] = {"GyroBlock": gyros, "GyroCompensation": gyros, "AttitudeComputer": {}}
+        gyros |= {"bias": (gyro_values[:3] if self.model.own else bias).tolist(), "scale_misalignment": scale.tolist()}
+        parameters: dict[str, Parameters] = {"GyroBlock": gyros, "GyroCompensation": gyros, "AttitudeComputer": {}}
         if len(x):
             gamma: dict[str, float] = dict(zip(NAMES, x.tolist(), strict=True))
             diagonal = [gamma[f"gamma_{p}{p}"] for p in (1, 2, 3)]
@@ -461,8 +465,8 @@ class CarriedRerun:
                 **{name: gamma[name] for name in ("gamma_21", "gamma_31", "gamma_32")},
                 "bias": x[6:].tolist(),
             }
-            found |= {"AccelerometerBlock": block, "AccelerometerCompensation": block}
-        return found
+            parameters |= {"AccelerometerBlock": block, "AccelerometerCompensation": block}
+        return parameters
 
     def _scenario(self, fit: Fit) -> Scenario:
         """The run of the exported FMUs through the record: it gives a strapdown record of the body."""
@@ -474,10 +478,13 @@ class CarriedRerun:
             "compensation": FmuSetting(fmu="GyroCompensation.fmu"),
             "computer": FmuSetting(fmu="AttitudeComputer.fmu", parameters={"initial_attitude": attitude}),
         }
-        shown = {INCREMENT: "compensation.increment", QUATERNION: "computer.attitude"}
+        recorded = {INCREMENT: "compensation.increment", QUATERNION: "computer.attitude"}
         if self.model.of_forces and len(gyros) == len(fit.places):
             fmus["accelerometers"] = FmuSetting(fmu="AccelerometerCompensation.fmu")
-            shown[FORCE] = "accelerometers.specific_force"
-        columns = {name: f"{output}[{i}]" for names, output in shown.items() for i, name in enumerate(names, start=1)}
-        made = carried_scenario(self.model.motion, gyros, fmus)
-        return made.model_copy(update={"record": RecordSetting(columns=columns)})
+            recorded[FORCE] = "accelerometers.specific_force"
+        columns = {}
+        for names, output in recorded.items():
+            for number, name in enumerate(names, start=1):
+                columns[name] = f"{output}[{number}]"
+        scenario = carried_scenario(self.model.motion, gyros, fmus)
+        return scenario.model_copy(update={"record": RecordSetting(columns=columns)})

@@ -89,15 +89,15 @@ def carried_evidence(
     """
     if baseline not in (None, *BASELINES):
         raise InputError(f"baseline '{baseline}' is not one of a strapdown record: calibrated or nominal")
-    found = without_earth(inspect_record(record, gravity=gravity))
+    inspection = without_earth(inspect_record(record, gravity=gravity))
     if reference_bound is not None:
-        check_reference_bound(reference_bound, found)
-    check_record(found)
-    block = baseline or ("nominal" if has_truth(found) else "calibrated")
-    if lacks := missing_things(found):
-        return Evidence.of(RecordReader(Linear(Rows.of(())), found, block, rates, warnings_of(found), lacks))
-    run = about_main_effect(linear_evidence(found, block, rates, further))
-    reader = judged(CarriedReader(run, found, block, rates, warnings_of(found)))
+        check_reference_bound(reference_bound, inspection)
+    check_record(inspection)
+    block = baseline or ("nominal" if has_truth(inspection) else "calibrated")
+    if lacks := missing_things(inspection):
+        return Evidence.of(RecordReader(Linear(Rows.of(())), inspection, block, rates, warnings_of(inspection), lacks))
+    run = about_main_effect(linear_evidence(inspection, block, rates, further))
+    reader = judged(CarriedReader(run, inspection, block, rates, warnings_of(inspection)))
     if reference_bound is not None:
         reader = as_stated(reader, ARCMIN * reference_bound)
     return Evidence.of(with_limits(reader))
@@ -105,12 +105,16 @@ def carried_evidence(
 
 def linear_places(effects: Iterable[Effect], motion: Motion) -> list[EffectPlace]:
     """Places of those effects that are linear and whose circumstances the record tells."""
-    told = [e for e in effects if "temperature" not in e.needs or motion.temperature is not None]
-    return [place for effect in told if effect.linear for place in effect.places]
+    places: list[EffectPlace] = []
+    for effect in effects:
+        has_temperature = "temperature" not in effect.needs or motion.temperature is not None
+        if effect.linear and has_temperature:
+            places += effect.places
+    return places
 
 
 def linear_evidence(
-    found: Inspection, block: str, rates: str = "instantaneous", further: Sequence[EffectPlace] = ()
+    inspection: Inspection, block: str, rates: str = "instantaneous", further: Sequence[EffectPlace] = ()
 ) -> Carried:
     """The evidence of a record about its calibrated block; against the true attitude where the record has it.
 
@@ -119,169 +123,176 @@ def linear_evidence(
     where the nominal block is taken as it is delivered: the mean at rest is taken out and nothing else. `rates` is as
     for `mean_motion`; `further` are effects to be tried beside those of the catalogue.
     """
-    motion = mean_motion(found.record, found.sampling, found.gravity, rates)
-    x, model, own = np.zeros(0), GyroModel(bias=rest_mean(found)), (BIAS, SCALE) if block == "calibrated" else ()
-    reference = truth_reference(found) if has_truth(found) else gravity_reference(found)
+    motion = mean_motion(inspection.record, inspection.sampling, inspection.gravity, rates)
+    x, model = np.zeros(0), GyroModel(bias=rest_mean(inspection))
+    free_effects: tuple[EffectPlace, ...] = (BIAS, SCALE) if block == "calibrated" else ()
+    reference = truth_reference(inspection) if has_truth(inspection) else gravity_reference(inspection)
     if isinstance(reference, Gravity):
-        values = norm_values(found.accelerometers)
+        values = norm_values(inspection.accelerometers)
         assert values is not None
-        x, own = values, own or (BIAS,)
+        x, free_effects = values, free_effects or (BIAS,)
 
-    def about(x: NDArray, model: GyroModel, *, tried: bool) -> Carried:
+    def about(x: NDArray, model: GyroModel, *, with_effects: bool) -> Carried:
         """The evidence about accelerometers of nine parameters (or none) and gyros, with effects that can be tried."""
-        gyros = [p for p in linear_places(STRAPDOWN_EFFECTS.values(), motion) if tried and p not in own]
-        static = [e for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock" and e.untold is None]
-        forces = linear_places(static, motion) if tried and len(x) else []
-        if tried:
-            gyros += [place for place in further if is_of_gyros(place)]
-            forces += [place for place in further if not is_of_gyros(place)]
-        attitude, at_rest = carried_attitude(motion, model, found.gravity), None
-        integral = integrals(motion, model, attitude, [*own, *gyros], reference.rows)
-        if not own:
+        gyros: list[EffectPlace] = []
+        forces: list[EffectPlace] = []
+        if with_effects:
+            gyros += [p for p in linear_places(STRAPDOWN_EFFECTS.values(), motion) if p not in free_effects]
+            if len(x):
+                block_effects = (e for e in POSITION_EFFECTS.values() if e.component == "AccelerometerBlock")
+                forces += linear_places((e for e in block_effects if e.untold is None), motion)
+            for place in further:
+                of_part = gyros if is_of_gyros(place) else forces
+                of_part.append(place)
+        attitude, at_rest = carried_attitude(motion, model, inspection.gravity), None
+        integral = integrals(motion, model, attitude, [*free_effects, *gyros], reference.rows)
+        if not free_effects:
             bias = blocks_of(gyros)[gyros.index(BIAS)]
-            at_rest = means_at_rest(motion, model, gyros, found.rests.rows)
+            at_rest = means_at_rest(motion, model, gyros, inspection.rests.rows)
             # That of the bias is in the mean already.
             at_rest[:, bias] = 0.0
             integral = integral - integral[..., bias] @ at_rest
-        run = Run(attitude, reference.rows, integral, width_of(own))
+        run = Run(attitude, reference.rows, integral, width_of(free_effects))
         parts = reference.parts(run, x, forces)
         names = [(f"accelerometer {n}", "g" if n.startswith("bias") else "1") for n in NAMES[: len(x)]]
-        names += [(f"gyro {p.name}", p.unit) for place in own for p in place.definition.parameters]
-        point = np.concatenate([x, *(model.bias if place == BIAS else model.scale_misalignment for place in own)])
-        rows = Rows.of(parts, names, point, (*gyros, *forces))
-        starting = SEARCHED if tried and len(motion) <= LONG else ()
-        return Carried(rows, found, own, motion, model, attitude, reference, at_rest, starting)
+        point = [x]
+        for place in free_effects:
+            names += [(f"gyro {p.name}", p.unit) for p in place.definition.parameters]
+            point.append(model.bias if place == BIAS else model.scale_misalignment)
+        rows = Rows.of(parts, names, np.concatenate(point), (*gyros, *forces))
+        starting = SEARCHED if with_effects and len(motion) <= LONG else ()
+        return Carried(rows, inspection, free_effects, motion, model, attitude, reference, at_rest, starting)
 
-    for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if own else 0):
+    for _ in range((RELINEARISATIONS if len(motion) <= LONG else 1) if free_effects else 0):
         # An hour's attitudes are large: those of one run go before the next.
-        x, model = refined(about(x, model, tried=False))
-    return about(x, model, tried=True)
+        x, model = refined(about(x, model, with_effects=False))
+    return about(x, model, with_effects=True)
 
 
-def refined(made: Carried) -> tuple[NDArray[np.float64], GyroModel]:
+def refined(run: Carried) -> tuple[NDArray[np.float64], GyroModel]:
     """Accelerometers and gyros by least squares; with scale factors and misalignments that an instrument has."""
-    step = made.rows.estimate(())
-    model = with_parameters(made.gyros, made.own, step[made.of_forces :])
+    step = run.rows.estimate(())
+    model = with_parameters(run.gyros, run.own, step[run.of_forces :])
     # Where a fit wants other scale factors, it is wrong.
     model = replace(model, scale_misalignment=np.clip(model.scale_misalignment, -LARGEST, LARGEST))
-    return (made.rows.point + step)[: made.of_forces], model
+    return (run.rows.point + step)[: run.of_forces], model
 
 
-def gravity_reference(found: Inspection) -> Gravity:
+def gravity_reference(inspection: Inspection) -> Gravity:
     """Gravity as the reference of a record whose accelerometers are calibrated by their norm."""
-    rests, values = found.rests, norm_values(found.accelerometers)
+    rests, values = inspection.rests, norm_values(inspection.accelerometers)
     assert values is not None
-    reading = rests.force / found.gravity
-    noise = gyro_noise(found.record, rests, found.sampling.period, inputs_of(values, reading))
+    reading = rests.force / inspection.gravity
+    noise = gyro_noise(inspection.record, rests, inspection.sampling.period, inputs_of(values, reading))
     assert noise is not None
-    deviation = np.maximum(force_deviation(found) / found.gravity, LEAST_FORCE)
-    still, moves, ends = gravity_pieces(found)
-    return Gravity(found.record.time_s, rests, noise, moves, ends, still, reading, deviation)
+    deviation = np.maximum(force_deviation(inspection) / inspection.gravity, LEAST_FORCE)
+    still, moves, ends = gravity_pieces(inspection)
+    return Gravity(inspection.record.time_s, rests, noise, moves, ends, still, reading, deviation)
 
 
-def truth_reference(found: Inspection) -> Truth:
+def truth_reference(inspection: Inspection) -> Truth:
     """The true attitude of a record as the reference; it is taken to err as at rest."""
-    assert found.record.attitude is not None
-    up = found.rests.force / found.gravity if len(found.rests) else None
-    noise = gyro_noise(found.record, found.rests, found.sampling.period, up)
-    attitude, time_s, windows = found.record.attitude, found.record.time_s, truth_windows(found)
-    seconds = [float(np.median(mine.durations(time_s))) for mine in windows]
-    inertial, period = is_inertial(found.record), found.sampling.period
-    scatter = [truth_scatter(attitude, found.rests, period, length, inertial=inertial) for length in seconds]
-    return Truth(time_s, found.rests, noise, windows, attitude, np.array(scatter), inertial=inertial)
+    assert inspection.record.attitude is not None
+    up = inspection.rests.force / inspection.gravity if len(inspection.rests) else None
+    noise = gyro_noise(inspection.record, inspection.rests, inspection.sampling.period, up)
+    attitude, time_s, windows = inspection.record.attitude, inspection.record.time_s, truth_windows(inspection)
+    seconds = [float(np.median(pieces.durations(time_s))) for pieces in windows]
+    inertial, period = is_inertial(inspection.record), inspection.sampling.period
+    scatter = [truth_scatter(attitude, inspection.rests, period, length, inertial=inertial) for length in seconds]
+    return Truth(time_s, inspection.rests, noise, windows, attitude, np.array(scatter), inertial=inertial)
 
 
-def rest_mean(found: Inspection) -> NDArray[np.float64]:
+def rest_mean(inspection: Inspection) -> NDArray[np.float64]:
     """The gyros' mean reading over all rests (3,) [rad/s]; zeros where there are none."""
-    if not len(found.rests):
+    if not len(inspection.rests):
         return np.zeros(3)
-    lengths = rest_lengths(found.rests, 1.0)
-    return lengths @ found.rests.rate / lengths.sum()
+    lengths = rest_lengths(inspection.rests, 1.0)
+    return lengths @ inspection.rests.rate / lengths.sum()
 
 
-def about_main_effect(made: Carried) -> Carried:
+def about_main_effect(run: Carried) -> Carried:
     """The evidence about the effect that makes most of its errors; as it is where none does.
 
     Signatures are of first order. Where one effect makes nearly all of errors that are many times their bounds, its
     second order may be above them too: it tells effects apart that are alike to first order. Of these one that does
     not stand about itself is no candidate, where another one does.
     """
-    tried = [(place, about_effect(made, place)) for place in main_effects(made)]
-    if not tried:
-        return about_main_onset(made)
-    left = [_rms_left(one, (place,)) for place, one in tried]
-    _, best = next(pair for pair, mine in zip(tried, left, strict=True) if SETTLED * mine <= min(left))
-    standing = [place for place, one in tried if one.refit([place]).radius <= one.limit]
-    return best.without([place for place, _ in tried if standing and place not in standing])
+    runs = [(place, about_effect(run, place)) for place in main_effects(run)]
+    if not runs:
+        return about_main_onset(run)
+    errors = [_rms_left(about, (place,)) for place, about in runs]
+    _, best = next(pair for pair, error in zip(runs, errors, strict=True) if SETTLED * error <= min(errors))
+    standing = [place for place, about in runs if about.refit([place]).radius <= about.limit]
+    return best.without([place for place, _ in runs if standing and place not in standing])
 
 
-def about_main_onset(made: Carried) -> Carried:
+def about_main_onset(run: Carried) -> Carried:
     """The evidence about the effect that sets in and makes most of large errors; as it is where none does."""
     for _ in range(RELINEARISATIONS):
-        before = _rms_left(made, ())
-        tried = [nearest_onset(made, place) for place in made.starting] if before > MANY / np.sqrt(3.0) else []
-        left, place, about = min(tried, key=lambda one: one[0], default=(np.inf, BIAS, made))
-        if not MOST_OF_IT * left < before:
+        before = _rms_left(run, ())
+        onsets = [nearest_onset(run, place) for place in run.starting] if before > MANY / np.sqrt(3.0) else []
+        error, place, about = min(onsets, key=lambda onset: onset[0], default=(np.inf, BIAS, run))
+        if not MOST_OF_IT * error < before:
             break
         solution = about.rows.estimate([place])
         if not are_possible(place, about.values_of([place], solution)[place]):
             break
         errors = [part.error for part in about_effects(about, [place], solution).rows.parts]
-        made = replace(made, rows=made.rows.with_errors(errors))
-    return made
+        run = replace(run, rows=run.rows.with_errors(errors))
+    return run
 
 
-def nearest_onset(made: Carried, place: EffectPlace) -> tuple[float, EffectPlace, Carried]:
+def nearest_onset(run: Carried, place: EffectPlace) -> tuple[float, EffectPlace, Carried]:
     """What an effect that sets in leaves by least squares, where it leaves about the least; with the evidence then."""
-    edges = made.cells[place].edges
+    edges = run.cells[place].edges
     step = max(1, len(edges) // MOST_ONSETS)
     low, high = 0, len(edges)
     while True:
-        tried = [made.with_onset(place, int(row)) for row in edges[low:high:step]]
-        left = [_rms_left(one, (place,)) for one in tried]
-        best = int(np.argmin(left))
+        runs = [run.with_onset(place, int(row)) for row in edges[low:high:step]]
+        errors = [_rms_left(about, (place,)) for about in runs]
+        best = int(np.argmin(errors))
         if step == 1:
-            return left[best], place, tried[best]
+            return errors[best], place, runs[best]
         middle = low + best * step
         low, high, step = max(0, middle - step), min(len(edges), middle + step + 1), max(1, step // 4)
 
 
-def about_effect(made: Carried, place: EffectPlace) -> Carried:
+def about_effect(run: Carried, place: EffectPlace) -> Carried:
     """The evidence about one of the gyros' effects, until another run does not change it."""
     for _ in range(RELINEARISATIONS):
-        before, solution = _rms_left(made, (place,)), made.rows.estimate([place])
-        if not are_possible(place, made.values_of([place], solution)[place]):
+        before, solution = _rms_left(run, (place,)), run.rows.estimate([place])
+        if not are_possible(place, run.values_of([place], solution)[place]):
             break
-        made = about_effects(made, [place], solution)
-        if _rms_left(made, (place,)) > SETTLED * before:
+        run = about_effects(run, [place], solution)
+        if _rms_left(run, (place,)) > SETTLED * before:
             break
-    return made
+    return run
 
 
-def main_effects(made: Carried) -> list[EffectPlace]:
+def main_effects(run: Carried) -> list[EffectPlace]:
     """The gyros' effects each of which alone makes most of large errors, as far as no other does better.
 
     What another one contains comes before it.
     """
-    before = _rms_left(made, ())
+    before = _rms_left(run, ())
     if not before > MANY / np.sqrt(3.0):
         return []
-    left = {place: _rms_left(made, (place,)) for place in made.rows.places if is_of_gyros(place)}
-    least = min(left.values(), default=np.inf)
+    errors = {place: _rms_left(run, (place,)) for place in run.rows.places if is_of_gyros(place)}
+    least = min(errors.values(), default=np.inf)
     if not MOST_OF_IT * least < before:
         return []
-    best = [place for place, mine in left.items() if SETTLED * mine <= least]
-    return sorted(best, key=lambda place: sum(contains([place], [other]) for other in best))
+    best = [place for place, error in errors.items() if SETTLED * error <= least]
+    return sorted(best, key=lambda place: sum(contains([place], [contained]) for contained in best))
 
 
-def _rms_left(made: Carried, places: Sequence[EffectPlace]) -> float:
+def _rms_left(run: Carried, places: Sequence[EffectPlace]) -> float:
     """Root mean square of what least squares leaves, in bounds."""
-    matrix = made.rows.matrix(places)
-    left = made.rows.residual - matrix @ made.rows.estimate(places) if matrix.shape[1] else made.rows.residual
-    return float(np.sqrt(np.mean(left**2)))
+    matrix = run.rows.matrix(places)
+    errors = run.rows.residual - matrix @ run.rows.estimate(places) if matrix.shape[1] else run.rows.residual
+    return float(np.sqrt(np.mean(errors**2)))
 
 
-def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArray) -> Carried:
+def about_effects(run: Carried, places: Sequence[EffectPlace], solution: NDArray) -> Carried:
     """The evidence about effects of the gyros of such sizes: the second order of their run is in the errors.
 
     The errors are those of a run with the effects, and what these do to first order is added again: as if they acted
@@ -289,22 +300,22 @@ def about_effects(made: Carried, places: Sequence[EffectPlace], solution: NDArra
     several rows have their attitude read so many rows later: a compensation, which knows only the past, carries their
     rates on, and the longer the less well.
     """
-    count, gyros, lag = len(made.rows.names), made.gyros_with(places, solution), 0
+    count, gyros, lag = len(run.rows.names), run.gyros_with(places, solution), 0
     if LATENCY in gyros.effects:
         (delay,) = gyros.effects[LATENCY]
-        lag = round(delay / made.motion.period)
-        gyros = replace(gyros, effects={**gyros.effects, LATENCY: (delay - lag * made.motion.period,)})
-    attitude = carried_attitude(made.motion, gyros, made.found.gravity)
+        lag = round(delay / run.motion.period)
+        gyros = replace(gyros, effects={**gyros.effects, LATENCY: (delay - lag * run.motion.period,)})
+    attitude = carried_attitude(run.motion, gyros, run.found.gravity)
     attitude = attitude[np.clip(np.arange(len(attitude)) + lag, 0, len(attitude) - 1)]
-    columns = np.concatenate([np.arange(count), count + made.rows.numbers_of(places)])
+    columns = np.concatenate([np.arange(count), count + run.rows.numbers_of(places)])
     errors = []
-    for part, error in zip(made.rows.parts, made.errors_along(attitude, solution[:count]), strict=True):
+    for part, error in zip(run.rows.parts, run.errors_along(attitude, solution[:count]), strict=True):
         if part.pieces.kind == "norms":
             errors.append(part.error)
         else:
             slopes = np.concatenate([part.nominal, part.columns], axis=-1)
             errors.append(error + slopes[..., columns] @ solution)
-    return replace(made, rows=made.rows.with_errors(errors))
+    return replace(run, rows=run.rows.with_errors(errors))
 
 
 def judged(reader: CarriedReader) -> CarriedReader:
@@ -315,27 +326,27 @@ def judged(reader: CarriedReader) -> CarriedReader:
     times those of the others, which nothing in the catalogue makes, are not used; and the simulation is run about all
     effects before their first order counts as too little.
     """
-    made = reader.model
-    if isinstance(made.reference, Gravity):
+    run = reader.model
+    if isinstance(run.reference, Gravity):
         return replace(reader, bounds_from=RECORD_NOISE)
-    reader = replace(reader, bounds_from=WITH_TRUTH.format(earth="" if is_inertial(made.found.record) else AND_EARTH))
-    places = made.rows.places
-    if made.refit(places).radius <= made.limit or any(made.mended([p], Work()) for p in made.starting):
+    reader = replace(reader, bounds_from=WITH_TRUTH.format(earth="" if is_inertial(run.found.record) else AND_EARTH))
+    places = run.rows.places
+    if run.refit(places).radius <= run.limit or any(run.mended([p], Work()) for p in run.starting):
         return reader
     reader = without_jumps(reader)
-    made = reader.model
-    least, gyros = made.refit(places).radius, [place for place in places if is_of_gyros(place)]
+    run = reader.model
+    least, gyros = run.refit(places).radius, [place for place in places if is_of_gyros(place)]
     for _ in range(RELINEARISATIONS):
-        if least <= made.limit:
+        if least <= run.limit:
             break
-        sizes = made.values_of(gyros, made.rows.estimate(gyros))
+        sizes = run.values_of(gyros, run.rows.estimate(gyros))
         possible = [place for place in gyros if are_possible(place, sizes[place])]
-        about = about_effects(made, possible, made.rows.estimate(possible))
+        about = about_effects(run, possible, run.rows.estimate(possible))
         radius = about.refit(places).radius
         if radius >= least:
             break
-        made, least = about, radius
-    return replace(reader, model=made, least_radius=None if least <= made.limit else least)
+        run, least = about, radius
+    return replace(reader, model=run, least_radius=None if least <= run.limit else least)
 
 
 def as_stated(reader: CarriedReader, stated: float) -> CarriedReader:
@@ -344,26 +355,26 @@ def as_stated(reader: CarriedReader, stated: float) -> CarriedReader:
     It enters the bounds and nothing else: about which effects the rows are linear, and which windows are left out, is
     as without it.
     """
-    made = reader.model
-    before = made.reference
+    run = reader.model
+    before = run.reference
     assert isinstance(before, Truth)
     after = replace(before, stated=stated)
-    more = after.of_windows - before.of_windows
-    bounds = [part.bound + added for part, added in zip(made.rows.parts, more, strict=True)]
+    widening = after.of_windows - before.of_windows
+    bounds = [part.bound + added for part, added in zip(run.rows.parts, widening, strict=True)]
     earth = "" if before.inertial else AND_EARTH.replace(" and", "")
     basis = AS_STATED.format(earth=earth, stated=exactly(stated / ARCMIN, 12))
-    made = replace(made, rows=made.rows.with_bounds(bounds), reference=after)
-    least = made.refit(made.rows.places).radius
-    return replace(reader, model=made, bounds_from=basis, least_radius=None if least <= made.limit else least)
+    run = replace(run, rows=run.rows.with_bounds(bounds), reference=after)
+    least = run.refit(run.rows.places).radius
+    return replace(reader, model=run, bounds_from=basis, least_radius=None if least <= run.limit else least)
 
 
 def without_jumps(reader: CarriedReader) -> CarriedReader:
     """The reader without windows in which gyros or truth jump; that they are left out is said."""
-    made = reader.model
-    parts = made.rows.parts
+    run = reader.model
+    parts = run.rows.parts
     masks = [np.ones(len(part), dtype=bool) for part in parts]
     for _ in range(ROUNDS_OF_JUMPS):
-        sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(made, masks))]
+        sizes = [np.linalg.norm(error, axis=1) for error in left_out_by_all(of_windows(run, masks))]
         far = [size > JUMP * np.median(size) for size in sizes]
         if not any(mask.any() for mask in far):
             break
@@ -378,20 +389,20 @@ def without_jumps(reader: CarriedReader) -> CarriedReader:
             )
     if not warnings:
         return reader
-    return replace(reader, model=of_windows(made, masks), warnings=(*reader.warnings, *warnings))
+    return replace(reader, model=of_windows(run, masks), warnings=(*reader.warnings, *warnings))
 
 
-def left_out_by_all(made: Carried) -> list[NDArray[np.float64]]:
+def left_out_by_all(run: Carried) -> list[NDArray[np.float64]]:
     """Errors (S, d) of each part that all effects together leave in blocks that are left out [rad]."""
-    even = made.rows.with_bounds([np.ones_like(part.bound) for part in made.rows.parts])
+    even = run.rows.with_bounds([np.ones_like(part.bound) for part in run.rows.parts])
     return even.split(even.left_out(even.places, even.folds()))
 
 
-def of_windows(made: Carried, kept: Sequence[NDArray]) -> Carried:
+def of_windows(run: Carried, masks: Sequence[NDArray]) -> Carried:
     """The windows that masks (S,) choose, of each length."""
-    parts = [part.selected(mask) for part, mask in zip(made.rows.parts, kept, strict=True)]
+    parts = [part.selected(mask) for part, mask in zip(run.rows.parts, masks, strict=True)]
     scored = tuple(part.pieces for part in parts)
-    return replace(made, rows=made.rows.with_parts(parts), reference=replace(made.reference, scored=scored))
+    return replace(run, rows=run.rows.with_parts(parts), reference=replace(run.reference, scored=scored))
 
 
 # Accelerometers at their limit in rests: saturation that the readings show by themselves
@@ -405,15 +416,15 @@ def with_limits(reader: CarriedReader) -> CarriedReader:
 
     One on one side alone, which the catalogue's saturation is not, has an objection.
     """
-    made, limits = reader.model, []
-    if not isinstance(made.reference, Gravity):
+    run, limits = reader.model, []
+    if not isinstance(run.reference, Gravity):
         return reader
     for axis in range(3):
-        rests = rests_at_limit(made.found, axis)
-        radius = radius_with(made, rests) if rests else 0.0
-        if radius <= made.limit:
+        rests = rests_at_limit(run.found, axis)
+        radius = radius_with(run, rests) if rests else 0.0
+        if radius <= run.limit:
             continue
-        level, half, one_sided = level_of(made.found, axis)
+        level, half, one_sided = level_of(run.found, axis)
         place, objection = EffectPlace("saturation", f"accelerometer-{axis + 1}"), ""
         if one_sided:
             objection = (
@@ -424,43 +435,43 @@ def with_limits(reader: CarriedReader) -> CarriedReader:
     return replace(reader, limits=tuple(limits))
 
 
-def rests_at_limit(found: Inspection, axis: int) -> list[slice]:
+def rests_at_limit(inspection: Inspection, axis: int) -> list[slice]:
     """Rows of the rests that were left out because this accelerometer is at its limit there."""
-    mask = found.sampling.limits.rows.get(f"f{axis + 1}")
-    return [] if mask is None else [rows for rows in found.rests.clipped_rows if mask[rows].any()]
+    mask = inspection.sampling.limits.rows.get(f"f{axis + 1}")
+    return [] if mask is None else [rows for rows in inspection.rests.clipped_rows if mask[rows].any()]
 
 
-def level_of(found: Inspection, axis: int) -> tuple[float, float, bool]:
+def level_of(inspection: Inspection, axis: int) -> tuple[float, float, bool]:
     """The limit of an accelerometer and half a step of its readings [g], and whether it is none on the other side.
 
     A limit whose one side was never reached counts as two-sided.
     """
-    limits, name = found.sampling.limits, f"f{axis + 1}"
-    values = limits.channels[name] / found.gravity
+    limits, name = inspection.sampling.limits, f"f{axis + 1}"
+    values = limits.channels[name] / inspection.gravity
     levels = np.abs(values[limits.rows[name]])
     half = 0.5 * resolution_of(np.unique(values))
     beyond = max(np.abs(values).max() - levels.min(), np.ptp(levels))
     return float(levels.min()), half, bool(beyond > 2.0 * half)
 
 
-def radius_with(made: Carried, rests: list[slice]) -> float:
+def radius_with(run: Carried, rests: list[slice]) -> float:
     """Radius of the model without effects where these rests count as well, by the size of gravity."""
-    reference = made.reference
+    reference = run.reference
     assert isinstance(reference, Gravity)
-    force = made.found.record.specific_force
-    reading = np.array([force[rows].mean(axis=0) for rows in rests]) / made.found.gravity
-    x = made.rows.point[: len(NAMES)]
+    force = run.found.record.specific_force
+    reading = np.array([force[rows].mean(axis=0) for rows in rests]) / run.found.gravity
+    x = run.rows.point[: len(NAMES)]
     error, slopes, by_reading = norm_equations(x, reading)
     noise: NDArray = reference.deviation.max(axis=0)
     bound = factor_for(len(rests)) * np.sqrt((by_reading**2 * noise**2).sum(axis=1))
-    by_own = np.zeros((len(rests), 1, len(made.rows.names) - len(NAMES)))
+    by_own = np.zeros((len(rests), 1, len(run.rows.names) - len(NAMES)))
     ends = [np.array([end(rows) for rows in rests]) for end in (lambda r: r.start, lambda r: r.stop - 1)]
     part = Part(
         Pieces("norms", "norms at a limit", *ends),
         error[:, None],
         bound[:, None],
         np.concatenate([-slopes[:, None, :], by_own], axis=2),
-        np.zeros((len(rests), 1, width_of(made.rows.places))),
+        np.zeros((len(rests), 1, width_of(run.rows.places))),
         scored=False,
     )
-    return linear_fit(made.rows.with_parts((*made.rows.parts, part)), ()).radius
+    return linear_fit(run.rows.with_parts((*run.rows.parts, part)), ()).radius

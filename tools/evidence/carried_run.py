@@ -137,16 +137,16 @@ class Carried(SettingIn):
 
     def with_onset(self, place: EffectPlace, row: float) -> Self:
         """The model with an effect that sets in after a row, or with the time constant of that number, too."""
-        made = self._beside(place, *self.cells[place].columns(row))
-        return replace(made, set_in={**self.set_in, place: self.cells[place].value(row)})
+        model = self._beside(place, *self.cells[place].columns(row))
+        return replace(model, set_in={**self.set_in, place: self.cells[place].value(row)})
 
     def including(self, places: Sequence[EffectPlace]) -> Self:
         """The model with formulas and tables as more that can be tried; a ValueError for one that it cannot have."""
-        made = self
+        model = self
         for place in places:
-            if place not in (*made.rows.places, *made.starting):
-                made = made._beside(place, *self._columns_at(place))
-        return made
+            if place not in (*model.rows.places, *model.starting):
+                model = model._beside(place, *self._columns_at(place))
+        return model
 
     def _columns_at(self, place: EffectPlace) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
         """Columns (S, d, K) of each part of an effect that always acts, and its part (3, K) of the mean at rest."""
@@ -188,28 +188,28 @@ class Carried(SettingIn):
         bias = gyros.bias
         if self.at_rest is not None:
             bias = bias - self.at_rest[:, self.rows.numbers_of(places)] @ solution[len(self.rows.names) :]
-        own = {place: values for place, values in self.values_of(places, solution).items() if is_of_gyros(place)}
-        return GyroModel(bias, gyros.scale_misalignment, own)
+        effects = {place: values for place, values in self.values_of(places, solution).items() if is_of_gyros(place)}
+        return GyroModel(bias, gyros.scale_misalignment, effects)
 
     def simulated(
-        self, fmus: Mapping[str, Path], places: Sequence[EffectPlace], solution: NDArray, held: Sequence[NDArray]
+        self, fmus: Mapping[str, Path], places: Sequence[EffectPlace], solution: NDArray, numbers: Sequence[NDArray]
     ) -> list[NDArray[np.float64]]:
         """Errors (n, d) of numbers (n,) of some pieces of each scored kind, by FMUs that are extended by effects.
 
         The solution (P + k,) are steps of the model's parameters and coefficients of the effects.
         """
-        pieces = [kind.selected(at) for kind, at in zip(self.reference.scored, held, strict=True)]
+        pieces = [kind.selected(at) for kind, at in zip(self.reference.scored, numbers, strict=True)]
         rows = all_rows(pieces)
         # What counts the hours must count them from the record's beginning; of a long record a part is run.
-        whole = len(self.motion) <= LONG or reads(places, "HOURS")
-        begin, end = (0, len(self.motion)) if whole else (int(rows[0]), int(rows[-1]) + 1)
+        runs_whole = len(self.motion) <= LONG or reads(places, "HOURS")
+        begin, end = (0, len(self.motion)) if runs_whole else (int(rows[0]), int(rows[-1]) + 1)
         gyros = self.gyros_with(places, solution)
         attitude = carried_attitude(self.motion.part(begin, end), gyros, self.found.gravity, fmus)
         forces = {p: values for p, values in self.values_of(places, solution).items() if not is_of_gyros(p)}
         up = self.reference.directions((self.rows.point + solution[: len(self.rows.names)])[: len(NAMES)], forces)
         errors = []
-        for k, (mine, at) in enumerate(zip(pieces, held, strict=True)):
-            moved = replace(mine, first=mine.first - begin, last=mine.last - begin)
+        for k, (pieces_run, at) in enumerate(zip(pieces, numbers, strict=True)):
+            moved = replace(pieces_run, first=pieces_run.first - begin, last=pieces_run.last - begin)
             errors.append(self.reference.errors(k, turned(moved, attitude), up, up, at))
         return errors
 

@@ -63,7 +63,7 @@ def join(records: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
         matrix.append(rows.nominal @ picked / rows.bound[:, None])
         right.append((rows.residual + rows.nominal @ rows.point) / rows.bound)
     first = estimated(np.vstack(matrix), np.concatenate(right))
-    made = Joint(
+    joint = Joint(
         names=tuple(names.values()),
         point=first,
         members=tuple(records.values()),
@@ -72,7 +72,7 @@ def join(records: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
         chosen=tuple(chosen),
         asked=(shared, own),
     )
-    return Evidence.of(JointReader(replace(made, point=made.refit(()).estimate)))
+    return Evidence.of(JointReader(replace(joint, point=joint.refit(()).estimate)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,72 +109,76 @@ class Joint(Linear):
     @cached_property
     def searched(self) -> tuple[tuple[EffectPlace, ...], ...]:
         """Effects of each record that are linear, and of which it leaves nothing open that counts."""
-        found = []
+        of_members = []
         for member, chosen in zip(self.members, self.chosen, strict=True):
             places = member.rows.linear_places
             at = member.model.about(places, chosen @ self.point, np.zeros(width_of(places)))
             columns, rate = (np.abs(values[:, chosen.shape[0] :]) for values in (at.jacobian, at.rate))
-            told = (rate[:, b].max(initial=0.0) <= OPEN * columns[:, b].max(initial=0.0) for b in blocks_of(places))
-            found.append(tuple(place for place, is_told in zip(places, told, strict=True) if is_told))
-        return tuple(found)
+            searched = []
+            for place, block in zip(places, blocks_of(places), strict=True):
+                if rate[:, block].max(initial=0.0) <= OPEN * columns[:, block].max(initial=0.0):
+                    searched.append(place)
+            of_members.append(tuple(searched))
+        return tuple(of_members)
 
     @cached_property
     def not_searched(self) -> tuple[str, ...]:
         """Names of effects that are not sought in several records together."""
-        tried = {place.effect for places in self.searched for place in places} | {"outlier"}
+        searched_names = {place.effect for places in self.searched for place in places} | {"outlier"}
         names: dict[str, None] = {}
         for member in self.members:
-            names |= dict.fromkeys(place.effect for place in member.rows.places if place.effect not in tried)
+            names |= dict.fromkeys(place.effect for place in member.rows.places if place.effect not in searched_names)
         return tuple(names)
 
     @cached_property
     def places(self) -> tuple[EffectPlace, ...]:
         """Effects in all records, in each alone, and shared parameters that differ in one."""
-        # What a record has no readings of, as a table has none of gyros, acts in the others all the same.
-        has = [{place.definition.component for place in member.rows.linear_places} for member in self.members]
-        common = [
-            place
-            for place in dict.fromkeys(place for places in self.searched for place in places)
-            if len(those := [k for k, own in enumerate(has) if place.definition.component in own]) > 1
-            and all(place in self.searched[k] for k in those)
-        ]
-        alone = [in_record(p, label) for label, own in zip(self.labels, self.searched, strict=True) for p in own]
+        places: dict[EffectPlace, None] = {}
+        components = []
+        for member in self.members:
+            components.append({place.definition.component for place in member.rows.linear_places})
+        for searched in self.searched:
+            for place in searched:
+                # What a record has no readings of, as a table has none of gyros, acts in the others all the same.
+                showing = [k for k, shown in enumerate(components) if place.definition.component in shown]
+                if len(showing) > 1 and all(place in self.searched[k] for k in showing):
+                    places[place] = None
+        for label, searched in zip(self.labels, self.searched, strict=True):
+            places |= dict.fromkeys(in_record(place, label) for place in searched)
         units = dict(self.names)
-        apart = [
-            differs(name, label, units[name])
-            for name in self.shared
-            for label, member in zip(self.labels, self.members, strict=True)
-            if name in dict(member.rows.names)
-        ]
-        return (*common, *alone, *apart)
+        for name in self.shared:
+            for label, member in zip(self.labels, self.members, strict=True):
+                if name in dict(member.rows.names):
+                    places[differs(name, label, units[name])] = None
+        return tuple(places)
 
     @cached_property
     def _here(self) -> tuple[tuple[Mapping[EffectPlace, slice], NDArray], ...]:
         """Columns of all effects of each record at the point, over the bounds."""
-        found = []
+        columns = []
         for member, chosen, places in zip(self.members, self.chosen, self.searched, strict=True):
             blocks = blocks_of(places)
             at = member.model.about(places, chosen @ self.point, np.zeros(width_of(places)))
-            found.append((dict(zip(places, blocks, strict=True)), at.jacobian / at.bound[:, None]))
-        return tuple(found)
+            columns.append((dict(zip(places, blocks, strict=True)), at.jacobian / at.bound[:, None]))
+        return tuple(columns)
 
     def columns_of(self, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
         """Columns (M, K) of some effects at the point, over the bounds."""
-        found = [np.zeros((self.starts[-1], 0))]
+        stacked = [np.zeros((self.starts[-1], 0))]
         for place in places:
             columns = np.zeros((self.starts[-1], width_of([place])))
-            for k in range(len(self.members)):
+            for k, (blocks, jacobian) in enumerate(self._here):
                 if not self.acts(k, place):
                     continue
-                rows, (blocks, own) = slice(self.starts[k], self.starts[k + 1]), self._here[k]
+                rows = slice(self.starts[k], self.starts[k + 1])
                 if isinstance(place, Differs):
-                    columns[rows, 0] = own[:, self._number(k, place.where)]
+                    columns[rows, 0] = jacobian[:, self._number(k, place.where)]
                 elif plain(place) in blocks:
-                    columns[rows] = own[:, len(self.chosen[k]) :][:, blocks[plain(place)]]
+                    columns[rows] = jacobian[:, len(self.chosen[k]) :][:, blocks[plain(place)]]
                 else:
                     columns[rows] = self.at([place], self.point)[1][rows, len(self.point) :]
-            found.append(columns)
-        return np.hstack(found)
+            stacked.append(columns)
+        return np.hstack(stacked)
 
     def acts(self, k: int, place: EffectPlace) -> bool:
         """Whether an effect acts in a record, by its number."""
@@ -182,7 +186,7 @@ class Joint(Linear):
 
     def _number(self, k: int, name: str) -> int:
         """The number of a parameter among those of a record."""
-        return [own for own, _ in self.members[k].rows.names].index(name)
+        return list(dict(self.members[k].rows.names)).index(name)
 
     def at(
         self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray | None = None
@@ -191,34 +195,32 @@ class Joint(Linear):
 
         All are in units of the bounds.
         """
-        blocks, count = blocks_of(places), len(self.point)
-        total = width_of(places)
+        count, total = len(self.point), width_of(places)
         c = np.zeros(total) if coefficients is None else coefficients
-        found: list[tuple[NDArray, NDArray, NDArray]] = []
+        residual, jacobian, rate = [], [], []
         for k, (member, chosen) in enumerate(zip(self.members, self.chosen, strict=True)):
-            mine = [
-                (place, np.arange(block.start, block.stop))
-                for place, block in zip(places, blocks, strict=True)
-                if self.acts(k, place)
-            ]
-            apart = [(self._number(k, place.where), own) for place, own in mine if isinstance(place, Differs)]
-            effects = [(plain(place), own) for place, own in mine if not isinstance(place, Differs)]
-            x, own_columns = chosen @ point, np.concatenate([np.zeros(0, dtype=int), *(own for _, own in effects)])
-            for number, own in apart:
-                x[number] += c[own[0]]
-            rows = member.model.about([place for place, _ in effects], x, c[own_columns])
-            wide = []
-            for values in (rows.jacobian, rows.rate):
-                over = values / rows.bound[:, None]
-                all_columns = np.zeros((len(over), count + total))
-                all_columns[:, :count] = over[:, : len(x)] @ chosen
-                all_columns[:, count + own_columns] = over[:, len(x) :]
-                for number, own in apart:
-                    all_columns[:, count + own[0]] = over[:, number]
-                wide.append(all_columns)
-            found.append((rows.residual / rows.bound, wide[0], wide[1]))
-        residual, jacobian, rate = (np.concatenate(own) for own in zip(*found, strict=True))
-        return residual, jacobian, rate
+            x, effects, numbers, differing = chosen @ point, [], [np.zeros(0, dtype=int)], []
+            for place, block in zip(places, blocks_of(places), strict=True):
+                if not self.acts(k, place):
+                    continue
+                if isinstance(place, Differs):
+                    differing.append((self._number(k, place.where), block.start))
+                    x[differing[-1][0]] += c[block.start]
+                else:
+                    effects.append(plain(place))
+                    numbers.append(np.arange(block.start, block.stop))
+            of_effects = np.concatenate(numbers)
+            rows = member.model.about(effects, x, c[of_effects])
+            residual.append(rows.residual / rows.bound)
+            for values, stacked in ((rows.jacobian, jacobian), (rows.rate, rate)):
+                over_bounds = values / rows.bound[:, None]
+                columns = np.zeros((len(over_bounds), count + total))
+                columns[:, :count] = over_bounds[:, : len(x)] @ chosen
+                columns[:, count + of_effects] = over_bounds[:, len(x) :]
+                for parameter, number in differing:
+                    columns[:, count + number] = over_bounds[:, parameter]
+                stacked.append(columns)
+        return np.concatenate(residual), np.concatenate(jacobian), np.concatenate(rate)
 
     @property
     def limit(self) -> float:
@@ -242,15 +244,15 @@ class Joint(Linear):
         Records that do not decide the radius may stand anywhere within it, and would go to and fro between its corners.
         What bounds are `paid` by stays.
         """
-        rows = [slice(begin, end) for begin, end in pairwise(self.starts)]
-        acting = np.array([jacobian[own].any(axis=0) for own in rows])
+        slices = [slice(begin, end) for begin, end in pairwise(self.starts)]
+        acting = np.array([jacobian[rows].any(axis=0) for rows in slices])
         moved = step.copy()
-        for k, own in enumerate(rows):
+        for k, rows in enumerate(slices):
             columns = np.flatnonzero(acting[k] & (acting.sum(axis=0) == 1) & ~paid)
             if not len(columns):
                 continue
-            left = residual[own] - jacobian[own] @ moved
-            moved[columns] += chebyshev_radius(jacobian[own][:, columns], left, np.ones(len(left)))[1]
+            errors = residual[rows] - jacobian[rows] @ moved
+            moved[columns] += chebyshev_radius(jacobian[rows][:, columns], errors, np.ones(len(errors)))[1]
         return moved
 
     @property
@@ -290,8 +292,8 @@ class Joint(Linear):
 
     def alone_with(self, k: int, places: Sequence[EffectPlace]) -> Fit:
         """One record by itself with those of some effects that act in it."""
-        mine = (place for place in places if self.acts(k, place) and not isinstance(place, Differs))
-        return self.members[k].model.refit([plain(place) for place in mine])
+        acting = (place for place in places if self.acts(k, place) and not isinstance(place, Differs))
+        return self.members[k].model.refit([plain(place) for place in acting])
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
         """Nothing: what each record excludes its own diagnosis says."""
@@ -337,10 +339,10 @@ class JointReader(Reader):
                 parameters[label].append(parameter.model_copy(update={"symbol": symbol, "name": words_of(symbol)}))
         of_record = {}
         for label, member in zip(self.model.labels, self.model.members, strict=True):
-            own = member.reader.calibration_of()
+            alone = member.reader.calibration_of()
             of_record[label] = OfRecord(
-                sigma=own.sigma,
-                mountings=own.mountings,
+                sigma=alone.sigma,
+                mountings=alone.mountings,
                 parameters=parameters[label],
                 provenance=Provenance(record=label),
             )
