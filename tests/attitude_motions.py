@@ -16,7 +16,7 @@ from trihedron.models.attitude_algorithms.computer import TABLE_SIZE, prepare_up
 from trihedron.models.attitude_algorithms.iteration import SPACE_SIZE
 from trihedron.models.rotation import multiply
 from trihedron.tools.motion import angle_between, attitudes_of_angles, rotation_of, run_algorithm, sample_motion
-from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.papers import EXACT, paper_motion
 
 COSTLY = 10
 """Cost of a division, root, sine, cosine or arctangent, in additions or multiplications."""

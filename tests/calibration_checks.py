@@ -7,7 +7,7 @@ import numpy as np
 from generator import G
 from trihedron.models.bench import TARGETS
 from trihedron.tools.calibrated import Calibration, Parameter
-from trihedron.tools.calibration.correction import Correction, corrected
+from trihedron.tools.calibration import Correction, corrected
 
 
 def interval(estimate: Parameter) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from named import Effects, Named
 from trihedron.fmus.parameters import component_parameters
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace, Rows
-from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
+from trihedron.tools.calibration import Linearisation, Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits
 
 G = 9.80665

@@ -12,8 +12,7 @@ from shown_bounds import Watched
 from trihedron.tools import reports
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.document.blocks import Page
-from trihedron.tools.document.page import html
+from trihedron.tools.document import Page, html
 from trihedron.tools.planning import optimal_plans
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.result import Result

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from trihedron.tools.calibration.targets import expression_weights
+from trihedron.tools.calibration import expression_weights
 from trihedron.tools.planning import Plan, clearance, sheets, value
 from trihedron.tools.planning.certificate import ceiling, lower_bound
 from trihedron.tools.planning.forms import SignSheet, dual_forms

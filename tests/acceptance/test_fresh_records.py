@@ -18,7 +18,7 @@ from generator.fresh import POSITION_KINDS, STRAPDOWN_KINDS, Fresh, position_rec
 from shown_bounds import wrong_on_page
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.document.page import html
+from trihedron.tools.document import html
 from trihedron.tools.records import PositionRecord, read_record
 from trihedron.tools.reports import page_of
 

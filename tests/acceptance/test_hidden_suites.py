@@ -16,7 +16,7 @@ import pytest
 
 from generator import SIGMA
 from trihedron.tools import cli
-from trihedron.tools.calibration.model import PRESETS
+from trihedron.tools.calibration import PRESETS
 from trihedron.tools.trials import Options, diagnosed_case, draw_case, judged_case, named_suite, run_suite
 from trihedron.tools.trials.bench import STAND_BOUND
 from unknown_effects import LEAST_RADIUS, draw_unknown

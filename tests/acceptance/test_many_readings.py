@@ -7,8 +7,7 @@ from calibration_checks import misses, tilt_left
 from generator import G as GRAVITY
 from generator.stands import random_bench, simulated
 from trihedron.models.bench import target_reading, target_values
-from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.correction import correction_of
+from trihedron.tools.calibration import calibrate, correction_of
 
 SIGMA = 1e-5
 

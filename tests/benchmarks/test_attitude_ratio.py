@@ -25,7 +25,7 @@ from trihedron.tools.motion import (
     run_algorithm,
     sample_motion,
 )
-from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.papers import EXACT, paper_motion
 
 RATE = 100.0
 COUNT = 160_000

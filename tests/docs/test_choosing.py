@@ -10,7 +10,7 @@ from attitude_motions import operations_per_sample, paper_error, relative_coning
 from trihedron.models.attitude_algorithms import ALGORITHMS, INPUT_KINDS, order_with
 from trihedron.tools.cli import main
 from trihedron.tools.motion import algorithm_named, sample_motion
-from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.papers import EXACT, paper_motion
 from trihedron.tools.rounding import downwards
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

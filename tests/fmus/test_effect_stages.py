@@ -9,7 +9,7 @@ from effect_readings import ALPHA, BETA, ROWS, WOBBLES, G, extended_instance, re
 from named import Named
 from trihedron.models.bench import TARGETS
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.calibration.model import Positions, parametrise, predicted_reading
+from trihedron.tools.calibration import Positions, parametrise, predicted_reading
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits, circumstances_of
 from trihedron.tools.records import PositionRecord
 

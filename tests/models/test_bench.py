@@ -25,7 +25,7 @@ from trihedron.models.bench import (
     up,
     vector_of_rotation,
 )
-from trihedron.tools.calibration.model import PRESETS
+from trihedron.tools.calibration import PRESETS
 
 MOUNTINGS = [
     np.eye(3),

@@ -21,7 +21,7 @@ from trihedron.models.effects import (
     place_from_mapping,
 )
 from trihedron.models.effects.last_stage import place_of
-from trihedron.tools.calibration.model import Positions, linearise, parametrise
+from trihedron.tools.calibration import Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits, left_open, signature_columns, untold_readings
 from trihedron.tools.evidence.fit import linear_intervals
 

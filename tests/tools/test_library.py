@@ -12,7 +12,7 @@ import pytest
 import trihedron as th
 from planning_tasks import known_optima
 from trihedron.tools import cli, library, measured
-from trihedron.tools.document.page import table_html
+from trihedron.tools.document import table_html
 from trihedron.tools.result import Result
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"

@@ -14,9 +14,7 @@ from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, elementary_reading, target_values
 from trihedron.tools.bounded import programmes
 from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
-from trihedron.tools.calibration import calibrate, fit_record, model
-from trihedron.tools.calibration.estimates import joint_sets
-from trihedron.tools.calibration.model import Positions, predicted_input
+from trihedron.tools.calibration import Positions, calibrate, fit_record, joint_sets, model, predicted_input
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)

@@ -7,9 +7,16 @@ from hypothesis import strategies as st
 
 from generator import G as GRAVITY
 from generator.stands import ALPHA, BETA, random_bench, record, simulated
-from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.model import PRESETS, mountings_for, parametrise
-from trihedron.tools.calibration.targets import IN_TARGETS, asked_targets, convention_targets, expression_weights
+from trihedron.tools.calibration import (
+    IN_TARGETS,
+    PRESETS,
+    asked_targets,
+    calibrate,
+    convention_targets,
+    expression_weights,
+    mountings_for,
+    parametrise,
+)
 from trihedron.tools.errors import InputError
 
 ONE = parametrise({"identity": np.eye(3)})

@@ -9,8 +9,7 @@ from calibration_checks import interval, misses
 from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary_reading, target_values
-from trihedron.tools.calibration import Calibration, calibrate
-from trihedron.tools.calibration.model import PRESETS
+from trihedron.tools.calibration import PRESETS, Calibration, calibrate
 
 SIGMA = 1e-5
 IDENTITY = np.eye(3)

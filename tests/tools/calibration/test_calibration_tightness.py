@@ -7,19 +7,24 @@ from generator import G as GRAVITY
 from generator.stands import ALPHA, BETA, random_bench, record
 from trihedron.models.bench import TARGETS, target_reading, target_values
 from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
-from trihedron.tools.calibration import calibrate, fit_record
-from trihedron.tools.calibration.correction import (
+from trihedron.tools.calibration import (
     Correction,
+    Linearisation,
+    Positions,
+    calibrate,
+    corners,
     corrected,
     correction_of,
     error_bounds,
+    error_weights,
     face_readings,
+    fit_record,
     levelling,
+    linearise,
+    parametrise,
     remaining_error,
+    widening,
 )
-from trihedron.tools.calibration.estimates import widening
-from trihedron.tools.calibration.model import Linearisation, Positions, linearise, parametrise
-from trihedron.tools.calibration.targets import corners, error_weights
 
 SIGMA = 1e-7
 """Small, so that the curvature of the model, (σ·cost)² against σ·cost, is below what is asked."""

@@ -15,9 +15,8 @@ from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron import check
 from trihedron.fmus.parameters import bench_parameters, calibrated_block
 from trihedron.models.bench import target_reading, target_values
-from trihedron.tools.calibration import Calibration, apply_calibration, calibrate, write_parameter_set
-from trihedron.tools.calibration.correction import correction_of
-from trihedron.tools.document.blocks import Section
+from trihedron.tools.calibration import Calibration, apply_calibration, calibrate, correction_of, write_parameter_set
+from trihedron.tools.document import Section
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import PositionRecord, write_record
 from trihedron.tools.reports import page_of

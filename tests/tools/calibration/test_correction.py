@@ -13,17 +13,17 @@ from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from named import Named
 from trihedron.fmus.parameters import bench_parameters
 from trihedron.models.bench import TARGETS, target_values
-from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.correction import (
+from trihedron.tools.calibration import (
     Correction,
     apply_calibration,
+    calibrate,
     corrected,
     correction_of,
     face_readings,
     levelling,
     remaining_error,
 )
-from trihedron.tools.document.page import text
+from trihedron.tools.document import text
 from trihedron.tools.errors import InputError
 from trihedron.tools.records import StrapdownRecord, read_record, write_record
 from trihedron.tools.reports.calibration import applied_page, correction_equation

@@ -11,9 +11,7 @@ from generator import G as GRAVITY
 from generator.channels import WRONG, right_record, wrong_record
 from generator.runs import PROGRAMME, Bench
 from generator.stands import random_bench, simulated
-from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.calibration import channels_advice
-from trihedron.tools.calibration.model import PRESETS, Positions, mountings_for, parametrise
+from trihedron.tools.calibration import PRESETS, Positions, calibrate, channels_advice, mountings_for, parametrise
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import diagnose

@@ -14,8 +14,15 @@ from trihedron.models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, inte
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.programmes import Polytope
 from trihedron.tools.calibrated import LATENCIES, Calibration, Gyros
-from trihedron.tools.calibration import Bench, calibrate, calibrate_whole, strapdown_by_table
-from trihedron.tools.calibration.turns import Turns, turns_of, with_turns
+from trihedron.tools.calibration import (
+    Bench,
+    Turns,
+    calibrate,
+    calibrate_whole,
+    strapdown_by_table,
+    turns_of,
+    with_turns,
+)
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.errors import InputError

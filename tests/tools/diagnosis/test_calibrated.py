@@ -13,7 +13,7 @@ from generator.positions import of_one_instrument
 from generator.stands import random_bench, simulated
 from trihedron import calibrate_together
 from trihedron.tools.calibrated import Calibration, Parameter
-from trihedron.tools.calibration.correction import Applied, correction_of, read_correction
+from trihedron.tools.calibration import Applied, correction_of, read_correction
 from trihedron.tools.check import check
 from trihedron.tools.cli import main
 from trihedron.tools.records import write_record

@@ -5,15 +5,8 @@ from xml.etree import ElementTree
 import pytest
 
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS, EffectPlace
-from trihedron.tools.document.notation import (
-    Bar,
-    bars,
-    effect_formula,
-    minus,
-    symbol_text,
-    typographic,
-)
-from trihedron.tools.document.notation import equation as mathml
+from trihedron.tools.document import Bar, bars, effect_formula, minus, symbol_text, typographic
+from trihedron.tools.document import equation as mathml
 
 
 @pytest.mark.parametrize(

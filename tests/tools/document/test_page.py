@@ -12,9 +12,7 @@ from matplotlib.figure import Figure
 
 from page_text import html_of
 from trihedron.tools.cli import main
-from trihedron.tools.document.blocks import Page, Picture, Section, Table
-from trihedron.tools.document.notation import Cell
-from trihedron.tools.document.page import repeatable, write_html
+from trihedron.tools.document import Cell, Page, Picture, Section, Table, repeatable, write_html
 from trihedron.tools.errors import InputError
 from trihedron.tools.rounding import digits, upwards
 

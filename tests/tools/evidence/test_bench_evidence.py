@@ -17,7 +17,7 @@ from generator.stands import record as position_record
 from other_solver import farthest
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.bounded.sets import Work
-from trihedron.tools.calibration.model import PRESETS, parametrise
+from trihedron.tools.calibration import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.cause import excluded_sizes
 from trihedron.tools.diagnosis.witness import Witness, judgement_of

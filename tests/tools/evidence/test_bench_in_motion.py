@@ -14,9 +14,7 @@ from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.sets import Work
-from trihedron.tools.calibration.calibration import fit_record
-from trihedron.tools.calibration.gyros import fit_whole
-from trihedron.tools.calibration.in_motion import UNTOLD
+from trihedron.tools.calibration import UNTOLD, fit_record, fit_whole
 from trihedron.tools.cli import main
 from trihedron.tools.diagnosis import Diagnosis
 from trihedron.tools.diagnosis.dependence import dependence

@@ -15,7 +15,7 @@ from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, R
 from trihedron.models.effects.last_stage import LAST_HOUR
 from trihedron.models.effects.wander import wander_at
 from trihedron.tools.bounded.sets import Work
-from trihedron.tools.calibration.model import predicted_reading
+from trihedron.tools.calibration import predicted_reading
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_visits import acted_on
 from trihedron.tools.evidence.cells import BEFORE, LONGEST, CellsAtRest, beginnings, lagged, time_constants

@@ -29,8 +29,7 @@ from trihedron.tools.motion import (
     sample_motion,
 )
 from trihedron.tools.motion.attitude import attitude_error, heading_and_tilt, rate_at_rest, split_error
-from trihedron.tools.papers.attitude import EXACT, paper_motion
-from trihedron.tools.papers.reproduction import angle_errors
+from trihedron.tools.papers import EXACT, angle_errors, paper_motion
 from trihedron.tools.records import StrapdownRecord, write_record
 
 GRAVITY = 9.80665

@@ -12,8 +12,7 @@ from trihedron.models.attitude_algorithms import ALGORITHMS
 from trihedron.models.harmonic_motion import move_harmonically, store_harmonics
 from trihedron.tools import compiled
 from trihedron.tools.motion import Samples, angle_between, read_increments, run_algorithm, sample_motion
-from trihedron.tools.papers.attitude import EXACT, paper_motion
-from trihedron.tools.papers.reproduction import angle_errors
+from trihedron.tools.papers import EXACT, angle_errors, paper_motion
 
 BY_NAME = {a.name: a for a in ALGORITHMS}
 SMOOTH = ("functional-iteration-4", "functional-iteration-6", "functional-iteration-8", "adaptive-degree")

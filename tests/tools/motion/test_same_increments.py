@@ -12,7 +12,7 @@ import pytest
 from attitude_motions import course_of_harmonics, operations_per_sample
 from trihedron.models.attitude_algorithms import ALGORITHMS, Algorithm
 from trihedron.tools.motion import algorithm_named, angle_between, run_algorithm
-from trihedron.tools.papers.attitude import EXACT, paper_motion
+from trihedron.tools.papers import EXACT, paper_motion
 
 FINER = 32
 ADAPTIVE = algorithm_named("adaptive-degree")

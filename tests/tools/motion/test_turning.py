@@ -12,8 +12,7 @@ from generator.carried import strapdown_record
 from generator.stands import random_bench, simulated
 from generator.turns import turned_by
 from record_files import measured
-from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.model import PRESETS
+from trihedron.tools.calibration import PRESETS, calibrate
 from trihedron.tools.check import check
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.carried_checks import (

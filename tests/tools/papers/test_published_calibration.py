@@ -2,7 +2,7 @@
 
 import pytest
 
-from trihedron.tools.papers.reproduction import PublishedEstimator, check_published_calibration, published_calibration
+from trihedron.tools.papers import PublishedEstimator, check_published_calibration, published_calibration
 
 
 @pytest.fixture(scope="module")

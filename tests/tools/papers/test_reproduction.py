@@ -16,17 +16,19 @@ import pytest
 from trihedron.models.harmonic_motion import attitude_of_angles, move_harmonically
 from trihedron.tools.errors import InputError
 from trihedron.tools.motion import algorithm_named, run_algorithm, sample_motion
-from trihedron.tools.papers.attitude import (
+from trihedron.tools.papers import (
     CAUSES,
     EXACT,
     MOTIONS,
     PAPER,
     UNEXPLAINED,
     Conditions,
+    Reproduction,
+    angle_errors,
     paper_motion,
     published_rows,
+    reproduce_attitude,
 )
-from trihedron.tools.papers.reproduction import Reproduction, angle_errors, reproduce_attitude
 from trihedron.tools.reports.papers import write_reproduction
 
 QUICK = (8, 10, 12, 24, 32, 34, 39, 42, 56, 57)

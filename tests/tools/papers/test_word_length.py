@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from trihedron.tools.motion import algorithm_named, angle_between, run_algorithm
 from trihedron.tools.motion.compare import ARITHMETICS, ROUNDINGS, rounded_increments, run_single
-from trihedron.tools.papers.reproduction import DOUBLE, INCOMMENSURATE, REPEATING, word_length_errors
+from trihedron.tools.papers import DOUBLE, INCOMMENSURATE, REPEATING, word_length_errors
 
 
 def degrees(errors):

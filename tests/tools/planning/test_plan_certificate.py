@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from planning_reference import random_mounting
 from trihedron.models.bench import admissible, nominal_input
-from trihedron.tools.calibration.model import Positions, parametrise, reading_jacobian
+from trihedron.tools.calibration import Positions, parametrise, reading_jacobian
 from trihedron.tools.errors import InputError
 from trihedron.tools.planning import clearance, sheets, value
 from trihedron.tools.planning.certificate import ROUNDING, ceiling

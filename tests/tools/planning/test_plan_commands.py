@@ -11,8 +11,7 @@ import pytest
 import trihedron as th
 from planning_tasks import known_optima
 from trihedron.models.bench import regressors
-from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.model import parametrise
+from trihedron.tools.calibration import calibrate, parametrise
 from trihedron.tools.cli import main
 from trihedron.tools.demo import inside_intervals, true_targets
 from trihedron.tools.orchestrator import read_scenario

@@ -12,7 +12,7 @@ import trihedron as th
 from planning_proof import ProofError, proven_gap
 from planning_reference import COSTS, random_mounting
 from trihedron.models.bench import TARGETS, admissible, regressors
-from trihedron.tools.calibration.model import PRESETS, parametrise
+from trihedron.tools.calibration import PRESETS, parametrise
 from trihedron.tools.planning import Plan, Plans, sheets
 from trihedron.tools.planning.targets import PositionGrid
 

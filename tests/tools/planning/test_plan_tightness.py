@@ -10,8 +10,7 @@ import pytest
 import trihedron as th
 from planning_tasks import stored, tables_task
 from trihedron.models.bench import admissible, regressors
-from trihedron.tools.calibration.model import PRESETS, parametrise
-from trihedron.tools.calibration.targets import expression_weights
+from trihedron.tools.calibration import PRESETS, expression_weights, parametrise
 from trihedron.tools.planning import Optimum, Places, Plan, clearance, costs, sheets, task_of
 from trihedron.tools.planning.bounds import HittingSet, PositionPool, bound_positions
 from trihedron.tools.planning.certificate import MOST_TERMS, _expand, _upper, lower_bound

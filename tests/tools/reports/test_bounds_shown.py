@@ -17,10 +17,9 @@ from page_text import clean, shown, text_of
 from planning_tasks import planned, stored, tables_task
 from shown_bounds import BOTH, DOWN, UP, Watched, shown_too_well, wrong_on_page
 from trihedron.tools import library, measured
-from trihedron.tools.calibration import calibrate
-from trihedron.tools.calibration.correction import correction_of, face_readings, levelling
+from trihedron.tools.calibration import calibrate, correction_of, face_readings, levelling
 from trihedron.tools.campaign import open_result
-from trihedron.tools.document.page import html
+from trihedron.tools.document import html
 from trihedron.tools.planning import PositionPlan, SettingCheck, check_settings
 from trihedron.tools.reports import page_of
 from trihedron.tools.reports.campaign import campaign_page

@@ -11,7 +11,7 @@ from command_table import make_inputs
 from generator.positions import write_hidden_record
 from page_text import text_of
 from trihedron.tools import cli
-from trihedron.tools.document.page import write_html
+from trihedron.tools.document import write_html
 
 PAGES = (
     "calibration, consistent",

@@ -18,9 +18,7 @@ from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import Calibration, calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.search import compared_places, likeness
-from trihedron.tools.document.blocks import Page, Section
-from trihedron.tools.document.notation import half_width, minus, typographic
-from trihedron.tools.document.page import text
+from trihedron.tools.document import Page, Section, half_width, minus, text, typographic
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.carried import OF_ACCELEROMETERS
 from trihedron.tools.reports import bench, calibration, diagnosis, evidence, inspection

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from reference import interval_picture, strips_picture
-from trihedron.tools.calibration.model import Positions
+from trihedron.tools.calibration import Positions
 from trihedron.tools.motion import AttitudeRun
 from trihedron.tools.reports.pictures import COLOURS
 from trihedron.tools.reports.pictures.records import (

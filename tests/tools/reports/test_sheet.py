@@ -8,7 +8,7 @@ import pytest
 import trihedron as th
 from browser import Window
 from page_text import clean, few, with_power
-from trihedron.tools.document.page import html
+from trihedron.tools.document import html
 from trihedron.tools.reports.sheet import read_about, sheet_page
 from trihedron.tools.trials import NOISE_BOUND
 

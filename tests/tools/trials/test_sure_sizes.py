@@ -12,8 +12,7 @@ from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.bounded.programmes import chebyshev_radius, spread_directions
-from trihedron.tools.calibration.calibration import fit_record
-from trihedron.tools.calibration.model import Linearisation
+from trihedron.tools.calibration import Linearisation, fit_record
 from trihedron.tools.evidence.bench_visits import circumstances_of, signature_columns
 from trihedron.tools.evidence.cells import Cell
 from trihedron.tools.trials.sizes import DIRECTIONS, KnownBench, level_change
