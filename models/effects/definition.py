@@ -108,11 +108,17 @@ class EffectParameter:
     largest: float
     smallest: float | None = None
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest possible value."""
+        if self.smallest is None:
+            return -self.largest, self.largest
+        return self.smallest, self.largest
+
     def possible(self, value: float) -> bool:
         """Whether a value is within the possible ones, to rounding."""
-        room = 1e-9 * self.largest
-        low = -self.largest if self.smallest is None else self.smallest
-        return low - room <= value <= self.largest + room
+        room, (low, high) = 1e-9 * self.largest, self.range
+        return low - room <= value <= high + room
 
 
 Parameters = EffectParameter | tuple[EffectParameter, ...]

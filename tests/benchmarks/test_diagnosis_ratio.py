@@ -151,7 +151,7 @@ def test_a_whole_diagnosis(positions, capsys):
     result: Any = diagnose(record, **options_of(case), rerun=False)
     durations = time.process_time() - begun
     evidence = result.evidence
-    places, ways = evidence.model.classes.places, len(evidence.model.search.ways)
+    places, ways = evidence.model.classes.places, len(evidence.model.search.every_cell)
     pairs = math.comb(len(places), 2) + len(places) * ways
     matrix = np.hstack((evidence.rows.nominal, evidence.rows.columns_of(places[:2])))
     begun = time.process_time()

@@ -8,7 +8,7 @@ third order of its size.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -299,8 +299,7 @@ class TurnsInTime(SettingIn):
         Of a slip that is found again twice: what it does is bent.
         """
         if self.around is None:
-            (place,) = (place for place in places if place in self.starting)
-            rest, loose = [p for p in places if p != place], SLACK
+            (place, rest), loose = self._apart(places), SLACK
             if place == SLIP:
                 loose += self.second_order
             rough = self._replaced_by(loose=loose)
@@ -337,7 +336,7 @@ class TurnsInTime(SettingIn):
         return all(variant is None or place in self.starting for place, _, variant in fit.ways)
 
     def _replaced_by(self, **fields: Any) -> Self:
-        evidence = replace(self, **fields)
+        evidence = replace(cast(Any, self), **fields)
         evidence.__dict__["cells"] = self.cells
         if "slipping" in fields:
             evidence.__dict__["cells"] = {**self.cells, SLIP: evidence.make_cells(SLIP)}

@@ -59,20 +59,20 @@ PROVEN_WANDER = 2
 """A function of time, which contains so much, counts as so many effects, or one more where time is not proven."""
 
 
-Step = tuple[EffectPlace, int]
-"""An effect that only adds columns, in one of its ways."""
+CellNumber = tuple[EffectPlace, int]
+"""An effect with an unknown number, and which cell of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Where sets are sought: a centre, what the model linear there may be wrong by, and steps of effects in their ways.
+    """Where sets are sought: a centre, what the model linear there may be wrong by, and cells of unknown numbers.
 
     The slack is in units of the bounds.
     """
 
     centre: Fit
     slack: float
-    steps: tuple[Step, ...]
+    cells: tuple[CellNumber, ...]
 
 
 def centre_of(readings: Readings, cast: Cast, start: NDArray, before: Fit | None = None) -> Fit:
@@ -207,27 +207,27 @@ class BenchSearch:
         return LEAST_SLACK + SECOND_ORDER * usual_misfit(centre) ** 2 * float(self.readings.bound.min())
 
     @cached_property
-    def additive(self) -> dict[EffectPlace, Sequence[Cell]]:
-        """Effects with an unknown number, each with the cells of it: they are sought by these."""
+    def cells(self) -> dict[EffectPlace, Sequence[Cell]]:
+        """The cells of each effect with an unknown number: it is sought by these."""
         rows = self.readings.rows(self.centre.point)
-        additive: dict[EffectPlace, Sequence[Cell]] = {}
+        cells: dict[EffectPlace, Sequence[Cell]] = {}
         for place in self.places:
-            if place.definition.searched is not None and (cells := CellsAtRest(place, rows)):
-                additive[place] = list(cells)
-        return additive
-
-    @property
-    def ways(self) -> list[Step]:
-        """Each effect that only adds columns, in each of its ways."""
-        steps: list[Step] = []
-        for place, ways in self.additive.items():
-            for number in range(len(ways)):
-                steps.append((place, number))
-        return steps
+            if place.definition.searched is not None and (of_place := CellsAtRest(place, rows)):
+                cells[place] = list(of_place)
+        return cells
 
     @cached_property
-    def _open_ways(self) -> dict[frozenset[EffectPlace], list[int]]:
-        """Of sets with an effect that only adds columns the ways of it that no bound refuses."""
+    def every_cell(self) -> tuple[CellNumber, ...]:
+        """Each cell of each effect with an unknown number."""
+        numbers: list[CellNumber] = []
+        for place, cells in self.cells.items():
+            for number in range(len(cells)):
+                numbers.append((place, number))
+        return tuple(numbers)
+
+    @cached_property
+    def _open_cells(self) -> dict[frozenset[EffectPlace], list[int]]:
+        """Of sets with an effect with an unknown number the cells of it that no bound refuses."""
         return {}
 
     @cached_property
@@ -235,11 +235,11 @@ class BenchSearch:
         """What effects may do at most that are not linear, or whose circumstances the record does not tell."""
         rows = self.readings.rows(self.centre.point)
         places = [place for place in self.classes.places if untold_readings([place], rows).any()]
-        places += [place for place in self.places if not is_linear(place) and place not in self.additive]
+        places += [place for place in self.places if not is_linear(place) and place not in self.cells]
         return {relaxation.place: relaxation for relaxation in self.readings.relaxations(rows, places)}
 
     @cached_property
-    def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting], tuple[Step, ...]]]:
+    def _anchors(self) -> dict[tuple[EffectPlace, ...], tuple[list[Fit], list[Setting], tuple[CellNumber, ...]]]:
         return {}
 
     @cached_property
@@ -258,39 +258,38 @@ class BenchSearch:
         free = [place for place in self.classes.places if place not in self.relaxed]
         for count in range(min(size, len(self.relaxed)) + 1):
             for chosen in combinations(self.relaxed.values(), count):
-                relaxed_places = tuple(effect.place for effect in chosen)
-                tried_sets: dict[tuple[EffectPlace, ...], set[int]] = {}
-                for linear, ways in self._linear_sets(self.centre, free, chosen, size - count, work):
-                    places = (*sorted(linear, key=lambda place: place.title), *relaxed_places)
-                    if places not in tried_sets and not ways:
+                relaxed_places = [effect.place for effect in chosen]
+                open_sets: dict[tuple[EffectPlace, ...], set[int]] = {}
+                for linear, cells in self._linear_sets(self.centre, free, chosen, size - count, work):
+                    places = tuple(sorted(linear, key=lambda place: place.title) + relaxed_places)
+                    if places not in open_sets and not cells:
                         yield places
-                    tried_sets.setdefault(places, set()).update(ways)
-                # An effect's other ways count for what is possible with it: it waits for all of them.
-                for places, ways in tried_sets.items():
-                    if ways:
-                        self._open_ways[frozenset(places)] = sorted(ways)
+                    open_sets.setdefault(places, set()).update(cells)
+                # An effect's other cells count for what is possible with it: it waits for all of them.
+                for places, open_cells in open_sets.items():
+                    if open_cells:
+                        self._open_cells[frozenset(places)] = sorted(open_cells)
                         yield places
 
     def two_in_time(self, work: Work) -> bool:
-        """Whether two effects that only add columns, each in a way of its own, might stand: no bound refuses them.
+        """Whether two effects with unknown numbers might stand, each in a cell of its own: no bound refuses them.
 
-        One alone does not, in two of its ways: of these only steps are two events.
+        One alone does not, in two of its cells: of these only steps are two events.
         """
-        ways, problem = self.ways, replace(self.problem(self.centre, [], self.ways), alike=0)
-        events = [not self.additive[place][way].one_sign for place, way in ways]
+        every, problem = self.every_cell, replace(self.problem(self.centre, [], self.every_cell), alike=0)
         for pair in sets_of_size(problem, 2, self.slack(self.centre), 0, work):
-            first, second = pair.effects
-            if ways[first][0] != ways[second][0] or events[first]:
+            (first, number), (second, _) = every[pair.effects[0]], every[pair.effects[1]]
+            if first != second or not self.cells[first][number].one_sign:
                 return True
         return False
 
     def acting(self, places: Sequence[EffectPlace]) -> dict[EffectPlace, Sequence[int]]:
-        """The ways in which effects of a set that are not linear can act, as far as no bound refuses them."""
+        """The cells or ways in which effects of a set that are not linear can act, as far as no bound refuses them."""
         classes = frozenset(self.classes.whole_class(place)[0] for place in places)
         bent: dict[EffectPlace, Sequence[int]] = {}
         for place in places:
-            if place in self.additive:
-                bent[place] = self._open_ways.get(classes, range(len(self.additive[place])))
+            if place in self.cells:
+                bent[place] = self._open_cells.get(classes, range(len(self.cells[place])))
             elif place in self.relaxed and (count := self.relaxed[place].ways):
                 bent[place] = range(count)
         return bent
@@ -300,77 +299,78 @@ class BenchSearch:
     ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
         """Sets of so many linear effects and outliers, beside those of a centre, that no bound refuses.
 
-        With each the way of the effect in it that only adds columns, if there is one.
+        With each the cell of the effect in it with an unknown number, if there is one.
         """
         free = [place for place in places if place not in centre.places]
-        steps = tuple(self.ways) if size > 0 else ()
+        cells: tuple[CellNumber, ...] = ()
+        if size > 0:
+            cells = self.every_cell
         if size > 0 and self.slack(centre) > TOO_MUCH:
             if centre.places not in self._anchors:
                 work.add(2 * MOST_ANCHORS * ROUNDS * model_work(self.readings))
                 settings = self.settings(centre)
                 self._anchors[centre.places] = self.anchors(centre, free), settings, self.nearest(centre, settings)
-            anchors, settings, steps = self._anchors[centre.places]
+            anchors, settings, cells = self._anchors[centre.places]
             for anchor in anchors:
                 yield from self._linear_sets(anchor, places, chosen, size - 1, work)
             for setting in settings:
                 yield from self._sets_of(setting, free, chosen, size, work)
             anchored = {anchor.places[-1] for anchor in anchors}
             free = [place for place in free if place not in anchored]
-        yield from self._sets_of(Setting(centre, self.slack(centre), steps), free, chosen, size, work)
+        yield from self._sets_of(Setting(centre, self.slack(centre), cells), free, chosen, size, work)
 
     def _sets_of(
         self, setting: Setting, free: Sequence[EffectPlace], chosen: Sequence[Relaxation], size: int, work: Work
     ) -> Iterator[tuple[frozenset[EffectPlace], tuple[int, ...]]]:
-        """As `_linear_sets`, in one setting, of so many of the effects that are free and of its steps."""
-        steps, places = setting.steps, setting.centre.places
-        key = (setting.centre, tuple(free), steps)
+        """As `_linear_sets`, in one setting, of so many of the effects that are free and of its cells."""
+        cells, places = setting.cells, setting.centre.places
+        key = (setting.centre, tuple(free), cells)
         if key not in self._problems:
-            self._problems[key] = self.problem(setting.centre, free, steps)
+            self._problems[key] = self.problem(setting.centre, free, cells)
         problem = self._problems[key]
         part, readings = self._without(problem, chosen)
         for candidate in sets_of_size(part, size, setting.slack, work=work):
             outliers = [int(readings[row]) for row in candidate.outliers]
             if self._paid_radius(problem, chosen, candidate.effects, outliers, work) > 1.0 + setting.slack:
                 continue
-            effects, ways = set(places), []
+            effects, own_cells = set(places), []
             for number in candidate.effects:
                 if number < len(free):
                     effects.add(free[number])
                 else:
-                    place, way = steps[number - len(free)]
+                    place, cell = cells[number - len(free)]
                     effects.add(place)
-                    ways.append(way)
+                    own_cells.append(cell)
             for row in outliers:
                 effects.add(place_of(row // 3 + 1, row % 3 + 1))
-            yield frozenset(effects), tuple(ways)
+            yield frozenset(effects), tuple(own_cells)
 
     def settings(self, centre: Fit) -> list[Setting]:
-        """Where the bench is with each effect that only adds columns and stands out, beside those of a centre.
+        """Where the bench is with each effect with an unknown number that stands out, beside those of a centre.
 
-        With about its time told the bench is known, so that all of its ways can be judged there.
+        With about its number told the bench is known, so that all of its cells can be judged there.
         """
-        settings: dict[EffectPlace, Setting] = {}
-        for k in most_helpful(self.problem(centre, [], self.ways)):
-            place, way = self.ways[k]
-            if place in settings:
+        looked_at, settings = set[EffectPlace](), []
+        for k in most_helpful(self.problem(centre, [], self.every_cell)):
+            place, number = self.every_cell[k]
+            if place in looked_at:
                 continue
-            cast = Cast((*centre.places, place), {place: way})
+            cast = Cast((*centre.places, place), {place: number})
             about = centre_of(self.readings, cast, self.start, centre)
-            steps: tuple[Step, ...] = ()
             if usual_misfit(about) <= STANDS_OUT * usual_misfit(centre):
-                steps = tuple(step for step in self.ways if step[0] == place)
-            settings[place] = Setting(without_last(self.readings, about), self.slack(about), steps)
-            if len(settings) == MOST_ANCHORS:
+                cells = tuple((place, own) for own in range(len(self.cells[place])))
+                settings.append(Setting(without_last(self.readings, about), self.slack(about), cells))
+            looked_at.add(place)
+            if len(looked_at) == MOST_ANCHORS:
                 break
-        return [setting for setting in settings.values() if setting.steps]
+        return settings
 
-    def nearest(self, centre: Fit, settings: Sequence[Setting]) -> tuple[Step, ...]:
-        """Of effects with no setting few ways at a centre: their time is not told, but for what looks most like it."""
-        standing = set[EffectPlace]()
-        for setting in settings:
-            standing |= {place for place, _ in setting.steps}
-        steps = [step for step in self.ways if step[0] not in standing]
-        return tuple(steps[k] for k in most_helpful(self.problem(centre, [], steps))[:MOST_ANCHORS])
+    def nearest(self, centre: Fit, settings: Sequence[Setting]) -> tuple[CellNumber, ...]:
+        """Of effects with no setting few cells at a centre: nothing tells their number but what looks most like it."""
+        settled = {setting.cells[0][0] for setting in settings}
+        cells = [cell for cell in self.every_cell if cell[0] not in settled]
+        helpful = most_helpful(self.problem(centre, [], cells))
+        return tuple(cells[k] for k in helpful[:MOST_ANCHORS])
 
     def anchors(self, centre: Fit, places: Sequence[EffectPlace]) -> list[Fit]:
         """Centres with one effect more that stands out, the most helpful first."""
@@ -381,13 +381,13 @@ class BenchSearch:
                 anchors.append(about)
         return anchors
 
-    def problem(self, centre: Fit, places: Sequence[EffectPlace], ways: Sequence[Step] = ()) -> Problem:
-        """The search for effects beside those of a centre, and for others in some ways, in units of the bounds."""
+    def problem(self, centre: Fit, places: Sequence[EffectPlace], cells: Sequence[CellNumber] = ()) -> Problem:
+        """The search for effects beside those of a centre, and for others in some cells, in units of the bounds."""
         rows, bound = self.readings.rows_with(centre), self.readings.bound[:, None]
         blocks = [signature_columns([place], rows) / bound for place in places]
-        for place, way in ways:
-            blocks.append(self.additive[place][way].columns.reshape(len(bound), -1) / bound)
-        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(ways))
+        for place, number in cells:
+            blocks.append(self.cells[place][number].columns.reshape(len(bound), -1) / bound)
+        return Problem.of(centre.residual / bound[:, 0], centre.jacobian / bound, blocks, len(cells))
 
     def _without(self, problem: Problem, chosen: Sequence[Relaxation]) -> tuple[Problem, NDArray]:
         """The problem that bounds every set with these effects from below, and the readings (m,) that it keeps."""

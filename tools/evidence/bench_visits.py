@@ -21,7 +21,7 @@ from ..calibration.model import (
 )
 from ..records import PositionRecord
 from .fit import Fit
-from .observation import Observation
+from .observation import observation_of_rests
 
 INPUT_CHANGE = 1e-4
 """Change of an input [g] between rows whose sense is certain; a smaller one says nothing."""
@@ -269,11 +269,6 @@ def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
         effect = place.definition
         columns.append(observation_of_rests(rows, effect.stage).of(effect.ports(place, rows)))
     return np.hstack(columns)
-
-
-def observation_of_rests(rows: Rows, stage: str | None) -> Observation:
-    """Return what readings, each by itself, say of additions at the ports of a stage."""
-    return Observation((), rows.by_ports(stage))
 
 
 def untold_readings(places: Sequence[EffectPlace], rows: Rows) -> NDArray[np.bool_]:

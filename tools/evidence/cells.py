@@ -77,26 +77,25 @@ class Cell:
     @property
     def directions(self) -> NDArray[np.float64]:
         """Sums (S, K) of coefficients that are the first of the parameters."""
-        return np.eye(len(self.numbers)) if self.sums is None else self.sums
+        if self.sums is None:
+            return np.eye(len(self.numbers))
+        return self.sums
 
     @property
     def limits(self) -> tuple[tuple[float, float], ...]:
         """The possible values of each parameter."""
-        limits = []
-        for parameter in self.place.definition.linear_parameters:
-            smallest = -parameter.largest if parameter.smallest is None else parameter.smallest
-            limits.append((smallest, parameter.largest))
+        limits = [parameter.range for parameter in self.place.definition.linear_parameters]
         return (*limits, self.ends)
 
     @property
     def low(self) -> NDArray[np.float64]:
         """Lower ends (K,) of the coefficients: of each that of the first parameter which it is a part of."""
-        return np.array([self.limits[k][0] for k in self._parameters])
+        return np.array(self.limits)[self._parameters, 0]
 
     @property
     def high(self) -> NDArray[np.float64]:
         """Upper ends (K,) of the coefficients."""
-        return np.array([self.limits[k][1] for k in self._parameters])
+        return np.array(self.limits)[self._parameters, 1]
 
     @property
     def _parameters(self) -> NDArray[np.int_]:
@@ -140,12 +139,15 @@ class CellsAtRest(Sequence[Cell]):
             middles = np.full(columns.shape[2], 0.5 * (low + high))
             return Cell(self.place, (low, high), after, middles, elsewhere=self.from_first)
         # What the record shows at an end of all that is sought it does not tell from what is beyond.
-        limits = (0.0 if k == 0 else low, LAST_HOUR if k == len(self) - 1 else high)
+        if k == 0:
+            low = 0.0
+        if k == len(self) - 1:
+            high = LAST_HOUR
         count = len(self.beginnings)
         sums = np.vstack((np.ones(2 * count), np.tile(self.beginnings.T, 2)))
         numbers, missed = np.repeat(self.ends[k : k + 2], count), np.tile(self.missed(k), 2)
         elsewhere = partial(self.with_constants, k)
-        return Cell(self.place, limits, elsewhere(self.rows), numbers, missed, sums, elsewhere)
+        return Cell(self.place, (low, high), elsewhere(self.rows), numbers, missed, sums, elsewhere)
 
     @cached_property
     def ends(self) -> NDArray[np.float64]:
@@ -154,9 +156,12 @@ class CellsAtRest(Sequence[Cell]):
         if effect.searched == ONSET:
             times, counts = np.unique(hours, return_counts=True)
             before = np.cumsum(counts)
-            enough = np.flatnonzero((before[:-1] >= FEWEST_ROWS) & (len(hours) - before[:-1] >= FEWEST_ROWS))
-            return times[enough[0] : enough[-1] + 2] if len(enough) else times[:0]
-        return time_constants(hours, SHORTER if effect.memory else 1.0)
+            # Gaps with enough rows on both sides are next to each other: a time before each, and one behind the last.
+            enough = (before[:-1] >= FEWEST_ROWS) & (len(hours) - before[:-1] >= FEWEST_ROWS)
+            return times[np.append(enough, False) | np.append(False, enough)]
+        if effect.memory is None:
+            return time_constants(hours)
+        return time_constants(hours, SHORTER)
 
     def read(self, added: NDArray[np.float64], rows: Rows) -> NDArray[np.float64]:
         """What additions (N, ports, K) at the effect's stage do to the readings (N, 3, K)."""
@@ -182,11 +187,12 @@ class CellsAtRest(Sequence[Cell]):
 
     def with_constants(self, k: int, rows: Rows) -> NDArray[np.float64]:
         """Columns (N, 3, 2 B) with the time constants at both ends of a cell, of each from every beginning."""
-        place, columns = self.place, []
+        place, columns, at = self.place, [], rows
         for number in (k, k + 1):
-            at = rows if place.definition.memory is None else replace(rows, kept=self.lag(number, rows))
+            if place.definition.memory is not None:
+                at = replace(rows, kept=self.lag(number, rows))
             for further in self.beginnings.tolist():
-                parameters = (1.0, *further, float(self.ends[number]))
+                parameters = [1.0, *further, float(self.ends[number])]
                 columns.append(response(place.definition, place, at, parameters))
         return self.read(np.stack(columns, axis=2), rows)
 
@@ -195,11 +201,11 @@ class CellsAtRest(Sequence[Cell]):
         effect, lag = self.place.definition, lagged_of(self.rows.hours.tobytes(), self.warmth.tobytes())[0][:, number]
         if rows is self.rows:
             return lag
-        kept, numbers = [lag[-1]] * 3, effect.place_numbers(self.place)
-        parameters = [0.0] * len(effect.linear_parameters) + [float(self.ends[number])]
-        before = self.rows.hours[-1], self.warmth[-1]
-        on_columns(effect.memory)(rows.seen_by(effect.component)[0], before, *numbers, *parameters, kept)
-        return np.asarray(kept[self.place.index], dtype=float)
+        temperatures, before = [lag[-1]] * 3, (self.rows.hours[-1], self.warmth[-1])
+        sizes = [0.0] * len(effect.linear_parameters)
+        arguments = [*effect.place_numbers(self.place), *sizes, float(self.ends[number]), temperatures]
+        on_columns(effect.memory)(rows.seen_by(effect.component)[0], before, *arguments)
+        return np.asarray(temperatures[self.place.index], dtype=float)
 
     def missed(self, k: int) -> NDArray[np.float64]:
         """By how much (N, 3, B) means of the columns at the ends of a cell may err within it, per unit of size."""
@@ -207,8 +213,8 @@ class CellsAtRest(Sequence[Cell]):
         faded = fading_error(rows.hours, ends)[:, 0]
         if place.definition.memory is None:
             # What fades is the difference of what does not, and of what has faded at once.
-            whole, none = (ports(place.definition, place, rows, constant) for constant in (np.inf, AT_ONCE))
-            error = np.abs(whole - none) * faded[:, None, None]
+            fading = ports(place.definition, place, rows, np.inf) - ports(place.definition, place, rows, AT_ONCE)
+            error = np.abs(fading) * faded[:, None, None]
             return np.abs(rows.by_ports(place.definition.stage)) @ error
         error = lagged_of(rows.hours.tobytes(), self.warmth.tobytes())[1][:, k] + rows.temperature_resolution
         missed = np.zeros((len(rows.hours), 3, len(self.beginnings)))

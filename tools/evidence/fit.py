@@ -394,13 +394,14 @@ def coefficient_limits(place: EffectPlace) -> tuple[NDArray[np.float64], NDArray
     """Ends of the possible coefficients of a linear effect; of amplitude and phase those of the pair that they are."""
     ends: list[tuple[float, float]] = []
     for parameter in place.definition.linear_parameters:
-        largest, smallest = parameter.largest, parameter.smallest
         if parameter.name.endswith("amplitude"):
             # The square within the circle of the largest amplitude.
-            largest = parameter.largest / np.sqrt(2.0)
-            smallest = -largest
-        same = parameter.name.endswith("phase")
-        ends.append(ends[-1] if same else (-largest if smallest is None else smallest, largest))
+            largest = float(parameter.largest / np.sqrt(2.0))
+            ends.append((-largest, largest))
+        elif parameter.name.endswith("phase"):
+            ends.append(ends[-1])
+        else:
+            ends.append(parameter.range)
     low, high = np.array(ends, dtype=float).T
     return low, high
 

@@ -21,7 +21,6 @@ from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord, RawRecord
 from ..records.rests import without_turns
-from .fit import coefficient_count
 from .pairs import TURN
 from .rows import Pieces
 
@@ -174,6 +173,11 @@ def integrated(weights: Weights, count: int, adds: NDArray, boundaries: NDArray)
     return np.cumsum(total.reshape(3, ends, count)[:, :-1], axis=1).transpose(1, 0, 2)
 
 
+def observation_of_rests(rows: Rows, stage: str | None) -> Observation:
+    """Return what readings at rest, each by itself, say of additions at the ports of a stage."""
+    return Observation((), rows.by_ports(stage))
+
+
 # Turns of a table
 
 
@@ -307,7 +311,7 @@ class Travel:
             # It adds up the record's own rows, whatever the table does between them.
             return -self.coning.reshape(-1, 1)
         if not place.definition.turns_table:
-            return np.zeros((3 * len(self.first), coefficient_count(place)))
+            return np.zeros((3 * len(self.first), len(place.definition.linear_parameters)))
         return self.table.of(place.definition.turns(place, self.rows))
 
     @cached_property

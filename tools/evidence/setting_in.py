@@ -5,7 +5,7 @@ Stretches of times that no bound refuses are swept row by row; what stands at an
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Self
 
@@ -25,7 +25,16 @@ MOST_TRIED = 12
 FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
 """Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
 not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""
-Standing = tuple[tuple[float, float], list[tuple[Fit, float]], list[Swept]]
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Numbers from `begin` to `end` with which an effect stands: fits at some of them, and all that is possible."""
+
+    begin: float
+    end: float
+    fits: list[tuple[Fit, float]]
+    swept: list[Swept]
 
 
 class SettingIn(Linear):
@@ -99,8 +108,9 @@ class SettingIn(Linear):
 
     def _candidates(self, place: EffectPlace, work: Work, slack: float) -> list[EffectPlace]:
         """Linear effects beside which an effect may set in, in the order of their places."""
-        every, standing = self.classes.places, set[int]()
-        columns = [self.rows.columns_of([candidate]) for candidate in every]
+        every, standing, columns = self.classes.places, set[int](), []
+        for candidate in every:
+            columns.append(self.rows.columns_of([candidate]))
 
         def standing_in(begin: int, end: int, among: Sequence[int]) -> Sequence[int]:
             """Candidates that no bound refuses in a range, but for those that stand in another one."""
@@ -109,10 +119,12 @@ class SettingIn(Linear):
             finite = np.isfinite(columns_held).all(axis=1)
             nominal = np.hstack([self.rows.nominal, columns_held])[finite]
             problem = Problem.of(self.rows.residual[finite], nominal, [columns[k][finite] for k in among])
-            sets = sets_of_size(problem, 1, self.limit - 1.0 + missed + slack, 0, work)
-            return [among[number] for open_set in sets for number in open_set.effects]
+            open_candidates = []
+            for open_set in sets_of_size(problem, 1, self.limit - 1.0 + missed + slack, 0, work):
+                open_candidates.append(among[open_set.effects[0]])
+            return open_candidates
 
-        for *_, candidates in open_ranges(self._edges(place), range(len(every)), standing_in):
+        for _, _, candidates in open_ranges(self._edges(place), range(len(every)), standing_in):
             standing.update(candidates)
         return [every[k] for k in sorted(standing)]
 
@@ -121,44 +133,48 @@ class SettingIn(Linear):
 
         These begin at zero where one that acts from the first row on would do as well.
         """
-        (place,) = (place for place in places if place in self.starting)
-        linear, cells = [p for p in places if p != place], self.cells[place]
+        place, linear = self._apart(places)
+        cells = self.cells[place]
         if isinstance(cells, TimeConstants):
-            ends, fits, swept = self._fading(place, linear, work)
+            standing = self._fading(place, linear, work)
         else:
-            ends, fits, swept = self._setting_in(place, linear, work)
-        if not fits:
+            standing = self._setting_in(place, linear, work)
+        if standing is None:
             return []
-        at_times = []
-        for fit, row in sorted(fits, key=lambda fit_at_row: fit_at_row[0].radius):
-            at_times.append(setting_in_at(fit, place, cells.value(row), cells.ends(*ends)))
-        return [replace(at_times[0], also=tuple(at_times[1:]), swept=tuple(swept))]
+        ends, fits = cells.ends(standing.begin, standing.end), []
+        for fit, number in sorted(standing.fits, key=lambda fit_and_number: fit_and_number[0].radius):
+            fits.append(setting_in_at(fit, place, cells.value(number), ends))
+        return [replace(fits[0], also=tuple(fits[1:]), swept=tuple(standing.swept))]
 
-    def _setting_in(self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work) -> Standing:
-        """Ends of the rows at which an effect beside others can set in, fits at some of them, and all of them."""
-        best, swept_stretches, ends = [], [], []
+    def _apart(self, places: Sequence[EffectPlace]) -> tuple[EffectPlace, list[EffectPlace]]:
+        """The effect of a set that sets in, and the others."""
+        (place,) = (place for place in places if place in self.starting)
+        return place, [other for other in places if other != place]
+
+    def _setting_in(self, place: EffectPlace, linear: list[EffectPlace], work: Work) -> Standing | None:
+        """The rows at which an effect beside others can set in."""
+        places, fits, swept_stretches, rows = [*linear, place], [], [], []
         for begin, end in self.open_stretches(place, linear, work):
             swept = self._swept(place, linear, (begin, end))
-            fits = self._searched(swept, [*linear, place], np.arange(begin, end + 1), work)
-            if fits:
-                best.append(fits[0])
+            fit = self._searched(swept, places, np.arange(begin, end + 1), work)
+            if fit is not None:
+                fits.append(fit)
                 swept_stretches.append(swept)
-                ends += [begin, end]
-        if not best:
-            return (0, 0), [], []
-        # One that acts from the first row on would do as well.
-        always = self.with_onset(place, 0).refit([*linear, place]).radius <= self.limit
-        if always:
-            return (0, max(ends)), best, swept_stretches
-        return (min(ends), max(ends)), best, swept_stretches
+                rows += [begin, end]
+        if not fits:
+            return None
+        if self.with_onset(place, 0).refit(places).radius <= self.limit:
+            # One that acts from the first row on would do as well.
+            rows.append(0)
+        return Standing(min(rows), max(rows), fits, swept_stretches)
 
-    def _fading(self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work) -> Standing:
-        """Numbers of time constants about all with which an effect beside others can fade, and fits, as above."""
+    def _fading(self, place: EffectPlace, linear: list[EffectPlace], work: Work) -> Standing | None:
+        """The time constants about all with which an effect beside others can fade."""
         stretches = list(self.open_stretches(place, linear, work))
         if not stretches:
-            return (0, 0), [], []
-        begin, end = _around(stretches)
-        parts, sizes, fits = 1.0, None, []
+            return None
+        begin, end = float(stretches[0][0]), float(stretches[-1][1])
+        parts, sizes, fit = 1.0, None, None
         while True:
             numbers = np.linspace(begin, end, max(2, round((end - begin) * parts)) + 1)
             rows, error = self._rows_of_times(place, linear, numbers)
@@ -172,27 +188,29 @@ class SettingIn(Linear):
             for low, high in stretches:
                 within |= (numbers >= low - gap) & (numbers <= high + gap)
             swept.proven[~within] = np.inf
-            fits = self._searched(swept, [*linear, place], numbers, work) or fits
+            fit = self._searched(swept, [*linear, place], numbers, work) or fit
             # The first and the last that are not refused stand with the bounds as they have grown.
             for side in (0, -1):
                 while not swept.refused.all() and swept.tried(_standing(swept)[side]) > self.limit:
                     work.programme(*swept.rows.fixed.shape)
             if swept.refused.all():
-                return (0, 0), [], []
+                return None
             first, last = _standing(swept)
             begin, end = float(numbers[max(0, first - 1)]), float(numbers[min(len(numbers) - 1, last + 1)])
             # Nearer to each other bounds grow by less.
-            nearer = growth / FINE if growth > FINE else FINER
+            nearer = FINER
+            if growth > FINE:
+                nearer = growth / FINE
             finer = min(parts * nearer, MOST_TIMES / (end - begin))
-            if (fits and growth <= FINE) or growth <= DECIDED or finer < LEAST_FINER * parts:
+            if (fit and growth <= FINE) or growth <= DECIDED or finer < LEAST_FINER * parts:
                 break
             parts = finer
-        if not fits:
-            return (0, 0), [], []
+        if fit is None:
+            return None
         every = swept
         swept = Swept(every.rows.chosen(slice(len(self.rows.residual))), self.limit, every.origin, every.radii)
         swept.proven = every.proven
-        return (begin, end), fits, [swept]
+        return Standing(begin, end, [fit], [swept])
 
     def _rows_of_times(
         self, place: EffectPlace, linear: Sequence[EffectPlace], numbers: NDArray
@@ -230,7 +248,7 @@ class SettingIn(Linear):
 
     def _searched(
         self, swept: Swept, places: Sequence[EffectPlace], numbers: NDArray, work: Work
-    ) -> list[tuple[Fit, float]]:
+    ) -> tuple[Fit, float] | None:
         """The fit of a set of effects that mends the record at a value next to the best, with its number; or none."""
         best, least = 0, math.inf
         rows, columns = swept.rows.fixed.shape
@@ -241,11 +259,11 @@ class SettingIn(Linear):
             if swept.refused.all() or (count >= MOST_TRIED and least <= self.limit):
                 break
         if least > self.limit:
-            return []
+            return None
         fit = self.with_onset(places[-1], numbers[best]).refit(places)
         if fit.radius > self.limit:
-            return []
-        return [(fit, numbers[best])]
+            return None
+        return fit, numbers[best]
 
     def open_stretches(
         self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work
@@ -261,7 +279,9 @@ class SettingIn(Linear):
             columns_held, missed = self._range(place, begin, end)
             finite = np.isfinite(columns_held).all(axis=1)
             columns = np.hstack([matrix, columns_held])[finite]
-            return [] if refused(columns, self.rows.residual[finite], self.limit + missed, work) else among
+            if refused(columns, self.rows.residual[finite], self.limit + missed, work):
+                return []
+            return among
 
         for begin, end, _ in open_ranges(self._edges(place), [0], standing_in):
             yield begin, end - cells.at_once
@@ -269,7 +289,9 @@ class SettingIn(Linear):
     def _edges(self, place: EffectPlace) -> NDArray[np.int_]:
         """Ends of the least ranges of an effect's numbers; none where too few pieces tell them."""
         cells = self.cells[place]
-        return cells.edges if len(cells.rows_between) > 1 else np.zeros(0, dtype=int)
+        if len(cells.rows_between) < 2:
+            return np.zeros(0, dtype=int)
+        return cells.edges
 
     def _range(self, place: EffectPlace, begin: int, end: int) -> Range:
         """Columns (M, L) that hold an effect in a range of its numbers, and what is missed; kept for the next set."""
@@ -278,12 +300,6 @@ class SettingIn(Linear):
             largest = np.abs(limits_of([place])).max(axis=0)
             known = self.ranges[place, begin, end] = self.cells[place].range(begin, end, self.over_bounds, largest)
         return known
-
-
-def _around(stretches: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """The first beginning of some stretches, and the last end."""
-    begins, ends = zip(*stretches, strict=True)
-    return float(min(begins)), float(max(ends))
 
 
 def _standing(swept: Swept) -> tuple[int, int]:
