@@ -9,6 +9,7 @@ import pytest
 
 import trihedron as th
 from laboratory_files import Bench, LabFile
+from trihedron.tools.cli import main
 
 
 def ideal_bench(count: int, period: float = 60.0) -> Bench:
@@ -72,3 +73,14 @@ def assert_clean(record: Any, bench: Bench, rows: Any = None, grain: float = 1e-
     for angles, clean in ((record.alpha, bench.alpha), (record.beta, bench.beta)):
         assert np.abs((np.degrees(angles) - clean[rows] + 180.0) % 360.0 - 180.0).max() < 1e-6
     assert np.diff(record.time_s) == pytest.approx(np.diff(bench.time[rows]), abs=1e-3)
+
+
+def import_proposed(path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """The line in which a file that is no record is refused; it and `check` name the command that imports it."""
+    command = f"trihedron import {path} --out RECORD.csv"
+    assert command in str(th.check(path))
+    assert main(["diagnose", str(path), "--noise-bound", "1e-5"]) == 2
+    line = capsys.readouterr().err
+    assert command in line
+    assert line.count("\n") == 1
+    return line

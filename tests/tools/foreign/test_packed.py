@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import trihedron as th
 from laboratory_files import PLAIN, table
-from laboratory_imports import imported, refused
+from laboratory_imports import import_proposed, imported, refused, written
 from trihedron.tools.foreign import sheet
 
 ROWS = [["1", "0", "20", "25", "1.4", "3.0", "9.2"], ["2", "60", "110", "25", "4.1", "8.3", "-3.4"]]
@@ -69,12 +68,6 @@ def test_a_file_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypatch)
     assert "unpacks to more than 100000 bytes" in refused(tmp_path, gzip.compress(bytes(1_000_000)))
 
 
-def test_check_and_diagnose_propose_the_import_of_a_packed_file(tmp_path: Path):
-    path = tmp_path / "lab.csv.gz"
-    path.write_bytes(PACKED)
-    message = (
-        f"is packed by gzip; a laboratory's own file becomes a record by: trihedron import {path} --out RECORD.csv"
-    )
-    assert message in str(th.check(path))
-    with pytest.raises(th.InputError, match="trihedron import"):
-        th.diagnose(path)
+def test_check_and_diagnose_propose_the_import_of_a_packed_file(tmp_path: Path, capsys):
+    path = written(tmp_path, PACKED, "lab.csv.gz")
+    assert "is packed by gzip" in import_proposed(path, capsys)

@@ -8,7 +8,7 @@ import pytest
 
 import trihedron as th
 from laboratory_files import Bench, LabFile, position_files, repeated_file
-from laboratory_imports import asked, assert_clean, imported, imported_as_asked, refused, written
+from laboratory_imports import asked, assert_clean, import_proposed, imported, imported_as_asked, refused, written
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.tools import cli
 from trihedron.tools.records import PositionRecord, RawRecord, read_record
@@ -164,15 +164,9 @@ def test_decimal_commas_between_commas_are_refused_as_such(bench: Bench, tmp_pat
 def test_check_and_diagnose_propose_the_import(name: str, bench: Bench, tmp_path: Path, monkeypatch, capsys):
     """What is no record, but may become one, is answered with the command that makes it one."""
     monkeypatch.chdir(tmp_path)
-    file = file_of(bench, name)
-    path = written(tmp_path, file.content)
-    command = f"trihedron import {path.name} --out RECORD.csv"
-    assert command in str(th.check(path.name))
-    assert cli.main(["diagnose", path.name, "--noise-bound", "1e-5"]) == 2
-    err = capsys.readouterr().err
-    assert command in err
-    assert err.count("\n") == 1
-    assert cli.main([*command.split()[1:], "--quiet"]) == 0
+    path = written(tmp_path, file_of(bench, name).content)
+    import_proposed(path, capsys)
+    assert cli.main(["import", str(path), "--out", "RECORD.csv", "--quiet"]) == 0
     assert th.check("RECORD.csv").good
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import trihedron as th
-from laboratory_imports import assert_clean, ideal_bench, imported_as_asked, refused
+from laboratory_imports import assert_clean, ideal_bench, import_proposed, imported_as_asked, refused, written
 from trihedron.tools import cli
 from trihedron.tools.foreign import sheet
 
@@ -29,15 +28,10 @@ def test_a_workbook_is_imported_or_asks_for_what_is_missing(name: str, tmp_path:
     assert_clean(record, BENCH, file.rows, file.grain)
 
 
-def test_check_and_diagnose_propose_the_import_of_a_workbook(tmp_path: Path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_check_and_diagnose_propose_the_import_of_a_workbook(tmp_path: Path, capsys):
     for suffix, make in ((".xlsx", xlsx), (".xls", xls), (".xlsb", xlsb), (".ods", ods)):
-        path = Path(f"lab{suffix}")
-        path.write_bytes(make({"Data": [NAMES, *rows_of(BENCH)]}))
-        message = f"is a workbook; a laboratory's own file becomes a record by: trihedron import {path} --out"
-        assert message in str(th.check(path))
-        assert cli.main(["diagnose", str(path)]) == 2
-        assert message in capsys.readouterr().err
+        path = written(tmp_path, make({"Data": [NAMES, *rows_of(BENCH)]}), f"lab{suffix}")
+        assert "is a workbook" in import_proposed(path, capsys)
 
 
 def changed(book: bytes, **parts: bytes | None) -> bytes:
