@@ -27,11 +27,13 @@ FADES_IN = 0.01
 INVERTIBLE = [e.places[0] for e in STRAPDOWN_EFFECTS.values() if e.stage == "reading_effects"]
 
 
-def undone(effects, rows, *, regular: bool = False, known=None) -> np.ndarray:
+def undone(effects, rows, *, regular: bool = False, calibrated=None) -> np.ndarray:
     """Rates (N, 3) that the compensation with effects `known` makes of what a block with `effects` reads."""
-    read = gyro_readings(effects, rows, regular=regular, **ERRORS)
-    readings = replace(rows, rate=read)
-    return gyro_readings(effects if known is None else known, readings, "GyroCompensation", regular=regular, **ERRORS)
+    readings = gyro_readings(effects, rows, regular=regular, **ERRORS)
+    readings = replace(rows, rate=readings)
+    return gyro_readings(
+        effects if calibrated is None else calibrated, readings, "GyroCompensation", regular=regular, **ERRORS
+    )
 
 
 def test_it_undoes_scale_misalignment_and_bias():
@@ -46,25 +48,25 @@ def test_it_undoes_effects_to_second_order(place):
     regular = place.effect == "jitter"
     scale = 0.2 * PERIOD if place.effect in ("latency", "latency-step", "lag") else 0.02
     direction = np.linspace(1.0, 0.4 if place.effect == "lag" else -0.8, len(effect.parameters))
-    left, size = [], []
+    misfit, size = [], []
     for part in (1.0, 0.5):
         values = effect.from_coefficients(part * scale * direction)
         if effect.searched == TIME_CONSTANT:
             values = (*values[:-1], FADES_IN)
-        left.append(np.abs(undone([(place, values)], rows, regular=regular) - rows.rate).max())
-        size.append(np.abs(undone([(place, values)], rows, regular=regular, known=[]) - rows.rate).max())
-    assert left[0] < 0.1 * size[0]
-    assert left[1] < left[0] / 7.0 or left[1] < 1e-13
+        misfit.append(np.abs(undone([(place, values)], rows, regular=regular) - rows.rate).max())
+        size.append(np.abs(undone([(place, values)], rows, regular=regular, calibrated=[]) - rows.rate).max())
+    assert misfit[0] < 0.1 * size[0]
+    assert misfit[1] < misfit[0] / 7.0 or misfit[1] < 1e-13
 
 
 def test_a_lag_of_a_step_and_a_fifth_is_taken_out_of_a_hand_like_motion():
     """Rates of 3 rad/s that swing once in 0.7 s; uncompensated, the lag leaves a fifth of a radian a second."""
     rows = lively_motion(even=True)
     effects = [(LATENCY, [1.2 * PERIOD])]
-    lag = np.abs(undone(effects, rows, known=[]) - rows.rate)[10:].max()
-    left = np.abs(undone(effects, rows) - rows.rate)[10:].max()
+    lag = np.abs(undone(effects, rows, calibrated=[]) - rows.rate)[10:].max()
+    misfit = np.abs(undone(effects, rows) - rows.rate)[10:].max()
     assert lag > 0.15
-    assert left < 0.02 * lag
+    assert misfit < 0.02 * lag
 
 
 @pytest.mark.parametrize("steps", [0.5, 1.3, 4.0, 8.0])
@@ -72,12 +74,12 @@ def test_no_lag_makes_it_unstable(steps):
     """A reading that jumps up and down is the worst that there is: a series of two terms cannot exceed 1 + 2 + 4."""
     rows = lively_motion(even=True)
     jumping = replace(rows, rate=np.where(np.arange(len(rows.rate)) % 2 == 0, 1.0, -1.0)[:, None] * np.ones(3))
-    shown = gyro_readings([(LATENCY, [steps * PERIOD])], jumping, "GyroCompensation")
-    assert np.abs(shown).max() <= 7.0 + 1e-12
+    response = gyro_readings([(LATENCY, [steps * PERIOD])], jumping, "GyroCompensation")
+    assert np.abs(response).max() <= 7.0 + 1e-12
     # From a jump on, what came before is forgotten after two lags.
     step = replace(rows, rate=np.where(np.arange(len(rows.rate)) < 10, 0.0, 1.0)[:, None] * np.ones(3))
-    shown = gyro_readings([(LATENCY, [steps * PERIOD])], step, "GyroCompensation")
-    assert shown[30:] == pytest.approx(np.ones_like(shown[30:]), abs=1e-12)
+    response = gyro_readings([(LATENCY, [steps * PERIOD])], step, "GyroCompensation")
+    assert response[30:] == pytest.approx(np.ones_like(response[30:]), abs=1e-12)
 
 
 def test_effects_without_an_inverse_and_of_others_are_refused():
@@ -91,7 +93,7 @@ def test_effects_without_an_inverse_and_of_others_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("inputs", "said"),
+    ("inputs", "message"),
     [
         ({"increment_reading[2]": math.inf}, "increment_reading is not"),
         ({"specific_force[1]": math.nan}, "specific_force is not"),
@@ -99,9 +101,9 @@ def test_effects_without_an_inverse_and_of_others_are_refused():
         ({"scale_misalignment[2]": 0.45, "scale_misalignment[3]": 0.45, "scale_misalignment[1]": -0.3}, "too large"),
     ],
 )
-def test_what_it_cannot_use_stops_the_step(inputs, said):
+def test_what_it_cannot_use_stops_the_step(inputs, message):
     model = Named("GyroCompensation").begin().step(0.0, PERIOD).put(**inputs)
-    assert said in model.refuses_step(PERIOD, PERIOD)
+    assert message in model.refuses_step(PERIOD, PERIOD)
 
 
 def test_the_inverse_is_exported_with_the_effects_that_it_takes_out(tmp_path):

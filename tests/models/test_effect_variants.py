@@ -18,14 +18,14 @@ def predicted(variant: Variant, coefficients: np.ndarray) -> np.ndarray:
 def one_variant(name: str, accelerometer: int, parameter: float) -> tuple[Variant, np.ndarray]:
     """The variant of an effect that acts as the component does, and the component's readings (7, 3) [g]."""
     place = EffectPlace(name, f"accelerometer-{accelerometer}")
-    seen = readings({place: (parameter,)})
+    measured = readings({place: (parameter,)})
     variants = CATALOGUE[name].variants
     assert variants is not None
     rows = true_bench()[1]
-    fitting = [v for v in variants(place, rows, seen, 1e-9) if v.limits[0][0] <= parameter <= v.limits[0][1]]
+    fitting = [v for v in variants(place, rows, measured, 1e-9) if v.limits[0][0] <= parameter <= v.limits[0][1]]
     standing = [v for v in fitting if v.stands(rows, np.array([parameter])[: v.columns.shape[2]])]
     assert len(standing) == 1
-    return standing[0], seen
+    return standing[0], measured
 
 
 def test_a_dead_zone_acts_as_one_of_its_variants():
@@ -33,9 +33,9 @@ def test_a_dead_zone_acts_as_one_of_its_variants():
     accelerometer = int(np.abs(n).min(axis=0).argmin())
     width = float(np.abs(n[:, accelerometer]).min()) + 1e-3
     assert width < 0.05
-    variant, seen = one_variant("dead-zone", accelerometer + 1, width)
+    variant, measured = one_variant("dead-zone", accelerometer + 1, width)
     assert variant.lost.sum() == (np.abs(n[:, accelerometer]) < width).sum()
-    assert predicted(variant, np.zeros(0)) == pytest.approx(seen, abs=1e-14)
+    assert predicted(variant, np.zeros(0)) == pytest.approx(measured, abs=1e-14)
     assert variant.limits[0][0] < variant.values(np.zeros(0))[0] <= variant.limits[0][1]
 
 
@@ -44,19 +44,19 @@ def test_saturation_acts_as_one_of_its_variants():
     accelerometer = int(prediction.max(axis=0).argmax())
     order = np.sort(prediction[:, accelerometer])
     level = max(0.9, float(order[-2]) - 1e-4)
-    variant, seen = one_variant("saturation", accelerometer + 1, level)
+    variant, measured = one_variant("saturation", accelerometer + 1, level)
     assert variant.fixed.sum() == (prediction[:, accelerometer] >= level).sum() >= 2
-    assert predicted(variant, np.array([level])) == pytest.approx(seen, abs=1e-14)
+    assert predicted(variant, np.array([level])) == pytest.approx(measured, abs=1e-14)
     assert variant.low[0] <= level <= variant.high[0]
     assert variant.values(np.array([level])) == (level,)
 
 
 def test_quantisation_widens_the_bounds_of_its_accelerometer():
-    variant, seen = one_variant("quantisation", 2, 1.3e-4)
-    left = np.abs(seen - predicted(variant, np.zeros(0)))
+    variant, measured = one_variant("quantisation", 2, 1.3e-4)
+    misfit = np.abs(measured - predicted(variant, np.zeros(0)))
     assert variant.values(np.zeros(0))[0] == pytest.approx(1.3e-4, rel=1e-9)
-    assert np.all(left <= variant.widening + 1e-12)
-    assert left[:, 1].max() > 1e-5
+    assert np.all(misfit <= variant.widening + 1e-12)
+    assert misfit[:, 1].max() > 1e-5
     assert variant.widening[:, [0, 2]].max() == 0.0
 
 
@@ -79,8 +79,10 @@ def test_a_step_of_which_most_readings_are_even_multiples_by_chance_is_tried_too
     reading = np.zeros((len(counts), 3))
     reading[:, 1] = np.round(step * counts * G, 9) / G
     rows = replace(true_bench()[1], n=reading)
-    tried = quantisation_variants(EffectPlace("quantisation", "accelerometer-2"), rows, reading, 1e-5)
-    assert [0.5 * sum(variant.limits[0]) for variant in tried] == pytest.approx([2.0 * step, step][: 1 + odd], rel=1e-6)
+    candidates = quantisation_variants(EffectPlace("quantisation", "accelerometer-2"), rows, reading, 1e-5)
+    assert [0.5 * sum(variant.limits[0]) for variant in candidates] == pytest.approx(
+        [2.0 * step, step][: 1 + odd], rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -115,15 +117,15 @@ def test_no_step_below_the_least_is_sought_however_small_the_noise():
 @pytest.mark.parametrize("place", CATALOGUE["exchanged-readings"].places, ids=lambda place: place.title)
 def test_exchanged_readings_are_one_of_the_variants_from_its_time_on(place):
     start = 0.5 * (HOURS[2] + HOURS[3])
-    rows, seen = true_bench()[1], readings({place: (start,)})
+    rows, measured = true_bench()[1], readings({place: (start,)})
     rows = replace(rows, hours=HOURS)
     variants = CATALOGUE["exchanged-readings"].variants
     assert variants is not None
-    found = [v for v in variants(place, rows, seen, 1e-9) if v.limits[0][0] <= start <= v.limits[0][1]]
-    assert len(found) == 1
-    assert found[0].limits == ((HOURS[2], HOURS[3]),)
-    assert found[0].mixed is not None
-    changed = np.einsum("nij,nj->ni", found[0].mixed, rows.prediction)
-    assert changed == pytest.approx(seen, abs=1e-14)
-    assert np.array_equal(found[0].touched.any(axis=1), np.arange(7) > 2)
+    containing = [v for v in variants(place, rows, measured, 1e-9) if v.limits[0][0] <= start <= v.limits[0][1]]
+    assert len(containing) == 1
+    assert containing[0].limits == ((HOURS[2], HOURS[3]),)
+    assert containing[0].mixed is not None
+    changed = np.einsum("nij,nj->ni", containing[0].mixed, rows.prediction)
+    assert changed == pytest.approx(measured, abs=1e-14)
+    assert np.array_equal(containing[0].touched.any(axis=1), np.arange(7) > 2)
     assert not variants(place, rows, rows.prediction, 1e-9)

@@ -86,7 +86,7 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
     rows = true_bench()[1]
     columns = signature_columns([place], rows)
     assert columns.shape[1] == len(effect.parameters)
-    told = ~untold_readings([place], rows)
+    determined = ~untold_readings([place], rows)
     for k in range(columns.shape[1]):
         slopes = []
         for size in (1e-3, 5e-4):
@@ -94,9 +94,9 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
             up, down = (readings({place: values}) for values in ends)
             slopes.append((up - down) / (2.0 * size))
         derivative = (4.0 * slopes[1] - slopes[0]) / 3.0
-        assert np.abs(derivative.ravel() - columns[:, k])[told].max() < 2e-9
+        assert np.abs(derivative.ravel() - columns[:, k])[determined].max() < 2e-9
         # Where the record does not tell, the effect is within what the bound grows by for its size.
-        assert np.all(np.abs(derivative.ravel()[~told]) <= left_open(place, rows)[~told] * (1.0 + 2e-9))
+        assert np.all(np.abs(derivative.ravel()[~determined]) <= left_open(place, rows)[~determined] * (1.0 + 2e-9))
         assert np.abs(columns[:, k]).max() > 0.0
 
 
@@ -104,7 +104,7 @@ def test_signatures_are_the_derivatives_of_what_the_components_read(place):
 def test_small_turns_are_exact_for_large_effects(place):
     """With κ, ε and both angles moved by the turns, the exact model gives what the components read, at 8e-3 rad too."""
     effect = CATALOGUE[place.effect].at(place)
-    here, rows = true_bench()
+    model, rows = true_bench()
     coefficients = 8e-3 * np.array([0.6, -0.8, -0.5, 0.7])[: len(effect.parameters)]
     turns = effect.turns(place, rows) @ coefficients
     if effect.stage == "encoder_effects":
@@ -112,7 +112,7 @@ def test_small_turns_are_exact_for_large_effects(place):
         for _ in range(40):
             moved = dataclasses.replace(rows, alpha=rows.alpha + turns[:, 1], beta=rows.beta + turns[:, 3])
             turns = effect.turns(place, moved) @ coefficients
-    targets = np.tile(here.parametrisation.selection[0] @ here.point, (ROWS, 1))
+    targets = np.tile(model.parametrisation.selection[0] @ model.point, (ROWS, 1))
     targets[:, TARGETS.index("X1")] += turns[:, 0]
     targets[:, TARGETS.index("X3")] += turns[:, 2]
     expected = target_reading(targets, ALPHA + turns[:, 1], BETA + turns[:, 3], np.eye(3))
@@ -127,10 +127,10 @@ def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
     p = parametrise({"identity": np.eye(3)})
     at = Positions(rng.uniform(-3.0, 3.0, 60), rng.uniform(-3.0, 3.0, 60), np.zeros(60, dtype=int))
     point = np.zeros(len(p.symbols))
-    here = linearise(p, at, np.zeros((60, 3)), point, np.full(180, 1e-5))
+    model = linearise(p, at, np.zeros((60, 3)), point, np.full(180, 1e-5))
     nothing = np.zeros(60)
     rows = Visits(p, at, Circumstances(nothing, np.full(60, 20.0), nothing, nothing, False)).rows(point)
-    basis, _ = np.linalg.qr(here.jacobian)
+    basis, _ = np.linalg.qr(model.jacobian)
 
     def left(columns: np.ndarray) -> np.ndarray:
         return columns - basis @ (basis.T @ columns)
@@ -187,20 +187,20 @@ def test_parameters_come_back_from_coefficients_and_have_one_name(place):
     if effect.variants is not None:
         with pytest.raises(TypeError, match="not linear"):
             effect.signature(place, true_bench()[1])
-    named = dict(zip(names, values, strict=True))
+    by_name = dict(zip(names, values, strict=True))
     entry: dict = {"effect": place.effect, "where": place.where}
     if place.order is not None:
         entry["order"] = place.order
     if place.axes:
         entry["axes"] = list(place.axes[::-1])
-    assert place_from_mapping({**entry, **named}) == (place, named)
+    assert place_from_mapping({**entry, **by_name}) == (place, by_name)
     variables = extend(components()[effect.component or ""], [place]).variables
     assert [v.name for v in variables[-len(values) :]] == [parameter_name(place, name) for name in names]
     for parameter in effect.parameters:
         assert parameter.unit in UNITS
         assert parameter.possible(parameter.largest)
         assert not parameter.possible(1.01 * parameter.largest)
-    assert effect.sentence(place, named)
+    assert effect.sentence(place, by_name)
 
 
 def test_sizes_are_possible_or_not():
@@ -212,7 +212,7 @@ def test_sizes_are_possible_or_not():
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"),
+    ("entry", "message"),
     [
         ({"effect": "quadatic", "where": "accelerometer-1"}, "not one that extends a component"),
         ({"effect": "outlier", "where": "position-1"}, "not one that extends a component"),
@@ -235,8 +235,8 @@ def test_sizes_are_possible_or_not():
         ),
     ],
 )
-def test_wrong_entries_are_refused_in_one_line(entry, said):
-    with pytest.raises(ValueError, match=said) as refusal:
+def test_wrong_entries_are_refused_in_one_line(entry, message):
+    with pytest.raises(ValueError, match=message) as refusal:
         place_from_mapping(entry)
     assert "\n" not in str(refusal.value)
 

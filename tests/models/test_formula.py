@@ -97,8 +97,8 @@ def test_it_is_written_in_one_way_and_named_by_its_entry():
     ],
 )
 def test_its_coefficients_have_units(text, units):
-    found = [parameter.unit for parameter in Formula.of(text).place.definition.parameters]
-    assert found == units
+    units = [parameter.unit for parameter in Formula.of(text).place.definition.parameters]
+    assert units == units
     for unit in units:
         assert unit_named(unit).factor > 0.0
 
@@ -130,9 +130,9 @@ def test_what_is_not_told_of_its_quantities_widens_the_bounds():
         place = Formula.of(text).place
         effect = place.definition
         assert effect.open_argument is not None
-        there = replace(rows, temperature_resolution=0.05)
-        assert effect.open_argument(place, there)[:, 1] == pytest.approx(slope)
-        assert not effect.open_argument(place, there)[:, [0, 2]].any()
+        coarse = replace(rows, temperature_resolution=0.05)
+        assert effect.open_argument(place, coarse)[:, 1] == pytest.approx(slope)
+        assert not effect.open_argument(place, coarse)[:, [0, 2]].any()
 
 
 def test_where_it_has_no_value_it_is_refused_and_its_kernel_adds_nothing():
@@ -213,9 +213,9 @@ def formulas() -> st.SearchStrategy[str]:
     """Formulas, and what is nearly one: known and unknown words, operators and brackets, in any order."""
     words = [*QUANTITIES, *FUNCTIONS, *TARGETS, "c", "d", "pi", "9", "1e300", "0", "0.5", "**", "+", "-", "*", "/"]
     words += ["(", ")", ",", "+=", "lambda:", "if", "else", "[", "]", ".", "__class__", "'x'", "\\", "\x00", ":=", ";"]
-    made = st.lists(st.sampled_from(words), max_size=40).map(" ".join)
+    texts = st.lists(st.sampled_from(words), max_size=40).map(" ".join)
     texts = st.text(string.printable + "αβ²\ud800½", max_size=60)
-    return st.one_of(made, texts).flatmap(
+    return st.one_of(texts, texts).flatmap(
         lambda right: st.sampled_from([f"f1 += {right}", f"f1 += c*({right})", right])
     )
 

@@ -81,9 +81,11 @@ def test_what_lags_is_the_whole_reading(name, values):
     """Scale factors and misalignments of a tenth are late, too."""
     matrix = np.linspace(-0.1, 0.1, 9)
     place, rows = EffectPlace(name, "gyro-block"), replace(lively_motion(), response=np.eye(3) + matrix.reshape(3, 3))
-    late, clean = (gyro_readings(own, rows, scale_misalignment=matrix.tolist()) for own in ([(place, values)], []))
-    told = STRAPDOWN_EFFECTS[name].signature(place, rows) @ np.array(values)
-    assert np.abs(late - clean - told).max() < 1e-9 * np.abs(told).max()
+    late, clean = (
+        gyro_readings(hidden, rows, scale_misalignment=matrix.tolist()) for hidden in ([(place, values)], [])
+    )
+    predicted = STRAPDOWN_EFFECTS[name].signature(place, rows) @ np.array(values)
+    assert np.abs(late - clean - predicted).max() < 1e-9 * np.abs(predicted).max()
 
 
 def test_the_block_reads_what_the_contract_defines():
@@ -105,25 +107,25 @@ def test_the_block_reads_what_the_contract_defines():
         ("gyro-quantisation", [0.01], 0.01 * np.floor(w / 0.01 + 0.5)),
     ]
     for name, values, expected in cases:
-        shown = gyro_readings([(EffectPlace(name, "gyro-block"), values)], rows)
-        assert shown == pytest.approx(expected, abs=1e-14), name
+        measured = gyro_readings([(EffectPlace(name, "gyro-block"), values)], rows)
+        assert measured == pytest.approx(expected, abs=1e-14), name
 
 
 @pytest.mark.parametrize("steps", [-0.7, 0.4, 1.0, 2.5, 7.999, 8.0, 11.0])
 def test_late_gyros_read_the_rate_of_a_while_ago(steps):
     """Rates that hold over the steps, read between steps k and k + 1 of the past; beyond eight, a straight line."""
     rows = lively_motion(even=True)
-    shown = gyro_readings([(EffectPlace("latency", "gyro-block"), [steps * rows.step[0]])], rows)
+    measured = gyro_readings([(EffectPlace("latency", "gyro-block"), [steps * rows.step[0]])], rows)
     w = rows.rate
 
     def before(k: int) -> np.ndarray:
         return np.vstack([np.repeat(w[:1], k, axis=0), w[: len(w) - k]])
 
-    whole = min(max(int(np.floor(steps)), 0), 7)
-    expected = before(whole) + (steps - whole) * (before(whole + 1) - before(whole))
+    full_steps = min(max(int(np.floor(steps)), 0), 7)
+    expected = before(full_steps) + (steps - full_steps) * (before(full_steps + 1) - before(full_steps))
     if steps > 8.0:
         expected = w + steps / 8.0 * (before(8) - w)
-    assert shown == pytest.approx(expected, abs=1e-12)
+    assert measured == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("steps", [0.3, 0.7, 1.0])
@@ -132,20 +134,20 @@ def test_lagging_gyros_follow_the_rate_through_a_low_pass(steps):
     eight steps, where the rate goes on in a straight line, hardly counts."""
     rows = lively_motion(even=True)
     time = steps * rows.step[0]
-    shown = gyro_readings([(EffectPlace("lag", "gyro-block"), [time, 0.0, 2.0 * time])], rows)
+    measured = gyro_readings([(EffectPlace("lag", "gyro-block"), [time, 0.0, 2.0 * time])], rows)
     fine = 400
-    kept = np.exp(-rows.step[0] / fine / np.array([time, 1e-9, 2.0 * time]))
+    decays = np.exp(-rows.step[0] / fine / np.array([time, 1e-9, 2.0 * time]))
     state, means = rows.rate[0], []
     for rate in rows.rate:
         passed = []
         for _ in range(fine):
-            after = rate + (state - rate) * kept
+            after = rate + (state - rate) * decays
             passed.append(0.5 * (state + after))
             state = after
         means.append(np.mean(passed, axis=0))
     expected = np.array(means)
-    assert shown[:, 1] == pytest.approx(rows.rate[:, 1], abs=1e-14)
-    assert (np.abs(shown - expected)[:, [0, 2]].max(axis=0) < [2e-3, 2e-2] * np.ptp(rows.rate, axis=0)[[0, 2]]).all()
+    assert measured[:, 1] == pytest.approx(rows.rate[:, 1], abs=1e-14)
+    assert (np.abs(measured - expected)[:, [0, 2]].max(axis=0) < [2e-3, 2e-2] * np.ptp(rows.rate, axis=0)[[0, 2]]).all()
 
 
 def test_a_long_lag_is_as_long_as_it_says():
@@ -153,8 +155,8 @@ def test_a_long_lag_is_as_long_as_it_says():
     rows = lively_motion(even=True)
     growing = replace(rows, rate=np.outer(np.arange(len(rows.rate)), [0.01, -0.02, 0.03]))
     for time in (0.5 * PERIOD, 3.0 * PERIOD, 20.0 * PERIOD):
-        shown = gyro_readings([(EffectPlace("lag", "gyro-block"), [time] * 3)], growing)
-        behind = (growing.rate - shown)[12:] / np.array([0.01, -0.02, 0.03]) * PERIOD
+        measured = gyro_readings([(EffectPlace("lag", "gyro-block"), [time] * 3)], growing)
+        behind = (growing.rate - measured)[12:] / np.array([0.01, -0.02, 0.03]) * PERIOD
         assert behind == pytest.approx(np.full(behind.shape, time), rel=1e-9)
 
 
@@ -194,7 +196,9 @@ def test_effects_of_gyros_add_up_in_any_order():
     together = gyro_readings(effects, rows)
     assert gyro_readings(effects[::-1], rows) == pytest.approx(together, abs=1e-14)
     clean = gyro_readings([], rows)
-    assert together - clean == pytest.approx(sum(gyro_readings([one], rows) - clean for one in effects), abs=1e-13)
+    assert together - clean == pytest.approx(
+        sum(gyro_readings([effect], rows) - clean for effect in effects), abs=1e-13
+    )
 
 
 def test_jitter_of_the_log_alone_makes_rates_count_over_wrong_intervals():
@@ -203,10 +207,10 @@ def test_jitter_of_the_log_alone_makes_rates_count_over_wrong_intervals():
     lengths = rows.step.copy()
     lengths[20] += rows.period
     rows = replace(rows, step=lengths)
-    shown = gyro_readings([(EffectPlace("jitter", "gyro-block"), [1.0])], rows, regular=True)
+    measured = gyro_readings([(EffectPlace("jitter", "gyro-block"), [1.0])], rows, regular=True)
     counted = np.where(np.arange(len(lengths)) == 20, lengths / rows.period - 1.0, lengths / rows.period)
-    assert shown == pytest.approx(rows.rate * counted[:, None], abs=1e-12)
-    assert np.abs(shown - rows.rate).max() > 0.1
+    assert measured == pytest.approx(rows.rate * counted[:, None], abs=1e-12)
+    assert np.abs(measured - rows.rate).max() > 0.1
     none = gyro_readings([(EffectPlace("jitter", "gyro-block"), [1.0])], rows)
     assert none == pytest.approx(rows.rate, abs=1e-14)
 
@@ -215,10 +219,10 @@ def test_steps_of_the_gyros_are_found_in_their_readings():
     effect, rows = STRAPDOWN_EFFECTS["gyro-quantisation"], lively_motion()
     place = effect.places[0]
     assert effect.variants is not None
-    seen = gyro_readings([(place, [2.5e-3])], rows)
-    (variant,) = effect.variants(place, rows, seen, 1e-3)
+    measured = gyro_readings([(place, [2.5e-3])], rows)
+    (variant,) = effect.variants(place, rows, measured, 1e-3)
     assert variant.values(np.zeros(0)) == pytest.approx((2.5e-3,), rel=1e-9)
-    assert np.all(np.abs(seen - rows.rate) <= variant.widening * (1.0 + 1e-9))
+    assert np.all(np.abs(measured - rows.rate) <= variant.widening * (1.0 + 1e-9))
     assert effect.variants(place, rows, rows.rate, 1e-3) == []
 
 
@@ -239,9 +243,11 @@ def test_undersampling_leaves_out_what_the_computer_then_adds():
         even = len(turns) // 2 * 2
         turns = np.vstack(((Rotation(turns[0:even:2]) * Rotation(turns[1:even:2])).as_quat(), odd))
     truth = Rotation(turns[0])
-    left = {c: (truth.inv() * attitude_after(increments, step, place, c)).magnitude() for c in (None, 0.0, 1.0 / 12.0)}
-    assert left[0.0] == left[None] > 6e-4
-    assert left[1.0 / 12.0] < 0.03 * left[0.0]
+    misfits = {
+        c: (truth.inv() * attitude_after(increments, step, place, c)).magnitude() for c in (None, 0.0, 1.0 / 12.0)
+    }
+    assert misfits[0.0] == misfits[None] > 6e-4
+    assert misfits[1.0 / 12.0] < 0.03 * misfits[0.0]
     rate = increments / step
     motion = replace(lively_motion(), rate=rate, rate_before=np.vstack([rate[:1], rate[:-1]]), step=np.full(rows, step))
     added = -STRAPDOWN_EFFECTS["undersampling"].signature(place, motion)[..., 0] * step / 12.0

@@ -16,13 +16,13 @@ def accelerometer_readings(arms: dict[EffectPlace, np.ndarray], rows=None) -> np
     """Readings (N, 3) [g] of a block over a lively motion, with some of its accelerometers off-centre."""
     rows = lively_motion() if rows is None else rows
     model = Named("AccelerometerBlock", arms)
-    shown, time = np.zeros_like(rows.rate), 0.0
+    readings, time = np.zeros_like(rows.rate), 0.0
     model.put(specific_force=G * rows.specific_force[0], rate=rows.rate[0]).begin()
     for k, step in enumerate(rows.step):
         model.put(specific_force=G * rows.specific_force[k], rate=rows.rate[k]).step(time, step)
         time += step
-        shown[k] = model["reading"] / G
-    return shown
+        readings[k] = model["reading"] / G
+    return readings
 
 
 @pytest.mark.parametrize("place", PLACES, ids=lambda p: p.title)
@@ -46,15 +46,15 @@ def test_it_is_the_acceleration_of_a_point_of_a_turning_body():
     still = np.zeros((len(time), 3))
     rates = np.stack([still[:, 0], still[:, 0], rate], axis=1)
     rows = type(motion)(rates, np.vstack([rates[:1], rates[:-1]]), still, time / 3600.0, np.full(len(time), step))
-    seen = G * accelerometer_readings(dict.fromkeys(PLACES, arm), rows)
+    measured = G * accelerometer_readings(dict.fromkeys(PLACES, arm), rows)
     turn = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=1).reshape(-1, 2, 2)
     path = turn @ arm[:2]
     acceleration = (path[2:] - 2.0 * path[1:-1] + path[:-2]) / step**2
     expected = np.einsum("nji,nj->ni", turn[1:-1], acceleration)
     # The block takes its acceleration over the last step: half a step late.
     late = 0.5 * step * swing * omega**3 * 0.06
-    assert np.abs(seen[1:-1, :2] - expected)[2:].max() < late + 1e-4
-    assert np.abs(seen[:, 2]).max() < 1e-12
+    assert np.abs(measured[1:-1, :2] - expected)[2:].max() < late + 1e-4
+    assert np.abs(measured[:, 2]).max() < 1e-12
     assert np.abs(expected).max() > 4.0
 
 

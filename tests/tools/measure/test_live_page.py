@@ -54,8 +54,8 @@ def server(moment: Moment):
 
 def asked(server: PageServer, method: str, path: str, body: str | None = None, **headers: str) -> tuple[int, str]:
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
-    named = {"Host": f"127.0.0.1:{server.port}"} | {name.replace("_", "-"): value for name, value in headers.items()}
-    connection.request(method, path, body, named)
+    sent = {"Host": f"127.0.0.1:{server.port}"} | {name.replace("_", "-"): value for name, value in headers.items()}
+    connection.request(method, path, body, sent)
     answer = connection.getresponse()
     text = answer.read().decode()
     connection.close()

@@ -193,8 +193,8 @@ def test_sizes_that_are_drawn_are_those_of_the_mode(seed):
 
 def test_what_is_known_of_a_bench_is_its_truth():
     case = clean_case("edge", 0)
-    known = expected(case.instrument)
-    model, circumstances = known.model, known.circumstances
+    nominal = expected(case.instrument)
+    model, circumstances = nominal.model, nominal.circumstances
     assert np.abs(model.residual).max() < 1e-12
     assert len(circumstances.hours) == len(case.instrument.alpha)
 

@@ -41,9 +41,9 @@ def change_columns(nominal: KnownBench, place: EffectPlace) -> np.ndarray:
     return signature_columns([place], nominal.rows)
 
 
-def radius(here: Linearisation, readings: np.ndarray, extra=None) -> float:
-    columns = here.jacobian if extra is None else np.hstack((here.jacobian, extra))
-    return chebyshev_radius(columns, readings, here.bound)[0]
+def radius(model: Linearisation, readings: np.ndarray, extra=None) -> float:
+    columns = model.jacobian if extra is None else np.hstack((model.jacobian, extra))
+    return chebyshev_radius(columns, readings, model.bound)[0]
 
 
 @pytest.mark.parametrize("place", [QUADRATIC, CUBIC], ids=lambda place: place.title)

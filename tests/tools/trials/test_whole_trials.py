@@ -22,7 +22,7 @@ def test_a_whole_bench_is_written_with_what_a_laboratory_knows(tmp_path, monkeyp
 
 @pytest.mark.acceptance
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--strapdown"], "--strapdown: is not of a whole bench"),
         (["--baseline", "symmetric"], "--baseline: is not of a whole bench"),
@@ -30,8 +30,8 @@ def test_a_whole_bench_is_written_with_what_a_laboratory_knows(tmp_path, monkeyp
         (["--cases", "2", "--records", "3"], "--records: is not of a whole bench"),
     ],
 )
-def test_what_is_not_of_a_whole_bench_is_refused(options, said, tmp_path, monkeypatch, capsys):
+def test_what_is_not_of_a_whole_bench_is_refused(options, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     file = [] if "--cases" in options else ["bench.csv"]
     assert main(["hidden", *file, "--bench", *options]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
