@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from ...models.effects import STRAPDOWN_EFFECTS, EffectPlace
 from ...models.effects.columns import TIME_CONSTANT
 from ...models.effects.last_stage import LAST_HOUR
+from ..bounded.programmes import SolverError
 from ..bounded.sets import Work, sharpened
 from .cells import most_bent
 from .fit import estimated, least_radius
-from .observation import Group, rows_of
+from .observation import Group, boundaries_of, errors_between
 
 ROUNDS = 6
 """Rounds of Lawson's algorithm before a range is handed to a linear programme."""
@@ -81,9 +82,9 @@ class InMotion:
     counted: NDArray[np.float64]
 
     @cached_property
-    def ends_of_pieces(self) -> NDArray[np.int_]:
+    def boundaries(self) -> NDArray[np.int_]:
         """Rows at which pieces begin or end."""
-        return rows_of([group.pieces for group in self.groups])
+        return boundaries_of(self.groups)
 
     @cached_property
     def rows_between(self) -> NDArray[np.int_]:
@@ -91,17 +92,10 @@ class InMotion:
         turning = [group.pieces for group in self.groups if group.pieces.kind not in ("rests", "norms")]
         most = max(turning, key=len)
         first, last = np.sort(most.first)[-FEWEST], np.sort(most.last)[FEWEST - 1]
-        rows = self.ends_of_pieces
-        return rows[(rows >= last) & (rows <= first)]
+        return self.boundaries[(self.boundaries >= last) & (self.boundaries <= first)]
 
     at_once: ClassVar[int] = 0
     """1 of what changes at once: the last row of a range is the one before its end."""
-
-    def between(self, group: Group, sums: NDArray, mean: NDArray) -> NDArray[np.float64]:
-        """Return columns (S, d, K) of one group by sums up to the rows at which pieces begin or end."""
-        ends = self.ends_of_pieces
-        first, last = np.searchsorted(ends, group.pieces.first), np.searchsorted(ends, group.pieces.last)
-        return group.columns(sums, mean, first, last)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,9 +257,9 @@ class TimeConstants(InMotion):
     def columns(self, number: float) -> tuple[Columns, NDArray[np.float64]]:
         """Return columns of what fades."""
         part = np.exp(-self.hours[1:] / self.value(number))
-        sums = _up_to(self.turning * part[:, None, None], self.ends_of_pieces)
+        sums = _up_to(self.turning * part[:, None, None], self.boundaries)
         mean = np.einsum("nik,n->ik", self.counted[1:], part)
-        return [self.between(group, sums, mean) for group in self.groups], mean
+        return errors_between(self.groups, self.boundaries, sums, mean), mean
 
     def range(self, begin: int, end: int, over_bounds: OverBounds, largest: NDArray) -> Range:
         """Return few columns that hold those of a few time constants; they miss what polynomials through these do."""
@@ -322,9 +316,9 @@ class TimeConstants(InMotion):
 
     def _at_most(self, part: NDArray) -> Columns:
         """What a part (N - 1,), of either sign, of what the effect does at each row does to the errors at most."""
-        sums = _up_to(np.abs(self.turning) * part[:, None, None], self.ends_of_pieces)
+        sums = _up_to(np.abs(self.turning) * part[:, None, None], self.boundaries)
         mean = np.einsum("nik,n->ik", np.abs(self.counted[1:]), part)
-        return [self.between(group.largest, sums, mean) for group in self.groups]
+        return errors_between([group.largest for group in self.groups], self.boundaries, sums, mean)
 
 
 Cells = Onsets | TimeConstants
@@ -387,7 +381,8 @@ def held(matrix: NDArray, most: float) -> tuple[NDArray[np.float64], float]:
 def refused(matrix: NDArray, residual: NDArray, limit: float, work: Work) -> bool:
     """Whether rows (M, P) in units of their bounds leave a radius above the limit, whatever the coefficients.
 
-    Weighted least squares prove it, or a linear programme does; what they cost is added to the work.
+    Weighted least squares prove it, or a linear programme does; one that is not solved proves nothing. What they cost
+    is added to the work.
     """
     if not len(residual):
         return False
@@ -404,4 +399,7 @@ def refused(matrix: NDArray, residual: NDArray, limit: float, work: Work) -> boo
             return False
         weights = sharpened(weights, misfit)
     free = np.full(matrix.shape[1], np.inf)
-    return least_radius(matrix, residual, (-free, free), estimated(matrix, residual))[0] > limit
+    try:
+        return least_radius(matrix, residual, (-free, free), estimated(matrix, residual))[0] > limit
+    except SolverError:
+        return False

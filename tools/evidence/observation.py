@@ -107,7 +107,7 @@ class Observation:
     @cached_property
     def boundaries(self) -> NDArray[np.int_]:
         """Rows at which pieces begin or end, in order."""
-        return rows_of([group.pieces for group in self.groups])
+        return boundaries_of(self.groups)
 
     def of_functions(self, weights: Weights, count: int, port: int) -> list[NDArray[np.float64]]:
         """Return errors (S, d, count) of each group, of weights that add to some columns at one port."""
@@ -117,11 +117,7 @@ class Observation:
             for column, weight in weights:
                 mean[port] += np.bincount(column[self.resting], weight[self.resting], count)
             mean[port] /= max(int(self.resting.sum()), 1)
-        return [self._between(group, sums, mean) for group in self.groups]
-
-    def _between(self, group: Group, sums: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.float64]:
-        first, last = (np.searchsorted(self.boundaries, rows) for rows in (group.pieces.first, group.pieces.last))
-        return group.columns(sums, mean, first, last)
+        return errors_between(self.groups, self.boundaries, sums, mean)
 
     @cached_property
     def largest(self) -> "Observation":
@@ -129,9 +125,23 @@ class Observation:
         return Observation(tuple(group.largest for group in self.groups), np.abs(self.adds), self.resting)
 
 
-def rows_of(pieces: Sequence[Pieces]) -> NDArray[np.int_]:
-    """Return the rows at which some pieces begin or end, in order."""
-    return np.unique(np.concatenate([rows for piece in pieces for rows in (piece.first, piece.last)]))
+def boundaries_of(groups: Sequence[Group]) -> NDArray[np.int_]:
+    """Return the rows at which pieces of some groups begin or end, in order."""
+    rows = np.zeros(0, dtype=int)
+    for group in groups:
+        rows = np.concatenate((rows, group.pieces.first, group.pieces.last))
+    return np.unique(rows)
+
+
+def errors_between(
+    groups: Sequence[Group], boundaries: NDArray[np.int_], sums: NDArray[np.float64], mean: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Return errors (S, d, K) of each group by sums (B, 3, K) up to the boundaries of its pieces and a mean (3, K)."""
+    errors = []
+    for group in groups:
+        first, last = np.searchsorted(boundaries, group.pieces.first), np.searchsorted(boundaries, group.pieces.last)
+        errors.append(group.columns(sums, mean, first, last))
+    return errors
 
 
 @dataclass(frozen=True, eq=False)
