@@ -38,7 +38,6 @@ from .bench_model import (
     least_radius,
     with_possible_sizes,
 )
-from .bench_power import powers
 from .bench_predictions import (
     can_be_run,
     dense_spaces,
@@ -60,6 +59,7 @@ from .evidence import Effort, Evidence, Reader, Trial, own_with, parameters_with
 from .extension import Extension, Sized
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
+from .power import powers
 from .rows import About, Channel, Rows
 
 PAIR = 2

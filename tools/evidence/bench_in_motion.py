@@ -204,36 +204,38 @@ class BenchInMotion(TurnsInTime):
 
         What effects do to the turns is linear.
         """
-        blocks, own = blocks_of(places), self.whole.own
-        mine = [(p, block) for p, block in zip(places, blocks, strict=True) if acts_at_rest(p) and p not in self.set_in]
-        columns = np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.stop) for _, b in mine)])
+        blocks, bench_count = blocks_of(places), self.whole.own
+        at_rest, numbers = [], [np.zeros(0, int)]
+        for place, block in zip(places, blocks, strict=True):
+            if acts_at_rest(place) and place not in self.set_in:
+                at_rest.append(place)
+                numbers.append(np.arange(block.start, block.stop))
+        columns = np.concatenate(numbers)
         readings = self.moving.lagging(float(point[-1]))[0]
-        read = replace(self.moving.read, readings=readings).about(
-            [place for place, _ in mine], point[:own], coefficients[columns]
-        )
-        residual, jacobian, bound, chosen = self._beside_turns(read, columns, self.added(places), point, coefficients)
+        rows = replace(self.moving.read, readings=readings).about(at_rest, point[:bench_count], coefficients[columns])
+        residual, jacobian, bound, chosen = self._beside_turns(rows, columns, self.added(places), point, coefficients)
         rate = np.zeros_like(jacobian)
-        rate[: self.of_readings, chosen] = read.rate
+        rate[: self.of_readings, chosen] = rows.rate
         bound = np.where(self.says, bound, np.inf)
         return residual / bound, jacobian / bound[:, None], rate / bound[:, None]
 
     def _beside_turns(
-        self, read: About | Fit, columns: NDArray, added: NDArray, point: NDArray, coefficients: NDArray
+        self, rows: About | Fit, columns: NDArray, added: NDArray, point: NDArray, coefficients: NDArray
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int_]]:
         """Readings as a model of the bench has them with the turns beside them, about parameters and coefficients.
 
         `columns` of the coefficients (K,) are the model's, `added` (M, K) what the others do. Errors (M,), derivatives
         (M, P + K), bounds (M,), and which columns are the model's.
         """
-        whole, count = self.whole, self.of_readings
+        fitted, count = self.whole, self.of_readings
         lagging = np.zeros((len(added), 1))
         lagging[:count, 0] = self.moving.lagging(float(point[-1]))[1]
-        chosen = np.append(np.arange(whole.own), len(point) + columns)
-        residual = whole.residual_at(point[:-1]) - added @ coefficients
-        residual[:count] = read.residual - added[:count] @ coefficients
-        jacobian = np.hstack([whole.jacobian_at(point[:-1]), lagging, added])
-        jacobian[:count, chosen] = read.jacobian
-        return residual, jacobian, np.append(read.bound, whole.bound[count:]), chosen
+        chosen = np.append(np.arange(fitted.own), len(point) + columns)
+        residual = fitted.residual_at(point[:-1]) - added @ coefficients
+        residual[:count] = rows.residual - added[:count] @ coefficients
+        jacobian = np.hstack([fitted.jacobian_at(point[:-1]), lagging, added])
+        jacobian[:count, chosen] = rows.jacobian
+        return residual, jacobian, np.append(rows.bound, fitted.bound[count:]), chosen
 
     def about(self, places: Sequence[EffectPlace], point: NDArray, coefficients: NDArray) -> About:
         """The exact model of the whole bench with linear effects, linearised there."""
@@ -242,16 +244,16 @@ class BenchInMotion(TurnsInTime):
 
     def added(self, places: Sequence[EffectPlace], blocks: Sequence[slice] | None = None) -> NDArray[np.float64]:
         """What effects in motion add to readings [g], and linear ones to integrals [rad]: (M, K)."""
-        blocks, known = blocks_of(places) if blocks is None else blocks, self._known
+        blocks, columns_known = blocks_of(places) if blocks is None else blocks, self._known
         added = np.zeros((len(self.whole.bound), blocks[-1].stop if blocks else 0))
         for place, block in zip(places, blocks, strict=True):
             # What is not linear acts on accelerometers at rest alone, but for a slip at its time.
             if is_linear(place) or place in self.set_in:
-                if place not in known and place in self.set_in:
-                    known[place] = np.nan_to_num(self.columns_set_in(place))
-                elif place not in known:
-                    known[place] = np.vstack([self.moving.columns(place), self.travel.columns(place)])
-                added[:, block] = known[place]
+                if place not in columns_known and place in self.set_in:
+                    columns_known[place] = np.nan_to_num(self.columns_set_in(place))
+                elif place not in columns_known:
+                    columns_known[place] = np.vstack([self.moving.columns(place), self.travel.columns(place)])
+                added[:, block] = columns_known[place]
         return added
 
     @cached_property
@@ -278,13 +280,13 @@ class BenchInMotion(TurnsInTime):
         places = self.classes.places if among is None else among
         problem = Problem.of(self.rows.residual, self.rows.nominal, [self.columns_of([place]) for place in places])
         slack = self.limit - 1.0 + SLACK
-        seen = set()
+        yielded = set()
         for chosen in sets_of_size(problem, size, slack, MOST_OUTLIERS, work):
             if set(chosen.outliers) <= set(self.of_positions.tolist()):
                 outliers = [reading_at(row) for row in chosen.outliers]
-                found = (*(places[i] for i in chosen.effects), *outliers)
-                seen.add(frozenset(found))
-                yield found
+                candidate = (*(places[i] for i in chosen.effects), *outliers)
+                yielded.add(frozenset(candidate))
+                yield candidate
         gyros = [place for place in self.classes.places if place.definition.component in OF_GYROS]
         resting = {reading_at(int(row)) for row in self.of_positions}
         search, allowed = self.moving.read.search, dict[tuple[EffectPlace, ...], bool]()
@@ -296,12 +298,12 @@ class BenchInMotion(TurnsInTime):
                 if any(place.effect == "outlier" and place not in resting for place in bent):
                     continue
                 turned = tuple(place for place in bent if place.definition.turns_table)
-                for own in combinations(gyros, size - count):
-                    key = (*turned, *own)
+                for of_gyros in combinations(gyros, size - count):
+                    key = (*turned, *of_gyros)
                     if key not in allowed:
                         allowed[key] = self._turns_allow(key, slack, work)
-                    if allowed[key] and frozenset((*bent, *own)) not in seen:
-                        yield (*bent, *own)
+                    if allowed[key] and frozenset((*bent, *of_gyros)) not in yielded:
+                        yield (*bent, *of_gyros)
         if among is None:
             # About the nominal point the rows are not quite linear.
             yield from self.sets_in_time(size, work, SLACK)
@@ -310,8 +312,8 @@ class BenchInMotion(TurnsInTime):
         """Whether the turns by themselves stand with some effects of the gyros and the table."""
         rows = self.rows.matrix(places)[self.of_readings :]
         work.programme(*rows.shape)
-        own = rows[:, np.abs(rows).max(axis=0) > 0.0]
-        return chebyshev_radius(own, self.rows.residual[self.of_readings :], np.ones(len(own)))[0] <= 1.0 + slack
+        acting = rows[:, np.abs(rows).max(axis=0) > 0.0]
+        return chebyshev_radius(acting, self.rows.residual[self.of_readings :], np.ones(len(acting)))[0] <= 1.0 + slack
 
     def mended(self, places: Sequence[EffectPlace], work: Work) -> Sequence[Fit]:
         """Fits of a set with possible sizes with which the model stands; of what is not linear in its ways."""
@@ -323,38 +325,38 @@ class BenchInMotion(TurnsInTime):
             possible = with_possible_sizes(fit, self.limit, LARGEST_OF_BENCH) if fit.radius <= self.limit else None
             return [] if possible is None else [possible]
         gyros = [place for place in places if not acts_at_rest(place)]
-        found = []
+        fits = []
         for fit in self.moving.read.mended([place for place in places if acts_at_rest(place)], work):
-            ways = [one for way in (fit, *fit.also) if (one := self._standing(way, gyros)) is not None]
-            if ways:
-                best, *others = sorted(ways, key=lambda one: one.radius)
-                found.append(replace(best, also=tuple(others)))
-        return found
+            ways = [self._standing(way, gyros) for way in (fit, *fit.also)]
+            standing = sorted((way for way in ways if way is not None), key=lambda way: way.radius)
+            if standing:
+                fits.append(replace(standing[0], also=tuple(standing[1:])))
+        return fits
 
     def _standing(self, fit: Fit, gyros: Sequence[EffectPlace]) -> Fit | None:
         """A fit of the readings with the turns beside it, and effects of the gyros; None where it does not stand."""
-        count, own = self.of_readings, len(fit.coefficients)
+        count, count_of_fit = self.of_readings, len(fit.coefficients)
         places = (*fit.places, *gyros)
-        blocks = (*fit.blocks, *(slice(b.start + own, b.stop + own) for b in blocks_of(gyros)))
+        blocks = (*fit.blocks, *(slice(b.start + count_of_fit, b.stop + count_of_fit) for b in blocks_of(gyros)))
         point = np.append(fit.point, self.point[self.whole.own :])
         sizes = np.append(fit.coefficients, np.zeros(width_of(gyros)))
-        rows = self._beside_turns(fit, np.arange(own), self.added(places, blocks), point, sizes)
+        rows = self._beside_turns(fit, np.arange(count_of_fit), self.added(places, blocks), point, sizes)
         *rows, chosen = rows
         residual, jacobian, bound = ((values.T / self.whole.bound).T for values in rows)
-        at, read = np.append(point, sizes), self.whole.bound[:count]
+        at, bound_read = np.append(point, sizes), self.whole.bound[:count]
 
         def grown(growth: Growth) -> Growth:
             rows, low = np.zeros_like(jacobian), np.full(len(at), -np.inf)
-            rows[:count, chosen], high = growth.rows / read[:, None], -low
+            rows[:count, chosen], high = growth.rows / bound_read[:, None], -low
             low[chosen], high[chosen] = growth.low, growth.high
-            return Growth(np.append(growth.now / read, np.zeros(len(bound) - count)), rows, low, high)
+            return Growth(np.append(growth.now / bound_read, np.zeros(len(bound) - count)), rows, low, high)
 
         growths = tuple(map(grown, fit.growths))
         radius, step, branch = least_radius(jacobian, residual, bound, growths)
         growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
         variants = (*(way for _, _, way in fit.ways), *(None for _ in gyros))
-        made = (residual, bound, jacobian, radius, at + step, (at + step)[len(point) :])
-        stacked = Fit(places, blocks, at, step, *made, variants, growths)
+        values = (residual, bound, jacobian, radius, at + step, (at + step)[len(point) :])
+        stacked = Fit(places, blocks, at, step, *values, variants, growths)
         return with_possible_sizes(stacked, self.limit, LARGEST_OF_BENCH) if radius <= self.limit else None
 
     def beside(self, fit: Fit) -> Iterator[tuple[EffectPlace, NDArray[np.float64]]]:
@@ -424,9 +426,9 @@ class WholeReader(BenchReader):
 
     def channels(self) -> Sequence[Channel]:
         """Those of the accelerometers, with what the whole model leaves of their readings."""
-        left = self.rows.residual[self.model.of_positions].reshape(-1, 3)
+        residual = self.rows.residual[self.model.of_positions].reshape(-1, 3)
         return [
-            replace(channel, error=left[:, p], bound=np.ones(len(left)))
+            replace(channel, error=residual[:, p], bound=np.ones(len(residual)))
             for p, channel in enumerate(self.rests.channels())
         ]
 
@@ -439,17 +441,17 @@ class WholeReader(BenchReader):
         fit = fit or nominal
         rows, turns, travel = self.model.of_readings, self.model.whole.turns, self.model.travel
         first, last = (3600.0 * travel.hours[ends] for ends in (travel.first, travel.last))
-        before, after = (left[rows:].reshape(-1, 3) for left in (nominal.left, fit.left / fit.allowed))
+        before, after = (errors[rows:].reshape(-1, 3) for errors in (nominal.left, fit.left / fit.allowed))
 
-        def alone(own: slice) -> tuple[float, float]:
+        def alone(rows_alone: slice) -> tuple[float, float]:
             """Radius of some of the rows by themselves, without effects and with them."""
-            ones = np.ones(len(self.rows.residual[own]))
-            left, columns = fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None]
-            without = chebyshev_radius(self.rows.nominal[own], self.rows.residual[own], ones)[0]
-            return without, chebyshev_radius(columns[own], left[own], ones)[0]
+            ones = np.ones(len(self.rows.residual[rows_alone]))
+            errors, columns = fit.left / fit.allowed, fit.jacobian / fit.allowed[:, None]
+            without = chebyshev_radius(self.rows.nominal[rows_alone], self.rows.residual[rows_alone], ones)[0]
+            return without, chebyshev_radius(columns[rows_alone], errors[rows_alone], ones)[0]
 
-        each = alone(slice(rows)), alone(slice(rows, None))
-        return TurnErrors(first, last, turns.moments[:, 2:4], before, after, each)
+        radii = alone(slice(rows)), alone(slice(rows, None))
+        return TurnErrors(first, last, turns.moments[:, 2:4], before, after, radii)
 
     def of_model(self, fit: Fit, calibration: Calibration, excluded: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
         """What an extension does to the targets, and why no sizes of others are excluded beside it."""
@@ -463,8 +465,8 @@ class WholeReader(BenchReader):
         if all(acts_at_rest(place) for place in apart) and all(fit.linear for fit in fits):
             alone = [self.model.rests.refit([p for p in fit.places if acts_at_rest(p)]) for fit in fits]
             return self.rests.probe(alone)
-        said = dict.fromkeys(SHOWN_BY[place.effect] for place in apart if place.effect in SHOWN_BY)
-        return {"next": list(said)}
+        sentences = dict.fromkeys(SHOWN_BY[place.effect] for place in apart if place.effect in SHOWN_BY)
+        return {"next": list(sentences)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,13 +496,13 @@ class WholeRerun:
     def _at_rest(self, fit: Fit) -> Fit | None:
         """What a fit says of bench and accelerometers, as a fit of the rests; None where these do not stand with it."""
         places = [place for place in fit.places if acts_at_rest(place)]
-        found = next(iter(self.model.rests.mended(places, Work())), None) if places else self.model.rests.baseline
-        if found is None:
+        of_rests = next(iter(self.model.rests.mended(places, Work())), None) if places else self.model.rests.baseline
+        if of_rests is None:
             return None
         columns = [np.arange(b.start, b.stop) for p, b, _ in fit.ways if acts_at_rest(p)]
-        own = len(fit.point) + np.concatenate([np.zeros(0, int), *columns])
-        estimate = np.append(fit.estimate[: self.model.whole.own], fit.estimate[own])
-        return replace(found, estimate=estimate, stated=estimate[self.model.whole.own :])
+        columns_at_rest = len(fit.point) + np.concatenate([np.zeros(0, int), *columns])
+        estimate = np.append(fit.estimate[: self.model.whole.own], fit.estimate[columns_at_rest])
+        return replace(of_rests, estimate=estimate, stated=estimate[self.model.whole.own :])
 
     def gain(self, fit: Fit) -> Gain | None:
         """Held-out positions simulated again, where the effects act there, and every fifth turn where they act there.
@@ -514,28 +516,28 @@ class WholeRerun:
         return first.model_copy(update={"others": [turned]})
 
     def _gain_of_turns(self, fit: Fit) -> Gain | None:
-        model, whole = self.model, self.model.whole
-        made = model.with_onsets(fit)
-        if not model.acts_linearly(fit) or not made.added(fit.places)[model.of_readings :].any():
+        model, fitted = self.model, self.model.whole
+        with_times = model.with_onsets(fit)
+        if not model.acts_linearly(fit) or not with_times.added(fit.places)[model.of_readings :].any():
             return None
-        held, errors = np.arange(0, len(whole.turns.first), FOLDS), []
-        fitted = model.rows.fold_of_rows != 0
+        turns_held, errors = np.arange(0, len(fitted.turns.first), FOLDS), []
+        kept_rows = model.rows.fold_of_rows != 0
         for places in ((), fit.places):
-            solution = estimated(made.rows.matrix(places)[fitted], model.rows.residual[fitted])
+            solution = estimated(with_times.rows.matrix(places)[kept_rows], model.rows.residual[kept_rows])
             step, sizes = np.split(solution, [len(model.point)])
             effects = {p: sizes[block] for p, block in zip(places, blocks_of(places), strict=True)}
             # A slip is told by the clock of the rests, others by that of the rows.
             began = (model.rests.readings.circumstances.began - float(model.raw.time_s[0])) / 3600.0
-            set_in = {place: time + began * (place == SLIP) for place, time in made.set_in.items()}
+            set_in = {place: time + began * (place == SLIP) for place, time in with_times.set_in.items()}
             point = (model.point + step)[:-1]
             try:
-                read = simulated_turns(model.raw, whole, model.travel, point, effects, set_in)
+                integrals = simulated_turns(model.raw, fitted, model.travel, point, effects, set_in)
             except InputError:
                 # Values that no component takes.
                 return None
-            errors.append((whole.turns.integral - read)[held])
+            errors.append((fitted.turns.integral - integrals)[turns_held])
         before, after = errors
-        gain = gain_of(before, after, ARCMIN, over="turns", pieces=len(held), rows=held)
+        gain = gain_of(before, after, ARCMIN, over="turns", pieces=len(turns_held), rows=turns_held)
         return gain.model_copy(update={"unit": "arcmin"})
 
     def extension(self, fit: Fit, effects: Sized) -> Extension:
@@ -543,12 +545,12 @@ class WholeRerun:
         at_rest = self._at_rest(fit)
         if at_rest is None:
             raise ValueError("the rests by themselves do not stand with these effects")
-        own, ends = self.model.whole.own, fit.ends(self.model.room)
+        count, ends = self.model.whole.own, fit.ends(self.model.room)
         gravity = self.model.calibration.gravity
-        made = extension_of_bench(self.model.rests.readings, at_rest, ends[:own], effects, gravity)
+        at_rest_extension = extension_of_bench(self.model.rests.readings, at_rest, ends[:count], effects, gravity)
 
         def said(values: NDArray) -> dict[str, Any]:
-            gyros = values[own:-1].tolist()
+            gyros = values[count:-1].tolist()
             return {"gravity": gravity, "bias": gyros[BIAS], "scale_misalignment": gyros[MATRIX]}
 
         least, most = (elements_of(said(end)) for end in ends.T)
@@ -556,13 +558,13 @@ class WholeRerun:
         point = fit.estimate[: len(fit.point)]
         # Sensitivities and lag of the gyros are effects of theirs.
         further = dict(effects)
-        lowest, highest = (effects_of_model(end[own:-1]) for end in ends.T)
-        for place, values in effects_of_model(point[own:-1]).items():
+        lowest, highest = (effects_of_model(end[count:-1]) for end in ends.T)
+        for place, values in effects_of_model(point[count:-1]).items():
             further[place] = values, list(zip(lowest[place], highest[place], strict=True))
         starts = [Start.of(name, said(point), intervals, further) for name in ("GyroBlock", "GyroCompensation")]
         if any(place.definition.component == "AttitudeComputer" for place in effects):
             starts.append(Start.of("AttitudeComputer", {}, {}, further))
-        return Extension([*made.starts, *starts], made.scenarios)
+        return Extension([*at_rest_extension.starts, *starts], at_rest_extension.scenarios)
 
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evidence:
@@ -574,20 +576,21 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     least = place.encoder_within(LARGEST_FLUCTUATION)
     record = approached(record, least)
     rests = bench_evidence(record, **options).model
-    alone, here = rests.calibration, rests.here
-    whole = fit_whole(here, record, place, alone.noise_bound)
-    found = with_gyros(alone, record, place, whole, Asked(**options))
-    found = found.model_copy(update={"warnings": [said for said in found.warnings if said != GYROS_LEFT_OUT]})
+    alone, linear = rests.calibration, rests.here
+    fitted = fit_whole(linear, record, place, alone.noise_bound)
+    calibration = with_gyros(alone, record, place, fitted, Asked(**options))
+    warnings = [warning for warning in calibration.warnings if warning != GYROS_LEFT_OUT]
+    calibration = calibration.model_copy(update={"warnings": warnings})
     encoder_bound = place.encoder_within(alone.noise_bound)
-    travel = Travel.of(raw, whole, encoder_bound, alone.gravity)
-    more = InMotion.of(record, here, alone.gravity, encoder_bound)
+    travel = Travel.of(raw, fitted, encoder_bound, alone.gravity)
+    in_motion = InMotion.of(record, linear, alone.gravity, encoder_bound)
     # A slip is sought with its turns.
     without = replace(rests, places=tuple(place for place in rests.places if place != SLIP))
-    moving = Moving.of(without, record, more, travel.to_block, travel.lean, least)
-    both = with_turns(moving.read.here, whole.turns, str(record.path))
-    moving = moving.about(both.point[: both.own])
+    moving = Moving.of(without, record, in_motion, travel.to_block, travel.lean, least)
+    with_readings = with_turns(moving.read.here, fitted.turns, str(record.path))
+    moving = moving.about(with_readings.point[: with_readings.own])
     places = (*without.places, *IN_MOTION, *effects_of_gyros())
     names = (*rests.names, *gyro_names(), ("accelerometer-lag", "s"))
-    point = np.append(both.point, 0.0)
-    model = BenchInMotion(names, point, places, found, rests, moving, both, travel, raw)
+    point = np.append(with_readings.point, 0.0)
+    model = BenchInMotion(names, point, places, calibration, rests, moving, with_readings, travel, raw)
     return Evidence.of(WholeReader(model))

@@ -71,6 +71,11 @@ class Paid:
     low: float
     high: float
 
+    @property
+    def signed_ends(self) -> list[tuple[float, float]]:
+        """Each sign that is possible, with the end on its side of zero."""
+        return [(sign, end) for sign, end in ((-1.0, self.low), (1.0, self.high)) if sign * end > 0.0]
+
     @staticmethod
     def of(places: Mapping[EffectPlace, int], rate: NDArray[np.float64]) -> "list[Paid]":
         """Of effects of one coefficient, with its column, those for whose size bounds grow by `rate` (M, n)."""
@@ -88,16 +93,17 @@ def growths_of(paid: Sequence[Paid], rate: NDArray[np.float64], x: NDArray[np.fl
     """
     if not paid:
         return ()
-    found = []
+    growths = []
     # Of each the ends, sign by sign, that are possible.
-    ends = [[(sign, end) for sign, end in ((-1.0, one.low), (1.0, one.high)) if sign * end > 0.0] for one in paid]
+    ends = [coefficient.signed_ends for coefficient in paid]
     for branch in product(*ends):
-        own, low, high = np.zeros(len(x)), np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        for (sign, end), one in zip(branch, paid, strict=True):
-            own[one.columns] = sign
-            low[one.columns], high[one.columns] = min(0.0, end) - x[one.columns], max(0.0, end) - x[one.columns]
-        found.append(Growth(rate @ (own * x), rate * own, low, high))
-    return tuple(found)
+        signs, low, high = np.zeros(len(x)), np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        for (sign, end), coefficient in zip(branch, paid, strict=True):
+            columns = coefficient.columns
+            signs[columns] = sign
+            low[columns], high[columns] = min(0.0, end) - x[columns], max(0.0, end) - x[columns]
+        growths.append(Growth(rate @ (signs * x), rate * signs, low, high))
+    return tuple(growths)
 
 
 def least_radius(
@@ -109,9 +115,9 @@ def least_radius(
     """
     if any_step and not growths:
         return *any_centre(jacobian, residual, bound), 0
-    tried = [chebyshev_radius(jacobian, residual, bound, growth=growth)[:2] for growth in growths or (None,)]
-    branch = int(np.argmin([radius for radius, _ in tried]))
-    return (*tried[branch], branch)
+    fits = [chebyshev_radius(jacobian, residual, bound, growth=growth)[:2] for growth in growths or (None,)]
+    branch = int(np.argmin([radius for radius, _ in fits]))
+    return (*fits[branch], branch)
 
 
 @dataclass(frozen=True)
@@ -183,11 +189,11 @@ class Readings(Visits):
 
     def relaxations(self, rows: Rows, places: Sequence[EffectPlace]) -> list[Relaxation]:
         """Of each effect that can act on the readings at all, what it may do at most."""
-        found = []
+        relaxations = []
         for place in places:
             if is_linear(place):
-                own = np.zeros(rows.n.size), signature_columns([place], rows), left_open(place, rows)
-                found.append(Relaxation(place, 0, untold_readings([place], rows), *own))
+                added = np.zeros(rows.n.size), signature_columns([place], rows), left_open(place, rows)
+                relaxations.append(Relaxation(place, 0, untold_readings([place], rows), *added))
                 continue
             variants = self.variants(place, rows)
             if not variants:
@@ -195,8 +201,8 @@ class Readings(Visits):
             touched = np.any([variant.touched for variant in variants], axis=0)
             widening = np.max([variant.widening for variant in variants], axis=0)
             nothing = np.zeros((touched.size, 0)), np.zeros(touched.size)
-            found.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel(), *nothing))
-        return found
+            relaxations.append(Relaxation(place, len(variants), touched.ravel(), widening.ravel(), *nothing))
+        return relaxations
 
 
 @dataclass(frozen=True)
@@ -211,13 +217,13 @@ class Cast:
 
     def variants(self, readings: Readings, rows: Rows) -> tuple[Way | None, ...] | None:
         """The variant of each effect; None where one of the ways is none here."""
-        found: list[Way | None] = []
+        variants: list[Way | None] = []
         for place in self.places:
-            seen = readings.ways(place, rows) if place in self.ways else [None]
-            if (way := self.ways.get(place, 0)) >= len(seen):
+            ways = readings.ways(place, rows) if place in self.ways else [None]
+            if (way := self.ways.get(place, 0)) >= len(ways):
                 return None
-            found.append(seen[way])
-        return tuple(found)
+            variants.append(ways[way])
+        return tuple(variants)
 
     def model(
         self, readings: Readings, point: NDArray, coefficients: NDArray, blocks: Sequence[slice] | None = None
@@ -298,7 +304,7 @@ def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Va
     """Derivatives (N, 3, P) of the readings by the bench's parameters, less what a variant does not let through."""
     if not variant.lost.any():
         return slopes
-    p, left = readings.parametrisation, slopes.copy()
+    p, remaining = readings.parametrisation, slopes.copy()
     targets = (p.selection @ point)[at.mounting]
     inputs, n = direction_jacobian(p, point, at), predicted_input(p, point, at)
     for k, pair in enumerate(SYMMETRIC_PAIRS):
@@ -306,8 +312,8 @@ def _without_lost(readings: Readings, point: NDArray, at: Positions, variant: Va
         chosen = np.where(readings.sign[rows, k] >= 0, TARGETS.index(pair[0]), TARGETS.index(pair[1]))
         scale = 1.0 + targets[rows, chosen]
         by_scale = p.selection[at.mounting[rows], chosen]
-        left[rows, k] -= scale[:, None] * inputs[rows, k] + n[rows, k][:, None] * by_scale
-    return left
+        remaining[rows, k] -= scale[:, None] * inputs[rows, k] + n[rows, k][:, None] * by_scale
+    return remaining
 
 
 def fitted(
@@ -460,25 +466,25 @@ def with_possible_sizes(fit: Fit, limit: float, largest_of_bench: float) -> Fit 
         return None
     if fit.is_possible:
         return fit
-    own, free = fit.coefficients, np.full(len(fit.point), np.inf)
-    low, high = (np.append(sign * free, end - own) for sign, end in zip((-1.0, 1.0), fit.limits, strict=True))
+    coefficients, free = fit.coefficients, np.full(len(fit.point), np.inf)
+    low, high = (np.append(sign * free, end - coefficients) for sign, end in zip((-1.0, 1.0), fit.limits, strict=True))
     growth = fit.growths[0] if fit.growths else None
     radius, step, _ = chebyshev_radius(fit.jacobian, fit.residual, fit.bound, low=low, high=high, growth=growth)
-    moved = replace(fit, radius=radius, step=step, stated=own + step[len(fit.point) :])
+    moved = replace(fit, radius=radius, step=step, stated=coefficients + step[len(fit.point) :])
     return moved if radius <= limit and moved.is_possible else None
 
 
 # Readings that are left out
 
 
-def leverages(jacobian: NDArray, kept: NDArray, held: NDArray) -> NDArray | None:
+def leverages(jacobian: NDArray, fitted_rows: NDArray, rows_out: NDArray) -> NDArray | None:
     """How uncertain (H,) readings that are held out are predicted, over the others; None where these lose the rank."""
-    found = _inverse(jacobian, determined(jacobian), kept)
-    return None if found is None else np.linalg.norm(jacobian[held] @ found[1], axis=1)
+    inverse = _inverse(jacobian, determined(jacobian), fitted_rows)
+    return None if inverse is None else np.linalg.norm(jacobian[rows_out] @ inverse[1], axis=1)
 
 
 def predicted_errors(
-    unit: NDArray, rank: int, residual: NDArray, bound: NDArray, kept: NDArray, held: NDArray
+    unit: NDArray, rank: int, residual: NDArray, bound: NDArray, fitted_rows: NDArray, rows_out: NDArray
 ) -> tuple[NDArray, NDArray] | None:
     """Errors (H,) of readings that were left out, and their leverages (H,); None where rank is lost.
 
@@ -486,12 +492,12 @@ def predicted_errors(
     (M, n), `unit`, of a rank; a leverage is by how many bounds the prediction is uncertain where each error is one
     bound (rms).
     """
-    found = _inverse(unit, rank, kept)
-    if found is None:
+    solved = _inverse(unit, rank, fitted_rows)
+    if solved is None:
         return None
-    inverse, uncertain = found
-    predicted = unit[held] @ (inverse @ (residual[kept] / bound[kept]))
-    return residual[held] - bound[held] * predicted, np.linalg.norm(unit[held] @ uncertain, axis=1)
+    inverse, uncertain = solved
+    predicted = unit[rows_out] @ (inverse @ (residual[fitted_rows] / bound[fitted_rows]))
+    return residual[rows_out] - bound[rows_out] * predicted, np.linalg.norm(unit[rows_out] @ uncertain, axis=1)
 
 
 def determined(matrix: NDArray) -> int:
@@ -505,15 +511,15 @@ def _sizes(matrix: NDArray) -> NDArray[np.float64]:
     return np.where(scale > 0.0, scale, 1.0)
 
 
-def _inverse(matrix: NDArray, rank: int, kept: NDArray) -> tuple[NDArray, NDArray] | None:
+def _inverse(matrix: NDArray, rank: int, fitted_rows: NDArray) -> tuple[NDArray, NDArray] | None:
     """The pseudoinverse (n, K) of the rows that are kept; None where they lose the rank of all, or are too few.
 
     And a matrix (n, r) of which each row is as long as that of the pseudoinverse, in every direction.
     """
     scale = _sizes(matrix)
-    u, own, directions = np.linalg.svd(matrix[kept] / scale, full_matrices=False)
-    held = own > DETERMINED * own.max(initial=0.0)
-    if len(kept) <= rank or held.sum() < rank:
+    u, sizes, directions = np.linalg.svd(matrix[fitted_rows] / scale, full_matrices=False)
+    large = sizes > DETERMINED * sizes.max(initial=0.0)
+    if len(fitted_rows) <= rank or large.sum() < rank:
         return None
-    uncertain = (directions[held].T / own[held]) / scale[:, None]
-    return uncertain @ u[:, held].T, uncertain
+    uncertain = (directions[large].T / sizes[large]) / scale[:, None]
+    return uncertain @ u[:, large].T, uncertain

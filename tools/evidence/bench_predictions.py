@@ -53,9 +53,12 @@ FEWEST_SCORED = 3
 
 def lasting_part(fit: Fit) -> tuple[tuple[EffectPlace, ...], NDArray]:
     """The linear effects of a fit that act at other positions too, and which of its coefficients are theirs."""
-    kept = [(place, block) for place, block, variant in fit.ways if place.effect != "outlier" and variant is None]
-    own = [k for _, block in kept for k in range(block.start, block.stop)]
-    return tuple(place for place, _ in kept), np.array(own, dtype=int)
+    places, numbers = [], []
+    for place, block, variant in fit.ways:
+        if place.effect != "outlier" and variant is None:
+            places.append(place)
+            numbers += range(block.start, block.stop)
+    return tuple(places), np.array(numbers, dtype=int)
 
 
 def later_part(fit: Fit) -> list[tuple[EffectPlace, slice, Callable[[Rows], NDArray]]]:
@@ -90,29 +93,29 @@ class Rival:
 def rival_of(fit: Fit, visits: Visits, room: float) -> Rival:
     """A candidate as a rival of others at some visits; `room` is what rounding adds to the bounds."""
     count, bench = len(visits), len(fit.point)
-    places, own = lasting_part(fit)
+    places, numbers = lasting_part(fit)
     central = fit.central
     sign = np.where(predicted_input(visits.parametrisation, central[:bench], visits.at) >= 0.0, 1, -1)
     at = (visits.parametrisation, visits.at, visits.circumstances)
-    there = Readings(*at, reading=np.zeros((count, 3)), bound=np.full(3 * count, np.inf), sign=sign)
-    model = Cast(places).model(there, central[:bench], central[bench:][own])
+    readings = Readings(*at, reading=np.zeros((count, 3)), bound=np.full(3 * count, np.inf), sign=sign)
+    model = Cast(places).model(readings, central[:bench], central[bench:][numbers])
     assert model is not None
     slopes = np.zeros((count, 3, len(central)))
-    slopes[..., np.append(np.arange(bench), bench + own)] = model.jacobian.reshape(count, 3, -1)
-    seen, rows = model.reading.reshape(count, 3), visits.rows(fit.point)
+    slopes[..., np.append(np.arange(bench), bench + numbers)] = model.jacobian.reshape(count, 3, -1)
+    reading, rows = model.reading.reshape(count, 3), visits.rows(fit.point)
     for _, block, elsewhere in later_part(fit):
         columns = bench + np.arange(block.start, block.stop)
         slopes[..., columns] = elsewhere(rows)
-        seen = seen + slopes[..., columns] @ central[columns]
+        reading = reading + slopes[..., columns] @ central[columns]
     possible = fit.possible(room)
     scaled = slopes / possible.scale
     inside = scaled @ possible.span
     outside = np.linalg.norm(scaled - inside @ possible.span.T, axis=2) > 1e-6 * np.linalg.norm(scaled, axis=2)
     # A dead zone, saturation or rounding acts last.
-    told = {place for place, _, _ in later_part(fit)}
-    bent = [(p, v) for p, v in zip(fit.places, fit.values(), strict=True) if not is_linear(p) and p not in told]
-    seen = acted_on(bent, rows, seen) if bent else seen
-    return Rival(fit, possible, seen, inside, ~outside, bool(bent))
+    adding = {place for place, _, _ in later_part(fit)}
+    bent = [(p, v) for p, v in zip(fit.places, fit.values(), strict=True) if not is_linear(p) and p not in adding]
+    reading = acted_on(bent, rows, reading) if bent else reading
+    return Rival(fit, possible, reading, inside, ~outside, bool(bent))
 
 
 def separating_positions(
@@ -140,18 +143,18 @@ def separating_positions(
     programme = Programme.of(readings, point, chosen, lasting)
     visits, sided = programme.visits, programme.sided
     at, p = visits.at, visits.parametrisation
-    told = ~untold_readings(lasting, visits.rows(point)).reshape(-1, 3)
-    usable = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds) & told
+    is_told = ~untold_readings(lasting, visits.rows(point)).reshape(-1, 3)
+    usable = admissible(at.alpha, at.beta, p.matrices[at.mounting], bounds=bounds) & is_told
     rivals = [rival_of(fit, visits, room) for fit in chosen]
     sure = 2.0 * (float(readings.bound.min()) + room)
     apart: dict[int, float] = {}
     names: dict[int, list[str]] = {}
     for first, second in combinations(rivals, 2):
-        both = first.fit.places, second.fit.places
-        if contains(*both) or contains(*reversed(both)):
+        sets = first.fit.places, second.fit.places
+        if contains(*sets) or contains(*reversed(sets)):
             continue
-        distance, own = decide(first, second, usable, list(apart), sure)
-        for row in own:
+        distance, rows_chosen = decide(first, second, usable, list(apart), sure)
+        for row in rows_chosen:
             apart[row] = min(apart.get(row, np.inf), distance)
             names[row] = list(dict.fromkeys((*names.get(row, ()), first.fit.title, second.fit.title)))
     positions = []
@@ -175,40 +178,41 @@ def decide(first: Rival, second: Rival, usable: NDArray, rows: Sequence[int], su
     """
     usable = usable & first.known & second.known
     difference = np.where(usable, first.centre - second.centre, 0.0)
-    own = [row for row in rows if np.abs(difference[row]).max() > sure]
+    chosen = [row for row in rows if np.abs(difference[row]).max() > sure]
     if first.bent or second.bent:
         # What is not linear has its sizes, not a set of them: the fitted predictions speak.
         best = int(np.argmax(np.round(np.abs(difference).max(axis=1), 12)))
-        own = own or [best]
-        return float(np.abs(difference[own]).max()), own
+        chosen = chosen or [best]
+        return float(np.abs(difference[chosen]).max()), chosen
     new = 0
     while True:
-        distance, apart = nearest(first, second, usable, difference, own)
+        distance, apart = nearest(first, second, usable, difference, chosen)
         if distance > sure or new == MOST_FOR_A_PAIR:
-            return distance, own
+            return distance, chosen
         farthest = int(np.argmax(np.round(np.abs(apart).max(axis=1), 12)))
-        if farthest in own:
-            return distance, own
-        own.append(farthest)
+        if farthest in chosen:
+            return distance, chosen
+        chosen.append(farthest)
         new += 1
 
 
 def nearest(
-    first: Rival, second: Rival, usable: NDArray, difference: NDArray, own: Sequence[int]
+    first: Rival, second: Rival, usable: NDArray, difference: NDArray, rows: Sequence[int]
 ) -> tuple[float, NDArray]:
     """How near the predictions at some positions can be [g], and how far apart (N, 3) they all are then."""
-    if not own:
+    if not rows:
         return 0.0, difference
-    axes = usable[list(own)]
-    offset = difference[list(own)][axes]
-    slopes = np.hstack((first.slopes[list(own)][axes], -second.slopes[list(own)][axes]))
+    axes = usable[list(rows)]
+    offset = difference[list(rows)][axes]
+    slopes = np.hstack((first.slopes[list(rows)][axes], -second.slopes[list(rows)][axes]))
     if not len(offset):
         return 0.0, difference
-    one, two = first.possible, second.possible
-    ends = np.concatenate((one.lower, two.lower)), np.concatenate((one.upper, two.upper))
-    distance, x = least_largest(np.asarray(block_diag(one.matrix, two.matrix)), *ends, offset, slopes)
-    mine, other = np.split(x, [one.matrix.shape[1]])
-    return distance, np.where(usable, difference + first.slopes @ mine - second.slopes @ other, 0.0)
+    sets = first.possible, second.possible
+    lower, upper = np.concatenate([s.lower for s in sets]), np.concatenate([s.upper for s in sets])
+    matrix = np.asarray(block_diag(*(s.matrix for s in sets)))
+    distance, x = least_largest(matrix, lower, upper, offset, slopes)
+    first_step, second_step = np.split(x, [first.possible.matrix.shape[1]])
+    return distance, np.where(usable, difference + first.slopes @ first_step - second.slopes @ second_step, 0.0)
 
 
 @dataclass(frozen=True)
@@ -246,8 +250,8 @@ class Programme:
             """The record's own positions at a time, with the temperature that was last."""
             last = 20.0 if circumstances.temperature is None else float(circumstances.temperature[-1])
             alike = np.ones(len(rows))
-            known = Circumstances(when * alike, last * alike, 0.0 * alike, 0.0 * alike, True)
-            return Visits(p, Positions(own.alpha[rows], own.beta[rows], own.mounting[rows]), known)
+            circumstances_there = Circumstances(when * alike, last * alike, 0.0 * alike, 0.0 * alike, True)
+            return Visits(p, Positions(own.alpha[rows], own.beta[rows], own.mounting[rows]), circumstances_there)
 
         every = np.arange(count)
         first, end, twice = (seen_by(at_hours(when, every)) for when in (0.0, now, now + span))
@@ -290,8 +294,8 @@ def _together(parts: Sequence[Visits]) -> Visits:
 
     at = Positions(*(joined(name, lambda part: part.at) for name in ("alpha", "beta", "mounting")))
     names = ("hours", "temperature", "sense_alpha", "sense_beta")
-    known = {name: joined(name, lambda part: part.circumstances) for name in names}
-    return replace(first, at=at, circumstances=replace(first.circumstances, **known))
+    circumstances = {name: joined(name, lambda part: part.circumstances) for name in names}
+    return replace(first, at=at, circumstances=replace(first.circumstances, **circumstances))
 
 
 # Mountings
@@ -356,32 +360,32 @@ def second_mounting(
         a, b = (column_space(np.hstack(part)) for part in (spaces[: len(first)], spaces[len(first) :]))
         return cosine(a, b) if a.shape[1] and b.shape[1] else 1.0
 
-    own = [np.round(matrix, 9).tolist() for matrix in p.matrices]
+    mounted = [np.round(matrix, 9).tolist() for matrix in p.matrices]
     before = correlation()
-    after = {name: correlation(name) for name, matrix in PRESETS.items() if np.round(matrix, 9).tolist() not in own}
+    after = {name: correlation(name) for name, matrix in PRESETS.items() if np.round(matrix, 9).tolist() not in mounted}
     if not after:
         return None
     # Of presets that do about as well, the first: it is the easiest to mount.
     best = next(name for name, value in after.items() if value <= min(after.values()) + 0.1 * before)
     if after[best] > WORTH_IT * before:
         return None
-    said = {"mounting": best, "separates": tuple(titles)}
-    return {**said, "correlation_before": before, "correlation_after": after[best]}
+    keys = {"mounting": best, "separates": tuple(titles)}
+    return {**keys, "correlation_before": before, "correlation_after": after[best]}
 
 
 def helpful_mounting(
     p: Parametrisation, fits: Sequence[Fit], positions: Sequence[Mapping[str, Any]], sure: float
 ) -> dict[str, Any] | None:
     """A mounting that tells apart two candidates that no further position with the record's mountings surely does."""
-    known: dict[str, DenseVisits] = {}
+    visits: dict[str, DenseVisits] = {}
     settled = [set(entry["separates"]) for entry in positions if entry["apart_g"] > sure]
     for first, second in combinations(fits[:MOST_CANDIDATES], 2):
         titles = first.title, second.title
         if any(names >= set(titles) for names in settled) or not (first.linear and second.linear):
             continue
-        found = second_mounting(p, lasting_part(first)[0], lasting_part(second)[0], titles, known)
-        if found is not None:
-            return found
+        mounting = second_mounting(p, lasting_part(first)[0], lasting_part(second)[0], titles, visits)
+        if mounting is not None:
+            return mounting
     return None
 
 
@@ -396,8 +400,8 @@ def held_out_rows(fit: Fit) -> tuple[NDArray, NDArray] | None:
     # The first position is never held out: the simulation begins there, and no move leads to it.
     for offset in range(1, HELD_OUT_EVERY + 1):
         out = np.arange(offset, count, HELD_OUT_EVERY)
-        held = readings_at(out)
-        leverage = leverages(fit.jacobian, np.setdiff1d(np.arange(3 * count), held), held)
+        rows_out = readings_at(out)
+        leverage = leverages(fit.jacobian, np.setdiff1d(np.arange(3 * count), rows_out), rows_out)
         if len(out) and leverage is not None:
             scored = leverage.reshape(-1, 3) <= MAX_LEVERAGE
             if best is None or scored.sum() > best[1].sum():
@@ -414,10 +418,10 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
     if chosen is None or not can_be_run(circumstances):
         return None
     out, scored = chosen
-    others = readings.selected(np.setdiff1d(np.arange(len(readings)), out))
+    training = readings.selected(np.setdiff1d(np.arange(len(readings)), out))
     errors = []
     for places in ((), fit.places):
-        trained = fitted_like(others, places, start, fit)
+        trained = fitted_like(training, places, start, fit)
         if trained is None or np.abs(trained.point).max() > LARGEST_OF_BENCH:
             return None
         errors.append(readings.reading[out] - simulate_rows(readings, trained, out, gravity))
@@ -432,32 +436,31 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
 def fitted_like(readings: Readings, places: Sequence[EffectPlace], start: NDArray, like: Fit) -> Fit | None:
     """Fit effects to other readings; what is not linear acts in the way whose parameters are nearest to `like`'s."""
     rows, ways = readings.rows(like.point), {}
-    wanted = dict(zip(like.places, like.values(), strict=True))
+    values_like = dict(zip(like.places, like.values(), strict=True))
     for place in places:
         if is_linear(place):
             continue
-        seen = readings.ways(place, rows)
-        if not seen:
+        variants = readings.ways(place, rows)
+        if not variants:
             return None
-        beyond = [
-            [
-                max(low - value, value - high, 0.0)
-                for value, (low, high) in zip(wanted[place], variant.limits, strict=True)
-            ]
-            for variant in seen
-        ]
-        ways[place] = int(np.argmin(np.max(beyond, axis=1)))
+        beyond = [_farthest_outside(values_like[place], variant.limits) for variant in variants]
+        ways[place] = int(np.argmin(beyond))
     return fitted(readings, Cast(tuple(places), ways), start)
+
+
+def _farthest_outside(values: Sequence[float], limits: Sequence[tuple[float, float]]) -> float:
+    """By how much a value is outside its limits, at most; 0 where all are inside."""
+    return max(max(low - value, value - high, 0.0) for value, (low, high) in zip(values, limits, strict=True))
 
 
 def undecided(readings: Readings, fit: Fit) -> NDArray:
     """Readings (N, 3) of bool of which a fit leaves open what its effects do to them: no simulation can tell."""
     rows = readings.rows_with(fit)
-    found = untold_readings(fit.places, rows).reshape(-1, 3)
+    untold = untold_readings(fit.places, rows).reshape(-1, 3)
     for _, _, variant in fit.ways:
         if variant is not None:
-            found |= variant.undecided(rows, float(readings.bound.min()))
-    return found
+            untold |= variant.undecided(rows, float(readings.bound.min()))
+    return untold
 
 
 def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -> NDArray:
@@ -469,19 +472,19 @@ def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -
     at = readings.true_angles(bench, [(place, coefficients[block]) for place, block, _ in fit.ways])
     commands, p = np.stack((at.alpha, at.beta), axis=1), readings.parametrisation
     for index in range(len(p.mountings)):
-        mine = np.flatnonzero(at.mounting == index)
-        if np.isin(mine, rows).any():
+        rows_mounted = np.flatnonzero(at.mounting == index)
+        if np.isin(rows_mounted, rows).any():
             values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
             parameters = component_parameters(values, gravity, p.matrices[index])
             fmus = with_effects(
                 {name: (component, parameters[component]) for name, component in COMPONENTS.items()},
                 effect_entries(fit),
             )
-            visited = Visited.of(readings, commands, mine)
+            visited = Visited.of(readings, commands, rows_mounted)
             run = run_scenario(visited.scenario("the positions of a record, simulated again", fmus, READINGS)).table
             time = run["time_s"].to_numpy()
             for axis, name in enumerate(READINGS):
-                simulated[mine, axis] = np.interp(visited.times, time, run[name].to_numpy()) / gravity
+                simulated[rows_mounted, axis] = np.interp(visited.times, time, run[name].to_numpy()) / gravity
     return simulated[rows]
 
 

@@ -118,10 +118,13 @@ class Fit:
 
         Coefficients for whose size bounds grow have one sign, whatever else they add up to.
         """
-        own = self.central[len(self.point) :]
-        bent = [(variant, own[block]) for _, block, variant in self.ways if variant is not None]
-        sums = [(v.directions[:1] if v.one_sign else v.directions) @ values for v, values in bent]
-        return tuple(float(np.sign(c)) for several in sums for c in several)
+        coefficients = self.central[len(self.point) :]
+        signs: list[float] = []
+        for _, block, variant in self.ways:
+            if variant is not None:
+                directions = variant.directions[:1] if variant.one_sign else variant.directions
+                signs += np.sign(directions @ coefficients[block]).tolist()
+        return tuple(signs)
 
     @property
     def sized(self) -> list[tuple[EffectPlace, NDArray[np.float64]]]:
@@ -135,11 +138,13 @@ class Fit:
 
     def values(self, coefficients: NDArray | None = None) -> tuple[tuple[float, ...], ...]:
         """Parameters of each effect, by default those that are said to be found."""
-        given = self.stated if coefficients is None else coefficients
-        return tuple(
-            place.definition.from_coefficients(given[block]) if variant is None else variant.values(given[block])
-            for place, block, variant in self.ways
-        )
+        if coefficients is None:
+            coefficients = self.stated
+        values = []
+        for place, block, variant in self.ways:
+            values_of = place.definition.from_coefficients if variant is None else variant.values
+            values.append(values_of(coefficients[block]))
+        return tuple(values)
 
     @property
     def is_possible(self) -> bool:
@@ -172,7 +177,7 @@ class Fit:
     ) -> Steps:
         """As `possible`, in any of the ways in which the effects act."""
         if not self.swept:
-            return AnyOf([one.possible(room, further, most_rows, proofs) for one in (self, *self.also)])
+            return AnyOf([part.possible(room, further, most_rows, proofs) for part in (self, *self.also)])
         count, shared = len(self.residual), {} if proofs is None else proofs
         rows = np.linspace(0, count - 1, min(count, most_rows or count)).round().astype(int)
         return AnyOf([swept.beside(self.step, rows, room, further, shared) for swept in self.swept])
@@ -206,36 +211,47 @@ class Fit:
     def _middle(self, bounded: Bounded, room: float, most_rows: int | None) -> NDArray[np.float64]:
         """The step (P + K,) of the central programme."""
         possible = self.possible(room, None, most_rows)
-        told = [(k, ends) for k in range(len(self.at)) if np.isfinite(ends := possible.ends(k)).all()]
-        weights = np.eye(len(self.at))[[k for k, _ in told]]
-        return central_programme(bounded, weights, np.array([ends for _, ends in told]).reshape(-1, 2))
+        numbers, ends = [], []
+        for k in range(len(self.at)):
+            own_ends = possible.ends(k)
+            if np.isfinite(own_ends).all():
+                numbers.append(k)
+                ends.append(own_ends)
+        return central_programme(bounded, np.eye(len(self.at))[numbers], np.array(ends).reshape(-1, 2))
 
     @property
     def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Ends (K,) of the possible coefficients."""
-        ends = [
-            coefficient_limits(p) if variant is None else (variant.low, variant.high) for p, _, variant in self.ways
-        ]
-        low, high = np.hstack([np.zeros((2, 0)), *(np.array(own) for own in ends)])
-        return low, high
+        low, high = [np.zeros(0)], [np.zeros(0)]
+        for place, _, variant in self.ways:
+            lowest, highest = coefficient_limits(place) if variant is None else (variant.low, variant.high)
+            low.append(np.asarray(lowest))
+            high.append(np.asarray(highest))
+        return np.concatenate(low), np.concatenate(high)
 
     def ends(self, room: float = 0.0, most_rows: int | None = None, count: int | None = None) -> NDArray[np.float64]:
         """Ends (P, 2) of the values that each parameter of the model can have; infinite where nothing bounds it.
 
         Of so many of the first parameters, by default of all.
         """
-        possible = self.possible_in_any(room, None, most_rows) if self.swept else self.possible(room, None, most_rows)
-        asked = range(len(self.point))[:count]
-        own = np.array([np.add(possible.ends(k), self.central[k]) for k in asked]).reshape(-1, 2)
-        return hull([own, *(other.ends(room, most_rows, count) for other in self.also if not self.swept)])
+        possible = self._steps(room, most_rows)
+        ends = [np.add(possible.ends(k), self.central[k]) for k in range(len(self.point))[:count]]
+        of_ways = [np.array(ends).reshape(-1, 2)]
+        if not self.swept:
+            of_ways += [fit.ends(room, most_rows, count) for fit in self.also]
+        return hull(of_ways)
+
+    def _steps(self, room: float, most_rows: int | None) -> Steps:
+        """The possible steps; where an effect has a way for each value of a number, in any of them."""
+        return self.possible_in_any(room, None, most_rows) if self.swept else self.possible(room, None, most_rows)
 
     def intervals(self, room: float = 0.0, most_rows: int | None = None) -> tuple[tuple[Interval, ...], ...]:
         """Ends of the values that each parameter of each effect can have; infinite where nothing bounds it.
 
         Arguments as for `possible`.
         """
-        possible = self.possible_in_any(room, None, most_rows) if self.swept else self.possible(room, None, most_rows)
-        found, count = [], len(self.point)
+        possible = self._steps(room, most_rows)
+        intervals, count = [], len(self.point)
         for place, block, variant in self.ways:
             columns = count + np.arange(block.start, block.stop)
             middle, step = self.central[columns], possible.among(columns)
@@ -243,24 +259,29 @@ class Fit:
             def reach(direction: NDArray, middle: NDArray = middle, step: Reach = step) -> float:
                 return float(direction @ middle + step(direction))
 
-            found.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
-        others = [other.intervals(room, most_rows) for other in self.also if not self.swept]
-        return (
-            tuple(
-                tuple((float(low), float(high)) for low, high in hull([np.array(mine) for mine in same]))
-                for same in zip(found, *others, strict=True)
-            )
-            if others
-            else tuple(found)
-        )
+            intervals.append(linear_intervals(place, reach) if variant is None else _variant_intervals(variant, reach))
+        if self.swept or not self.also:
+            return tuple(intervals)
+        of_ways = [tuple(intervals), *(fit.intervals(room, most_rows) for fit in self.also)]
+        widest = []
+        for of_effect in zip(*of_ways, strict=True):
+            ends = hull([np.array(ends) for ends in of_effect])
+            widest.append(tuple((float(low), float(high)) for low, high in ends))
+        return tuple(widest)
 
 
 def contains(places: Sequence[EffectPlace], others: Sequence[EffectPlace]) -> bool:
     """Whether a set of effects is another one but for effects that contain others of that set at the same place."""
     more = [place for place in places if place not in others]
     less = {(place.effect, _home(place)) for place in others if place not in places}
-    held = [next(((name, _home(p)) for name in p.definition.contains if (name, _home(p)) in less), None) for p in more]
-    return bool(more) and None not in held and len(set(held)) == len(less)
+    contained = set()
+    for place in more:
+        parts = [(name, _home(place)) for name in place.definition.contains]
+        part = next((part for part in parts if part in less), None)
+        if part is None:
+            return False
+        contained.add(part)
+    return bool(more) and len(contained) == len(less)
 
 
 def _home(place: EffectPlace) -> str:
@@ -276,7 +297,7 @@ def are_possible(place: EffectPlace, values: Sequence[float]) -> bool:
 def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
     """Intervals of an effect's parameters: amplitudes and phases in pairs, others one by one."""
     parameters = place.definition.parameters
-    found: list[Interval] = []
+    intervals: list[Interval] = []
     for k, unit in enumerate(np.eye(len(parameters))):
         if parameters[k].name.endswith("phase"):
             continue
@@ -286,12 +307,12 @@ def linear_intervals(place: EffectPlace, reach: Reach) -> tuple[Interval, ...]:
             def in_plane(direction: NDArray, pair: NDArray = pair) -> float:
                 return reach(direction @ pair)
 
-            found += polar_intervals(in_plane)
+            intervals += polar_intervals(in_plane)
         else:
             least = parameters[k].smallest
             low = -reach(-unit)
-            found.append((low if least is None else max(least, low), reach(unit)))
-    return tuple(found)
+            intervals.append((low if least is None else max(least, low), reach(unit)))
+    return tuple(intervals)
 
 
 def _variant_intervals(variant: Way, reach: Reach) -> tuple[Interval, ...]:
@@ -327,23 +348,28 @@ class Classes:
 
         The parts of a given vector in two spaces differ by no more than the spaces do: few have to be compared.
         """
-        given = np.random.default_rng(0).normal(size=(len(spaces[0]) if spaces else 0, 2))
-        apart = 2.0 * SAME_SPACE * np.linalg.norm(given, axis=0)
-        found: list[tuple[list[EffectPlace], NDArray, NDArray]] = []
+        vectors = np.random.default_rng(0).normal(size=(len(spaces[0]) if spaces else 0, 2))
+        apart = 2.0 * SAME_SPACE * np.linalg.norm(vectors, axis=0)
+        firsts: list[EffectPlace] = []
+        members: list[list[EffectPlace]] = []
+        kept_spaces: list[NDArray] = []
+        marks: list[NDArray] = []
         for place, space in zip(places, spaces, strict=True):
-            mark = np.linalg.norm(space.T @ given, axis=0)
-            near = (one for one in found if np.all(np.abs(one[2] - mark) <= apart))
-            same = next((members for members, other, _ in near if same_space(space, other)), None)
-            if same is not None:
-                same.append(place)
+            mark = np.linalg.norm(space.T @ vectors, axis=0)
+            near = (k for k, known in enumerate(marks) if np.all(np.abs(known - mark) <= apart))
+            number = next((k for k in near if same_space(space, kept_spaces[k])), None)
+            if number is not None:
+                members[number].append(place)
             elif space.shape[1]:
-                found.append(([place], space, mark))
-        kept = [(first, tuple(others), space) for (first, *others), space, _ in found]
-        return Classes(*zip(*kept, strict=True)) if kept else Classes((), (), ())
+                firsts.append(place)
+                members.append([])
+                kept_spaces.append(space)
+                marks.append(mark)
+        return Classes(tuple(firsts), tuple(map(tuple, members)), tuple(kept_spaces))
 
     def equivalents(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
         """What cannot be told from the effect at `place`."""
-        return tuple(other for other in self.whole_class(place) if other != place)
+        return tuple(member for member in self.whole_class(place) if member != place)
 
     def whole_class(self, place: EffectPlace) -> tuple[EffectPlace, ...]:
         """The class of an effect; it alone where it is in none."""
@@ -429,8 +455,11 @@ def extended_fmus(
     places: Sequence[EffectPlace], folder: Path, components: Sequence[str], flavour: str = "python"
 ) -> dict[str, Path]:
     """Write FMUs of some components, extended by those of the effects that they can have: component -> file."""
-    own = {name: [place for place in places if can_extend(COMPONENTS[name], place)] for name in components}
-    return {name: build(name, folder, mine, flavour=flavour) for name, mine in own.items()}
+    files = {}
+    for name in components:
+        extending = [place for place in places if can_extend(COMPONENTS[name], place)]
+        files[name] = build(name, folder, extending, flavour=flavour)
+    return files
 
 
 def with_effects(
@@ -461,8 +490,8 @@ def composed(
     other parts of a scenario file: ``run``, ``connections``, ``stimuli``.
     """
     described = with_effects(fmus, effects)
-    said = {"schema": "trihedron.scenario/1", "title": title, "fmus": described, "record": {"columns": columns}}
-    return Scenario.model_validate(said | parts)
+    description = {"schema": "trihedron.scenario/1", "title": title, "fmus": described, "record": {"columns": columns}}
+    return Scenario.model_validate(description | parts)
 
 
 def estimated(matrix: NDArray, residual: NDArray) -> NDArray[np.float64]:
@@ -482,15 +511,15 @@ def least_radius(
 
     Of many rows few matter: those that least squares `squares` (P,) fit worst, and what a fit to them violates.
     """
-    taken = np.argsort(-np.abs(residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
+    rows = np.argsort(-np.abs(residual - matrix @ squares), kind="stable")[:FIRST_ROWS]
     step, radius, bound = np.zeros(matrix.shape[1]), float(np.abs(residual).max(initial=0.0)), np.ones(len(residual))
     while matrix.shape[1]:
-        radius, step, _ = chebyshev_radius(matrix[taken], residual[taken], bound[taken], low=ends[0], high=ends[1])
+        radius, step, _ = chebyshev_radius(matrix[rows], residual[rows], bound[rows], low=ends[0], high=ends[1])
         excess = np.abs(residual - matrix @ step) - radius
-        excess[taken] = 0.0
-        more = np.argsort(-excess, kind="stable")[:MORE_ROWS]
-        more = more[excess[more] > TOLERANCE * max(1.0, radius)]
-        if not len(more):
+        excess[rows] = 0.0
+        violated = np.argsort(-excess, kind="stable")[:MORE_ROWS]
+        violated = violated[excess[violated] > TOLERANCE * max(1.0, radius)]
+        if not len(violated):
             break
-        taken = np.concatenate([taken, more])
+        rows = np.concatenate([rows, violated])
     return radius, step

@@ -1,24 +1,54 @@
-"""The greatest size that a fault of a class can have and be hidden in a record: its power, whatever the record."""
+"""From which size on a fault that no catalogue lists would have shown: the power of a record of rests.
+
+A fault at a place is an unknown function of one quantity, perhaps times a known factor. The class that is judged: all
+functions that are straight between knots, of `PIECES` equal pieces over the range of the quantity, of `SECTORS` round a
+circle. The model imitates some of them (a constant is a bias, a wave of α is a tilt); what is left beyond these counts:
+the size of a function with values v at the knots is max |P v|, where P takes off the least-squares fit to v of what the
+model imitates anywhere on the bench.
+
+Some noise and some parameters x hide a fault v as long as |J x + S v| is nowhere beyond what errors and residuals may
+be together. From the greatest size on that this allows every fault of the class falsifies the model, whatever the
+noise. One linear programme for each knot finds it exactly: of any smaller size some fault can hide.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects import Rows
 from ...models.effects.definition import AXES
 from ..bounded.functions import Unknown, imitated
 from ..bounded.possible import DETERMINED, Possible
 from ..bounded.programmes import column_space
+from ..calibration.model import Parametrisation, Positions, parametrise, reading_jacobian
 from ..result import finite_or_none
-from .pairs import GYROS, Form, Pair
+from .bench_visits import Circumstances, Visits
+from .dependences import pairs_of_bench
+from .pairs import GYROS, TURN, Form, Pair
 
 PIECES, SECTORS = 6, 8
 """Pieces of a function over the range of a quantity, and round a circle."""
 INPUTS = ("n1", "n2", "n3")
 LARGEST = 1.0
 """Of a fault: one g, one radian, one rad/s, or its factor itself. What larger ones alone would show says nothing."""
+LARGEST_INPUT = 1.01
+"""Of an accelerometer on a bench with errors [g]: the range of inputs has it at both ends."""
+FINER = 4
+"""Functions that the model imitates are sought with so many times as many pieces."""
+IMITATED = 2e-3
+"""Of one that the model imitates so much of the sum of squares is left, at most: what such pieces cannot follow."""
+OWN = 0.05
+"""So much of a function is its own beside others."""
+SCATTERED = 300
+"""Positions, of each mounting, at which it is judged what the model imitates."""
+LEAST = 1e-9
+"""What is smaller, relatively, is rounding."""
+Named = tuple[str, str, str]
+"""Place, quantity and factor of a pair."""
 
 
 @dataclass(frozen=True)
@@ -79,3 +109,101 @@ def powers_of_record(pairs: Sequence[Pair], nominal: NDArray, room: NDArray) -> 
         beyond = np.eye(PIECES + 1) - by_model @ by_model.T
         counted = np.hstack((np.zeros((PIECES + 1, nominal.shape[1])), beyond))
         yield Power(pair, largest_hidden(np.hstack((nominal, columns)), counted, room))
+
+
+# Of rests on a table
+
+
+def judged_pairs(rows: Rows) -> Iterator[Pair]:
+    """The pairs of rows that are judged: those whose quantity has a range."""
+    return (pair for pair in pairs_of_bench(rows) if not pair.told)
+
+
+def powers(rows: Rows, p: Parametrisation, jacobian: NDArray, room: NDArray) -> tuple[Power, ...]:
+    """The power against each pair, of readings at rows with the derivatives (M, P) of the model.
+
+    `room` (M,): how far errors and residuals of a model that stands may be from each other [g].
+    """
+    return tuple(Power(pair, largest_hidden(*class_of(pair, p, jacobian), room)) for pair in judged_pairs(rows))
+
+
+def class_of(pair: Pair, p: Parametrisation, jacobian: NDArray) -> tuple[NDArray, NDArray]:
+    """Derivatives (M, P + K) by the parameters and the values at the knots, and of these (k, P + K) what counts."""
+    key = pair.where, pair.quantity, pair.factor
+    beyond = _beyond_the_model(key, np.ascontiguousarray(p.matrices).tobytes(), p.symmetric)
+    beyond = beyond[np.abs(beyond).max(axis=1) > LEAST]
+    columns = pair.spread(_hats(pair, 1, pair.values))
+    counted = np.hstack((np.zeros((len(beyond), jacobian.shape[1])), beyond))
+    return np.hstack((jacobian, columns)), counted
+
+
+def _hats(pair: Pair, finer: int, values: NDArray) -> NDArray[np.float64]:
+    """Functions (n, K) of the class, or of a finer one, that are one at a knot each, at values (n,)."""
+    if pair.circle:
+        return Form("around", finer * SECTORS).columns(values)
+    ends = _range(pair)
+    return Form("pieces", finer * PIECES).columns(np.append(values, ends))[: len(values)]
+
+
+def _range(pair: Pair) -> NDArray[np.float64]:
+    """Ends (2,) of a quantity that is no angle: those of inputs, else those of the rows."""
+    names = pair.quantity.split()
+    if set(names) <= set(INPUTS):
+        largest = LARGEST_INPUT ** len(names) / len(names)
+        return np.array([-largest, largest])
+    return np.array([pair.values.min(), pair.values.max()])
+
+
+def _knots(pair: Pair, finer: int) -> NDArray[np.float64]:
+    """Where the pieces meet (K,)."""
+    if pair.circle:
+        return TURN * np.arange(finer * SECTORS) / (finer * SECTORS)
+    low, high = _range(pair)
+    return np.linspace(low, high, finer * PIECES + 1)
+
+
+@lru_cache(maxsize=8)
+def _scattered(matrices: bytes, symmetric: bool) -> tuple[dict[Named, Pair], NDArray[np.float64]]:
+    """Pairs at positions, times and temperatures scattered evenly over a faultless bench; the model's space (M, P)."""
+    every = np.frombuffer(matrices).reshape(-1, 3, 3)
+    names = map(str, range(len(every)))
+    p = parametrise(dict(zip(names, every, strict=True)), symmetric=symmetric)
+    index = np.arange(SCATTERED * len(every))
+    # Multiples of irrational numbers, unrelated: no angle and no input comes twice.
+    alpha, beta = index * 0.754878 % 1.0, index * 0.569840 % 1.0
+    time, temperature = index * 0.618034 % 1.0, index * 0.414214 % 1.0
+    at, point = Positions(TURN * alpha, TURN * beta, index % len(every)), np.zeros(len(p.symbols))
+    visits = Visits(p, at, Circumstances(time, 20.0 + temperature, 0.0 * time, 0.0 * time, True))
+    space = column_space(reading_jacobian(p, point, at).reshape(3 * len(index), -1))
+    pairs = {}
+    for pair in judged_pairs(visits.rows(point)):
+        pairs[pair.where, pair.quantity, pair.factor] = pair
+    return pairs, space
+
+
+@lru_cache(maxsize=512)
+def _beyond_the_model(name: Named, matrices: bytes, symmetric: bool) -> NDArray[np.float64]:
+    """The matrix P (K, K) that takes off values at the knots what fits them of functions that the model imitates."""
+    pairs, space = _scattered(matrices, symmetric)
+    pair = pairs[name]
+    knots, fine = _knots(pair, 1), _knots(pair, FINER)
+    # What the class itself holds is taken off exactly, a wave by its values at the knots.
+    base = column_space(_imitated(pair, space, 1, LEAST))
+    near = _imitated(pair, space, FINER, IMITATED)
+    if pair.circle:
+        fine, near = np.append(fine, TURN), np.vstack((near, near[:1]))
+    values = np.array([np.interp(knots, fine, function) for function in near.T]).reshape(-1, len(knots)).T
+    values = values / np.linalg.norm(values, axis=0)
+    functions, parts, _ = np.linalg.svd(values - base @ (base.T @ values), full_matrices=False)
+    base = np.hstack((base, functions[:, parts > OWN]))
+    return np.eye(len(knots)) - base @ base.T
+
+
+def _imitated(pair: Pair, space: NDArray, finer: int, most: float) -> NDArray[np.float64]:
+    """Functions (K, d) of which at most such a part of the sum of squares is left beside the model."""
+    columns = pair.spread(_hats(pair, finer, pair.values))
+    remainder = columns - space @ (space.T @ columns)
+    sizes, turned = np.linalg.eigh(columns.T @ columns)
+    whitened = turned / np.sqrt(np.maximum(sizes, LEAST * sizes.max()))
+    parts, functions = np.linalg.eigh(whitened.T @ (remainder.T @ remainder) @ whitened)
+    return (whitened @ functions)[:, parts < most]

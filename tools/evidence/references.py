@@ -46,9 +46,9 @@ Usable = Callable[[NDArray, NDArray], NDArray[np.bool_]]
 """Rows at which stretches (S,) begin and end -> whether every interval of theirs can be used."""
 
 
-def force_deviation(found: Inspection) -> NDArray[np.float64]:
+def force_deviation(inspection: Inspection) -> NDArray[np.float64]:
     """Standard deviation (K, 3) of the accelerometers' means at rest [m/s²], flicker over the whole record included."""
-    rests, record, period = found.rests, found.record, found.sampling.period
+    rests, record, period = inspection.rests, inspection.record, inspection.sampling.period
     assert rests.force_bound is not None
     deviation = rests.force_bound / SCATTER_FACTOR
     # What wanders from rest to rest may be an effect: only the rests themselves tell.
@@ -103,20 +103,20 @@ def integrals(
     The attitude (N, 4), scalar first, was carried with the model; the rows rise.
     """
     inverse = model.inverse
-    found: list[NDArray] = []
+    sums: list[NDArray] = []
     total: NDArray | None = None
     for begin in range(1, len(motion), CHUNK):
         end = min(begin + CHUNK, len(motion))
-        seen = motion.rows(begin, end, inverse, model.bias)
-        columns = np.concatenate([p.definition.signature(p, seen) for p in places], axis=2)
+        steps = motion.rows(begin, end, inverse, model.bias)
+        columns = np.concatenate([p.definition.signature(p, steps) for p in places], axis=2)
         grown = np.cumsum(turning(motion, model, attitude, begin, end) @ columns, axis=0)
         if total is None:
             total = np.zeros(grown.shape[1:])
-            found += [total] * int(np.searchsorted(rows, 1))
+            sums += [total] * int(np.searchsorted(rows, 1))
         within = rows[np.searchsorted(rows, begin) : np.searchsorted(rows, end)] - begin
-        found += list(total + grown[within])
+        sums += list(total + grown[within])
         total = total + grown[-1]
-    return np.array(found)
+    return np.array(sums)
 
 
 def turning(motion: Motion, model: GyroModel, attitude: NDArray, begin: int, end: int) -> NDArray[np.float64]:
@@ -134,8 +134,8 @@ def means_at_rest(
     for rows in rests:
         for begin in range(max(rows.start, 1), rows.stop, CHUNK):
             end = min(begin + CHUNK, rows.stop)
-            seen = motion.rows(begin, end, model.inverse, model.bias)
-            total += np.concatenate([p.definition.signature(p, seen).sum(axis=0) for p in places], axis=1)
+            steps = motion.rows(begin, end, model.inverse, model.bias)
+            total += np.concatenate([p.definition.signature(p, steps).sum(axis=0) for p in places], axis=1)
             count += end - begin
     return total / max(count, 1)
 
@@ -156,9 +156,9 @@ def all_rows(parts: Sequence[Pieces]) -> NDArray[np.int_]:
     return np.unique(np.concatenate(ends)) if ends else np.zeros(0, dtype=int)
 
 
-def usable_in(found: Inspection, *, whole: bool = True) -> Usable:
+def usable_in(inspection: Inspection, *, whole: bool = True) -> Usable:
     """Which stretches of a record hold no gap and no saturated gyro; `whole`: no knock or turn that cannot be told."""
-    record, sampling = found.record, found.sampling
+    record, sampling = inspection.record, inspection.sampling
     bad = np.zeros(len(record), dtype=bool)
     bad[1:] = np.diff(record.time_s) > GAP * sampling.period
     # Of rates both turns beside a row hold it.
@@ -312,23 +312,23 @@ class Gravity(Reference):
         across_up = (np.eye(3) - up[:, :, None] * up[:, None, :]) / size @ inverse
         norms = np.zeros((count, 1, count, 3))
         norms[every, 0, every] = up @ inverse
-        found = {"norms": norms, self.still.label: np.zeros((len(self.still), 3, count, 3))}
+        of_parts = {"norms": norms, self.still.label: np.zeros((len(self.still), 3, count, 3))}
         for number, (moves, ends) in enumerate(zip(self.scored, self.ends, strict=True)):
             start, end = ends.T
             sideways, own = self.across(number, up), np.arange(len(moves))
             by_reading = np.zeros((len(moves), 2, count, 3))
             by_reading[own, :, end] = sideways @ turned(moves, attitude) @ across_up[end]
             by_reading[own, :, start] = -sideways @ across_up[start]
-            found[moves.label] = by_reading
-        return found
+            of_parts[moves.label] = by_reading
+        return of_parts
 
 
-def gravity_pieces(found: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:
+def gravity_pieces(inspection: Inspection) -> tuple[Pieces, tuple[Pieces, ...], tuple[NDArray[np.int_], ...]]:
     """Rests without a gap; moves over one, two and three rests; numbers (S, 2) of the rests at the ends of each."""
-    rests, usable = found.rests, usable_in(found)
+    rests, usable = inspection.rests, usable_in(inspection)
     first, last = _ends_of(rests)
-    kept = np.flatnonzero(usable(first, last) & (last > first))
-    still = Pieces("rests", "rests", first[kept], last[kept])
+    whole_rests = np.flatnonzero(usable(first, last) & (last > first))
+    still = Pieces("rests", "rests", first[whole_rests], last[whole_rests])
     moves, ends = [], []
     for together in TOGETHER:
         numbers = np.arange(max(0, len(rests) - together))
@@ -402,9 +402,9 @@ def known_rows(record: StrapdownRecord) -> NDArray[np.int_]:
     return np.flatnonzero(np.isfinite(record.attitude).all(axis=1))
 
 
-def has_truth(found: Inspection) -> bool:
+def has_truth(inspection: Inspection) -> bool:
     """Whether a record holds the true attitude anywhere."""
-    return len(known_rows(found.record)) > 0
+    return len(known_rows(inspection.record)) > 0
 
 
 def is_inertial(record: StrapdownRecord) -> bool:
@@ -413,24 +413,24 @@ def is_inertial(record: StrapdownRecord) -> bool:
     return record.attitude is not None and record.about.get(key) == value
 
 
-def without_earth(found: Inspection) -> Inspection:
+def without_earth(inspection: Inspection) -> Inspection:
     """What was found in a record whose attitude is inertial, the gyros' means at rest less how it truly turns there."""
-    record, rests = found.record, found.rests
+    record, rests = inspection.record, inspection.rests
     if not is_inertial(record) or not len(rests):
-        return found
+        return inspection
     assert record.attitude is not None
     ends = Pieces("rests", "rests", *_ends_of(rests))
     true = rotation_vectors(turned(ends, record.attitude)) / ends.durations(record.time_s)[:, None]
-    known = np.isfinite(true)
-    rate = np.where(known, rests.rate - np.where(known, true, 0.0), rests.rate)
-    return found.model_copy(update={"rests": rests.model_copy(update={"rate": rate})})
+    is_known = np.isfinite(true)
+    rate = np.where(is_known, rests.rate - np.where(is_known, true, 0.0), rests.rate)
+    return inspection.model_copy(update={"rests": rests.model_copy(update={"rate": rate})})
 
 
-def truth_windows(found: Inspection) -> tuple[Pieces, ...]:
+def truth_windows(inspection: Inspection) -> tuple[Pieces, ...]:
     """Windows of each length of which the record holds enough."""
-    known, usable, period = known_rows(found.record), usable_in(found), found.sampling.period
-    windows = [windows_of(known, usable, period, seconds) for seconds in LENGTHS if seconds >= 4.0 * period]
-    return tuple(mine for mine in windows if len(mine) >= FEWEST_WINDOWS)
+    rows, usable, period = known_rows(inspection.record), usable_in(inspection), inspection.sampling.period
+    windows = [windows_of(rows, usable, period, seconds) for seconds in LENGTHS if seconds >= 4.0 * period]
+    return tuple(pieces for pieces in windows if len(pieces) >= FEWEST_WINDOWS)
 
 
 def windows_of(known: NDArray, usable: Usable, period: float, seconds: float) -> Pieces:
