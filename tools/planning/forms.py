@@ -77,8 +77,6 @@ def sheets(p: Parametrisation, *, bounds: tuple[float, float] = DEFAULT_BOUNDS, 
     """
     if rule not in RULES:
         raise InputError(f"--admissible {rule}: must be one of {', '.join(RULES)}")
-    if len(bounds) != 2:
-        raise InputError(f"--bounds {' '.join(f'{b:g}' for b in bounds)}: must be two numbers")
     u, v = bounds
     if not (np.isfinite(bounds).all() and u >= 0.0 and v >= 0.0):
         raise InputError(f"--bounds {u:g} {v:g}: both must be finite and not negative")

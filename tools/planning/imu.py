@@ -495,8 +495,7 @@ def imu_programme(
         raise InputError(f"--rate-dps {rate_dps:g}: must be from 1 to 360 deg/s")
     checked_dwell(dwell_s)
     bench, seconds = planned.bench, 60.0 * minutes
-    if bench.gyro_noise is None:
-        raise InputError("--gyro-noise: is needed, the bound of a gyro's mean over one second [rad/s]")
+    assert bench.gyro_noise is not None
     checked_noise_bound(planned.noise_bound)
     practices = {name: _in_time(practice, seconds, dwell_s, rate_dps) for name, practice in PRACTICES.items()}
     records = {name: planned.linearised(practice) for name, practice in practices.items()}
