@@ -21,6 +21,7 @@ from .calibrated import LATENCIES
 from .calibration import Bench, Calibration, calibrate_whole
 from .diagnosis import diagnose, export_extended
 from .document.blocks import Page, Section
+from .document.notation import sentence
 from .document.page import html
 from .files import make_folders, write_text
 from .motion.attitude import rate_at_rest, run_attitude
@@ -31,7 +32,8 @@ from .reports.bench import run_section
 from .reports.beyond import sections as band_sections
 from .reports.calibration import gyro_sections, target_sections
 from .reports.diagnosis import answer_of, sections_of
-from .reports.inspection import attitude_section, error_lines, run_line
+from .reports.inspection import error_lines, run_line
+from .reports.pictures.records import attitude_picture
 from .rounding import digits
 from .trials.bench import NOISE_BOUND, draw_whole, true_elementary
 from .trials.case import Case
@@ -112,7 +114,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     tell("6  Attitude: a real record through the attitude computer")
     attitude = attitude_of_measured_record(out)
 
-    sentence = (
+    verdict = (
         f"{inside} of {len(truth)} true values lie inside their guaranteed intervals; the effect hidden in the second "
         f"record was {naming}."
     )
@@ -145,9 +147,7 @@ def run_demo(out: Path, *, seed: int, show: bool) -> Path:
     tone = "good" if is_named and inside == len(truth) else "attention"
     write_text(
         page,
-        html(
-            Page("Trihedron: the bench, end to end", sentence, sections, tone=tone, provenance=provenance), folder=out
-        ),
+        html(Page("Trihedron: the bench, end to end", verdict, sections, tone=tone, provenance=provenance), folder=out),
     )
     print(f"\nwritten: {', '.join(str(path) for path in [*files, measured, *extended])}")
     print(f"page: {page.resolve()}")
@@ -239,14 +239,20 @@ def attitude_of_measured_record(out: Path) -> Section:
         print(WHERE_TO_GET)
         return Section("A measured strapdown record", [WHERE_TO_GET])
     record = read_record(path, StrapdownRecord)
-    run = run_attitude(record, out=out / "attitude-run", progress=True)
-    print("\n".join([run_line(run), *error_lines(run)]))
+    last = run = run_attitude(record, out=out / "attitude-run", progress=True)
+    lines = [run_line(run), *error_lines(run)]
     bias = rate_at_rest(record)
-    if bias is None:
-        return attitude_section([run])
-    freed = run_attitude(record, gyro_bias=bias, progress=True)
-    print("\n".join(error_lines(freed)))
-    return attitude_section([run, freed])
+    if bias is not None:
+        last = run_attitude(record, gyro_bias=bias, progress=True)
+        lines += error_lines(last)
+    print("\n".join(lines))
+    return Section(
+        "A measured strapdown record",
+        [sentence(line) for line in lines],
+        attitude_picture(last),
+        "The computed attitude less the true one; the gyros' bias at rest is taken out where it is known.",
+        files=run.files,
+    )
 
 
 def open_page(page: Path) -> None:

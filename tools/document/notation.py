@@ -94,6 +94,14 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
+def listed(texts: Sequence[str], most: int) -> str:
+    """The first texts of a list, and how many there are more."""
+    line = ", ".join(texts[:most])
+    if len(texts) > most:
+        line += f" and {len(texts) - most} more"
+    return line
+
+
 def unit_behind(unit: str) -> str:
     """A unit behind a number: nothing for what has none."""
     return "" if unit == "1" else unit

@@ -18,6 +18,7 @@ from ..document.notation import (
     Cell,
     bars,
     equation,
+    listed,
     symbol_text,
     unit_text,
 )
@@ -337,8 +338,7 @@ def gyro_texts(gyros: Gyros, parameters: Sequence[Parameter]) -> list[str]:
         turns = []
         for turn in gyros.witness:
             turns.append(f"gyro {turn.gyro} from {digits(turn.from_s, 7)} s to {digits(turn.to_s, 7)} s")
-        further = f" and {len(turns) - MOST_TURNS} more" if len(turns) > MOST_TURNS else ""
-        texts.append(f"These contradict the model: {', '.join(turns[:MOST_TURNS])}{further}.")
+        texts.append(f"These contradict the model: {listed(turns, MOST_TURNS)}.")
     return texts
 
 

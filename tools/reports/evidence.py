@@ -17,6 +17,7 @@ from ..document.notation import (
     Cell,
     bars,
     half_width,
+    listed,
     symbol_text,
     unit_text,
 )
@@ -459,8 +460,7 @@ def power_texts(result: Diagnosis) -> list[str]:
         if entry["size"] is None:
             never.append(f"{entry['place']} by {_of_words(entry)}")
     if never:
-        further = f" and {len(never) - MOST_NEVER} more" if len(never) > MOST_NEVER else ""
-        texts.append(f"never surely: {', '.join(never[:MOST_NEVER])}{further}")
+        texts.append(f"never surely: {listed(never, MOST_NEVER)}")
     return [f"Detection limit for smooth errors in no catalogue: {'; '.join(texts)}."] if texts else []
 
 

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -292,39 +291,6 @@ def split_lines(run: AttitudeRun) -> list[str]:
         f"slowly growing part ({rate}) deg/min, periodic part at most ({amplitude}) deg about axes 1, 2, 3 "
         f"(period {exactly(split.period, 3)} s)"
     ]
-
-
-def attitude_section(runs: Sequence[AttitudeRun]) -> Section:
-    """Return attitude errors of a measured record, a row for each run; the picture is that of the last."""
-    last = runs[-1]
-    rows: list[list[Cell]] = []
-    files: list[Path | str] = []
-    for run in runs:
-        files += run.files
-        if run.rms is None or run.maximum is None or run.final is None or run.drift is None:
-            continue
-        bias = "none"
-        if run.gyro_bias is not None:
-            bias = ", ".join([digits(math.degrees(rate)) for rate in run.gyro_bias])
-        errors = [digits(math.degrees(run.rms)), upwards(math.degrees(run.maximum), 3), digits(math.degrees(run.final))]
-        cells: list[Cell] = [Number(bias), *errors, digits(60.0 * math.degrees(run.drift))]
-        for part in (run.heading, run.tilt):
-            cells.append(None if part is None else digits(rms_degrees(part[run.judged])))
-        rows.append(cells)
-    header = ["gyro bias taken out [deg/s]", "rms [deg]", "largest [deg]", "at the end [deg]", "drift [deg/min]"]
-    table = Table([*header, "heading rms [deg]", "tilt rms [deg]"], rows)
-    paragraphs = [f"{run_line(last)}."]
-    for line in [*care_lines(last), *split_lines(last)]:
-        paragraphs.append(sentence(line))
-    bias = "" if last.gyro_bias is None else "their bias at rest taken out, "
-    return Section(
-        "A measured strapdown record",
-        paragraphs,
-        attitude_picture(last),
-        f"Attitude from the measured gyros, {bias}less the true attitude.",
-        table,
-        files,
-    )
 
 
 def attitude_comparison_page(result: AttitudeComparison) -> Page:

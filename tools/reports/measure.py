@@ -1,6 +1,7 @@
 """What a measurement at the table says, while it is made and when it has ended: sentences for every view."""
 
 from ..document.blocks import Page, Section
+from ..document.notation import listed
 from ..measure import Measured, Present, Session, TableSetting, TableVisit
 from ..rounding import digits, exactly, residual, upwards
 
@@ -62,10 +63,9 @@ def against_text(session: Session) -> str:
     if not against:
         return ""
     good = session.good
-    readings = [f"rest {good[p - 1].number} f{a}" for p, a in against[:6] if p <= len(good)]
-    further = f" and {len(against) - 6} more" if len(against) > 6 else ""
+    readings = [f"rest {good[p - 1].number} f{a}" for p, a in against if p <= len(good)]
     radius = residual(session.standing.radius)
-    return f"no parameters explain the readings (they leave {radius} σ at least): {', '.join(readings)}{further}"
+    return f"no parameters explain the readings (they leave {radius} σ at least): {listed(readings, 6)}"
 
 
 def present_text(session: Session, present: Present) -> str:

@@ -191,7 +191,7 @@ def _repeatability(alone: Calibration | None) -> list[Section]:
             p = by_record.get(label)
             cells.append(None if p is None or p.estimate is None else minus(_possible(p)))
         cells.append(downwards(change.at_least))
-        cells.append(None if change.at_most is None else upwards(change.at_most))
+        cells.append(upwards(change.at_most))
         cells.append(unit_text(change.unit))
         rows.append(cells)
     table = Table(["parameter", "of", *alone.of_record, "changes at least", "at most", "unit"], rows)

@@ -6,7 +6,7 @@ from ..calibrated import Calibration
 from ..diagnosis.result import Diagnosis
 from ..diagnosis.witness import EffectWitness, Witness
 from ..document.blocks import Section, Table
-from ..document.notation import Cell, sentence
+from ..document.notation import Cell, listed, sentence
 from ..evidence.bench import TurnErrors
 from ..rounding import digits, residual, upwards
 
@@ -149,10 +149,8 @@ def proof_lines(calibration: Calibration) -> list[str]:
     """Return which readings prove that no parameters fit; none where nothing does."""
     if not calibration.witness:
         return []
-    readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness[:MOST_READINGS]]
-    further = len(calibration.witness) - MOST_READINGS
-    more = f" and {further} more" if further > 0 else ""
-    return [f"Proof, by accelerometer and position: {', '.join(readings)}{more}."]
+    readings = [f"f{reading.accelerometer} at {reading.position}" for reading in calibration.witness]
+    return [f"Proof, by accelerometer and position: {listed(readings, MOST_READINGS)}."]
 
 
 def _left_out_lines(witness: Witness) -> list[str]:

@@ -103,6 +103,7 @@ def test_a_calibration_of_several_records_is_applied_like_one_of_one(tmp_path, c
     for file, of in ((first, "record-1"), (second, "record-2"), (third, "record-2")):
         applied = th.apply(out, file)
         assert isinstance(applied, Applied)
+        assert applied.bias_g is not None
         assert applied.bias_g[0] == pytest.approx(bias[of], abs=1e-9)
         assert any("of its own is that of b, the last" in text for text in applied.warnings) == (file == third)
     content = json.loads(out.read_text(encoding="utf-8"))
