@@ -130,18 +130,18 @@ class Onsets(InMotion):
         mean = self.at_rest[-1] - self.at_rest[row]
         return [group.since(self.integral, mean, row) for group in self.groups], mean
 
-    def within(self, begin: int, end: int) -> Columns:
-        """Return columns (S, d, L) of each group that hold the effect whenever it sets in from one row to another.
+    def moving(self, begin: int, end: int, *, rested: bool) -> Columns:
+        """Return what an effect that sets in from one row to another may do otherwise than at the last (S, d, 3 or 6).
 
-        NaN where a piece begins or ends between.
+        A turn within pieces that hold both rows, and where it `rested` between them the mean at rest.
         """
-        columns, none = self.columns(end)[0], np.zeros((3, 0))
-        rested = self.resting[begin : end + 1].any()
+        moving = []
         for k, group in enumerate(self.groups):
             turn = self.turn_within(k, begin, end)
-            mean = group.mean if rested and group.mean is not None else group.gain @ none
-            columns[k] = np.concatenate([columns[k], turn, mean], axis=2)
-        return columns
+            if rested and group.mean is not None:
+                turn = np.concatenate([turn, group.mean], axis=2)
+            moving.append(turn)
+        return moving
 
     def turn_within(self, k: int, begin: int, end: int) -> NDArray[np.float64]:
         """Return what a turn between two rows adds to pieces (S, d, 3) that hold both; NaN of those that hold one."""
@@ -153,8 +153,11 @@ class Onsets(InMotion):
         return turn
 
     def range(self, begin: int, end: int, over_bounds: OverBounds, largest: NDArray) -> Range:
-        """Return the columns of `within`, which miss nothing."""
-        return over_bounds(self.within(begin, end - self.at_once)), 0.0
+        """Return the columns at the last row and those that move, which miss nothing."""
+        end -= self.at_once
+        rested = bool(self.resting[begin : end + 1].any())
+        columns = [over_bounds(self.columns(end)[0]), over_bounds(self.moving(begin, end, rested=rested))]
+        return np.hstack(columns), 0.0
 
     def swept(self, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
         """Return what the effect does at every row from one to another.
@@ -164,15 +167,9 @@ class Onsets(InMotion):
         """
         rows = slice(begin, end + 1)
         ways = [self.integral[end] - self.integral[rows]]
-        moving = []
-        for group in self.groups:
-            holding = (group.pieces.first <= begin) & (group.pieces.last >= end)
-            turn = group.gain * holding[:, None, None]
-            if group.mean is not None:
-                turn = np.concatenate([turn, group.mean], axis=2)
-            moving.append(turn)
         if self.groups[0].mean is not None:
             ways.append(self.at_rest[rows] - self.at_rest[end])
+        moving = self.moving(begin, end, rested=True)
         return self.columns(end)[0], moving, np.concatenate(ways, axis=1)
 
 

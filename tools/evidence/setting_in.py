@@ -237,7 +237,7 @@ class SettingIn(Linear):
         cells = self.cells[place]
         assert isinstance(cells, Onsets)
         columns, columns_moving, ways = cells.swept(*ends)
-        fixed, moving = self.over_bounds(columns), self.over_bounds(columns_moving)
+        fixed, moving = self.over_bounds(columns), np.nan_to_num(self.over_bounds(columns_moving))
         matrix, residual = np.hstack([self.rows.matrix(linear), fixed]), self.rows.residual.copy()
         numbers_moving = np.arange(matrix.shape[1] - fixed.shape[1], matrix.shape[1])
         # What is not told there says nothing.

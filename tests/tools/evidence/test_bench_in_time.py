@@ -6,12 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from trihedron.models.effects import EffectPlace
+from trihedron.tools.bounded.programmes import chebyshev_radius
 from trihedron.tools.bounded.sets import Work
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_in_time import SLACK, SLIP
-from trihedron.tools.evidence.evidence import Evidence
+from trihedron.tools.evidence.evidence import Evidence, limits_of
 from trihedron.tools.evidence.fit import Fit
 from trihedron.tools.trials import Hidden, draw_whole
 
@@ -51,6 +54,26 @@ def test_a_slip_is_not_lost_where_the_time_next_to_the_best_parts_a_reading():
     evidence = whole_evidence(record, bench.place, noise_bound=SIGMA)
     (fit,) = evidence.model.mended([SLIP], Work())
     assert holds(fit, (*values[:-1], values[-1] - evidence.reader.circumstances.began / 3600.0))
+
+
+@settings(max_examples=3, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**20), part=st.floats(0.0, 0.999))
+def test_a_range_of_numbers_holds_what_each_within_it_does(seed, part):
+    """Steps, a slip and what settles on a table: what is refused with a range is refused with each number in it."""
+    rng, model = np.random.default_rng(seed), evidence_with().model
+    for place, cells in model.cells.items():
+        edges, width = cells.edges, int(rng.integers(1, 4))
+        low = int(rng.integers(0, len(edges) - width))
+        begin, end = int(edges[low]), int(edges[low + width])
+        held, missed = model._range(place, begin, end)
+        number = begin + part * (end - begin)
+        exact = model.over_bounds(cells.columns(number if place == WARM_UP else int(number))[0])
+        target = exact @ (limits_of([place])[1] * rng.uniform(-1.0, 1.0, exact.shape[1]))
+        rows = np.isfinite(held).all(axis=1)
+        assert rows.any()
+        assert np.isfinite(target[rows]).all()
+        radius = chebyshev_radius(held[rows], target[rows], np.ones(rows.sum()))[0]
+        assert radius <= missed + 1e-9 * np.abs(target[rows]).max()
 
 
 def title(value: object) -> str:
