@@ -102,8 +102,8 @@ ALIASES = {"t": "hours", "T": "temperature"}
 """As formulas on pages write them."""
 ALWAYS = ("hours", "time_s", "temperature")
 INPUTS, RATES, ANGLES = ("n1", "n2", "n3"), ("w1", "w2", "w3"), ("alpha", "beta")
-GROWTHS = ("dw1", "dw2", "dw3")
-OF_TABLE = (*ANGLES, "sense1", "sense2", "sense3")
+GROWTHS, SENSES = ("dw1", "dw2", "dw3"), ("sense_alpha", "sense_beta")
+OF_TABLE = ("alpha", "beta", "sense1", "sense2", "sense3")
 """What a record of a block that is carried does not have."""
 
 
@@ -144,21 +144,24 @@ class Target:
 def _targets() -> dict[str, Target]:
     """Return what may stand on the left."""
     targets = {}
+    names, unit = INPUTS + OF_TABLE + ALWAYS, {"g": 1}
     for k, where in enumerate(ACCELEROMETERS):
-        home = (where, "AccelerometerBlock", "reading_effects", k, (*INPUTS, *OF_TABLE, *ALWAYS), {"g": 1})
-        targets[f"f{k + 1}"] = Target(*home, f"Δf_{k + 1}/g =", f"the reading of accelerometer {k + 1}, in g,")
-    names = (*RATES, *GROWTHS, *INPUTS, *ALWAYS)
+        symbol, words = f"Δf_{k + 1}/g =", f"the reading of accelerometer {k + 1}, in g,"
+        targets[f"f{k + 1}"] = Target(where, "AccelerometerBlock", "reading_effects", k, names, unit, symbol, words)
+    names, unit = RATES + GROWTHS + INPUTS + ALWAYS, {"rad": 1, "s": -1}
     for k in range(3):
-        home = (GYRO_BLOCK, "GyroBlock", "reading_effects", k, names, {"rad": 1, "s": -1})
-        targets[f"w{k + 1}"] = Target(*home, f"Δω_{k + 1} =", f"the reading of gyro {k + 1}, in rad/s,")
-    names = (*ANGLES, "sense_alpha", "sense_beta", *ALWAYS)
+        symbol, words = f"Δω_{k + 1} =", f"the reading of gyro {k + 1}, in rad/s,"
+        targets[f"w{k + 1}"] = Target(GYRO_BLOCK, "GyroBlock", "reading_effects", k, names, unit, symbol, words)
+    names, unit = ANGLES + SENSES + ALWAYS, {"rad": 1}
     for k, where in enumerate(AXES):
         symbol, words = "αβ"[k], f"the reading of the encoder of the {where.replace('-', ' ')}, in rad,"
-        home = (where, "TurntableMotion", "encoder_effects", k, names, {"rad": 1})
-        targets[ANGLES[k]] = Target(*home, f"{symbol}_read = {symbol} +", words)
+        symbol = f"{symbol}_read = {symbol} +"
+        targets[ANGLES[k]] = Target(where, "TurntableMotion", "encoder_effects", k, names, unit, symbol, words)
+    names = ANGLES + ALWAYS
     for k, where in enumerate(AXES):
-        home = (where, "TurntableMotion", "geometry_effects", 2 * k, (*ANGLES, *ALWAYS), {"rad": 1})
-        targets[("kappa", "epsilon")[k]] = Target(*home, f"Δ{'κε'[k]} =", f"{'κε'[k]}, in rad,")
+        symbol, words = f"Δ{'κε'[k]} =", f"{'κε'[k]}, in rad,"
+        target = Target(where, "TurntableMotion", "geometry_effects", 2 * k, names, unit, symbol, words)
+        targets[("kappa", "epsilon")[k]] = target
     return targets
 
 
@@ -328,7 +331,9 @@ def _short(text: str) -> str:
 
 def _nearest(name: str, names: Sequence[str]) -> str:
     close = get_close_matches(name, names, n=1, cutoff=0.6)
-    return f"did you mean {close[0]}?" if close else f"there are {', '.join(names)}"
+    if close:
+        return f"did you mean {close[0]}?"
+    return f"there are {', '.join(names)}"
 
 
 class _Renamed(ast.NodeTransformer):
@@ -367,11 +372,13 @@ def unit_of(of_error: Powers, column: ast.expr) -> str:
         powers[name] = powers.get(name, 0) - power
     above, below = "", ""
     for name, power in powers.items():
-        digit = str(abs(power)) if abs(power) > 1 else ""
+        factor = name
+        if abs(power) > 1:
+            factor = f"{name}{abs(power)}"
         if power > 0:
-            above += f".{name}{digit}"
+            above += f".{factor}"
         elif power < 0:
-            below += f"/{name}{digit}"
+            below += f"/{factor}"
     return (above[1:] or "1") + below
 
 
@@ -381,20 +388,30 @@ def _powers(node: ast.expr) -> dict[str, int] | None:
         case ast.Constant():
             return None
         case ast.Name(id=name):
-            return dict(QUANTITIES[name].unit) if name in QUANTITIES else {}
+            if name not in QUANTITIES:
+                return {}
+            return dict(QUANTITIES[name].unit)
         case ast.UnaryOp(operand=operand):
             return _powers(operand)
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             base = _powers(left)
-            return None if base is None else {name: power * power_of(right) for name, power in base.items()}
+            if base is None:
+                return None
+            return {name: power * power_of(right) for name, power in base.items()}
         case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
-            powers, sign = dict(_powers(left) or {}), 1 if isinstance(op, ast.Mult) else -1
+            powers, sign = dict(_powers(left) or {}), -1
+            if isinstance(op, ast.Mult):
+                sign = 1
             for name, power in (_powers(right) or {}).items():
                 powers[name] = powers.get(name, 0) + sign * power
             return {name: power for name, power in powers.items() if power}
         case ast.BinOp(left=left, right=right):
-            sides = [side for side in (_powers(left), _powers(right)) if side is not None]
-            return None if not sides else sides[0] if all(side == sides[0] for side in sides) else {}
+            first, second = _powers(left), _powers(right)
+            if first is None or first == second:
+                return second
+            if second is None:
+                return first
+            return {}
         case ast.Call(func=ast.Name(id="abs"), args=[argument]):
             return _powers(argument)
         case ast.Call(func=ast.Name(id="sqrt"), args=[argument]):
@@ -409,7 +426,7 @@ def degree_of(node: ast.expr) -> int:
     """The degree of an expression in the inputs; that of its argument for a function."""
     match node:
         case ast.Name(id=name):
-            return 1 if name in INPUTS else 0
+            return int(name in INPUTS)
         case ast.UnaryOp(operand=operand):
             return degree_of(operand)
         case ast.BinOp(left=left, op=ast.Pow(), right=right):

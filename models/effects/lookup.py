@@ -119,7 +119,7 @@ class Table:
     def is_one(self) -> bool:
         """Whether knots and names are those of a table."""
         knots, count = np.array(self.knots), len(self.knots)
-        if self.quantity not in (*AT_REST, *IN_MOTION) or self.factor not in ("", *FACTORS):
+        if self.quantity not in AT_REST | IN_MOTION or (self.factor and self.factor not in FACTORS):
             return False
         if not np.isfinite(knots).all() or (np.diff(knots) <= 0.0).any() or count > MOST_KNOTS:
             return False
@@ -137,10 +137,14 @@ class Table:
     @property
     def law(self) -> str:
         """As it is written."""
-        factor = f"{self.factor} times " if self.factor else ""
-        law = f"{factor}{self.quantity} {self.kind}"
+        law = f"{self.quantity} {self.kind}"
+        if self.factor:
+            law = f"{self.factor} times {law}"
         for k, knot in enumerate(self.knots):
-            law += f" ({knot!r})" if k in self.zero else f" {knot!r}"
+            word = repr(knot)
+            if k in self.zero:
+                word = f"({word})"
+            law += f" {word}"
         return law
 
     def columns(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -158,16 +162,20 @@ class Table:
         """Lines of a kernel that leave the function's value in ``f``, by an expression for the quantity."""
         if self.kind == "jumps at":
             return ["f = 0.0", f"if {quantity} > {self.knots[0]!r}:", "    f = value_1"]
-        knots, names = list(self.knots), ["0.0" if k in self.zero else f"value_{k + 1}" for k in range(len(self.knots))]
+        knots, names = list(self.knots), [f"value_{k + 1}" for k in range(len(self.knots))]
+        for k in self.zero:
+            names[k] = "0.0"
         lines = [f"q = {quantity}"]
         if self.kind == "around":
             lines.append(f"q = q - {TURN!r} * math.floor((q - {knots[0]!r}) / {TURN!r})")
-            knots, names = [*knots, knots[0] + TURN], [*names, names[0]]
+            knots.append(knots[0] + TURN)
+            names.append(names[0])
         lines.append(f"f = {names[-1]}")
         for k in range(len(knots) - 2, -1, -1):
             slope = f"({names[k + 1]} - {names[k]}) * ((q - {knots[k]!r}) / {knots[k + 1] - knots[k]!r})"
             lines += [f"if q < {knots[k + 1]!r}:", f"    f = {names[k]} + {slope}"]
-        return [*lines, f"if q < {knots[0]!r}:", f"    f = {names[0]}"]
+        lines += [f"if q < {knots[0]!r}:", f"    f = {names[0]}"]
+        return lines
 
 
 @dataclass(frozen=True)
@@ -266,9 +274,11 @@ def _kernel(place: EffectPlace, table: Table, home: Home) -> Callable[..., None]
     addition = f"    {target} = {target} + f"
     if factor := text_of(table.factor, home.texts):
         # A quantity counts as it is, a factor from where it does nothing.
-        zero = FROM.get(table.factor)
-        addition += f" * {factor}" if zero is None else f" * ({factor} - {zero!r})"
-    return written_kernel("\n".join([*lines, addition]) + "\n")
+        if table.factor in FROM:
+            factor = f"({factor} - {FROM[table.factor]!r})"
+        addition += f" * {factor}"
+    lines.append(addition)
+    return written_kernel("\n".join(lines) + "\n")
 
 
 def _unit(place: EffectPlace, table: Table) -> str:
@@ -285,7 +295,9 @@ def _unit(place: EffectPlace, table: Table) -> str:
 def sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
     """Return what a table says of its place, and its largest value."""
     table = Table.of(place.law)
-    function = f"{table.factor} times a function" if table.factor else "a function"
+    function = "a function"
+    if table.factor:
+        function = f"{table.factor} times a function"
     largest = max(abs(value) for value in values.values())
     return f"{place.where.replace('-', ' ')}: {function} of {table.quantity}, up to {largest:.2e}"
 

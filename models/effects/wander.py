@@ -43,15 +43,15 @@ def wander_at(place: EffectPlace) -> Effect:
 
 def _kernel(place: EffectPlace, table: Table) -> Callable[..., None]:
     """The kernel of the table of a place's law, zero at its first knot."""
-    p = place.index
-    values = ", ".join(f"value_{k + 1}: float" for k in range(1, len(table.knots)))
-    head = (
-        f"def wander_{name_of_law(f'{place.where} {place.law}')}(context: Vector, n: Vector, {values}, added: Vector)"
-    )
-    body = ["value_1 = 0.0", *table.source("context[HOURS]"), f"added[{p}] = added[{p}] + f"]
-    return written_kernel(
-        "\n".join([f"{head} -> None:", f'    """{place.law}"""', *(f"    {line}" for line in body)]) + "\n"
-    )
+    p, values = place.index, ""
+    for k in range(2, len(table.knots) + 1):
+        values += f"value_{k}: float, "
+    name = name_of_law(f"{place.where} {place.law}")
+    source = f"def wander_{name}(context: Vector, n: Vector, {values}added: Vector) -> None:\n"
+    source += f'    """{place.law}"""\n    value_1 = 0.0\n'
+    for line in table.source("context[HOURS]"):
+        source += f"    {line}\n"
+    return written_kernel(f"{source}    added[{p}] = added[{p}] + f\n")
 
 
 def wander_sentence(place: EffectPlace, values: Mapping[str, float]) -> str:
