@@ -96,7 +96,11 @@ def type_name(variable: Variable) -> str | None:
 
 def add_types(root: Element, component: Component, fmi: int) -> None:
     """TypeDefinitions: quantities with their units, and enumerations."""
-    declared = {name: v for v in component.interface if (name := type_name(v)) is not None}
+    declared = {}
+    for variable in component.interface:
+        name = type_name(variable)
+        if name is not None:
+            declared[name] = variable
     types = SubElement(root, "TypeDefinitions") if declared else root
     for name, variable in declared.items():
         simple = types if fmi == 3 else SubElement(types, "SimpleType", name=name)

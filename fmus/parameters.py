@@ -453,8 +453,8 @@ def parameter_set(
         for what is no real parameter of the component, or an array of another length
     """
     real_parameters = {}
-    for variable in component.interface:
-        if variable.causality == "parameter" and variable.type == "real":
+    for variable in component.of("parameter"):
+        if variable.type == "real":
             real_parameters[variable.name] = variable
     for name in values:
         if name not in real_parameters:

@@ -49,16 +49,16 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
     driven, shown = _columns(component, "input", fmi), _columns(component, "output", fmi)[:MOST_OUTPUTS]
 
     def row(time: float, columns: Iterable[Column]) -> str:
-        cells = [repr(time)]
+        line = repr(time)
         for _, variable, elements in columns:
-            numbers_in_cell = [_cell(variable, model.get(numbers[element])) for element in elements]
-            cells.append(" ".join(numbers_in_cell))
-        return ",".join(cells)
+            line += "," + " ".join(_cell(variable, model.get(numbers[element])) for element in elements)
+        return line
 
     def heads(columns: Iterable[Column]) -> str:
-        names = ['"time"']
-        names += [f'"{name}"' for name, _, _ in columns]
-        return ",".join(names)
+        line = '"time"'
+        for name, _, _ in columns:
+            line += f',"{name}"'
+        return line
 
     input_lines, output_lines = [heads(driven)], [heads(shown)]
     for k in range(STEPS):
@@ -74,12 +74,12 @@ def reference_texts(component: Component, fmi: int) -> dict[str, str]:
         if model.do_step(time, component.step_size) != 0:
             raise ValueError(f"{component.name} refuses the inputs of the reference results")
         output_lines.append(row((k + 1) * component.step_size, shown))
-    stop = STEPS * component.step_size
-    options = {"StartTime": 0.0, "StopTime": stop, "StepSize": component.step_size, "RelTol": 1e-9}
-    lines = {"_ref.opt": [f"{name},{value!r}" for name, value in options.items()], "_ref.csv": output_lines}
+    step = component.step_size
+    options = f"StartTime,0.0\nStopTime,{STEPS * step!r}\nStepSize,{step!r}\nRelTol,{1e-9!r}\n"
+    texts = {"_ref.opt": options, "_ref.csv": "\n".join(output_lines) + "\n"}
     if driven:
-        lines["_in.csv"] = input_lines
-    return {ending: "\n".join(every) + "\n" for ending, every in lines.items()}
+        texts["_in.csv"] = "\n".join(input_lines) + "\n"
+    return texts
 
 
 def _columns(component: Component, causality: Causality, fmi: int) -> list[Column]:

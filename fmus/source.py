@@ -303,8 +303,9 @@ def hook_source(hook: Callable[..., Any], component: Component) -> str:
         kernel = effect.kernel_at(hook.__name__)
         if kernel is not None:
             arguments = names[:2]
-            arguments += [str(number) for number in effect.place_numbers(place)]
-            arguments += [f"effect[{at + i}]" for i in range(count)]
+            arguments += map(str, effect.place_numbers(place))
+            for i in range(count):
+                arguments.append(f"effect[{at + i}]")
             arguments += names[-1:]
             lines.append(f"    {kernel.__name__}({', '.join(arguments)})")
         at += count

@@ -288,11 +288,16 @@ def binary(platform: Platform, name: str, sources: Mapping[str, bytes], *, porta
             raise BuildError(f"platform {platform.name}: {NO_ZIG}")
     cross = zig_version() is not None and (portable or platform.name != host_name() or host_compiler() is None)
     output = f"{name}{platform.suffix}"
-    compiled = [n for n in sources if n.endswith(".c")]
     commands, version = _commands(platform, output, cross)
-    source = "".join(f'#include "{name}"\n' for name in compiled)
+    source = ""
+    for file in sources:
+        if file.endswith(".c"):
+            source += f'#include "{file}"\n'
     files = {**sources, WHOLE: source.encode(), ENTITLEMENTS: b'<plist version="1.0"><dict/></plist>\n'}
-    digest = hashlib.sha256("\0".join([version, *(word for command in commands for word in command[1:])]).encode())
+    words = [version]
+    for command in commands:
+        words += command[1:]
+    digest = hashlib.sha256("\0".join(words).encode())
     for file, content in files.items():
         digest.update(f"\0{file}\0{len(content)}\0".encode() + content)
 

@@ -82,7 +82,10 @@ def tangents(parts: Sequence[SourcePart], kernel_names: Sequence[str]) -> list[S
 
 
 def _kinds(node: ast.FunctionDef) -> list[str]:
-    return [ast.unparse(a.annotation) if a.annotation else "" for a in node.args.args]
+    kinds = []
+    for argument in node.args.args:
+        kinds.append(ast.unparse(argument.annotation) if argument.annotation else "")
+    return kinds
 
 
 Pair = tuple[ast.expr, ast.expr | None]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...fmus.units import STANDARD_GRAVITY
-from ...models.bench import ELEMENTARY, elementary
+from ...models.bench import ELEMENTARY
 from ..calibration.gyros import Bench as Place
 from ..calibration.model import PRESETS
 from ..diagnosis.cause import NamedEffect
@@ -449,16 +449,16 @@ def temperature_at(hours: NDArray) -> NDArray:
 
 def true_elementary(truth: Mapping[str, Mapping[str, Any]], mounting_error: tuple[float, ...]) -> NDArray:
     """Elementary parameters (24,) of a bench, in one mounting."""
-    values: dict[str, float] = {}
-    for variables in truth.values():
+    vector = np.zeros(len(ELEMENTARY))
+    for variables in (*truth.values(), {"mounting_error": list(mounting_error)}):
         for name, value in variables.items():
+            elements = {name: value}
             if isinstance(value, list):
-                for k, v in enumerate(value, start=1):
-                    values[f"{name}_{k}"] = float(v)
-            else:
-                values[name] = float(value)
-    values |= {f"mounting_error_{k}": v for k, v in enumerate(mounting_error, start=1)}
-    return elementary(**{name: value for name, value in values.items() if name in ELEMENTARY})
+                elements = {f"{name}_{k}": scalar for k, scalar in enumerate(value, start=1)}
+            for element, scalar in elements.items():
+                if element in ELEMENTARY:
+                    vector[ELEMENTARY.index(element)] = scalar
+    return vector
 
 
 def draw_whole(rng: np.random.Generator) -> TrialBench:

@@ -12,7 +12,7 @@ from ...models.effects import POSITION_EFFECTS, EffectPlace
 from ..bounded.programmes import chebyshev_radius
 from ..errors import InputError, nearest
 from ..evidence.bench import bench_evidence
-from ..evidence.bench_visits import Circumstances, Visits, senses_of, signature_columns
+from ..evidence.bench_visits import Circumstances, senses_of, signature_columns
 from ..evidence.carried_record import linear_evidence
 from ..evidence.carried_run import Carried
 from ..evidence.joint import join
@@ -42,7 +42,7 @@ from .block import (
 )
 from .case import NOISES, TAKEN_OUT, Case, Options, check_seed
 from .hiding import TRIES, Drawing, draw_place, draw_shared_and_own, faultless_model, hidden_in
-from .sizes import Hidden, draw_direction, drawn_time
+from .sizes import Hidden, KnownBench, draw_direction, drawn_time
 
 BLOCK_TRIES = 40
 """Effects that are drawn for one moved block."""
@@ -167,22 +167,23 @@ def draw_alone(seed: int, *, effects: Sequence[str] | None = None, symmetric: bo
     hours = np.arange(len(alpha)) * (DWELL_S + 4.0) / 3600.0
     # About as the bench will run.
     circumstances = Circumstances(hours, temperature_at(hours), senses_of(alpha), senses_of(beta), True)
-    rows = Visits.of(model, circumstances).rows(model.point)
+    rows = KnownBench(model, circumstances).rows
     basis, _ = np.linalg.qr(model.jacobian)
-    visible = []
+    visible: list[EffectPlace] = []
+    usable: list[str] = []
     for effect in POSITION_EFFECTS.values():
+        count_before = len(visible)
         for place in effect.places if effect.within != bench.baseline and effect.linear else ():
             columns = signature_columns([place], rows)
             if np.linalg.norm(columns - basis @ (basis.T @ columns)) > 1e-9:
                 visible.append(place)
-    visible_names = {place.effect for place in visible}
-    usable = [name for name in POSITION_EFFECTS if name == "outlier" or name in visible_names]
+        if effect.name == "outlier" or len(visible) > count_before:
+            usable.append(effect.name)
     for name in effects or ():
         if name not in usable:
             raise InputError(f"--effect {name}: not one that can be hidden here; {nearest(name, usable)}")
-    if effects is None:
-        names = usable
-    else:
+    names = usable
+    if effects is not None:
         names = list(effects)
     if not names:
         return Case(seed, None, bench)

@@ -154,7 +154,9 @@ class Drawing:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of effects that this bench can hide."""
-        hideable = {place.effect for place in self.linear} | {"outlier"}
+        hideable = {"outlier"}
+        for place in self.linear:
+            hideable.add(place.effect)
         if self.options.mode != "pairs":
             hideable |= {name for name in hidden_effects() if not POSITION_EFFECTS[name].linear}
         if self.options.effects:

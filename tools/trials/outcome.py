@@ -131,10 +131,9 @@ class Outcome(Told):
 
     def titles(self, *, named: bool, between: str = " + ") -> str:
         """What was hidden, or what was named, by effect and place."""
-        places = self.places
         if named:
-            places = tuple(effect.place for effect in self.named)
-        return between.join(place.title for place in places)
+            return between.join(effect.place.title for effect in self.named)
+        return between.join(place.title for place in self.places)
 
 
 def _names(effects: Iterable[EffectPlace | NamedEffect]) -> str:
