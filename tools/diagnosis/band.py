@@ -65,14 +65,14 @@ class BandOfFunctions(Told):
         rows = possible.every.imitated[: len(possible.knots)][np.searchsorted(possible.knots, band.knots)]
         ends = zip(band.knots, band.low, band.high, strict=True)
         knots = tuple(Knot(at=float(at), low=float(low), high=float(high)) for at, low, high in ends)
-        named = {"factor": pair.factor} if pair.factor else {}
-        told = {
+        factor_key = {"factor": pair.factor} if pair.factor else {}
+        content = {
             "steps": possible.steps,
             "imitated": tuple(map(tuple, rows.T.tolist())),
             "bending": band.bending,
             "knots": knots,
         }
-        return BandOfFunctions(where=pair.where, quantity=pair.quantity, **named, **told)
+        return BandOfFunctions(where=pair.where, quantity=pair.quantity, **factor_key, **content)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +90,12 @@ class Possible:
     @staticmethod
     def each(evidence: Evidence, pair: Pair, steps: bool) -> "tuple[Possible, ...]":
         """The functions of each of the places that a pair is made of, beside those of the others."""
-        alone = [Possible(evidence, one, steps) for one in pair.members or (pair,)]
-        return tuple(replace(one, others=tuple(o for o in alone if o is not one)) for one in alone)
+        alone = [Possible(evidence, function, steps) for function in pair.members or (pair,)]
+        beside = []
+        for function in alone:
+            others = tuple(further for further in alone if further is not function)
+            beside.append(replace(function, others=others))
+        return tuple(beside)
 
     @cached_property
     def knots(self) -> NDArray[np.float64]:
@@ -103,13 +107,13 @@ class Possible:
         values = np.unique(self.pair.values % TURN if self.pair.circle else self.pair.values)
         if self.pair.quantity in (*INPUTS, *RATES) and values[0] < 0.0 < values[-1]:
             values = np.unique(np.append(values, 0.0))
-        least, kept = NEAREST * float(np.ptp(values)), [values[0]]
+        least, separate = NEAREST * float(np.ptp(values)), [values[0]]
         for value in values[1:]:
-            if value - kept[-1] > least:
-                kept.append(value)
+            if value - separate[-1] > least:
+                separate.append(value)
             elif value == 0.0:
-                kept[-1] = value
-        knots = np.array(kept)
+                separate[-1] = value
+        knots = np.array(separate)
         chosen = spread_over(len(knots), (MOST_KNOTS - 1) // places)
         return np.unique(np.append(knots[chosen], knots[knots == 0.0]))
 
@@ -138,8 +142,8 @@ class Possible:
     def functions(self, knots: NDArray) -> Functions:
         """The functions, by their values at knots (K,), those of other places behind them."""
         evidence = self.evidence
-        own = [other.unknown(other.spaced(self.places)) for other in self.others]
-        unknown = Unknown.together([self.unknown(knots), *own])
+        beside_it = [function.unknown(function.spaced(self.places)) for function in self.others]
+        unknown = Unknown.together([self.unknown(knots), *beside_it])
         bound = evidence.rows.bound * (1.0 + evidence.model.second_order) + evidence.model.room
         return Functions(evidence.rows.nominal, evidence.rows.residual, bound, unknown)
 

@@ -199,7 +199,7 @@ class Beyond:
             if not LEAST_AROUND <= count <= LARGEST_PART * len(values[0]):
                 continue
             parts = np.arange(count) / count if circle else np.linspace(0.0, 1.0, count + 1)
-            places = self._places_of([np.unique(np.quantile(own, parts)) for own in values], around=circle)
+            places = self._places_of([np.unique(np.quantile(at_place, parts)) for at_place in values], around=circle)
             fit = self._refitted(places)
             if fit is not None and fit.radius < NEAR:
                 fits.append(fit)
@@ -299,16 +299,16 @@ class Beyond:
 
     def stated(self, law: Law) -> StatedLaw:
         """A law with its intervals and what was left out."""
-        first, *others = self._causes(self._centred(law.fit))
-        return StatedLaw(**_keys_of(first, others), **self._left_out(law.fit), shape=law.shape)
+        first, *further = self._causes(self._centred(law.fit))
+        return StatedLaw(**_keys_of(first, further), **self._left_out(law.fit), shape=law.shape)
 
     def _centred(self, fit: Fit) -> Fit:
         return fit.centred(self.evidence.model.room, self.evidence.model.effort.most_rows)
 
     def _causes(self, fit: Fit) -> list[Cause]:
         """The effects of a centred fit, with intervals."""
-        more = 0.0 if fit.radius <= self.evidence.model.limit else (NEAR - 1.0) * float(fit.bound.min())
-        intervals = fit.intervals(self.evidence.model.room + more, self.evidence.model.effort.most_rows)
+        widening = 0.0 if fit.radius <= self.evidence.model.limit else (NEAR - 1.0) * float(fit.bound.min())
+        intervals = fit.intervals(self.evidence.model.room + widening, self.evidence.model.effort.most_rows)
         causes = []
         for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
             ends = self.evidence.reader.told(place, possible)
@@ -363,7 +363,7 @@ class Beyond:
         as_good = [fit for fit, error in zip(fits, errors, strict=True) if error <= AS_GOOD * min(errors)]
         chosen, gain = self._with_gain(as_good, rerun)
         fit = self._centred(chosen)
-        first, *others = self._causes(fit)
+        first, *further = self._causes(fit)
         keys: dict[str, Any] = {"kind": first.effect, "quantity": self.pair.quantity}
         if self.pair.factor:
             keys["factor"] = self.pair.factor
@@ -372,7 +372,7 @@ class Beyond:
             keys["noise_bound_needed"] = fit.radius * bound
         if first.effect == "lookup" and (knots := _knots_of(first.law or "", first.parameters)):
             keys["knots"] = knots
-        return BeyondCatalogue(**_keys_of(first, others), **self._left_out(chosen), **keys, gain=gain, fit=fit)
+        return BeyondCatalogue(**_keys_of(first, further), **self._left_out(chosen), **keys, gain=gain, fit=fit)
 
     def _with_gain(self, fits: Sequence[Fit], rerun: bool) -> tuple[Fit, Gain | None]:
         """The first of some fits of which what is held out can be simulated again, with its gain; else the first."""
@@ -392,11 +392,11 @@ def _rms(errors: NDArray) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _keys_of(first: Cause, others: Sequence[Cause]) -> dict[str, Any]:
+def _keys_of(first: Cause, further: Sequence[Cause]) -> dict[str, Any]:
     """Keys of a law that is made of these effects."""
     keys: dict[str, Any] = {name: getattr(first, name) for name in first.model_fields_set}
-    if others:
-        keys["beside"] = tuple(others)
+    if further:
+        keys["beside"] = tuple(further)
     return keys
 
 

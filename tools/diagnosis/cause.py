@@ -119,13 +119,13 @@ class Cause(NamedEffect):
         parameters = []
         for parameter, value, possible in zip(place.definition.parameters, values, ends, strict=True):
             parameters.append(SizedParameter.of(parameter.name, parameter.unit, value, possible))
-        same = tuple(NamedEffect.of(other) for other in equivalents)
+        same = tuple(NamedEffect.of(equivalent) for equivalent in equivalents)
         return Cause(**NamedEffect.keys(place), equivalents=same, parameters=tuple(parameters))
 
     @property
     def alike(self) -> tuple[EffectPlace, ...]:
         """What no measurement of this kind could tell from it."""
-        return tuple(other.place for other in self.equivalents)
+        return tuple(equivalent.place for equivalent in self.equivalents)
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -162,9 +162,9 @@ class Finding:
         """Whether it is shown that no effect of the set that acts from a time on did so from the beginning."""
         return all(cause.intervals[-1][0] > 0.0 for cause in self.causes if cause.place.definition.searched == ONSET)
 
-    def contains(self, other: "Finding") -> bool:
+    def contains(self, finding: "Finding") -> bool:
         """Whether this set can always do what another one does: by what its effects are, or by when they set in."""
-        return contains(self.fit.places, other.fit.places) or (other.sets_in and not self.sets_in)
+        return contains(self.fit.places, finding.fit.places) or (finding.sets_in and not self.sets_in)
 
     @property
     def title(self) -> str:
@@ -216,8 +216,8 @@ def causes_of(evidence: Evidence, fit: Fit) -> tuple[Cause, ...]:
     intervals = fit.intervals(evidence.model.room, evidence.model.effort.most_rows)
     for place, values, possible in zip(fit.places, fit.values(), intervals, strict=True):
         ends, stated = evidence.reader.told(place, possible), []
-        for parameter, value, own in zip(place.definition.parameters, values, ends, strict=True):
-            stated.append(_stated(parameter.name, value, own))
+        for parameter, value, interval in zip(place.definition.parameters, values, ends, strict=True):
+            stated.append(_stated(parameter.name, value, interval))
         causes.append(
             Cause.found(evidence.reader.named(place), evidence.model.classes.equivalents(place), stated, ends)
         )
@@ -261,8 +261,8 @@ def excluded_sizes(evidence: Evidence, fit: Fit) -> tuple[dict[str, Any], ...]:
             sizes.append((0.0, largest_coefficient(possible, count + k, parameter.name)))
         for parameter, (_, above) in zip(place.definition.parameters, evidence.reader.told(place, sizes), strict=True):
             if above < parameter.largest and not parameter.name.endswith("phase"):
-                named = {"parameter": parameter.name, "unit": parameter.unit, "above": float(above)}
-                excluded.append({**place.entry, **named})
+                bound = {"parameter": parameter.name, "unit": parameter.unit, "above": float(above)}
+                excluded.append({**place.entry, **bound})
     return tuple(excluded)
 
 

@@ -86,7 +86,7 @@ class Dependence:
     @property
     def is_of_one_move(self) -> bool:
         """Whether one move alone misfits: whatever was otherwise in it does as well as what was told apart."""
-        return any(one.form.kind == "while" for one in self.standing)
+        return any(standing.form.kind == "while" for standing in self.standing)
 
     @property
     def least(self) -> int | None:
@@ -96,24 +96,24 @@ class Dependence:
     @property
     def place(self) -> str | None:
         """The place that is proven; None where several would do, or none does."""
-        found = {one.pair.where for one in self.standing} or set(self.places)
-        sure = len(found) == 1 and not self.is_near and not self.listed_elsewhere
-        return next(iter(found)) if sure else None
+        places = {standing.pair.where for standing in self.standing} or set(self.places)
+        sure = len(places) == 1 and not self.is_near and not self.listed_elsewhere
+        return next(iter(places)) if sure else None
 
     @property
     def quantities(self) -> tuple[str, ...]:
         """What the misfit may depend on at the place that is proven, the least complex first."""
         if self.place is None:
             return ()
-        return tuple(dict.fromkeys(one.pair.name for one in self.standing))
+        return tuple(dict.fromkeys(standing.pair.name for standing in self.standing))
 
     @cached_property
     def proven(self) -> Standing | None:
         """What is proven, place and quantity; None where another place or quantity would do as well."""
         if self.place is None or not self.standing or self.listed_otherwise or self.is_of_one_move:
             return None
-        first, *others = self.standing
-        return first if all(is_same(first.pair, other.pair) for other in others) else None
+        first, *further = self.standing
+        return first if all(is_same(first.pair, standing.pair) for standing in further) else None
 
 
 class Suffices(Result):
@@ -216,27 +216,27 @@ def most_of_rivals(least: float) -> float:
     return max(RIVAL * least, least + 1.0)
 
 
-def is_same(one: Pair, other: Pair) -> bool:
+def is_same(first: Pair, second: Pair) -> bool:
     """Whether two pairs of a place depend on the same, as far as these rows can tell.
 
     That is where one quantity is a function of the other, as n3 = cos α is one of α: what stands by it stands by both.
     """
-    if one.depends_on == other.depends_on:
+    if first.depends_on == second.depends_on:
         return True
-    if one.where != other.where or one.told or other.told or one.factor != other.factor:
+    if first.where != second.where or first.told or second.told or first.factor != second.factor:
         return False
-    return _within(one, other) or _within(other, one)
+    return _within(first, second) or _within(second, first)
 
 
-def _within(one: Pair, other: Pair) -> bool:
+def _within(inner: Pair, outer: Pair) -> bool:
     """Whether smooth functions of one quantity are functions of the other."""
-    *_, smooth = one.ladders()
-    functions = one.columns(next(form for form in smooth if form.count >= SMOOTH_ORDER))
-    for ladder in other.ladders():
-        finest = [form for form in ladder if form.count <= LARGEST_PART * len(other.values)][-1]
-        space = column_space(other.columns(finest))
-        left = functions - space @ (space.T @ functions)
-        if (np.linalg.norm(left, axis=0) <= ALIKE * np.linalg.norm(functions, axis=0)).all():
+    *_, smooth = inner.ladders()
+    functions = inner.columns(next(form for form in smooth if form.count >= SMOOTH_ORDER))
+    for ladder in outer.ladders():
+        finest = [form for form in ladder if form.count <= LARGEST_PART * len(outer.values)][-1]
+        space = column_space(outer.columns(finest))
+        remaining = functions - space @ (space.T @ functions)
+        if (np.linalg.norm(remaining, axis=0) <= ALIKE * np.linalg.norm(functions, axis=0)).all():
             return True
     return False
 
@@ -310,12 +310,12 @@ class Search:
     def freedoms(self) -> list[str]:
         """Ways in which a place may act with which the model stands where it may do so as it likes every time."""
         first = {pair.freedom: pair for pair in reversed(self.pairs) if not pair.factor or pair.factor == "tilt"}
-        found = []
+        freedoms = []
         for freedom in dict.fromkeys(pair.freedom for pair in self.pairs):
             pair = first[freedom]
             if pair.anything or self.stands(self.space_of(pair.spread(np.eye(len(pair.values))))):
-                found.append(freedom)
-        return found
+                freedoms.append(freedom)
+        return freedoms
 
     def space_of(self, columns: NDArray) -> NDArray[np.float64]:
         """What columns (M, K) add to the model."""
@@ -346,7 +346,7 @@ class Search:
         # What waits comes before what is as complex, then what came first.
         queue = [(trial.complexity, trial.space is not None, k, trial) for k, trial in enumerate(every)]
         heapify(queue)
-        found: list[Pair] = []
+        standing_pairs: list[Pair] = []
         most = np.inf
         while queue:
             complexity, _, number, trial = heappop(queue)
@@ -357,9 +357,9 @@ class Search:
                 heappush(queue, (trial.complexity, True, number, trial))
                 continue
             # Several places with functions of their own contain each of them: no rivals of one that stands.
-            known = any(pair in found for pair in (trial.pair, *trial.pair.members))
-            if not known and self.stands(trial.space):
-                found.append(trial.pair)
+            is_standing = any(pair in standing_pairs for pair in (trial.pair, *trial.pair.members))
+            if not is_standing and self.stands(trial.space):
+                standing_pairs.append(trial.pair)
                 most = min(most, most_of_rivals(trial.complexity))
                 radius = self.radius(np.hstack((self.problem.nominal, trial.space)))
                 yield Standing(trial.pair, trial.form, trial.complexity, radius)
@@ -367,15 +367,18 @@ class Search:
     def trials(self, pair: Pair) -> Iterator[Trial]:
         """All forms of a pair that might stand."""
         for ladder in pair.ladders():
-            own = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
+            forms = [form for form in ladder if form.count <= LARGEST_PART * len(pair.values)]
             # Functions of many pieces hold those of a half or a third as many.
-            columns = [pair.columns(form) for form in own[-2:]]
-            spaces = [self.space_of(mine) for mine in columns]
+            finest = forms[-2:]
+            columns = [pair.columns(form) for form in finest]
+            spaces = [self.space_of(added) for added in columns]
             if not any(self.stands(space) for space in spaces):
                 continue
-            yield from (Trial(pair, *one) for one in zip(own[-2:], spaces, strict=True))
+            for form, space in zip(finest, spaces, strict=True):
+                yield Trial(pair, form, space)
             imitated = max(c.shape[1] - s.shape[1] for c, s in zip(columns, spaces, strict=True))
-            yield from (Trial(pair, form, None, max(0, pair.size(form) - imitated)) for form in own[:-2])
+            for form in forms[:-2]:
+                yield Trial(pair, form, None, max(0, pair.size(form) - imitated))
         forms = [*pair.single(), *(self.waves_between(pair) if pair.waves else ())]
         if forms:
             yield from self.open_trials(pair, forms)
@@ -385,16 +388,17 @@ class Search:
 
         A wave that is a little off in its frequency is far off at the ends of a record.
         """
-        known: dict[float, float] = {}
-        step, more = 2.0 * WAVES_APART, list(WAVES)
+        bounds: dict[float, float] = {}
+        step, waves = 2.0 * WAVES_APART, list(WAVES)
         while True:
-            blocks = pair.columns_of([Form("wave", at=at) for at in more])
-            known |= dict(zip(more, self.bounds(blocks).tolist(), strict=True))
+            blocks = pair.columns_of([Form("wave", at=at) for at in waves])
+            bounds |= dict(zip(waves, self.bounds(blocks).tolist(), strict=True))
             step *= 0.5
             if step <= FINEST_WAVES:
-                return [Form("wave", at=at) for at in known if at not in WAVES]
-            nearest = sorted(known, key=lambda at: known[at])[:MOST_REFINED]
-            more = sorted({at + side for at in nearest for side in (-0.5 * step, 0.5 * step)} - set(known))
+                return [Form("wave", at=at) for at in bounds if at not in WAVES]
+            nearest = sorted(bounds, key=lambda at: bounds[at])[:MOST_REFINED]
+            between = {at - 0.5 * step for at in nearest} | {at + 0.5 * step for at in nearest}
+            waves = sorted(between - set(bounds))
 
     def open_trials(self, pair: Pair, forms: Sequence[Form]) -> Iterator[Trial]:
         """Those of many forms that the weights do not refuse."""
@@ -426,8 +430,8 @@ class Search:
         for width in np.unique(widths):
             alike = np.flatnonzero(widths == width)
             at = first[alike][:, None] + np.arange(width)
-            own, product = columns[at], products[at]
-            inverse = np.linalg.pinv(own @ own.swapaxes(1, 2), rcond=DEPENDENT, hermitian=True)
+            products_of, product = columns[at], products[at]
+            inverse = np.linalg.pinv(products_of @ products_of.swapaxes(1, 2), rcond=DEPENDENT, hermitian=True)
             explained[alike] = np.einsum("np,npq,nq->n", product, inverse, product)
         return np.sqrt(np.maximum(0.0, residual @ residual - explained))
 
@@ -462,7 +466,7 @@ def residual_structure(channels: Sequence[Channel]) -> tuple[dict[str, Any], ...
                 share = predicted_share(points, error)
                 entries.append({**channel.label, "on": on, "explained": share, "explainable": explainable})
     for entries in (single, joint):
-        entries.sort(key=lambda one: -round(float(one["explained"]), 9))
+        entries.sort(key=lambda entry: -round(float(entry["explained"]), 9))
     return (*single, *joint)
 
 

@@ -53,8 +53,8 @@ def _of_one(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_several(content: Mapping[str, Any]) -> dict[str, Any]:
-    gone = ("radius", "radius_with_causes", "parameters", "alternatives", *OF_SEVERAL)
-    present = {key: value for key, value in content.items() if key not in gone}
+    dropped = ("radius", "radius_with_causes", "parameters", "alternatives", *OF_SEVERAL)
+    present = {key: value for key, value in content.items() if key not in dropped}
     for former, name in OF_SEVERAL.items():
         present[name] = content.get(former, [])
     sigma = EACH_ITS_OWN_SIGMA
@@ -79,7 +79,7 @@ def _add_sets(
     present["sets"] = [(causes, radius, calibration)] if causes else []
     if isinstance(alternatives, list) and alternatives:
         present["alternatives"] = alternatives
-        present["sets"] += [(others, None, None) for others in alternatives]
+        present["sets"] += [(causes_of_set, None, None) for causes_of_set in alternatives]
 
 
 def _calibration(content: Mapping[str, Any], radius: Any, sigma: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
@@ -108,13 +108,13 @@ def _each_by_itself(former: Any, records: Any) -> Any:
     for entry in former:
         if not isinstance(entry, Mapping):
             return former
-        named = {"symbol": entry.get("name"), "name": entry.get("name"), "unit": entry.get("unit")}
+        words = {"symbol": entry.get("name"), "name": entry.get("name"), "unit": entry.get("unit")}
         for alone in entry.get("records") or ():
-            known = isinstance(alone, Mapping) and (alone.get("low"), alone.get("high")) != (None, None)
-            if known and alone.get("record") in of_record:
+            bounded = isinstance(alone, Mapping) and (alone.get("low"), alone.get("high")) != (None, None)
+            if bounded and alone.get("record") in of_record:
                 values = {key: alone.get(key) for key in ("estimate", "low", "high")}
                 determined = {"determined": values["estimate"] is not None}
-                of_record[alone["record"]]["parameters"].append(named | determined | values)
+                of_record[alone["record"]]["parameters"].append(words | determined | values)
         change = {key: entry.get(key) for key in ("unit", "of", "at_least", "at_most")}
         changes.append({"symbol": entry.get("name"), **change, "since": None, "beside": None})
     present = _calibration({}, None, EACH_ITS_OWN_SIGMA, [])
@@ -140,8 +140,8 @@ def _targets(former: Any) -> list[Any]:
         if isinstance(entry, Mapping):
             values = {"estimate": entry.get("after"), "low": entry.get("low"), "high": entry.get("high")}
             symbol = str(entry.get("symbol"))
-            named = {"name": symbol, "unit": NAMES.get(symbol.partition("@")[0], ("", "1"))[1]}
-            parameters += _parameters([{**named, **values}])
+            words = {"name": symbol, "unit": NAMES.get(symbol.partition("@")[0], ("", "1"))[1]}
+            parameters += _parameters([{**words, **values}])
     return parameters
 
 
@@ -155,10 +155,10 @@ def _causes(former: Any) -> list[Any]:
         if not isinstance(entry, Mapping):
             causes.append(entry)
             continue
-        named = entry.get("effect")
-        if not isinstance(named, Mapping):
-            named = {"effect": "parameter", "where": entry.get("parameter")}
-        cause = {**named, "equivalents": [], "parameters": entry.get("parameters")}
+        effect = entry.get("effect")
+        if not isinstance(effect, Mapping):
+            effect = {"effect": "parameter", "where": entry.get("parameter")}
+        cause = {**effect, "equivalents": [], "parameters": entry.get("parameters")}
         if entry.get("record") is not None:
             cause["record"] = entry["record"]
         causes.append(cause)

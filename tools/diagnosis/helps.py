@@ -89,7 +89,7 @@ def order_of_effects(rows: Rows, places: Sequence[EffectPlace]) -> OrderOfEffect
             break
         if len(ranked) > MOST_TRIED:
             # What hardly helps by itself is not tried again behind what helps most.
-            places = [other for _, other in ranked[:MOST_TRIED]] + chosen
+            places = [tried_place for _, tried_place in ranked[:MOST_TRIED]] + chosen
         chosen.append(place)
         steps.append(OrderedEffect(**NamedEffect.keys(place), held_out_rms_arcmin=best / ARCMIN))
         current = best
@@ -158,10 +158,10 @@ def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) 
             continue
         columns, size = evidence.rows.numbers_of([place]), fit.central[len(fit.point) :][block]
         alone = evidence.rows.with_errors([part.columns[..., columns] @ size for part in evidence.rows.parts])
-        others = [other for other in fit.places if other != place]
+        remaining = [place_beside for place_beside in fit.places if place_beside != place]
         against = []
         for k, length in zip(evidence.rows.scored, lengths, strict=True):
-            if length.over not in needing and model_of(rows=alone.select(k)).refit(others).radius > SHOWN:
+            if length.over not in needing and model_of(rows=alone.select(k)).refit(remaining).radius > SHOWN:
                 against.append(length.over)
         if against:
             needed = f"is needed over {needing[0]} alone" if needing else "is needed over no length by itself"
@@ -171,7 +171,7 @@ def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) 
 
 def _needs(length: Length, place: EffectPlace) -> bool:
     """Whether an effect is in one of the smallest sets of a length."""
-    return any(place in [named.place for named in chosen] for chosen in length.smallest_sets)
+    return any(place in [effect.place for effect in chosen] for chosen in length.smallest_sets)
 
 
 # In other records
@@ -197,24 +197,24 @@ def found_in(diagnosis: Diagnosis) -> Sizes:
 
 def cross_gains(alone: Mapping[str, Diagnosis]) -> tuple[tuple[CrossGain, ...], tuple[Helps, ...]]:
     """The matrix of errors of records, with what was found in each; and where each of these effects helps."""
-    known: dict[str, Evidence] = {}
+    evidence_of: dict[str, Evidence] = {}
     sources: dict[str, Sizes] = {}
     for label, diagnosis in alone.items():
         evidence = diagnosis.evidence
         if evidence.rows.names or evidence.rows.parts:
-            known[label] = evidence
+            evidence_of[label] = evidence
             if sizes := found_in(diagnosis):
                 sources[label] = sizes
     gains, helps = [], []
-    for label, evidence in known.items():
+    for label, evidence in evidence_of.items():
         rerun = evidence.reader.rerun
         if sources and rerun is not None and (before := rerun.errors({})) is not None:
             gains.append(_cross_gain(label, rerun, before, sources))
     for source, sizes in sources.items():
         for place in sizes:
-            on = [label for label in known if label != source and _helps(known[label].model, sizes, place)]
+            on = [label for label in evidence_of if label != source and _helps(evidence_of[label].model, sizes, place)]
             helps.append(Helps(found_in=source, effect=place.title, on=tuple(on)))
-    return tuple(gains), tuple(helps) if len(known) > 1 else ()
+    return tuple(gains), tuple(helps) if len(evidence_of) > 1 else ()
 
 
 def _cross_gain(label: str, rerun: Rerun, before: NDArray, sources: Mapping[str, Sizes]) -> CrossGain:
@@ -237,8 +237,8 @@ def _helps(model: Model, sizes: Sizes, place: EffectPlace) -> bool:
     """Whether an effect takes something off a record's errors, alone or beside those found with it; to first order."""
     if place not in model.rows.linear_places:
         return False
-    others = {other: size for other, size in sizes.items() if other != place}
-    for after, before in (({place: sizes[place]}, {}), (sizes, others)):
+    without = {effect: size for effect, size in sizes.items() if effect != place}
+    for after, before in (({place: sizes[place]}, {}), (sizes, without)):
         if rms_with(model, after) < (1.0 - HELPS) * rms_with(model, before):
             return True
     return False

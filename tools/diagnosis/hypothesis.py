@@ -104,7 +104,7 @@ def answered(
     if evidence.reader.missing() or _adds_nothing(evidence, place):
         return Hypothesis(answer="cannot be told", **keys)
     same = _same_in_catalogue(evidence, place)
-    keys["equivalents"] = tuple(NamedEffect.of(other) for other in same)
+    keys["equivalents"] = tuple(NamedEffect.of(effect) for effect in same)
     fits = evidence.model.mended([place], Work())
     if not fits:
         return Hypothesis(answer="refuted", **{**keys, "radius": _radius_with(evidence, place)})
@@ -116,10 +116,10 @@ def answered(
     objections += evidence.reader.objections()
     objections += objections_of(judgement_of(evidence, finding.fit))
     as_well = []
-    for other in findings:
+    for finding_beside in findings:
         # The formula by another name is no other set.
-        if len(other.places) != 1 or not set(other.places) <= set(same):
-            as_well.append(tuple(NamedEffect.of(effect) for effect in other.places))
+        if len(finding_beside.places) != 1 or not set(finding_beside.places) <= set(same):
+            as_well.append(tuple(NamedEffect.of(effect) for effect in finding_beside.places))
     keys |= {"objections": tuple(objections), "as_well": tuple(as_well), "finding": finding}
     keys["gain"] = evidence.gain(finding.fit) if rerun else None
     return Hypothesis(answer="stands", **keys)
@@ -133,8 +133,8 @@ def _same_in_catalogue(evidence: Evidence, place: EffectPlace) -> tuple[EffectPl
         # Somewhere it is no number.
         return ()
     classes = evidence.model.classes
-    for first, other in zip(classes.places, classes.spaces, strict=True):
-        if same_space(space, other):
+    for first, own_space in zip(classes.places, classes.spaces, strict=True):
+        if same_space(space, own_space):
             # Where they are run beside the catalogue, formulas have classes too.
             return tuple(effect for effect in classes.whole_class(first) if not effect.law)
     return ()

@@ -59,7 +59,7 @@ class Kind:
     at_table: bool
     runs_formulas: bool
 
-    def shared_options(self, asked: DiagnosisOptions) -> DiagnosisOptions:
+    def shared_options(self, options: DiagnosisOptions) -> DiagnosisOptions:
         """The options of a record of this kind among records of several kinds: those of the others are left out."""
         default = DiagnosisOptions()
         changed: dict[str, Any] = {}
@@ -68,9 +68,9 @@ class Kind:
                 continue
             for name in kind.own:
                 changed[name] = getattr(default, name)
-            if asked.baseline in kind.baselines:
+            if options.baseline in kind.baselines:
                 changed["baseline"] = None
-        return replace(asked, **changed)
+        return replace(options, **changed)
 
 
 def evidence_of(record: PositionRecord | StrapdownRecord, **options: Any) -> Evidence:
@@ -88,10 +88,10 @@ def evidence_options(record: Any, *, among: Mapping[str, Any] | None = None, **o
     `among` are the records with which it is diagnosed: of two kinds each has the options that are its own. An
     InputError for an option that the record's kind does not have.
     """
-    kind, asked = kind_of(record), DiagnosisOptions(**options)
-    if any(kind_of(other) is not kind for other in (among or {}).values()):
-        asked = kind.shared_options(asked)
-    return kind.options(record, asked)
+    kind, asking = kind_of(record), DiagnosisOptions(**options)
+    if any(kind_of(further) is not kind for further in (among or {}).values()):
+        asking = kind.shared_options(asking)
+    return kind.options(record, asking)
 
 
 def evidence_with_formulas(
@@ -122,27 +122,27 @@ def _evidence_at_table(record: PositionRecord, *, bench: Place | None = None, **
     return bench_evidence(record, **options) if bench is None else whole_evidence(record, bench, **options)
 
 
-def _options_at_table(record: PositionRecord, asked: DiagnosisOptions) -> dict[str, Any]:
-    if asked.rates != "instantaneous" and asked.bench is None:
-        raise InputError(f"--rates {asked.rates}: is of a strapdown record; a record of a table has no rates")
-    if asked.reference_bound is not None:
+def _options_at_table(record: PositionRecord, asking: DiagnosisOptions) -> dict[str, Any]:
+    if asking.rates != "instantaneous" and asking.bench is None:
+        raise InputError(f"--rates {asking.rates}: is of a strapdown record; a record of a table has no rates")
+    if asking.reference_bound is not None:
         raise InputError(
-            f"--reference-bound {asked.reference_bound:g}: is of a strapdown record; a record of a table has no true "
+            f"--reference-bound {asking.reference_bound:g}: is of a strapdown record; a record of a table has no true "
             "attitude"
         )
-    options: dict[str, Any] = {name: getattr(asked, name) for name in ("gravity", "noise_bound", "bounds", "mounting")}
-    options["baseline"] = asked.baseline or "asymmetric"
-    if asked.bench is not None:
-        options["bench"] = replace(asked.bench, rates=asked.rates)
+    options: dict[str, Any] = {"gravity": asking.gravity, "noise_bound": asking.noise_bound, "bounds": asking.bounds}
+    options |= {"mounting": asking.mounting, "baseline": asking.baseline or "asymmetric"}
+    if asking.bench is not None:
+        options["bench"] = replace(asking.bench, rates=asking.rates)
     return options
 
 
-def _options_carried(record: StrapdownRecord, asked: DiagnosisOptions) -> dict[str, Any]:
-    if (asked.noise_bound, asked.bounds, asked.mounting) != (None, BOUNDS, "identity"):
+def _options_carried(record: StrapdownRecord, asking: DiagnosisOptions) -> dict[str, Any]:
+    if (asking.noise_bound, asking.bounds, asking.mounting) != (None, BOUNDS, "identity"):
         raise InputError(f"{record.path}: of a strapdown record noise_bound, bounds and mounting have no meaning")
-    if asked.bench is not None:
+    if asking.bench is not None:
         raise InputError(f"--latitude-deg: is of a bench record; {record.path} is a strapdown record")
-    return {name: getattr(asked, name) for name in ("gravity", "baseline", "rates", "reference_bound")}
+    return {name: getattr(asking, name) for name in ("gravity", "baseline", "rates", "reference_bound")}
 
 
 KINDS: Mapping[type, Kind] = {

@@ -139,18 +139,18 @@ class Laws:
 
         The work may be used up before all of these are tried: `work.is_done` then.
         """
-        found = [Law(fit) for fit in listed if self.is_one(fit)][:MOST_LISTED]
+        listed_laws = [Law(fit) for fit in listed if self.is_one(fit)][:MOST_LISTED]
         formulas: list[Law] = []
         try:
             for size in (1, 2, 3):
                 for law in self.of_size(size):
-                    if not self.is_known(law, found):
+                    if not self.is_known(law, listed_laws):
                         formulas.append(law)
                 if formulas:
                     break
         except CutOff:
             pass
-        return [*found, *formulas]
+        return [*listed_laws, *formulas]
 
     def is_one(self, fit: Fit) -> bool:
         """Whether the effects of a fit are functions of the quantity at the place."""
@@ -166,29 +166,34 @@ class Laws:
         smooth = self._within(base, self.pair.columns(few), columns)
         values = np.linalg.lstsq(self.possible.every.unknown.columns, columns, rcond=None)[0]
         hardly_turns = np.abs(np.diff(values, axis=0)).sum(axis=0) <= TURNS * np.ptp(values, axis=0)
-        own = self._within(base, self.possible.every.unknown.columns, columns)
-        return bool((smooth | (own & hardly_turns)).all())
+        within_values = self._within(base, self.possible.every.unknown.columns, columns)
+        return bool((smooth | (within_values & hardly_turns)).all())
 
     @staticmethod
     def _within(base: NDArray, functions: NDArray, columns: NDArray) -> NDArray[np.bool_]:
         """Whether columns (M, k) are, but for little, functions (M, K) beside what the parameters (M, P) imitate."""
-        own = column_space(np.hstack((base, functions)))
-        left = columns - own @ (own.T @ columns)
-        return np.linalg.norm(left, axis=0) <= LIKE * np.linalg.norm(columns, axis=0)
+        space = column_space(np.hstack((base, functions)))
+        remaining = columns - space @ (space.T @ columns)
+        return np.linalg.norm(remaining, axis=0) <= LIKE * np.linalg.norm(columns, axis=0)
 
     def fitted(self, places: Sequence[EffectPlace], shape: tuple[float, float] | None = None) -> list[Law]:
         """Effects, where the model stands with them."""
         fits = self.evidence.including(places).model.mended(places, self.work)
         return [Law(fit, shape) for fit in fits[:1]]
 
-    def is_known(self, law: Law, others: Sequence[Law]) -> bool:
+    def is_known(self, law: Law, laws: Sequence[Law]) -> bool:
         """Whether a law is another one, or the part of it at one gyro, in other words."""
-        fits = [law.fit, *(fit for one in others for fit in (one.fit, *one.fit.also))]
+        fits = [law.fit]
+        for known_law in laws:
+            fits += [known_law.fit, *known_law.fit.also]
         columns = [fit.jacobian[:, len(fit.point) :] for fit in fits]
         if self.pair.where in GYROS:
-            columns = [columns[0], *(own[:, [k]] for own in columns[1:] for k in range(own.shape[1]))]
+            single = columns[:1]
+            for columns_of_law in columns[1:]:
+                single += np.hsplit(columns_of_law, columns_of_law.shape[1])
+            columns = single
         first, *spaces = spaces_beyond(self.evidence.rows.nominal, columns)
-        return any(same_space(first, other) for other in spaces)
+        return any(same_space(first, known_space) for known_space in spaces)
 
     def places_of(self, text: str) -> list[EffectPlace]:
         """The effect of a formula in x, the quantity (a temperature from 20 degrees), or in y, the quantity as it is.
@@ -196,8 +201,8 @@ class Laws:
         Of several places one each. None where the place, or its factor, knows none, or the quantity is a sense, whose
         two values no formula orders.
         """
-        found = [_place_of(one.pair, text) for one in self.each]
-        return [place for place in found if place is not None] if None not in found else []
+        places = [_place_of(possible.pair, text) for possible in self.each]
+        return [place for place in places if place is not None] if None not in places else []
 
     def of_size(self, size: int) -> Iterator[Law]:
         """Formulas with so many unknown numbers that stand."""
@@ -214,7 +219,7 @@ class Laws:
 
     def open_shapes(self, family: Family) -> list[tuple[float, float]]:
         """Intervals of the shapes of a family, those that are next to each other as one, that are not refused."""
-        open_, kept = list(family.parts or [(family.low, family.high)]), []
+        open_, standing = list(family.parts or [(family.low, family.high)]), []
         stands = cache(lambda s: self.stands_at(family, s))
         while open_:
             low, high = open_.pop()
@@ -223,12 +228,12 @@ class Laws:
             fine = family.parts or high - low <= FINEST * (family.high - family.low)
             # Between two shapes that stand nothing is sought that does not.
             if fine or (stands(low) and stands(high)):
-                kept.append((low, high))
+                standing.append((low, high))
             else:
                 middle = 0.5 * (low + high)
                 open_ += [(low, middle), (middle, high)]
         joined: list[tuple[float, float]] = []
-        for low, high in sorted(kept):
+        for low, high in sorted(standing):
             if joined and low <= joined[-1][1]:
                 joined[-1] = (joined[-1][0], high)
             else:
@@ -290,16 +295,16 @@ class Laws:
 
 def _place_of(pair: Pair, text: str) -> EffectPlace | None:
     tilted = pair.factor if pair.factor in TILTS else ""
-    left = LEFT.get((pair.where, tilted))
+    target = LEFT.get((pair.where, tilted))
     factor = "" if tilted else pair.factor
-    if left is None or pair.told or (factor and factor not in TIMES):
+    if target is None or pair.told or (factor and factor not in TIMES):
         return None
-    if not set(pair.quantity.split()) <= set(TARGETS[left].names):
+    if not set(pair.quantity.split()) <= set(TARGETS[target].names):
         return None
     y = pair.quantity.replace(" ", "*")
     names = {"x": y.replace("temperature", TEMPERATURE), "y": y}
-    written = re.sub(r"\b[xy]\b", lambda found: names[found[0]], text)
-    return Formula.of(f"{left} += {TIMES[factor]}*({written})" if factor else f"{left} += {written}").place
+    written = re.sub(r"\b[xy]\b", lambda match: names[match[0]], text)
+    return Formula.of(f"{target} += {TIMES[factor]}*({written})" if factor else f"{target} += {written}").place
 
 
 def words_of(place: EffectPlace) -> str:

@@ -116,7 +116,7 @@ class Candidates:
         every = [finding_of(evidence, group) for group in groups[: evidence.model.effort.most_sets]]
         acting = [finding for finding in every if finding.acts]
         idle = [finding for finding in every if not finding.acts]
-        containing = [finding for finding in every if any(finding.contains(other) for other in acting)]
+        containing = [finding for finding in every if any(finding.contains(rival) for rival in acting)]
         acting.sort(key=lambda finding: finding in containing)
         return Candidates(groups, acting, idle, containing)
 
@@ -132,9 +132,9 @@ class Candidates:
 
     def beside(self, finding: Finding) -> tuple[tuple[NamedEffect, ...], ...]:
         """Other sets that no measurement can tell from that of a finding."""
-        own = set(finding.fit.places)
+        effects = set(finding.fit.places)
         for group in self.groups:
-            if any(set(fit.places) == own for fit in group):
+            if any(set(fit.places) == effects for fit in group):
                 return tuple(_named(fit.places) for fit in group[1:])
         return ()
 
@@ -241,21 +241,21 @@ class Procedure:
         return self._functions_beside(fits, extend=self.extend or not fits)
 
     def _functions_beside(self, fits: Sequence[Fit], *, extend: bool) -> Mapping[str, Any]:
-        shown = self.beside_catalogue
-        if shown is None or shown.proven is None:
+        dependence = self.beside_catalogue
+        if dependence is None or dependence.proven is None:
             return {}
-        beyond = Beyond(self.evidence, shown.proven.pair, shown.proven.form, tuple(fits))
+        beyond = Beyond(self.evidence, dependence.proven.pair, dependence.proven.form, tuple(fits))
         return keys_of(beyond, extend=extend, rerun=self.rerun)
 
     @cached_property
     def caution(self) -> tuple[str, ...]:
         """What the record cannot tell from the sets that stand."""
         caution = (*self.functions.get("caution", ()), *self.unlisted.caution)
-        held, fits = self.unlisted.held, self.found.fits
+        holding, fits = self.unlisted.held, self.found.fits
         several = len(fits[0].places) > self.evidence.model.effort.most_known_alone
-        if held is not None and not self.proves_quantity and several:
+        if holding is not None and not self.proves_quantity and several:
             # Other laws do as well as sets that one function holds, though no quantity is proven.
-            beyond = Beyond(self.evidence, held.pair, held.form, tuple(fits))
+            beyond = Beyond(self.evidence, holding.pair, holding.form, tuple(fits))
             caution += beyond.caution if beyond.bands else ()
         return caution
 
@@ -304,9 +304,9 @@ class Procedure:
 
     def _without_a_set(self) -> Diagnosis:
         """Unexplained: nothing of the catalogue mends the model."""
-        helpful, said = what_helps(self.evidence, self.lengths.get("lengths", ()))
+        helpful, sentences = what_helps(self.evidence, self.lengths.get("lengths", ()))
         gain = self.evidence.gain(self.evidence.model.refit(helpful)) if self.rerun and helpful else None
-        return self._unexplained((*self.objections, *said), self.functions, gain=gain)
+        return self._unexplained((*self.objections, *sentences), self.functions, gain=gain)
 
     def _of_sets(self) -> Diagnosis:
         """What follows from the sets of effects with which the record stands."""
@@ -420,7 +420,7 @@ class Procedure:
     def _result(
         self,
         verdict: str,
-        more: Mapping[str, Any],
+        model_keys: Mapping[str, Any],
         *,
         functions: Mapping[str, Any] | None = None,
         explanations: Sequence[Explanation] = (),
@@ -438,7 +438,7 @@ class Procedure:
                 content |= self._of_misfit
         content |= functions or {}
         content.pop("extension", None)
-        content |= more
+        content |= model_keys
         for key, value in keys.items():
             if value not in (None, ()):
                 content[key] = value
@@ -446,7 +446,7 @@ class Procedure:
             content["causes"] = explanations[0].causes
         if "calibration" not in content:
             content["calibration"] = self.evidence.reader.calibration_of()
-        content["warnings"] = (*self.head.get("warnings", ()), *more.get("warnings", ()))
+        content["warnings"] = (*self.head.get("warnings", ()), *model_keys.get("warnings", ()))
         return Diagnosis.model_validate({**content, "verdict": verdict})
 
     @cached_property

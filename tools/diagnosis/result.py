@@ -408,7 +408,10 @@ class Diagnosis(Told):
     @property
     def extension(self) -> BeyondCatalogue | None:
         """A formula or a table that extends the model though it is in no catalogue."""
-        return next((one.extension for one in self.explanations if one.extension is not None), None)
+        for explanation in self.explanations:
+            if explanation.extension is not None:
+                return explanation.extension
+        return None
 
     @property
     def radius(self) -> float | None:
@@ -420,7 +423,7 @@ class Diagnosis(Told):
         """σ as a fraction of g, of several records that of the first which has one; None of records of no table."""
         if not self.records:
             return self.calibration.sigma.value
-        bounds = (one.diagnosis.noise_bound for one in self.records)
+        bounds = (record.diagnosis.noise_bound for record in self.records)
         return next((bound for bound in bounds if bound is not None), None)
 
     @property
@@ -465,14 +468,14 @@ class Diagnosis(Told):
     @property
     def judged(self) -> tuple[str, ...]:
         """Labels of the records that are judged together."""
-        return tuple(one.record for one in self.records or () if one.left_out is None)
+        return tuple(record.record for record in self.records or () if record.left_out is None)
 
     def causes_in(self, sha256: str) -> tuple[Cause, ...]:
         """The effects that act in a record, by its SHA-256: the instrument's, and its own if it is one of several."""
-        own = {one.record for one in self.records or () if one.sha256 and one.sha256 == sha256}
+        labels = {record.record for record in self.records or () if record.sha256 and record.sha256 == sha256}
         acting = []
         for cause in self.causes:
-            if cause.effect != "parameter" and (cause.is_of_instrument or cause.record in own):
+            if cause.effect != "parameter" and (cause.is_of_instrument or cause.record in labels):
                 acting.append(cause.model_copy(update={"record": None}))
         return tuple(acting)
 
@@ -503,9 +506,9 @@ def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
     try:
         explanations = []
         for causes, radius, calibration in sets:
-            named = tuple(Cause.model_validate(cause) for cause in causes)
+            causes_of_set = tuple(Cause.model_validate(cause) for cause in causes)
             stated = None if calibration is None else Calibration.model_validate(calibration)
-            explanations.append(Explanation.of_causes(named, radius, calibration=stated))
+            explanations.append(Explanation.of_causes(causes_of_set, radius, calibration=stated))
         if extension is not None:
             explanations.append(Explanation.of_extension(BeyondCatalogue.model_validate(extension)))
     except (ValidationError, TypeError, ValueError, KeyError):
@@ -522,7 +525,7 @@ def in_present_schema(content: Mapping[str, Any]) -> dict[str, Any]:
         records.append({**record, "diagnosis": in_present_schema(nested)} if isinstance(nested, Mapping) else record)
     if records:
         present["records"] = records
-    return {**present, "explanations": [one.to_json() for one in explanations]}
+    return {**present, "explanations": [explanation.to_json() for explanation in explanations]}
 
 
 def simplest_first(explanations: Sequence[Explanation]) -> tuple[Explanation, ...]:
@@ -536,8 +539,8 @@ def simplest_first(explanations: Sequence[Explanation]) -> tuple[Explanation, ..
 
 def _places_of(sets: tuple[tuple[NamedEffect, ...], ...] | None) -> tuple[tuple[EffectPlace, ...], ...]:
     places = []
-    for named in sets or ():
-        places.append(tuple(effect.place for effect in named))
+    for effects in sets or ():
+        places.append(tuple(effect.place for effect in effects))
     return tuple(places)
 
 

@@ -106,8 +106,8 @@ def equivalence_groups(model: Model, fits: Sequence[Fit]) -> list[list[Fit]]:
         by_name = {place for place in fit.places if classes.whole_class(place)[0] not in classes.places}
         space = classes.joint_space([place for place in fit.places if place not in by_name])
         names = (frozenset(by_name), fit.signs)
-        for group, (others, other) in zip(groups, spaces, strict=True):
-            if names == others and same_space(space, other):
+        for group, (names_of_group, space_of_group) in zip(groups, spaces, strict=True):
+            if names == names_of_group and same_space(space, space_of_group):
                 group.append(fit)
                 break
         else:
@@ -137,6 +137,6 @@ def likeness(rows: Rows, places: Sequence[EffectPlace]) -> NDArray[np.float64]:
     spaces = spaces_beyond(rows.nominal, [rows.columns_of([place]) for place in places])
     cosines = np.zeros((len(spaces), len(spaces)))
     for row, space in enumerate(spaces):
-        for column, other in enumerate(spaces):
-            cosines[row, column] = cosine(space, other)
+        for column, second in enumerate(spaces):
+            cosines[row, column] = cosine(space, second)
     return cosines

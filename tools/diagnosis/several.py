@@ -63,13 +63,13 @@ def members_of(
     names: dict[str, None] = {}
     for member in members.values():
         names |= dict.fromkeys(name for name, _ in member.rows.names)
-    known: dict[str, None] = {}
+    spellings: dict[str, None] = {}
     for name in names:
-        known |= dict.fromkeys(names_of(name))
+        spellings |= dict.fromkeys(names_of(name))
     for pattern in (*shared, *own):
-        if not any(fnmatchcase(name, pattern) for name in known):
+        if not any(fnmatchcase(name, pattern) for name in spellings):
             option = "--shared" if pattern in shared else "--own"
-            raise InputError(f"{option} {pattern}: no parameter of these records; {nearest(pattern, list(known))}")
+            raise InputError(f"{option} {pattern}: no parameter of these records; {nearest(pattern, list(spellings))}")
     for name in names:
         if is_asked(name, shared) and is_asked(name, own):
             raise InputError(f"--shared and --own: {name} cannot be both")
@@ -112,8 +112,8 @@ def diagnosed_together(
             **keys,
         )
     try:
-        found = diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
-        return found.model_copy(update={**keys, **Together(joint, alone, found).keys})
+        diagnosis = diagnosed(joint, rerun=False, progress=progress, most_work=most_work)
+        return diagnosis.model_copy(update={**keys, **Together(joint, alone, diagnosis).keys})
     except SolverError as error:
         raise InputError(f"{', '.join(joint.model.labels)}: {error}; {joint.reader.too_large}") from error
 
@@ -174,20 +174,20 @@ class Together:
     @property
     def keys(self) -> dict[str, Any]:
         """Keys of the result."""
-        joint, found = self.joint, self.found
-        own: dict[str, None] = {}
+        joint, diagnosis = self.joint, self.found
+        own_names: dict[str, None] = {}
         for member in joint.members:
-            own |= dict.fromkeys(name for name, _ in member.rows.names if name not in joint.shared)
-        keys: dict[str, Any] = {"shared": joint.shared, "own": tuple(own), "not_searched": joint.not_searched}
-        keys["findings"] = () if self.best is None else found.findings
-        if found.verdict == "insufficient":
+            own_names |= dict.fromkeys(name for name, _ in member.rows.names if name not in joint.shared)
+        keys: dict[str, Any] = {"shared": joint.shared, "own": tuple(own_names), "not_searched": joint.not_searched}
+        keys["findings"] = () if self.best is None else diagnosis.findings
+        if diagnosis.verdict == "insufficient":
             return keys
         places = self.best.fit.places if self.best is not None else ()
         keys["repeatability"] = repeated(self.alone, joint, places, *joint.asked)
-        if found.verdict == "unexplained":
-            size = found.cut_off_at
+        if diagnosis.verdict == "unexplained":
+            size = diagnosis.cut_off_at
             reason = NOTHING_MENDS if size is None else CUT_OFF.format(size=size)
-            keys["not_named"] = (*(found.not_named or (reason,)), *self._must_differ())
+            keys["not_named"] = (*(diagnosis.not_named or (reason,)), *self._must_differ())
         elif self.best is not None:
             keys |= self._of_sets(self.best)
         return keys
@@ -201,21 +201,23 @@ class Together:
         """Keys of the sets with which the records stand."""
         rivals, untried = self._with_unsought(len(best.fit.places))
         explanations = []
-        by_causes = {one.causes: one for one in self.found.explanations}
-        for found in self.found.sets:
-            causes = tuple(sorted(found, key=lambda cause: not cause.is_of_instrument))
-            explanations.append(by_causes[found].model_copy(update={"causes": causes}))
+        by_causes = {explanation.causes: explanation for explanation in self.found.explanations}
+        for unsorted in self.found.sets:
+            causes = tuple(sorted(unsorted, key=lambda cause: not cause.is_of_instrument))
+            explanations.append(by_causes[unsorted].model_copy(update={"causes": causes}))
         explanations += [Explanation.of_causes(causes) for causes in rivals]
-        owners: list[Collection[str | None]] = [{cause.record for cause in one.causes} for one in explanations]
+        owners: list[Collection[str | None]] = []
+        for explanation in explanations:
+            owners.append({cause.record for cause in explanation.causes})
         # What was not tried in a record is of that run.
         owners += [{label} for label in untried]
         caution = (*self._cautions(best), *untried.values())
-        named = self.found.verdict == "explained" and len(explanations) == 1 and not caution
+        is_named = self.found.verdict == "explained" and len(explanations) == 1 and not caution
         return {
-            "verdict": "explained" if named else "ambiguous",
+            "verdict": "explained" if is_named else "ambiguous",
             "explanations": simplest_first(explanations),
-            "causes": explanations[0].causes if named else (),
-            "alternatives": tuple(one.causes for one in explanations[1:]),
+            "causes": explanations[0].causes if is_named else (),
+            "alternatives": tuple(explanation.causes for explanation in explanations[1:]),
             "complete": self.found.cut_off_at is None,
             "caution": caution,
             "instrument": _is_in_every(None, owners),
@@ -227,12 +229,12 @@ class Together:
         joint, members = self.joint, dict(zip(self.joint.labels, self.joint.members, strict=True))
         sentences = []
         for label in joint.labels[-1 if len(members) == 2 else 0 :]:
-            own = self._ends_of({label: members[label]})
-            others = self._ends_of({other: member for other, member in members.items() if other != label})
+            ends_here = self._ends_of({label: members[label]})
+            ends_beside = self._ends_of(_without(members, label))
             apart = set()
             for name in joint.shared:
-                if name in own and name in others:
-                    (low, high), (least, most) = own[name], others[name]
+                if name in ends_here and name in ends_beside:
+                    (low, high), (least, most) = ends_here[name], ends_beside[name]
                     if low > most or high < least:
                         apart.add(name)
             places = [p for p in joint.places if isinstance(p, Differs) and p.record == label and p.where in apart]
@@ -261,16 +263,15 @@ class Together:
         for k, (label, member) in enumerate(members.items()):
             findings = self.alone[label].findings
             reached = min((len(finding.fit.places) for finding in findings), default=0)
-            others = {other: own for other, own in members.items() if other != label}
-            if reached < size and _beside(join(others, *joint.asked), size - 1) is not None:
+            if reached < size and _beside(join(_without(members, label), *joint.asked), size - 1) is not None:
                 why = "fewer effects mend it" if reached else "nothing falsifies it"
                 untried[label] = NOT_TRIED.format(label=label, why=why)
             for places, finding in self._tried_alone(k, findings, size):
-                beside = join(members | {label: mended(member, finding.fit, places)}, *joint.asked)
-                more = _beside(beside, size - len(places))
-                if more is not None:
-                    own = (cause for cause in finding.causes if cause.place in places)
-                    sets.append((*(_in_record(cause, label) for cause in own), *more))
+                joined = join(members | {label: mended(member, finding.fit, places)}, *joint.asked)
+                causes_beside = _beside(joined, size - len(places))
+                if causes_beside is not None:
+                    causes_here = (cause for cause in finding.causes if cause.place in places)
+                    sets.append((*(_in_record(cause, label) for cause in causes_here), *causes_beside))
         return sets, untried
 
     def _tried_alone(
@@ -280,7 +281,7 @@ class Together:
         unsought: dict[tuple[EffectPlace, ...], Finding] = {}
         for finding in findings:
             # What contains a set that stands there can always stand, too.
-            if not any(finding.contains(other) for other in findings):
+            if not any(finding.contains(rival) for rival in findings):
                 unsought.setdefault(_unsought(finding.fit, self.joint, k), finding)
         fitting = [pair for pair in unsought.items() if 0 < len(pair[0]) <= size]
         yield from fitting[:MOST_TRIED]
@@ -305,6 +306,11 @@ class Together:
         return tuple(cautions)
 
 
+def _without(members: Mapping[str, Evidence], label: str) -> dict[str, Evidence]:
+    """All records but one."""
+    return {name: member for name, member in members.items() if name != label}
+
+
 def _beside(joint: Evidence, most: int) -> tuple[Cause, ...] | None:
     """Causes, so many at most, with which the records stand, empty where they need none; None where all are refuted."""
     if not joint.model.falsified:
@@ -323,16 +329,16 @@ def _beside(joint: Evidence, most: int) -> tuple[Cause, ...] | None:
 
 def _in_record(cause: Cause, label: str) -> Cause:
     """A cause of one record as one among several."""
-    named = NamedEffect.keys(in_record(cause.place, label))
-    return Cause(**named, equivalents=(), parameters=cause.parameters)
+    keys = NamedEffect.keys(in_record(cause.place, label))
+    return Cause(**keys, equivalents=(), parameters=cause.parameters)
 
 
 def _is_in_every(label: str | None, owners: Sequence[Collection[str | None]]) -> Whose:
     """Whether every set has something of this record, None for the instrument."""
-    held = [label in own for own in owners]
-    if all(held):
+    present = [label in owner for owner in owners]
+    if all(present):
         return "yes"
-    return "open" if any(held) else "no"
+    return "open" if any(present) else "no"
 
 
 # Repeatability
