@@ -261,7 +261,7 @@ class TurnsInTime(SettingIn):
 
     @property
     def left_open(self) -> Mapping[EffectPlace, Sequence[tuple[int, int]]]:
-        """Stretches of an effect's times beside the fit about which the rows are linear."""
+        """Ranges of an effect's times beside the fit about which the rows are linear."""
         return self.narrowed
 
     def make_cells(self, place: EffectPlace) -> Cells:
@@ -303,10 +303,10 @@ class TurnsInTime(SettingIn):
             if place == SLIP:
                 loose += self.second_order
             rough = self._replaced_by(loose=loose)
-            if not (stretches := list(rough.open_stretches(place, rest, work))):
+            if not (ranges := list(rough.open_ranges_of(place, rest, work))):
                 return []
-            begin, end = min(stretches, key=lambda ends: self._left_by(place, rest, 0.5 * (ends[0] + ends[1])))
-            evidence, row, narrowed = self, 0.5 * (begin + end), {place: stretches}
+            begin, end = min(ranges, key=lambda ends: self._left_by(place, rest, 0.5 * (ends[0] + ends[1])))
+            evidence, row, narrowed = self, 0.5 * (begin + end), {place: ranges}
             fit = evidence.with_onset(place, row).refit([*rest, place])
             if place == SLIP:
                 time, narrowed = self.cells[place].value(row), {}

@@ -4,6 +4,10 @@ Between two rests a step acts on the same readings whenever it comes: a cell is 
 a response is a mean of those at its two ends, with weights of one sign, but for an error that the second
 derivative by the constant's logarithm bounds: the bounds of the readings grow by it, times the size of the effect.
 
+No number is missed: the cells cover all of them, and a cell is left away only where weights prove that the linear model
+with its columns leaves a radius above the limit and what that model may be wrong by (`bounded.sets`). With each other
+cell the exact model is fitted; intervals hold what is possible in any cell in which it stands.
+
 Where the lag of a temperature is at the first row follows from temperatures before it, which no record has. It is taken
 to lie within the range of the record's temperatures, widened by `BEFORE` of that range on both sides: its response is a
 mean, again with weights of one sign, of those from these two ends.

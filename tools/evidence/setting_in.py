@@ -1,6 +1,14 @@
-"""Evidence beside which effects set in at a time, or fade: the times that a record leaves possible, each of them held.
+"""The search for one unknown number beside a linear model: which times, or time constants, a record leaves possible.
 
-Stretches of times that no bound refuses are swept row by row; what stands at any of them counts for the intervals.
+No number is missed:
+
+1. The least ranges cover all numbers that a record can tell (`cells_in_motion`).
+2. A range is refused only where columns that hold the effect with every number of it leave a radius above the limit.
+   What stands with one of the numbers would stand with these columns, so none of the numbers stands.
+3. What is not refused is swept. Each row of an onset has its own columns; a proof for one row is moved to the others,
+   and holds there whatever its source (`bounded.sweep`). Between neighbouring time constants bounds grow by what the
+   columns differ, times the largest size that is possible there.
+4. Intervals hold what is possible with any number that no proof refuses.
 """
 
 import math
@@ -21,7 +29,7 @@ from .evidence import Linear, limits_of
 from .fit import Fit, coefficient_count
 
 MOST_TRIED = 12
-"""After so many rows of a stretch that stands its least radius is no longer sought."""
+"""After so many rows of a range that stands its least radius is no longer sought."""
 FINE, DECIDED, FINER, LEAST_FINER, MOST_TIMES = 0.02, 1e-6, 16.0, 1.2, 5000
 """Time constants are taken so near each other that bounds grow by this part of themselves; where none stands, though
 not all are refused, by the second. Then they are so many times nearer, at least so many, and so many at most."""
@@ -40,7 +48,7 @@ class Standing:
 class SettingIn(Linear):
     """A model with effects `starting` that set in or fade; of those that are fitted `set_in` has times [h].
 
-    `left_open` are stretches of an effect's times that are known to hold all that are possible.
+    `left_open` are ranges of an effect's times that are known to hold all that are possible.
     """
 
     starting: tuple[EffectPlace, ...]
@@ -153,27 +161,27 @@ class SettingIn(Linear):
 
     def _setting_in(self, place: EffectPlace, linear: list[EffectPlace], work: Work) -> Standing | None:
         """The rows at which an effect beside others can set in."""
-        places, fits, swept_stretches, rows = [*linear, place], [], [], []
-        for begin, end in self.open_stretches(place, linear, work):
+        places, fits, swept_ranges, rows = [*linear, place], [], [], []
+        for begin, end in self.open_ranges_of(place, linear, work):
             swept = self._swept(place, linear, (begin, end))
             fit = self._searched(swept, places, np.arange(begin, end + 1), work)
             if fit is not None:
                 fits.append(fit)
-                swept_stretches.append(swept)
+                swept_ranges.append(swept)
                 rows += [begin, end]
         if not fits:
             return None
         if self.with_onset(place, 0).refit(places).radius <= self.limit:
             # One that acts from the first row on would do as well.
             rows.append(0)
-        return Standing(min(rows), max(rows), fits, swept_stretches)
+        return Standing(min(rows), max(rows), fits, swept_ranges)
 
     def _fading(self, place: EffectPlace, linear: list[EffectPlace], work: Work) -> Standing | None:
         """The time constants about all with which an effect beside others can fade."""
-        stretches = list(self.open_stretches(place, linear, work))
-        if not stretches:
+        ranges = list(self.open_ranges_of(place, linear, work))
+        if not ranges:
             return None
-        begin, end = float(stretches[0][0]), float(stretches[-1][1])
+        begin, end = float(ranges[0][0]), float(ranges[-1][1])
         parts, sizes, fit = 1.0, None, None
         while True:
             numbers = np.linspace(begin, end, max(2, round((end - begin) * parts)) + 1)
@@ -185,7 +193,7 @@ class SettingIn(Linear):
             swept = Swept(replace(rows, bound=rows.bound + far @ sizes), self.limit, np.zeros(rows.fixed.shape[1]))
             gap = numbers[1] - numbers[0]
             within = np.zeros(len(numbers), dtype=bool)
-            for low, high in stretches:
+            for low, high in ranges:
                 within |= (numbers >= low - gap) & (numbers <= high + gap)
             swept.proven[~within] = np.inf
             fit = self._searched(swept, [*linear, place], numbers, work) or fit
@@ -265,7 +273,7 @@ class SettingIn(Linear):
             return None
         return fit, numbers[best]
 
-    def open_stretches(
+    def open_ranges_of(
         self, place: EffectPlace, linear: Sequence[EffectPlace], work: Work
     ) -> Iterator[tuple[int, int]]:
         """Rows between which an effect beside others may set in, as far as no bound refuses it."""
