@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from trihedron.fmus.units import STANDARD_GRAVITY
 from trihedron.models.effects import Rows
-from trihedron.tools.bounded.programmes import chebyshev_radius
+from trihedron.tools.bounded import chebyshev_radius
 from trihedron.tools.calibration import Asked, fit_record
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.evidence.bench_visits import Visits, circumstances_of, signature_columns

@@ -101,17 +101,17 @@ def by_make(python: str, folder: Path, without: list[str]) -> list[str]:
 
 
 if __name__ == "__main__":
-    given = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    given.add_argument("pythons", nargs="+")
-    given.add_argument("--way", choices=("pip", "make"))
-    given.add_argument("--without", nargs="*", default=[])
-    given.add_argument("--in", dest="folder", type=Path, default=Path(tempfile.gettempdir()))
-    asked = given.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pythons", nargs="+")
+    parser.add_argument("--way", choices=("pip", "make"))
+    parser.add_argument("--without", nargs="*", default=[])
+    parser.add_argument("--in", dest="folder", type=Path, default=Path(tempfile.gettempdir()))
+    options = parser.parse_args()
     wrong: list[str] = []
-    for one in asked.pythons:
+    for python in options.pythons:
         for way in (by_pip, by_make):
-            if asked.way in (None, way.__name__.removeprefix("by_")):
-                with tempfile.TemporaryDirectory(dir=asked.folder) as made:
-                    wrong += way(one, Path(made), asked.without)
+            if options.way in (None, way.__name__.removeprefix("by_")):
+                with tempfile.TemporaryDirectory(dir=options.folder) as temporary:
+                    wrong += way(python, Path(temporary), options.without)
     print(f"\n{len(wrong)} commands did not work: {'; '.join(wrong)}" if wrong else "\nevery command works")
     sys.exit(bool(wrong))

@@ -32,11 +32,11 @@ SECONDS = 180.0
 NEXT = re.compile(r"(next|repeat) position (\d+) of (\d+): α (-?[\d.]+)°, β (-?[\d.]+)°")
 
 
-def waited(seen: Callable[[], object], what: str) -> object:
+def waited(observe: Callable[[], object], what: str) -> object:
     """What is seen at last."""
     ends = time.monotonic() + SECONDS
     while time.monotonic() < ends:
-        if result := seen():
+        if result := observe():
             return result
         time.sleep(0.05)
     raise AssertionError(f"not seen: {what}")
@@ -45,9 +45,9 @@ def waited(seen: Callable[[], object], what: str) -> object:
 class Program:
     """`trihedron measure` as a process, with what it says in its terminal."""
 
-    def __init__(self, folder: Path, *more: str) -> None:
+    def __init__(self, folder: Path, *options: str) -> None:
         command = [sys.executable, "-m", "trihedron.tools.cli", "measure", str(PLAN), "--from", "growing.csv"]
-        command += ["--out", "monday.csv", "--noise-bound", "1e-5", "--dwell", "5", "--json", "done.json", *more]
+        command += ["--out", "monday.csv", "--noise-bound", "1e-5", "--dwell", "5", "--json", "done.json", *options]
         ours, theirs = pty.openpty()
         environment = os.environ | {"COLUMNS": "400", "LINES": "50"}
         self.process = subprocess.Popen(
@@ -143,9 +143,9 @@ def operator(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callabl
     programs: list[Program] = []
     window = request.getfixturevalue("window") if request.param == "page" else None
 
-    def start(*more: str) -> Terminal | Page:
+    def start(*options: str) -> Terminal | Page:
         kind = Terminal if window is None else Page
-        programs.append(Program(tmp_path, *kind.options, *more))
+        programs.append(Program(tmp_path, *kind.options, *options))
         return Terminal(programs[-1]) if window is None else Page(programs[-1], window)
 
     yield start

@@ -235,7 +235,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkedCommand
         yield started
 
 
-def done_with(given: Input, inputs: Path, folder: Path, commands: ForkedCommands) -> Done:
+def done_with(case: Input, inputs: Path, folder: Path, commands: ForkedCommands) -> Done:
     """What comes of an input; the other files are links to the right ones."""
     folder.mkdir()
     for path in inputs.rglob("*"):
@@ -245,33 +245,33 @@ def done_with(given: Input, inputs: Path, folder: Path, commands: ForkedCommands
         elif path.is_relative_to(inputs / "finished"):
             # This folder is gone on with: what is written there goes into it.
             shutil.copy(path, place)
-        elif place.relative_to(folder).as_posix() != given.name:
+        elif place.relative_to(folder).as_posix() != case.name:
             place.symlink_to(path)
-    if given.name:
-        (folder / given.name).write_bytes(given.content)
+    if case.name:
+        (folder / case.name).write_bytes(case.content)
     try:
-        return commands.run(given.arguments, folder, seconds=STANDSTILL, cpu_seconds=MOST_SECONDS)
+        return commands.run(case.arguments, folder, seconds=STANDSTILL, cpu_seconds=MOST_SECONDS)
     finally:
         shutil.rmtree(folder)
 
 
-def fault(done: Done, gated: bool = False) -> str:
+def fault(outcome: Done, gated: bool = False) -> str:
     """What is wrong with how a command has ended; nothing where it is refused in one line, or done.
 
     `gated` are those that were asked to end in 3 where two differ.
     """
-    if done.cpu_seconds > MOST_SECONDS or done.seconds > STANDSTILL:
-        return f"took {done.cpu_seconds:.0f} s of the processor, {done.seconds:.0f} s by the clock"
-    if done.peak_bytes > MOST_BYTES:
-        return f"took {done.peak_bytes / 2**30:.1f} GiB"
-    if "Traceback" in done.err or "panicked" in done.err:
-        return f"traceback: {done.err[-600:]}"
-    if done.status not in (0, 2, *((3,) if gated else ())):
-        return f"exit status {done.status}: {done.err[-300:]}"
-    if done.status == 2 and sum(line.startswith("trihedron: ") for line in done.err.splitlines()) != 1:
-        return f"refused without a line of its own: {done.err[-300:]}"
-    if "Warning" in done.err:
-        return f"warned: {done.err[-300:]}"
+    if outcome.cpu_seconds > MOST_SECONDS or outcome.seconds > STANDSTILL:
+        return f"took {outcome.cpu_seconds:.0f} s of the processor, {outcome.seconds:.0f} s by the clock"
+    if outcome.peak_bytes > MOST_BYTES:
+        return f"took {outcome.peak_bytes / 2**30:.1f} GiB"
+    if "Traceback" in outcome.err or "panicked" in outcome.err:
+        return f"traceback: {outcome.err[-600:]}"
+    if outcome.status not in (0, 2, *((3,) if gated else ())):
+        return f"exit status {outcome.status}: {outcome.err[-300:]}"
+    if outcome.status == 2 and sum(line.startswith("trihedron: ") for line in outcome.err.splitlines()) != 1:
+        return f"refused without a line of its own: {outcome.err[-300:]}"
+    if "Warning" in outcome.err:
+        return f"warned: {outcome.err[-300:]}"
     return ""
 
 
@@ -285,8 +285,8 @@ class Counts:
     def __init__(self) -> None:
         self._done: dict[str, list[Done]] = {}
 
-    def add(self, title: str, done: Done) -> None:
-        self._done.setdefault(title, []).append(replace(done, out="", err=""))
+    def add(self, title: str, outcome: Done) -> None:
+        self._done.setdefault(title, []).append(replace(outcome, out="", err=""))
 
     def show(self) -> None:
         print(f"\n{'command':18}refused   done  mean [s]  most [s]  most [MiB]", file=sys.stderr)

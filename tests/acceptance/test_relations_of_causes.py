@@ -63,9 +63,11 @@ def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return request.param, table, stated(table)
 
 
-def causes(found: dict) -> list[str]:
+def causes(diagnosis: dict) -> list[str]:
     """What is named, in order."""
-    return [str(sorted((k, v) for k, v in cause.items() if isinstance(v, str))) for cause in found.get("causes", ())]
+    return [
+        str(sorted((k, v) for k, v in cause.items() if isinstance(v, str))) for cause in diagnosis.get("causes", ())
+    ]
 
 
 @pytest.mark.parametrize("name", EXACT)
@@ -141,9 +143,9 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[pl.DataFrame
     return tables, first
 
 
-def assert_together(other: dict, first: dict) -> None:
-    assert {**other, "radius": None} == {**first, "radius": None}
-    assert other["radius"] == pytest.approx(first["radius"], rel=1e-4)
+def assert_together(second: dict, first: dict) -> None:
+    assert {**second, "radius": None} == {**first, "radius": None}
+    assert second["radius"] == pytest.approx(first["radius"], rel=1e-4)
 
 
 @pytest.mark.parametrize("name", [*EXACT, *SAME])

@@ -67,19 +67,22 @@ def test_denormal_numbers_are_zeros(least: float, inputs: Path, tmp_path: Path) 
     assert output[0] == output[1]
 
 
-def said_by(program: Sequence[str | Path], line: str, inputs: Path, **more: str) -> bytes:
+def said_by(program: Sequence[str | Path], line: str, inputs: Path, **variables: str) -> bytes:
     """What a command says on standard output, as JSON."""
     command = [*program, "-m", "trihedron.tools.cli", *line.split(), "--quiet", "--json", "-"]
-    return subprocess.run(command, cwd=inputs, env={**os.environ, **more}, capture_output=True, check=True).stdout
+    return subprocess.run(command, cwd=inputs, env={**os.environ, **variables}, capture_output=True, check=True).stdout
 
 
 RELEASES = "from importlib.metadata import version; print(*map(version, ('numpy', 'scipy', 'highspy', 'polars')))"
 
 
-@pytest.mark.parametrize(("one", "other"), [("", "python3.12"), ("python3.12", "python3.13")])
-def test_another_python_gives_the_same_bytes(one: str, other: str, inputs: Path) -> None:
+@pytest.mark.parametrize(("first_python", "second_python"), [("", "python3.12"), ("python3.12", "python3.13")])
+def test_another_python_gives_the_same_bytes(first_python: str, second_python: str, inputs: Path) -> None:
     """With the same releases of what computes; with others, which may add in another order, the same numbers."""
-    programs = [ROOT / "build" / name / "bin" / "python" if name else Path(sys.executable) for name in (one, other)]
+    programs = [
+        ROOT / "build" / name / "bin" / "python" if name else Path(sys.executable)
+        for name in (first_python, second_python)
+    ]
     for program in programs:
         if not program.exists():
             pytest.skip(f"{program} is not there; `make pythons` installs the product for other Pythons where they are")

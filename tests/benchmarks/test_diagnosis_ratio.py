@@ -11,9 +11,16 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.programmes import Polytope, any_centre, linear_programme, solver
-from trihedron.tools.bounded.programmes import solved as highs_solved
-from trihedron.tools.bounded.sets import EffectSet, linear_radius, sets_of_size
+from trihedron.tools.bounded import (
+    EffectSet,
+    Polytope,
+    any_centre,
+    linear_programme,
+    linear_radius,
+    sets_of_size,
+    solver,
+)
+from trihedron.tools.bounded import solved as highs_solved
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.kinds import evidence_of
 from trihedron.tools.trials import NOISE_BOUND, Case, Hidden, diagnosed_case, draw_bench

@@ -132,16 +132,16 @@ def test_what_the_bench_cannot_tell_apart_has_the_same_signature():
     rows = Visits(p, at, Circumstances(nothing, np.full(60, 20.0), nothing, nothing, False)).rows(point)
     basis, _ = np.linalg.qr(model.jacobian)
 
-    def left(columns: np.ndarray) -> np.ndarray:
+    def beyond_model(columns: np.ndarray) -> np.ndarray:
         return columns - basis @ (basis.T @ columns)
 
-    assert np.abs(left(signature_columns([EffectPlace("axis-wobble", "outer-axis", 1)], rows))).max() < 1e-13
+    assert np.abs(beyond_model(signature_columns([EffectPlace("axis-wobble", "outer-axis", 1)], rows))).max() < 1e-13
     sag = signature_columns([EffectPlace("sag", "outer-axis")], rows)
     assert sag == pytest.approx(-signature_columns([EffectPlace("encoder-harmonic", "outer-axis", 1)], rows), abs=1e-15)
-    lean = left(signature_columns([EffectPlace("axis-wobble", "inner-axis", 1)], rows))
+    lean = beyond_model(signature_columns([EffectPlace("axis-wobble", "inner-axis", 1)], rows))
     tilts = np.zeros((60, 4, 2))
     tilts[:, 1] = np.stack((np.cos(at.beta), -np.sin(at.beta)), axis=1)
-    tilt = left((rows.by_turns @ tilts).reshape(180, 2))
+    tilt = beyond_model((rows.by_turns @ tilts).reshape(180, 2))
     assert np.linalg.matrix_rank(lean, tol=1e-9) == 2
     assert np.linalg.matrix_rank(np.hstack((lean, tilt)), tol=1e-9) == 2
 

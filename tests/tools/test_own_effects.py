@@ -10,7 +10,7 @@ import trihedron as th
 from trihedron.fmus import host_compiler
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, STRAPDOWN_EFFECTS
 from trihedron.tools import cli
-from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded import Work
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.own_effects import OwnEffects, with_effects_of

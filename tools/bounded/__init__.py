@@ -1,1 +1,5 @@
 """Bounded-error mathematics: programmes, bounds of sets, what is left possible. Knows no record and no instrument."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

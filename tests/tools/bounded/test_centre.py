@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from trihedron.tools.bounded.centre import Bounded, analytic_centre, central, central_programme
-from trihedron.tools.bounded.possible import Possible
+from trihedron.tools.bounded import Bounded, Possible, analytic_centre, central, central_programme
 
 UNITS = np.array([1.0, 1e-4, 1e3, 1.0])
 

@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trihedron.tools.bounded import programmes
-from trihedron.tools.bounded.exchange import Corner, exchanged
-from trihedron.tools.bounded.programmes import Growth, Polytope, any_centre, chebyshev_radius
+from trihedron.tools.bounded import Corner, Growth, Polytope, any_centre, chebyshev_radius, exchanged, programmes
 
 
 @settings(max_examples=40)

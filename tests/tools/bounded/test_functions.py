@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from trihedron.tools.bounded.functions import Band, Functions, Unknown
+from trihedron.tools.bounded import Band, Functions, Unknown
 
 TURN = 2.0 * np.pi
 

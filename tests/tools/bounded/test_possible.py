@@ -8,14 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from other_solver import farthest, farthest_of_growing
-from trihedron.tools.bounded.possible import BOUNDING, ENCLOSING, AnyOf, Possible, largest_length, polar_intervals
-from trihedron.tools.bounded.programmes import (
+from trihedron.tools.bounded import (
+    BOUNDING,
+    ENCLOSING,
+    AnyOf,
     Growth,
     Polytope,
+    Possible,
     chebyshev_radius,
     column_space,
     cosine,
+    largest_length,
     least_squares,
+    polar_intervals,
     same_space,
     spaces_beyond,
 )

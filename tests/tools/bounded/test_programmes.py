@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from trihedron.tools.bounded import programmes
-from trihedron.tools.bounded.programmes import Growth, Polytope, SolverError, chebyshev_radius, proven_radius
+from trihedron.tools.bounded import Growth, Polytope, SolverError, chebyshev_radius, programmes, proven_radius
 
 
 def test_two_readings_by_hand():

@@ -8,17 +8,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trihedron.tools.bounded.set_bounds import ACCEPTED, REFUSED, bounds_of, settle, surviving_sets
-from trihedron.tools.bounded.sets import (
+from trihedron.tools.bounded import (
+    ACCEPTED,
+    REFUSED,
     EffectSet,
     Problem,
     Work,
+    bounds_of,
     linear_radius,
     parts,
     project,
     sets_of_size,
+    settle,
     sharp_weights,
     standing_in_some_rows,
+    surviving_sets,
 )
 
 

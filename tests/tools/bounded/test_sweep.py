@@ -8,9 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from trihedron.tools.bounded.possible import Possible
-from trihedron.tools.bounded.programmes import chebyshev_radius
-from trihedron.tools.bounded.sweep import Rows, Swept, apart, largest_sizes, open_ranges
+from trihedron.tools.bounded import Possible, Rows, Swept, apart, chebyshev_radius, largest_sizes, open_ranges
 
 LIMIT = 1.0 + 1e-7
 

@@ -12,8 +12,7 @@ from calibration_checks import guaranteed, half_width, interval, misses
 from generator import G as GRAVITY
 from generator.stands import ALPHA, BETA, random_bench, record, simulated
 from trihedron.models.bench import ELEMENTARY, TARGETS, elementary, elementary_reading, target_values
-from trihedron.tools.bounded import programmes
-from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
+from trihedron.tools.bounded import Polytope, chebyshev_radius, programmes
 from trihedron.tools.calibration import Positions, calibrate, fit_record, joint_sets, model, predicted_input
 
 SIGMA = 1e-5

@@ -6,7 +6,7 @@ import pytest
 from generator import G as GRAVITY
 from generator.stands import ALPHA, BETA, random_bench, record
 from trihedron.models.bench import TARGETS, target_reading, target_values
-from trihedron.tools.bounded.programmes import Polytope, chebyshev_radius
+from trihedron.tools.bounded import Polytope, chebyshev_radius
 from trihedron.tools.calibration import (
     Correction,
     Linearisation,

@@ -12,7 +12,7 @@ from generator.tables import AZIMUTH, LATITUDE, PROGRAMME, Errors, Programme, Tr
 from scenario_runs import SCENARIOS
 from trihedron.models.bench import GYRO_PARAMETERS, TARGETS, earth_in_base, integrated_jacobian, integrated_readings
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.programmes import Polytope
+from trihedron.tools.bounded import Polytope
 from trihedron.tools.calibrated import LATENCIES, Calibration, Gyros
 from trihedron.tools.calibration import (
     Bench,

@@ -42,16 +42,16 @@ def test_every_effect_of_a_set_has_a_size_that_is_not_zero():
     """A set is as good as its weakest effect, and what is said of it names that one."""
     drift = Cause.found(BASE, (), [0.0, 0.0], [(-2e-5, 1e-5), (-1e-5, 2e-5)])
     surely = Cause.found(BASE, (), [5e-6, 0.0], [(1e-6, 1e-5), (-1e-5, 2e-5)])
-    other = Cause.found(HYSTERESIS, (), [5e-5], [(1e-5, 9e-5)])
+    hysteresis = Cause.found(HYSTERESIS, (), [5e-5], [(1e-5, 9e-5)])
     # The fit says nothing here.
     fit = cast("Fit", None)
     assert not Finding((drift,), fit).acts
-    assert not Finding((drift, other), fit).acts
-    assert not Finding((other, drift), fit).acts
-    assert Finding((surely, other), fit).acts
-    said = Finding((drift, other), fit).not_shown
-    assert said.startswith(f"{BASE.title} and {HYSTERESIS.title} would do")
-    assert f"no size of {BASE.title} is shown" in said
+    assert not Finding((drift, hysteresis), fit).acts
+    assert not Finding((hysteresis, drift), fit).acts
+    assert Finding((surely, hysteresis), fit).acts
+    says = Finding((drift, hysteresis), fit).not_shown
+    assert says.startswith(f"{BASE.title} and {HYSTERESIS.title} would do")
+    assert f"no size of {BASE.title} is shown" in says
 
 
 GOOD, BAD = (np.full(8, 2.0), np.full(8, 0.5)), (np.full(8, 2.0), np.full(8, 2.5))
@@ -60,7 +60,7 @@ AS_GOOD = (*SHUFFLED[:-4], *(np.full(8, 0.4),) * 4)
 
 
 @pytest.mark.parametrize(
-    ("told", "said"),
+    ("trial", "says"),
     [
         ({"folds": GOOD, "blocks": GOOD, "shuffled": SHUFFLED, "worst": Worst(3, 1, 1.9, 2.0)}, None),
         ({"folds": GOOD, "blocks": GOOD, "shuffled": AS_GOOD[1:4] + AS_GOOD[-3:] + SHUFFLED[6:]}, None),
@@ -71,7 +71,7 @@ AS_GOOD = (*SHUFFLED[:-4], *(np.full(8, 0.4),) * 4)
         ({"folds": None, "blocks": None, "shuffled": ()}, None),
     ],
 )
-def test_each_kind_of_witness_objects_by_itself(told, said):
-    objections = Witness.of(Trial((HYSTERESIS,), jointly=True, **told)).objections
-    assert len(objections) == (said is not None)
-    assert said is None or (said in objections[0] and HYSTERESIS.title in objections[0])
+def test_each_kind_of_witness_objects_by_itself(trial, says):
+    objections = Witness.of(Trial((HYSTERESIS,), jointly=True, **trial)).objections
+    assert len(objections) == (says is not None)
+    assert says is None or (says in objections[0] and HYSTERESIS.title in objections[0])

@@ -16,7 +16,7 @@ from scenario_runs import run_of_file
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
 from trihedron.models.effects.lookup import Table
-from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded import Work
 from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
 from trihedron.tools.diagnosis.band import Possible
 from trihedron.tools.diagnosis.beyond import Beyond
@@ -51,33 +51,33 @@ def of_power(power: int) -> Beyond:
 def beyond_of(record: PositionRecord) -> Beyond:
     """What a record says of the functions of the pair that it proves, without the catalogue."""
     evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
-    found = dependence(evidence)
-    assert found is not None
-    assert found.proven is not None
-    return Beyond(evidence, found.proven.pair, found.proven.form)
+    function = dependence(evidence)
+    assert function is not None
+    assert function.proven is not None
+    return Beyond(evidence, function.proven.pair, function.proven.form)
 
 
 @cache
 def of_bump() -> tuple[PositionRecord, Diagnosis]:
     """An encoder that errs in one part of its circle."""
     _, reading, alpha, beta = bench_of(7)
-    found = position_record(reading, np.remainder(alpha + bump(alpha), 2.0 * np.pi), beta)
-    return found, diagnose(found, noise_bound=NOISE_BOUND)
+    record = position_record(reading, np.remainder(alpha + bump(alpha), 2.0 * np.pi), beta)
+    return record, diagnose(record, noise_bound=NOISE_BOUND)
 
 
-def told(beyond: Beyond, truth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def truth_and_ends(beyond: Beyond, truth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The true function at the knots of the band, but for what the model imitates; lower and upper ends."""
     possible, (band,) = beyond.possible, beyond.bands
-    own = possible.every.told(truth(possible.knots))
+    truths = possible.every.told(truth(possible.knots))
     at = np.array([knot["at"] for knot in band.knots])
     ends = np.array([(knot["low"], knot["high"]) for knot in band.knots])
-    return own[np.searchsorted(possible.knots, at)], ends[:, 0], ends[:, 1]
+    return truths[np.searchsorted(possible.knots, at)], ends[:, 0], ends[:, 1]
 
 
 @pytest.mark.parametrize("power", [3, 5])
 def test_the_truth_is_in_the_band_and_among_the_laws(power: int):
     beyond = of_power(power)
-    truth, low, high = told(beyond, lambda n: 1.2e-4 * n**power)
+    truth, low, high = truth_and_ends(beyond, lambda n: 1.2e-4 * n**power)
     room = 1e-9
     assert (low - room <= truth).all()
     assert (truth <= high + room).all()
@@ -112,11 +112,11 @@ def test_what_the_search_can_prove_a_table_says_with_a_kernel():
         kind = "around" if pair.circle else "at"
         table = Table(pair.quantity.replace(" ", "*"), kind, tuple(knots.tolist()), pair.factor)
         place = EffectPlace("lookup", pair.where, law=table.law)
-        own, proven = evidence.rows.columns_of([place]), possible.functions(knots).unknown.columns
+        of_kernel, proven = evidence.rows.columns_of([place]), possible.functions(knots).unknown.columns
         # A search takes factors over their largest value.
-        scale = np.vdot(own, proven) / np.vdot(own, own)
+        scale = np.vdot(of_kernel, proven) / np.vdot(of_kernel, of_kernel)
         assert scale > 0.0
-        assert np.abs(scale * own - proven).max() < 1e-9 * np.abs(proven).max()
+        assert np.abs(scale * of_kernel - proven).max() < 1e-9 * np.abs(proven).max()
         assert pair.factor in ("hours", "temperature") or scale == pytest.approx(1.0)
         assert place.definition.kernel is not None
 
@@ -130,23 +130,23 @@ def test_where_every_error_is_at_its_bound_a_table_is_told_with_the_noise_bound_
     beyond = beyond_of(record)
     assert beyond.table is None
     assert [law for law in beyond.laws if not law.is_listed] == []
-    found = beyond.extension(rerun=True)
-    assert found is not None
-    assert 1.0 < found.radius < NEAR
-    assert found.noise_bound_needed is not None
-    assert found.noise_bound_needed == pytest.approx(found.radius * SIGMA)
-    assert found.left_out_rms is not None
-    assert found.left_out_rms < 1.5
-    assert found.gain is not None
-    assert found.gain.held_out_rms_after < 1.5 * SIGMA
+    extension = beyond.extension(rerun=True)
+    assert extension is not None
+    assert 1.0 < extension.radius < NEAR
+    assert extension.noise_bound_needed is not None
+    assert extension.noise_bound_needed == pytest.approx(extension.radius * SIGMA)
+    assert extension.left_out_rms is not None
+    assert extension.left_out_rms < 1.5
+    assert extension.gain is not None
+    assert extension.gain.held_out_rms_after < 1.5 * SIGMA
     # A bound that is a little larger is all that the table lacks, one that is a little smaller is too small.
     wider, narrower = (
-        bench_evidence(record, noise_bound=found.noise_bound_needed * part).model.mended([found.place], Work())
+        bench_evidence(record, noise_bound=extension.noise_bound_needed * part).model.mended([extension.place], Work())
         for part in (1.001, 0.999)
     )
     assert len(wider) == 1
     assert list(narrower) == []
-    for value, (low, high) in zip(found.values, found.intervals, strict=True):
+    for value, (low, high) in zip(extension.values, extension.intervals, strict=True):
         assert low < value < high
 
 
@@ -161,13 +161,13 @@ def test_a_function_times_a_sine_of_an_angle_is_told_by_its_formula_and_extends_
     result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False)
     assert result.proven is not None
     assert (result.proven.place, result.proven.on) == ("inner-axis", "sin alpha times beta")
-    found = result.extension
-    assert found is not None
-    assert found.kind == "formula"
-    assert found.law == "beta += sin(alpha) * (a * cos(2 * beta) + b * sin(2 * beta))"
-    assert Formula.of(found.law).law == found.law
+    extension = result.extension
+    assert extension is not None
+    assert extension.kind == "formula"
+    assert extension.law == "beta += sin(alpha) * (a * cos(2 * beta) + b * sin(2 * beta))"
+    assert Formula.of(extension.law).law == extension.law
     # What an encoder reads too much turns the table too little.
-    for (low, high), part in zip(found.intervals, (np.sin(1.0), np.cos(1.0)), strict=True):
+    for (low, high), part in zip(extension.intervals, (np.sin(1.0), np.cos(1.0)), strict=True):
         assert low <= -1.5e-4 * part <= high
     export_extended(result, tmp_path)
     again = run_of_file(tmp_path / "scenario.toml").position_record()
@@ -187,30 +187,30 @@ def test_what_is_in_no_catalogue_extends_the_model_and_is_no_cause():
     _, result = of_bump()
     assert result.verdict == "unexplained"
     assert result.causes == ()
-    found = result.extension
-    assert found is not None
-    assert (found.where, found.quantity, found.kind) == ("outer-axis", "alpha", "lookup")
-    assert found.radius <= result.evidence.model.limit
-    truth, low, high = told(result.beyond, bump)
+    extension = result.extension
+    assert extension is not None
+    assert (extension.where, extension.quantity, extension.kind) == ("outer-axis", "alpha", "lookup")
+    assert extension.radius <= result.evidence.model.limit
+    truth, low, high = truth_and_ends(result.beyond, bump)
     assert (low - 1e-7 <= truth).all()
     assert (truth <= high + 1e-7).all()
     # It predicts what was not used, to within the noise.
-    assert found.left_out_rms is not None
-    assert found.left_out_rms < 1.5
-    assert found.gain is not None
-    assert found.gain.held_out_rms_after < 1.5 * NOISE_BOUND
-    assert found.gain.improves
+    assert extension.left_out_rms is not None
+    assert extension.left_out_rms < 1.5
+    assert extension.gain is not None
+    assert extension.gain.held_out_rms_after < 1.5 * NOISE_BOUND
+    assert extension.gain.improves
 
 
 def test_at_its_knots_a_table_is_what_its_parameters_say_and_its_intervals_hold_the_truth():
     _, result = of_bump()
-    found = result.extension
-    assert found is not None
-    assert found.knots is not None
-    stated = {knot["at"]: knot["estimate"] for knot in found.knots}
-    assert len(stated) == len(found.parameters) + sum(value == 0.0 for value in stated.values())
+    extension = result.extension
+    assert extension is not None
+    assert extension.knots is not None
+    stated = {knot["at"]: knot["estimate"] for knot in extension.knots}
+    assert len(stated) == len(extension.parameters) + sum(value == 0.0 for value in stated.values())
     zero = next(at for at, value in stated.items() if value == 0.0)
-    for knot in found.knots:
+    for knot in extension.knots:
         true = bump(np.array([knot["at"]]))[0] - bump(np.array([zero]))[0]
         # The bump is no table itself: between knots it bends.
         assert knot["low"] is None or knot["low"] - 1.5e-5 <= true
@@ -232,8 +232,8 @@ def test_it_is_exported_and_run_gives_the_record_again(tmp_path: Path):
 def test_a_person_may_have_the_model_extended_though_the_catalogue_has_a_cause():
     _, reading, alpha, beta = bench_of(3)
     reading[:, 1] += 1.2e-4 * reading[:, 1] ** 3
-    found = position_record(reading, alpha, beta)
-    result = diagnose(found, noise_bound=NOISE_BOUND, rerun=False, extend=True)
+    record = position_record(reading, alpha, beta)
+    result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False, extend=True)
     assert result.causes
     assert result.extension is not None
     assert result.extension.kind in ("formula", "lookup")

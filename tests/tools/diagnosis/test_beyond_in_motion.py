@@ -14,7 +14,7 @@ from generator.carried import OutsideGyro, outside_gyro
 from scenario_runs import run_of_file
 from trihedron.models.effects import EffectPlace
 from trihedron.models.effects.formula import Formula
-from trihedron.tools.bounded.programmes import chebyshev_radius
+from trihedron.tools.bounded import chebyshev_radius
 from trihedron.tools.diagnosis import Diagnosis, diagnose, export_extended
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.carried_run import Carried
@@ -42,12 +42,12 @@ def test_the_true_function_is_in_the_band():
     assert (result.band.where, result.band.quantity) == (case.place, case.quantity) == (case.place, "hours")
     possible = result.beyond.possible
     true = np.interp(possible.knots, case.values, case.fault)
-    own = possible.every.told(true)[np.searchsorted(possible.knots, [knot["at"] for knot in result.band.knots])]
+    truths = possible.every.told(true)[np.searchsorted(possible.knots, [knot["at"] for knot in result.band.knots])]
     ends = np.array([(knot["low"], knot["high"]) for knot in result.band.knots])
-    assert (ends[:, 0] <= own).all()
-    assert (own <= ends[:, 1]).all()
+    assert (ends[:, 0] <= truths).all()
+    assert (truths <= ends[:, 1]).all()
     # It says something: where the bias is largest it is not zero, and the band is narrower than the function.
-    assert np.median(np.ptp(ends, axis=1)) < np.ptp(own)
+    assert np.median(np.ptp(ends, axis=1)) < np.ptp(truths)
     assert (np.sign(ends[:, 0]) == np.sign(ends[:, 1])).any()
 
 
@@ -55,17 +55,17 @@ def test_the_true_function_is_in_the_band():
 def test_the_extension_predicts_what_was_left_out_and_is_exported(tmp_path):
     """The extended gyros carry gravity to where the accelerometers say it is, after every move, within the bounds."""
     case, result = of_hump()
-    found = result.extension
-    assert found is not None
-    assert found.gain is not None
-    assert found.gain.held_out_rms_after < 0.25 * found.gain.held_out_rms_before
+    extension = result.extension
+    assert extension is not None
+    assert extension.gain is not None
+    assert extension.gain.held_out_rms_after < 0.25 * extension.gain.held_out_rms_before
     export_extended(result, tmp_path, "native")
     assert worst_carried(result.evidence, run_of_file(tmp_path / "scenario.toml").table) <= 1.05
-    assert found.knots is not None
+    assert extension.knots is not None
     # What is stated is the hump, but for the biases that the model has.
-    at, told = (np.array([knot[name] for knot in found.knots]) for name in ("at", "estimate"))
+    at, stated = (np.array([knot[name] for knot in extension.knots]) for name in ("at", "estimate"))
     true = np.interp(at, case.values, case.fault)
-    assert np.ptp((told - true) - np.mean(told - true)) < 0.5 * np.ptp(true)
+    assert np.ptp((stated - true) - np.mean(stated - true)) < 0.5 * np.ptp(true)
 
 
 @pytest.mark.acceptance
@@ -87,7 +87,7 @@ def test_a_law_that_comes_later_has_the_columns_of_one_that_was_run(law):
     run = carried_evidence(read_record(case.path, StrapdownRecord), further=[place])
     assert isinstance(run.model, Carried)
     later = result.evidence.including([place])
-    assert later.columns_of([place]) == pytest.approx(run.columns_of([place]), rel=1e-9, abs=1e-9)
+    assert later.rows.columns_of([place]) == pytest.approx(run.rows.columns_of([place]), rel=1e-9, abs=1e-9)
     assert later.including([place]) is later
 
 
@@ -104,7 +104,7 @@ def test_the_power_is_what_can_hide():
     assert result.power is not None
     evidence, rng = result.evidence, np.random.default_rng(3)
     pairs = {(pair.where, pair.quantity, pair.factor): pair for pair in evidence.reader.pairs}
-    sizes = {(one["place"], one["quantity"], one.get("factor", "")): one["size"] for one in result.power}
+    sizes = {(power["place"], power["quantity"], power.get("factor", "")): power["size"] for power in result.power}
     nominal, form = evidence.rows.nominal, Form("pieces", PIECES)
     for key in (("gyro-1", "w1", ""), ("gyro-3", "hours", "")):
         pair, size = pairs[key], sizes[key]
@@ -112,17 +112,17 @@ def test_the_power_is_what_can_hide():
         columns = pair.columns(form)
         knots = np.linspace(-1.0, 1.0, PIECES + 1)
         # A bias, and a scale factor, are the model's own.
-        own = np.stack([np.ones(PIECES + 1), knots], axis=1)[:, : 2 if key[1] == "w1" else 1]
-        keeps = np.eye(PIECES + 1) - own @ np.linalg.pinv(own)
+        imitated = np.stack([np.ones(PIECES + 1), knots], axis=1)[:, : 2 if key[1] == "w1" else 1]
+        keeps = np.eye(PIECES + 1) - imitated @ np.linalg.pinv(imitated)
         scale = np.linalg.norm(nominal, axis=0)
         matrix = np.hstack((nominal / scale, columns))
         largest = 0.0
-        for told in keeps:
-            cost = np.concatenate([np.zeros(nominal.shape[1]), -told])
-            found = linprog(
+        for projected in keeps:
+            cost = np.concatenate([np.zeros(nominal.shape[1]), -projected])
+            solution = linprog(
                 cost, np.vstack((matrix, -matrix)), np.full(2 * len(matrix), 2.0), bounds=(None, None), method="highs"
             )
-            largest = max(largest, -found.fun)
+            largest = max(largest, -solution.fun)
         assert size == pytest.approx(largest, rel=1e-3)
         for _ in range(5):
             values = keeps @ rng.normal(size=PIECES + 1)

@@ -127,15 +127,15 @@ def test_what_the_records_leave_open_has_no_estimate():
     assert sum("." in row for row in rows) == len(parameters) - len(still_open)
 
 
-@pytest.mark.parametrize("own", [(), ("X4", "X5")])
-def test_a_scale_factor_that_changed_falsifies_that_it_is_shared_and_not_that_it_is_each_records_own(own):
+@pytest.mark.parametrize("own_symbols", [(), ("X4", "X5")])
+def test_a_scale_factor_that_changed_falsifies_that_it_is_shared_and_not_that_it_is_each_records_own(own_symbols):
     rng = np.random.default_rng(4)
     benches = np.stack([random_bench(rng)] * 2)
     benches[1, SCALE_FACTORS_OF_1] += 3e-4
     records = [simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))) for bench in benches]
-    together = calibrate_together(*records, noise_bound=SIGMA, own=own)
-    assert together.verdict == ("consistent" if own else "falsified")
-    if own:
+    together = calibrate_together(*records, noise_bound=SIGMA, own=own_symbols)
+    assert together.verdict == ("consistent" if own_symbols else "falsified")
+    if own_symbols:
         changed = np.array([ends(together)["X4", f"record-{k}"] for k in (2, 1)])
         assert changed[0, 0] - changed[1, 1] < 3e-4 < changed[0, 1] - changed[1, 0]
 

@@ -11,7 +11,7 @@ from generator import SIGMA
 from generator.positions import record_with
 from generator.unlisted import SHAPES, encoder_bump, fifth_power, of_temperature, one_jump, outside_case
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded import Work
 from trihedron.tools.diagnosis.beyond import Beyond
 from trihedron.tools.diagnosis.dependence import Search, dependence, is_same, most_of_rivals
 from trihedron.tools.diagnosis.laws import Laws

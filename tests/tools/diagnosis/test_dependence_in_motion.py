@@ -30,25 +30,25 @@ def filmed(add=None, *, seed: int = 4) -> StrapdownRecord:
     """A record before a camera; `add` (time (N,), rate (N, 3)) -> (N, 3) is what the gyros read too much [rad/s]."""
     rng = np.random.default_rng(seed)
     time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
-    read = rate if add is None else rate + add(time, rate)
+    readings = rate if add is None else rate + add(time, rate)
     return replace(
-        strapdown_record((time, read, n), seed=seed, rate_noise=7e-4), attitude=camera_attitude(rng, attitude, 1e-4)
+        strapdown_record((time, readings, n), seed=seed, rate_noise=7e-4), attitude=camera_attitude(rng, attitude, 1e-4)
     )
 
 
 def between_rests(add=None, forces=None) -> StrapdownRecord:
     """A record between rests; `forces` is what the accelerometers read too much [g] at inputs (N, 3)."""
     time, rate, n, _ = drawn_motion(np.random.default_rng(4), moves=20, rest=2.0, period=PERIOD)
-    read = rate if add is None else rate + add(time, rate)
-    return strapdown_record((time, read, n if forces is None else n + forces(n)), rate_noise=7e-4)
+    readings = rate if add is None else rate + add(time, rate)
+    return strapdown_record((time, readings, n if forces is None else n + forces(n)), rate_noise=7e-4)
 
 
 def found_in(record: StrapdownRecord) -> Dependence:
     evidence = carried_evidence(record)
     assert isinstance(evidence.model, Carried)
-    found = dependence(evidence)
-    assert found is not None
-    return found
+    function = dependence(evidence)
+    assert function is not None
+    return function
 
 
 def at_gyro(p: int, function):
@@ -70,7 +70,7 @@ def swing(time, rate):
     return np.sin(2.0 * np.pi * time / 17.0)
 
 
-def other(time, rate):
+def of_third_rate(time, rate):
     return 3.0 * np.abs(rate[:, 2])
 
 
@@ -80,17 +80,17 @@ def other(time, rate):
     [
         (2, bump, "w2", filmed),
         (1, swing, "hours", filmed),
-        pytest.param(2, other, "w3", filmed, marks=pytest.mark.acceptance),
+        pytest.param(2, of_third_rate, "w3", filmed, marks=pytest.mark.acceptance),
         (1, swing, "hours", between_rests),
     ],
 )
 def test_the_gyro_and_what_its_error_depends_on_are_found(p, function, quantity, record_of):
-    found = found_in(record_of(at_gyro(p, function)))
-    assert found.place == f"gyro-{p}"
-    assert quantity in {one.pair.quantity for one in found.standing}
+    function = found_in(record_of(at_gyro(p, function)))
+    assert function.place == f"gyro-{p}"
+    assert quantity in {standing.pair.quantity for standing in function.standing}
     # Between rests a weak fault leaves other quantities of the same gyro possible.
-    assert found.proven is not None or record_of is between_rests
-    assert found.proven is None or found.proven.pair.quantity == quantity
+    assert function.proven is not None or record_of is between_rests
+    assert function.proven is None or function.proven.pair.quantity == quantity
 
 
 def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
@@ -104,12 +104,12 @@ def test_a_function_of_the_angular_acceleration_has_laws_and_a_table():
     beyond = Beyond(evidence, pair, Form("pieces", 2))
     assert [law.words for law in beyond.laws] == ["c dw2²"]
     table = pair.table("dw2 at -2.0 0.5 3.0")
-    own, on_nodes = (
+    of_kernel, on_nodes = (
         evidence.including([table]).rows.columns_of([table]),
         pair.spread(Table.of(table.law).columns(pair.values)),
     )
     # It bends between two nodes.
-    assert own == pytest.approx(on_nodes, abs=0.01 * np.abs(own).max())
+    assert of_kernel == pytest.approx(on_nodes, abs=0.01 * np.abs(of_kernel).max())
 
 
 def test_functions_that_bend_between_nodes_differ_from_straight_ones_by_what_is_said():
@@ -125,8 +125,8 @@ def test_functions_that_bend_between_nodes_differ_from_straight_ones_by_what_is_
         table = Table(quantity, "at", tuple(knots.tolist()))
         place, values = pair.table(table.law), rng.normal(size=14)
         exact = evidence.including([place]).rows.columns_of([place]) @ values
-        told = np.interp(possible.knots, knots, values)
-        straight = pair.spread(possible.hats(possible.knots) @ told)
+        interpolated = np.interp(possible.knots, knots, values)
+        straight = pair.spread(possible.hats(possible.knots) @ interpolated)
         bends = float(np.abs(np.diff(np.diff(values) / np.diff(knots))).sum())
         off, most = np.abs(exact - straight), bends * pair.missed(possible.knots)
         assert (off <= most + 1e-9 * np.abs(exact).max()).all()
@@ -138,19 +138,19 @@ def test_gyros_that_all_swing_are_one_place_with_several_functions():
     def all_swing(time, rate):
         return SIZE * np.sin(2.0 * np.pi * time[:, None] / 17.0 + np.arange(3.0))
 
-    found = found_in(filmed(all_swing))
-    assert (found.place, found.proven and found.proven.pair.quantity) == ("gyro-block", "hours")
+    function = found_in(filmed(all_swing))
+    assert (function.place, function.proven and function.proven.pair.quantity) == ("gyro-block", "hours")
 
 
 @pytest.mark.acceptance
 def test_faults_of_two_gyros_in_different_quantities_are_proven_of_none():
-    def both(time, rate):
+    def of_both_gyros(time, rate):
         return at_gyro(2, bump)(time, rate) + at_gyro(1, lambda time, rate: swing(time, rate) * (time > 20.0))(
             time, rate
         )
 
-    found = found_in(filmed(both))
-    assert found.proven is None
+    function = found_in(filmed(of_both_gyros))
+    assert function.proven is None
 
 
 @pytest.mark.acceptance
@@ -176,14 +176,14 @@ def test_the_linear_functions_of_a_pair_are_the_columns_of_the_catalogue(record_
     for p in (1, 2, 3):
         for column, name in ((hours, "hours"), (drift, f"w{p} times hours")):
             pair = pairs[f"gyro-{p}", name]
-            mine = pair.spread(pair.values[:, None])[:, 0]
-            assert np.abs(mine - column[:, p - 1]).max() <= 1e-6 * np.abs(column[:, p - 1]).max()
+            by_functions = pair.spread(pair.values[:, None])[:, 0]
+            assert np.abs(by_functions - column[:, p - 1]).max() <= 1e-6 * np.abs(column[:, p - 1]).max()
     if isinstance(evidence.model.reference, Gravity):
-        own = pairs_of_accelerometers(
+        accelerometer_pairs = pairs_of_accelerometers(
             evidence.rows.parts, evidence.model.reference, evidence.rows.point[:9], evidence.model.attitude
         )
         cubic = evidence.rows.columns_of([EffectPlace("cubic", "accelerometer-2")])[:, 0]
-        pair = next(pair for pair in own if (pair.where, pair.quantity) == ("accelerometer-2", "n2"))
+        pair = next(pair for pair in accelerometer_pairs if (pair.where, pair.quantity) == ("accelerometer-2", "n2"))
         assert np.abs(pair.spread(pair.values[:, None] ** 3)[:, 0] - cubic).max() <= 1e-9 * np.abs(cubic).max()
 
 
@@ -223,18 +223,18 @@ def test_of_three_gyros_each_has_a_band_that_holds_its_function_and_together_the
     assert result.bands is not None
     assert [(band.where, band.quantity) for band in result.bands] == [(f"gyro-{p}", "hours") for p in (1, 2, 3)]
     swings = [
-        size * np.sin(2.0 * np.pi * 3600.0 * own.knots / 17.0)
-        for size, own in zip(sizes, result.beyond.each, strict=True)
+        size * np.sin(2.0 * np.pi * 3600.0 * possible.knots / 17.0)
+        for size, possible in zip(sizes, result.beyond.each, strict=True)
     ]
-    for p, (band, own) in enumerate(zip(result.bands, result.beyond.each, strict=True)):
-        others = [values for q, values in enumerate(swings) if q != p]
-        told = own.every.told(np.concatenate([swings[p], *others]))[: len(own.knots)]
-        told = told[np.searchsorted(own.knots, [knot["at"] for knot in band.knots])]
+    for p, (band, possible) in enumerate(zip(result.bands, result.beyond.each, strict=True)):
+        swings_of_others = [values for q, values in enumerate(swings) if q != p]
+        truths = possible.every.told(np.concatenate([swings[p], *swings_of_others]))[: len(possible.knots)]
+        truths = truths[np.searchsorted(possible.knots, [knot["at"] for knot in band.knots])]
         ends = np.array([(knot["low"], knot["high"]) for knot in band.knots])
-        assert (ends[:, 0] <= told).all()
-        assert (told <= ends[:, 1]).all()
+        assert (ends[:, 0] <= truths).all()
+        assert (truths <= ends[:, 1]).all()
         # Three functions at once leave it wide, and it follows the function all the same.
-        assert np.corrcoef(ends.mean(axis=1)[1:-1], told[1:-1])[0, 1] > 0.9
+        assert np.corrcoef(ends.mean(axis=1)[1:-1], truths[1:-1])[0, 1] > 0.9
     assert result.extension is not None
     assert len(result.extension.causes) == 3
     assert len(sections(result)) == 3
@@ -257,8 +257,8 @@ def test_what_is_proven_is_no_rival_of_itself():
     rng = np.random.default_rng(4)
     time, rate, n, attitude = drawn_motion(rng, moves=8, rest=2.0, period=PERIOD)
     rate[:, 0] += 6e-3 * n[:, 0] ** 3
-    read = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
-    result = diagnose(replace(read, attitude=camera_attitude(rng, attitude, 1e-4)), rerun=False)
+    record = strapdown_record((time, rate, n), seed=4, rate_noise=7e-4)
+    result = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 1e-4)), rerun=False)
     assert isinstance(result, Diagnosis)
     assert (result.verdict, len(result.causes)) == ("ambiguous", 2)
     assert result.proven is not None
@@ -275,8 +275,10 @@ def test_what_is_proven_is_beside_a_set_that_acts_otherwise_and_beside_no_other(
     (pair,) = (p for p in evidence.reader.pairs if (p.where, p.quantity, p.factor) == ("gyro-2", "w2", ""))
     # Of the same quantity, and of another form than the effect has: what is the same is no rival of itself.
     forms = [Standing(pair, Form("pieces", 2), 2, 0.9), Standing(pair, Form("jump", at=0.4), 2, 0.9)]
-    own = EffectPlace(effect, "gyro-block")
-    beside = Unlisted.of(Dependence(tuple(forms), (), ("gyro-2",), 3.0), Listed(evidence), evidence.model.refit([own]))
-    assert beside.rivals == (tuple(forms[:1]) if elsewhere else ())
-    assert [text for text in beside.caution if "catalogue" in text] == []
-    assert any("what is proven" in text for text in beside.caution) == elsewhere
+    place = EffectPlace(effect, "gyro-block")
+    unlisted = Unlisted.of(
+        Dependence(tuple(forms), (), ("gyro-2",), 3.0), Listed(evidence), evidence.model.refit([place])
+    )
+    assert unlisted.rivals == (tuple(forms[:1]) if elsewhere else ())
+    assert [text for text in unlisted.caution if "catalogue" in text] == []
+    assert any("what is proven" in text for text in unlisted.caution) == elsewhere

@@ -115,11 +115,11 @@ def test_both_flavours_and_fmpy_give_the_same_bits(tmp_path):
     assert runs["native"].equals(runs["python"])
     scenario, folder = read_scenario(tmp_path / "native" / "scenario.toml"), tmp_path / "native"
     rows, times = pl.read_csv(folder / "scenario-rows.csv"), runs["native"]["time_s"].to_numpy()
-    held = np.searchsorted(rows["time_s"].to_numpy(), times + 1e-6 * scenario.run.step_s, side="right") - 1
-    commands = {f"command[{i}]": rows[name].to_numpy()[held] for i, name in ((1, "alpha_rad"), (2, "beta_rad"))}
-    own = scenario.fmus["table"].parameters
-    of_run = {k: v for k, v in own.items() if not isinstance(v, list)}
-    of_run |= {f"{k}[{i}]": x for k, v in own.items() if isinstance(v, list) for i, x in enumerate(v, start=1)}
+    row_of_time = np.searchsorted(rows["time_s"].to_numpy(), times + 1e-6 * scenario.run.step_s, side="right") - 1
+    commands = {f"command[{i}]": rows[name].to_numpy()[row_of_time] for i, name in ((1, "alpha_rad"), (2, "beta_rad"))}
+    parameters = scenario.fmus["table"].parameters
+    of_run = {k: v for k, v in parameters.items() if not isinstance(v, list)}
+    of_run |= {f"{k}[{i}]": x for k, v in parameters.items() if isinstance(v, list) for i, x in enumerate(v, start=1)}
     force = with_fmpy(folder / "TurntableMotion.fmu", times, commands, "specific_force", of_run)
     # What the table says at the end of a step is the block's input over it.
     inputs = {f"specific_force[{i}]": np.append(force[1:, i - 1], force[-1, i - 1]) for i in (1, 2, 3)}
@@ -135,19 +135,19 @@ def test_start_values_and_parameter_sets_hold_values_and_intervals(tmp_path):
         *("TurntableMotion.fmu", "AccelerometerBlock.fmu", "TurntableMotion.ssv", "AccelerometerBlock.ssv"),
         *("scenario.toml", "scenario-rows.csv"),
     ]
-    said = result.to_json()
-    targets = {entry["symbol"]: entry for entry in said["targets"]}
-    wanted = {"TurntableMotion": {"kappa": targets["X1"], "epsilon": targets["X3"], "alpha_offset": targets["X2"]}}
-    wanted["TurntableMotion"] |= {f"mounting_error[{i}]": targets[x] for i, x in ((1, "X13"), (2, "-X12"), (3, "X8"))}
-    for parameter in said["causes"][0]["parameters"]:
+    content = result.to_json()
+    targets = {entry["symbol"]: entry for entry in content["targets"]}
+    expected = {"TurntableMotion": {"kappa": targets["X1"], "epsilon": targets["X3"], "alpha_offset": targets["X2"]}}
+    expected["TurntableMotion"] |= {f"mounting_error[{i}]": targets[x] for i, x in ((1, "X13"), (2, "-X12"), (3, "X8"))}
+    for parameter in content["causes"][0]["parameters"]:
         name = parameter_name(place, parameter["name"])
-        wanted["TurntableMotion"][name] = {**parameter, "after": parameter["estimate"]}
-    wanted["AccelerometerBlock"] = {"gamma_21": targets["X6+X8"], "gamma_32": targets["X11+X13"]}
+        expected["TurntableMotion"][name] = {**parameter, "after": parameter["estimate"]}
+    expected["AccelerometerBlock"] = {"gamma_21": targets["X6+X8"], "gamma_32": targets["X11+X13"]}
     pairs = (("plus", ("X4", "X9", "X14")), ("minus", ("X5", "X10", "X15")))
     for sign, symbols in pairs:
-        wanted["AccelerometerBlock"] |= {f"scale_error_{sign}[{i}]": targets[x] for i, x in enumerate(symbols, 1)}
-    wanted["AccelerometerBlock"] |= {f"bias[{i}]": targets[f"X{15 + i}"] for i in (1, 2, 3)}
-    for component, entries in wanted.items():
+        expected["AccelerometerBlock"] |= {f"scale_error_{sign}[{i}]": targets[x] for i, x in enumerate(symbols, 1)}
+    expected["AccelerometerBlock"] |= {f"bias[{i}]": targets[f"X{15 + i}"] for i in (1, 2, 3)}
+    for component, entries in expected.items():
         starts = starts_of(tmp_path / f"{component}.fmu")
         path = tmp_path / f"{component}.ssv"
         set_values = {p.name: float(p.value) for p in read_ssv(str(path)).parameters}
@@ -207,8 +207,8 @@ def with_fmpy(path: Path, times: np.ndarray, inputs: dict, output: str, values: 
     kinds = [("time", float), *((name, float) for name in inputs)]
     rows = np.array(list(zip(times, *inputs.values(), strict=True)), dtype=kinds)
     names = [f"{output}[{i}]" for i in (1, 2, 3)]
-    given = fmpy.simulate_fmu(
+    outputs = fmpy.simulate_fmu(
         str(path), start_time=times[0], stop_time=times[-1], step_size=step, output_interval=step,
         input=rows, output=names, start_values=values,
     )  # fmt: skip
-    return np.column_stack([given[name] for name in names])
+    return np.column_stack([outputs[name] for name in names])

@@ -47,7 +47,7 @@ def of_several() -> dict[str, Any]:
     """The diagnosis of several records as it was written: a cause of all, a parameter that differs in one."""
     nothing = {"equivalents": ["bias-drift accelerometer-1"], "parameters": [SIZE]}
     shared = {"title": "quadratic", "of": "instrument", "record": None, "effect": QUADRATIC, "parameter": None}
-    own = {"title": "X4 differs in b", "of": "run", "record": "b", "effect": None, "parameter": "X4"}
+    of_run = {"title": "X4 differs in b", "of": "run", "record": "b", "effect": None, "parameter": "X4"}
     records = [{"record": label, "sha256": "", "left_out": None, "diagnosis": of_one()} for label in "ab"]
     return {
         "schema": "trihedron.several/1",
@@ -55,7 +55,7 @@ def of_several() -> dict[str, Any]:
         "records": records,
         "radius": 5.0,
         "radius_with_causes": 0.8,
-        "causes": [{**shared, **nothing}, {**own, **nothing}],
+        "causes": [{**shared, **nothing}, {**of_run, **nothing}],
         "alternatives": [],
         "parameters": [{"name": "X9", "unit": "1", "estimate": 0.0, "low": -1e-3, "high": 1e-3}],
         "gains": [],
@@ -110,7 +110,7 @@ def test_of_several_records_whose_a_cause_is(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "says"),
     [
         ({"baseline": 3}, "calibration: "),
         ({"causes": [{"effect": "quadratic"}]}, "causes[1].where: is missing"),
@@ -118,8 +118,8 @@ def test_of_several_records_whose_a_cause_is(tmp_path):
         ({"extended": {"radius": "much"}}, "explanations[1].radius: "),
     ],
 )
-def test_what_is_wrong_with_one_is_said(changed, said, tmp_path):
+def test_what_is_wrong_with_one_is_said(changed, says, tmp_path):
     file = tmp_path / "d.json"
     file.write_text(json.dumps(of_one(**changed)), encoding="utf-8")
     problems = [problem.text for problem in check(file).problems]
-    assert any(text.startswith(said) for text in problems), problems
+    assert any(text.startswith(says) for text in problems), problems

@@ -72,7 +72,7 @@ def test_what_is_in_the_model_or_is_not_needed_is_said_so():
     assert free.answer == "not needed"
     (parameter,) = free.parameters
     assert parameter.low < 0.0 < parameter.high < 1e-3
-    assert [named.effect for named in free.equivalents] == ["cubic"]
+    assert [equivalent.effect for equivalent in free.equivalents] == ["cubic"]
 
 
 def worst_miss(folder, record) -> float:
@@ -92,7 +92,7 @@ def test_it_is_answered_shown_and_exported(tmp_path, monkeypatch):
     assert cli.main(command) == 0
     first, second = json.loads((tmp_path / "d.json").read_text())["hypotheses"]
     assert (first["answer"], second["answer"]) == ("stands", "refuted")
-    assert [named["effect"] for named in first["equivalents"]] == ["cubic"]
+    assert [equivalent["effect"] for equivalent in first["equivalents"]] == ["cubic"]
     assert first["gain"]["held_out_rms_after"] < 0.5 * first["gain"]["held_out_rms_before"]
     page = (tmp_path / "d.html").read_text(encoding="utf-8")
     assert all(text in page for text in ("Hypotheses", "f1 += c * n1 ** 3", "f1 += c * n1 ** 2"))

@@ -21,17 +21,17 @@ def test_a_fault_of_so_many_times_detection_is_as_far_from_the_model(index: int,
     case = outside_case(tmp_path, 7, index)
     record = read_record(tmp_path / case.file)
     assert isinstance(record, PositionRecord)
-    found = calibrate(record, noise_bound=SIGMA)
-    assert found.verdict == "falsified"
-    assert found.radius == pytest.approx(2.0 * case.multiple, abs=1.0 + 0.05 * case.multiple)
+    calibration = calibrate(record, noise_bound=SIGMA)
+    assert calibration.verdict == "falsified"
+    assert calibration.radius == pytest.approx(2.0 * case.multiple, abs=1.0 + 0.05 * case.multiple)
     assert (case.place, case.quantity, case.factor) in case.same
 
 
 def test_the_generators_model_imitates_what_is_no_fault():
-    known = Known.of(Session.drawn(np.random.default_rng(1), 30))
-    turns = known.unit_turns()
+    truth = Known.of(Session.drawn(np.random.default_rng(1), 30))
+    turns = truth.unit_turns()
     for carrier in (turns["outer"], turns["kappa"], turns["epsilon"], turns["inner"]):
-        assert distance(carrier.ravel(), known.model) < 1e-5
+        assert distance(carrier.ravel(), truth.model) < 1e-5
     # A wobble of order one is a tilt of the table; of order two it is nothing that the model has.
-    wobbles = [np.cos(order * known.session.alpha)[:, None] * turns["kappa"] for order in (1, 2)]
-    assert distance(wobbles[0].ravel(), known.model) < 1e-2 < distance(wobbles[1].ravel(), known.model)
+    wobbles = [np.cos(order * truth.session.alpha)[:, None] * turns["kappa"] for order in (1, 2)]
+    assert distance(wobbles[0].ravel(), truth.model) < 1e-2 < distance(wobbles[1].ravel(), truth.model)

@@ -28,7 +28,7 @@ def walking(seed: int, step: float = 1e-5):
 def test_a_search_is_cut_off_by_the_work_that_it_does_and_says_among_which_sets():
     evidence = walking(1)
     searches = [search(evidence.model, most_work=limit) for limit in (8e5, 8e5, 1e3)]
-    assert [(found.complete, found.size) for found in searches] == [(False, 3), (False, 3), (False, 1)]
+    assert [(outcome.complete, outcome.size) for outcome in searches] == [(False, 3), (False, 3), (False, 1)]
     assert [fit.title for fit in searches[0].fits] == [fit.title for fit in searches[1].fits]
     result = diagnosed(evidence, most_work=1e3)
     assert (result.verdict, result.complete, result.cut_off_at) == ("unexplained", False, 1)
@@ -43,9 +43,9 @@ def test_what_was_found_before_the_search_was_cut_off_stands():
     complete = {fit.title for fit in search(evidence.model).fits}
     limits = np.geomspace(3e4, 1e6, 8)
     limit, titles = next(
-        (limit, {fit.title for fit in found.fits})
+        (limit, {fit.title for fit in outcome.fits})
         for limit in limits
-        if (found := search(evidence.model, most_work=limit)).fits and not found.complete
+        if (outcome := search(evidence.model, most_work=limit)).fits and not outcome.complete
     )
     assert titles < complete
     result = diagnosed(evidence, most_work=limit)

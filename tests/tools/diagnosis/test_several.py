@@ -34,35 +34,35 @@ def together(*records, **options) -> Any:
 
 
 @pytest.fixture(scope="module")
-def found() -> Any:
+def three_records() -> Any:
     """Three records: a quadratic term in all, a cubic one in the second alone."""
     records = of_one_instrument(5, shared=[(QUADRATIC, (4e-4,))], own={1: [(CUBIC, (4e-4,))]})
     return together(*records, noise_bound=SIGMA)
 
 
-def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(found):
-    assert found.verdict == "explained"
-    assert [(c.title, c.is_of_instrument, c.record) for c in found.causes] == [
+def test_what_is_shared_is_the_instruments_and_what_one_record_has_is_that_runs(three_records):
+    assert three_records.verdict == "explained"
+    assert [(c.title, c.is_of_instrument, c.record) for c in three_records.causes] == [
         ("quadratic accelerometer-2", True, None),
         ("cubic accelerometer-1 in record-2", False, "record-2"),
     ]
-    assert found.instrument == "yes"
-    assert found.runs == {"record-1": "no", "record-2": "yes", "record-3": "no"}
-    for cause in found.causes:
+    assert three_records.instrument == "yes"
+    assert three_records.runs == {"record-1": "no", "record-2": "yes", "record-3": "no"}
+    for cause in three_records.causes:
         (size,) = cause.parameters
         assert size.low is not None
         assert size.high is not None
         assert 0.0 < size.low < 4e-4 < size.high
 
 
-def test_together_they_tell_a_shared_effect_better_than_each_alone(found):
+def test_together_they_tell_a_shared_effect_better_than_each_alone(three_records):
     """The joint interval is inside that of every record: all of them hold the truth."""
-    (size,) = found.causes[0].parameters
+    (size,) = three_records.causes[0].parameters
     symbol = "quadratic accelerometer-2: coefficient"
-    (again,) = [change for change in found.repeatability.changes if change.symbol == symbol]
+    (again,) = [change for change in three_records.repeatability.changes if change.symbol == symbol]
     assert again.of == "instrument"
     assert again.at_least == 0.0
-    alone = found.repeatability.each(symbol)
+    alone = three_records.repeatability.each(symbol)
     assert len(alone) == 3
     for record in alone.values():
         assert record.low is not None
@@ -72,26 +72,26 @@ def test_together_they_tell_a_shared_effect_better_than_each_alone(found):
         assert record.low <= size.low <= size.high <= record.high
 
 
-def test_repeatability_of_the_days_parameters_is_surely_a_change(found):
+def test_repeatability_of_the_days_parameters_is_surely_a_change(three_records):
     """Biases differ from day to day by design, scale factors do not."""
-    known = {change.symbol: change for change in found.repeatability.changes}
-    assert min(known[symbol].at_least for symbol in ("X16", "X17", "X18")) > 1e-3
-    assert {known[symbol].at_least for symbol in ("X4", "X5", "X9", "X10", "X14", "X15")} == {0.0}
+    repeatability = {change.symbol: change for change in three_records.repeatability.changes}
+    assert min(repeatability[symbol].at_least for symbol in ("X16", "X17", "X18")) > 1e-3
+    assert {repeatability[symbol].at_least for symbol in ("X4", "X5", "X9", "X10", "X14", "X15")} == {0.0}
 
 
-def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs_own_does_not(found):
+def test_what_was_found_in_one_record_helps_on_the_others_by_the_fmus_and_a_runs_own_does_not(three_records):
     """A record's errors with what was found in itself are noise; with what one of another day has, they are not."""
-    rms = {gain.record: {one.found_in: one.rms for one in gain.applied} for gain in found.cross_gain}
-    assert {gain.unit for gain in found.cross_gain} == {"g"}
-    for gain in found.cross_gain:
+    rms = {gain.record: {entry.found_in: entry.rms for entry in gain.applied} for gain in three_records.cross_gain}
+    assert {gain.unit for gain in three_records.cross_gain} == {"g"}
+    for gain in three_records.cross_gain:
         assert rms[gain.record][gain.record] < SIGMA < gain.rms
     # The second has a cubic term besides: of itself alone.
     assert rms["record-1"]["record-3"] < SIGMA < rms["record-1"]["record-2"]
     assert rms["record-2"]["record-1"] > SIGMA
-    helps = {(one.found_in, one.effect): one.on for one in found.helps}
+    helps = {(entry.found_in, entry.effect): entry.on for entry in three_records.helps}
     assert helps["record-1", QUADRATIC.title] == ("record-2", "record-3")
     assert helps["record-2", CUBIC.title] == ()
-    assert "Cubic accelerometer-1, found in record-2: helps on no other record: it is the run's" in str(found)
+    assert "Cubic accelerometer-1, found in record-2: helps on no other record: it is the run's" in str(three_records)
 
 
 def judged(monkeypatch, records) -> Any:
@@ -136,7 +136,7 @@ def test_a_step_that_only_the_others_show_is_not_taken_for_what_is_sought_in_all
     step = EffectPlace("bias-step", "accelerometer-2")
     records = days_of_a_suite(32, 2, (step, (3e-5, 0.009)))
     result = judged(monkeypatch, records)
-    assert {one.diagnosis.verdict for one in result.records} == {"consistent"}
+    assert {entry.diagnosis.verdict for entry in result.records} == {"consistent"}
     assert result.verdict == "ambiguous"
     assert any(text.startswith("record-2: nothing falsifies it by itself") for text in result.caution)
 
@@ -167,7 +167,7 @@ def test_three_that_are_each_insufficient_end_together_in_a_verdict():
     clean = together(*of_one_instrument(18, positions=6), noise_bound=SIGMA)
     wrong = together(*of_one_instrument(18, positions=6, shared=[(QUADRATIC, (3e-3,))]), noise_bound=SIGMA)
     for result in (clean, wrong):
-        assert {one.diagnosis.verdict for one in result.records} == {"insufficient"}
+        assert {entry.diagnosis.verdict for entry in result.records} == {"insufficient"}
         assert "each by itself is insufficient, together they are not" in str(result)
     assert clean.verdict == "consistent"
     assert wrong.verdict == "explained"
@@ -184,15 +184,15 @@ def test_three_that_are_each_insufficient_end_together_in_a_verdict():
 )
 def test_three_that_are_each_insufficient_name_what_all_of_them_have(monkeypatch, seed, place, values):
     result = judged(monkeypatch, of_one_instrument(seed, positions=6, shared=[(place, values)]))
-    assert {one.diagnosis.verdict for one in result.records} == {"insufficient"}
+    assert {entry.diagnosis.verdict for entry in result.records} == {"insufficient"}
     assert (result.verdict, [cause.title for cause in result.causes]) == ("explained", [place.title])
 
 
 @pytest.mark.acceptance
 def test_where_a_record_by_itself_needs_less_than_together_what_is_not_sought_was_not_tried_beside_it(monkeypatch):
     """Seven positions tell one effect at a time; what is the second record's own is of that run, whatever it is."""
-    own = {1: [(CUBIC, (3e-3,))]}
-    result = judged(monkeypatch, of_one_instrument(23, positions=7, shared=[(QUADRATIC, (3e-3,))], own=own))
+    of_record = {1: [(CUBIC, (3e-3,))]}
+    result = judged(monkeypatch, of_one_instrument(23, positions=7, shared=[(QUADRATIC, (3e-3,))], own=of_record))
     assert result.verdict == "ambiguous"
     assert {cause.title for cause in result.causes} == {QUADRATIC.title, f"{CUBIC.title} in record-2"}
     assert any(text.startswith("record-2: fewer effects mend it by itself") for text in result.caution)
@@ -212,13 +212,13 @@ def test_a_scale_factor_that_changed_is_said_to_differ_and_not_to_be_an_effect()
     benches[2] = benches[2] + 0.0
     # Scale factors of the first accelerometer, both signs.
     benches[2][[9, 12]] += 3e-4
-    made = [simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))) for bench in benches]
-    result = together(*made, noise_bound=SIGMA)
+    records = [simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))) for bench in benches]
+    result = together(*records, noise_bound=SIGMA)
     assert result.verdict in ("explained", "ambiguous")
     assert result.runs["record-3"] == "yes"
     assert result.instrument == "no"
-    known = {change.symbol: change for change in result.repeatability.changes}
-    assert known["X4"].at_least == pytest.approx(3e-4, abs=1e-4)
+    repeatability = {change.symbol: change for change in result.repeatability.changes}
+    assert repeatability["X4"].at_least == pytest.approx(3e-4, abs=1e-4)
 
 
 def test_a_bias_that_is_shared_by_request_and_changed_is_said_to_differ(monkeypatch):
@@ -274,8 +274,8 @@ def test_a_record_that_shows_no_size_of_what_would_mend_it_is_judged_with_the_ot
 def test_where_fewer_than_two_can_be_judged_the_first_line_says_that_and_not_that_nothing_is_wrong():
     """Each may well falsify the simulation by itself."""
     alone = procedure.diagnose(of_one_instrument(21, 1, positions=20)[0], noise_bound=SIGMA, rerun=False)
-    said = str(several.diagnosed_together({"a": alone}, rerun=False)).splitlines()[0]
-    assert said == "Insufficient: nothing is said of all together, as fewer than two records can be judged so."
+    printed = str(several.diagnosed_together({"a": alone}, rerun=False)).splitlines()[0]
+    assert printed == "Insufficient: nothing is said of all together, as fewer than two records can be judged so."
 
 
 def test_files_are_called_by_their_names():
@@ -290,15 +290,15 @@ def test_the_command_takes_several_files_and_its_json_comes_back(tmp_path, capsy
     files = [str(tmp_path / f"{name}.csv") for name in names]
     out, page = tmp_path / "several.json", tmp_path / "several.html"
     assert main(["diagnose", *files, "--noise-bound", "1e-5", "--json", str(out), "--report", str(page)]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("Consistent: one value for each parameter of the instrument does for all")
-    assert re.search(r"^monday +consistent$", said, re.MULTILINE)
+    printed = capsys.readouterr().out
+    assert printed.startswith("Consistent: one value for each parameter of the instrument does for all")
+    assert re.search(r"^monday +consistent$", printed, re.MULTILINE)
     again = Diagnosis.model_validate_json(out.read_text(encoding="utf-8"))
     assert again.to_json() == json.loads(out.read_text(encoding="utf-8"))
     assert check(out).summary == ("2 records, consistent",)
-    shown = page.read_text(encoding="utf-8")
-    assert "Repeatability" in shown
-    assert "<svg " in shown
+    shown_page = page.read_text(encoding="utf-8")
+    assert "Repeatability" in shown_page
+    assert "<svg " in shown_page
     for wrong, why in (
         ([files[0], files[0]], "is record 1 too"),
         ([files[0], "--shared", "X16"], "--shared X16: is of several records of one instrument"),
@@ -319,8 +319,8 @@ def test_what_the_true_attitude_errs_by_is_stated_for_all_records(monkeypatch):
         block = draw_clean_block(77, k, "truth").instrument
         records.append(replace(block, temperature=None).measured(7, k))
     result = together(*records, reference_bound=1.0)
-    assert [one.diagnosis.reference_bound_arcmin for one in result.records] == [1.0, 1.0]
-    assert all((one.diagnosis.noise_bound_arcmin or 0.0) > 2.0 for one in result.records)
+    assert [entry.diagnosis.reference_bound_arcmin for entry in result.records] == [1.0, 1.0]
+    assert all((entry.diagnosis.noise_bound_arcmin or 0.0) > 2.0 for entry in result.records)
     assert (result.verdict, result.causes) == ("consistent", ())
 
 
@@ -333,7 +333,7 @@ def test_a_bound_of_the_true_attitude_is_refused_of_records_of_a_table():
 def test_records_of_a_table_and_by_hand_are_judged_together():
     """By hand alone the term of the second accelerometer is ambiguous; with the table it is the instrument's."""
     result = together(*at_a_table_and_by_hand(3, [(QUADRATIC, (2e-3,))]), noise_bound=SIGMA, baseline="symmetric")
-    assert [one.diagnosis.verdict for one in result.records] == ["explained", "ambiguous"]
+    assert [entry.diagnosis.verdict for entry in result.records] == ["explained", "ambiguous"]
     assert result.verdict == "explained"
     assert [(cause.title, cause.is_of_instrument) for cause in result.causes] == [(QUADRATIC.title, True)]
     assert {gain.unit for gain in result.cross_gain} == {"g", "arcmin"}
@@ -341,12 +341,12 @@ def test_records_of_a_table_and_by_hand_are_judged_together():
 
 def test_options_of_one_kind_are_for_records_of_that_kind_and_refused_where_there_are_none():
     table, hand = of_one_instrument(21, 1, positions=20)[0], draw_clean_block(77, 0, "gravity").instrument
-    named = {"table": table, "hand": replace(hand, temperature=None).measured(7, 0)}
-    asked = {"noise_bound": SIGMA, "baseline": "symmetric", "rates": "averaged"}
-    of_each = {label: evidence_options(run, among=named, **asked) for label, run in named.items()}
+    by_label = {"table": table, "hand": replace(hand, temperature=None).measured(7, 0)}
+    options = {"noise_bound": SIGMA, "baseline": "symmetric", "rates": "averaged"}
+    of_each = {label: evidence_options(run, among=by_label, **options) for label, run in by_label.items()}
     assert of_each["table"]["noise_bound"] == SIGMA
     assert of_each["table"]["baseline"] == "symmetric"
     assert "noise_bound" not in of_each["hand"]
     assert (of_each["hand"]["baseline"], of_each["hand"]["rates"]) == (None, "averaged")
     with pytest.raises(InputError, match="rates averaged: is of a strapdown record"):
-        evidence_options(table, among={"table": table}, **asked)
+        evidence_options(table, among={"table": table}, **options)

@@ -16,7 +16,7 @@ from generator.stands import random_bench, simulated
 from generator.stands import record as position_record
 from other_solver import farthest
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded import Work
 from trihedron.tools.calibration import PRESETS, parametrise
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.diagnosis.cause import excluded_sizes
@@ -55,14 +55,16 @@ def test_a_true_effect_improves_what_was_left_out_and_shuffles_do_not():
 
 def test_shuffles_are_made_only_where_they_are_asked_for(monkeypatch: pytest.MonkeyPatch):
     """They cost sixty times what was left out does; laws that are compared by that need none."""
-    case, made = draw_alone(2, effects=["quadratic"]), []
+    case, drawn = draw_alone(2, effects=["quadratic"]), []
     evidence = bench_evidence(case.measured(), noise_bound=NOISE_BOUND)
     shuffled = bench_left_out._shuffled
-    monkeypatch.setattr(bench_left_out, "_shuffled", lambda *args: (made.append(one) or one for one in shuffled(*args)))
+    monkeypatch.setattr(
+        bench_left_out, "_shuffled", lambda *args: (drawn.append(shuffle) or shuffle for shuffle in shuffled(*args))
+    )
     trial = next(iter(evidence.reader.trials(evidence.model.refit(case.places))))
     assert trial.folds is not None
-    assert made == []
-    assert len(list(trial.shuffled)) == len(made) == bench_left_out.SHUFFLES
+    assert drawn == []
+    assert len(list(trial.shuffled)) == len(drawn) == bench_left_out.SHUFFLES
 
 
 def test_an_effect_that_is_not_there_is_objected_to():
@@ -80,10 +82,10 @@ def test_each_of_two_effects_is_heard_and_one_that_is_not_there_is_objected_to()
     record = hidden_record(511, quadratic, (2e-4,))
     evidence = bench_evidence(record, noise_bound=NOISE_BOUND)
     witness: Any = judgement_of(evidence, evidence.model.refit([quadratic, cubic]))
-    there, none = witness.each
-    assert (there.place, none.place) == (quadratic, cubic)
-    assert there.objections == ()
-    assert there.rms_with < 1.0 < there.rms_without
+    true_effect, none = witness.each
+    assert (true_effect.place, none.place) == (quadratic, cubic)
+    assert true_effect.objections == ()
+    assert true_effect.rms_with < 1.0 < true_effect.rms_without
     assert none.objections
     assert witness.objections == none.objections
 
@@ -93,8 +95,8 @@ def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_w
     place = EffectPlace("quadratic", "accelerometer-1")
     record = hidden_record(512, place, (2e-4,))
     rng = np.random.default_rng(512)
-    here = bench_evidence(record, noise_bound=NOISE_BOUND)
-    exact = 9.80665 * (here.model.readings.reading.ravel() - here.model.refit([place]).left).reshape(-1, 3)
+    clean = bench_evidence(record, noise_bound=NOISE_BOUND)
+    exact = 9.80665 * (clean.model.readings.reading.ravel() - clean.model.refit([place]).left).reshape(-1, 3)
     noise = 9.80665 * NOISE_BOUND * rng.choice([-1.0, 1.0], exact.shape)
 
     def largest(force) -> Any:
@@ -104,8 +106,8 @@ def test_a_reading_that_was_left_out_misses_by_no_more_than_noise_unless_it_is_w
     assert not largest(exact + noise).objects
     off = exact + noise
     off[7, 2] += 6.0 * 9.80665 * NOISE_BOUND
-    found = largest(off)
-    assert (found.objects, found.position, found.accelerometer) == (True, 8, 3)
+    worst = largest(off)
+    assert (worst.objects, worst.position, worst.accelerometer) == (True, 8, 3)
 
 
 @pytest.mark.parametrize(("kind", "seed"), [("thermal-lag", 8), ("bias-step", 1)])
@@ -118,10 +120,10 @@ def test_the_extended_model_runs_at_one_possible_point(tmp_path: Path, kind: str
     ((name, where),) = fresh.hidden
     fit = evidence.model.mended([EffectPlace(name, where)], Work())[0]
     rows = np.arange(1, len(record))
-    left = evidence.model.readings.reading[rows] - simulate_rows(
+    misses = evidence.model.readings.reading[rows] - simulate_rows(
         evidence.model.readings, fit, rows, evidence.model.calibration.gravity
     )
-    assert np.abs(left / fit.allowed.reshape(-1, 3)[rows]).max() < 1.01
+    assert np.abs(misses / fit.allowed.reshape(-1, 3)[rows]).max() < 1.01
 
 
 def test_too_few_positions_cannot_be_judged_and_that_is_said():
@@ -137,22 +139,22 @@ def test_leaving_one_out_agrees_with_the_closed_form():
     rng = np.random.default_rng(0)
     jacobian, residual, bound = rng.normal(size=(30, 4)), rng.normal(size=30), np.ones(30)
     hat = jacobian @ np.linalg.pinv(jacobian)
-    whole = residual - hat @ residual
+    residuals = residual - hat @ residual
     for row in (0, 13):
-        kept = np.delete(np.arange(30), row)
-        errors = predicted_errors(jacobian, determined(jacobian), residual, bound, kept, np.array([row]))
+        retained = np.delete(np.arange(30), row)
+        errors = predicted_errors(jacobian, determined(jacobian), residual, bound, retained, np.array([row]))
         assert errors is not None
-        assert errors[0][0] == pytest.approx(whole[row] / (1.0 - hat[row, row]), rel=1e-12)
+        assert errors[0][0] == pytest.approx(residuals[row] / (1.0 - hat[row, row]), rel=1e-12)
         # Its prediction's variance is h / (1 − h) of a reading's.
         assert errors[1][0] ** 2 == pytest.approx(hat[row, row] / (1.0 - hat[row, row]), rel=1e-12)
 
 
 def test_a_second_mounting_tells_an_encoder_harmonic_from_a_cubic_term():
     """At the identity mounting the encoder's second harmonic looks like the third accelerometer's cubic term."""
-    found = second_mounting(IDENTITY, [CUBIC], [ENCODER], (CUBIC.title, ENCODER.title))
-    assert found is not None
-    assert found["correlation_before"] == pytest.approx(np.sqrt(0.5), abs=0.02)
-    assert found["correlation_after"] < 0.1
+    mounting = second_mounting(IDENTITY, [CUBIC], [ENCODER], (CUBIC.title, ENCODER.title))
+    assert mounting is not None
+    assert mounting["correlation_before"] == pytest.approx(np.sqrt(0.5), abs=0.02)
+    assert mounting["correlation_after"] < 0.1
 
 
 def test_no_mounting_tells_apart_what_belongs_to_one_accelerometer_or_one_axis():
@@ -197,9 +199,9 @@ def test_an_excluded_size_is_nearly_possible_and_none_beyond_it_is(coarse):
             jacobian = np.column_stack((fit.jacobian, columns @ direction))
             unit = np.eye(jacobian.shape[1])[-1]
             reached = max(reached, farthest(jacobian, fit.left, fit.bound + room, unit))
-        said = above[place.effect, place.where, place.order]
-        assert reached <= said * (1.0 + 1e-9)
-        assert said <= reached / np.cos(np.pi / 16) * (1.0 + 1e-3)
+        limit = above[place.effect, place.where, place.order]
+        assert reached <= limit * (1.0 + 1e-9)
+        assert limit <= reached / np.cos(np.pi / 16) * (1.0 + 1e-3)
 
 
 def test_what_the_readings_do_not_tell_of_gravity_widens_an_interval_by_no_more():
@@ -220,8 +222,8 @@ def test_a_limit_that_many_readings_reach_is_no_scale_factor(seed, axis):
     noise = rng.uniform(-NOISE_BOUND, NOISE_BOUND, (48, 3))
     reading = simulated(bench, alpha, beta, noise=noise).specific_force / GRAVITY
     reading[:, axis] = np.clip(reading[:, axis], -0.6, 0.6)
-    made = bench_evidence(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND)
-    assert np.abs(made.model.search.centre.point).max() < 0.02
+    evidence = bench_evidence(position_record(reading, alpha, beta), noise_bound=NOISE_BOUND)
+    assert np.abs(evidence.model.search.centre.point).max() < 0.02
 
 
 def test_positions_that_separate_put_candidates_further_apart_than_both_bounds():
@@ -229,12 +231,12 @@ def test_positions_that_separate_put_candidates_further_apart_than_both_bounds()
     evidence = bench_evidence(hidden_record(5, CUBIC, (1e-4,)), noise_bound=NOISE_BOUND)
     fits = [evidence.model.refit([place]) for place in (CUBIC, ODD)]
     readings, room = evidence.model.readings, 3e-7
-    with mock.patch.object(bench_predictions, "decide", wraps=bench_predictions.decide) as asked:
-        found = bench_predictions.separating_positions(
+    with mock.patch.object(bench_predictions, "decide", wraps=bench_predictions.decide) as decide:
+        positions = bench_predictions.separating_positions(
             readings, evidence.model.search.centre.point, fits, (3e-3, 1e-2), room
         )
-    assert found
-    assert [call.args[-1] for call in asked.call_args_list] == [pytest.approx(2.0 * (NOISE_BOUND + room))]
+    assert positions
+    assert [call.args[-1] for call in decide.call_args_list] == [pytest.approx(2.0 * (NOISE_BOUND + room))]
 
 
 def test_from_where_a_sag_counts_is_within_what_the_bounds_grow_by():

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.programmes import chebyshev_radius
-from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded import Work, chebyshev_radius
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
 from trihedron.tools.evidence.bench_in_time import SLACK, SLIP
 from trihedron.tools.evidence.evidence import Evidence, limits_of
@@ -97,8 +96,8 @@ def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says(
     turns = clean.model.whole.turns
     assert np.array_equal(turns.first, moved.model.whole.turns.first)
     number = clean.model.cells[SLIP].number(values[-1] - clean.reader.circumstances.began / 3600.0)
-    beside = clean.model.with_onset(SLIP, number)
-    columns, of = np.nan_to_num(beside.columns_set_in(SLIP)), clean.model.of_readings
+    with_slip = clean.model.with_onset(SLIP, number)
+    columns, of = np.nan_to_num(with_slip.columns_set_in(SLIP)), clean.model.of_readings
     by_gyros = (moved.model.whole.turns.integral - turns.integral).ravel()
     across = np.repeat((turns.first <= number) & (number < turns.last), 3)
     assert np.abs(by_gyros[across]).max() > 1e-4
@@ -106,8 +105,8 @@ def test_a_slip_is_seen_by_readings_and_by_gyros_as_the_extended_component_says(
     by_readings = (moved.model.moving.seen.reading - clean.model.moving.seen.reading).ravel()
     # Which rows of a move are read may change with the slip.
     same = np.repeat(moved.model.moving.seen.rows == clean.model.moving.seen.rows, 3)
-    left = (columns[:of] @ values[:-1] - by_readings)[same & beside.says[:of]]
-    assert np.abs(left).max() <= 3e-6 < 1e-4 < np.abs(by_readings[same]).max()
+    remaining = (columns[:of] @ values[:-1] - by_readings)[same & with_slip.says[:of]]
+    assert np.abs(remaining).max() <= 3e-6 < 1e-4 < np.abs(by_readings[same]).max()
     rested = clean.model.moving.seen.span[clean.model.moving.at_rest][3].mean()
     assert (~clean.model.with_onset(SLIP, rested).says).sum() == 3
 
@@ -119,9 +118,11 @@ def test_a_slip_is_found_with_its_angles_and_its_time(factor):
     for start in (0.0411, 0.04231):
         values = *(factor * theta for theta in (2e-4, -1e-4, 3e-4)), start
         evidence = evidence_with(Hidden(SLIP, values))
-        found = {place: fits for place in evidence.model.starting if (fits := evidence.model.mended([place], Work()))}
-        assert list(found) == [SLIP]
-        ((fit,),) = found.values()
+        standing = {
+            place: fits for place in evidence.model.starting if (fits := evidence.model.mended([place], Work()))
+        }
+        assert list(standing) == [SLIP]
+        ((fit,),) = standing.values()
         (ends,) = fit.intervals()
         assert holds(fit, (*values[:-1], start - evidence.reader.circumstances.began / 3600.0))
         assert all(high - low < 10.0 * SIGMA for low, high in ends[:-1])
@@ -134,12 +135,12 @@ def test_what_sets_in_beside_another_effect_is_sought_and_found_with_it():
     """Of all pairs few are left by bounds, the true one among them; its intervals hold what was hidden."""
     hidden = Hidden(EffectPlace("encoder-harmonic", "outer-axis", 3), (6e-5, 1.0)), Hidden(BIAS_STEP, CASES[0][1])
     evidence, work = evidence_with(*hidden), Work()
-    left = list(evidence.model.sets_in_time(2, work, SLACK))
-    assert tuple(one.place for one in hidden) in left
-    assert len(left) <= 5
-    (fit,) = evidence.model.mended([one.place for one in hidden], work)
-    for one, ends in zip(hidden, fit.intervals(), strict=True):
-        assert all(low <= value <= high for value, (low, high) in zip(one.values, ends, strict=True))
+    remaining = list(evidence.model.sets_in_time(2, work, SLACK))
+    assert tuple(effect.place for effect in hidden) in remaining
+    assert len(remaining) <= 5
+    (fit,) = evidence.model.mended([effect.place for effect in hidden], work)
+    for effect, ends in zip(hidden, fit.intervals(), strict=True):
+        assert all(low <= value <= high for value, (low, high) in zip(effect.values, ends, strict=True))
 
 
 @pytest.mark.acceptance
@@ -148,9 +149,13 @@ def test_what_sets_in_is_found_with_its_time(place, values):
     """No other effect that sets in would do, and none that always acts; intervals hold what was hidden."""
     evidence = evidence_with(Hidden(place, values))
     assert evidence.model.falsified
-    found = {other: fits for other in evidence.model.starting if (fits := evidence.model.mended([other], Work()))}
-    assert list(found) == [place]
-    ((fit,),) = found.values()
+    standing = {
+        place_sought: fits
+        for place_sought in evidence.model.starting
+        if (fits := evidence.model.mended([place_sought], Work()))
+    }
+    assert list(standing) == [place]
+    ((fit,),) = standing.values()
     (ends,) = fit.intervals()
     for value, stated, (low, high) in zip(values, fit.values()[0], ends, strict=True):
         assert low <= value <= high
@@ -160,4 +165,4 @@ def test_what_sets_in_is_found_with_its_time(place, values):
         # Within a move, or a rest with its moves.
         assert ends[-1][1] - ends[-1][0] < 20.0 / 3600.0
     always = EffectPlace("gyro-bias-drift", "gyro-block"), EffectPlace("gyro-scale-drift", "gyro-block")
-    assert all(evidence.model.refit([other]).radius > evidence.model.limit for other in always)
+    assert all(evidence.model.refit([place_sought]).radius > evidence.model.limit for place_sought in always)

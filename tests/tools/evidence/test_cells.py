@@ -14,7 +14,7 @@ from generator.positions import SIGMA, drawn_record
 from trihedron.models.effects import CATALOGUE, POSITION_EFFECTS, EffectPlace, Rows
 from trihedron.models.effects.last_stage import LAST_HOUR
 from trihedron.models.effects.wander import wander_at
-from trihedron.tools.bounded.sets import Work
+from trihedron.tools.bounded import Work
 from trihedron.tools.calibration import predicted_reading
 from trihedron.tools.evidence.bench import bench_evidence
 from trihedron.tools.evidence.bench_visits import acted_on
@@ -105,11 +105,11 @@ def test_a_truth_at_any_number_is_within_the_intervals_of_cells_that_stand(name,
     values = 60.0 * SIGMA, number
     evidence = bench_evidence(drawn_record(seed, [(place, values)], at_bound=True), noise_bound=SIGMA)
     fits = evidence.model.mended([place], Work())
-    held = []
+    constant_rows = []
     for fit in fits:
         ends = evidence.reader.told(place, fit.intervals(evidence.model.room)[0])
-        held.append(all(low <= value <= high for value, (low, high) in zip(values, ends, strict=True)))
-    assert any(held)
+        constant_rows.append(all(low <= value <= high for value, (low, high) in zip(values, ends, strict=True)))
+    assert any(constant_rows)
 
 
 @pytest.mark.parametrize("constant", [SLOW, 0.2, FAST])
@@ -135,14 +135,14 @@ def test_the_component_remembers_the_temperature_as_the_cells_say(constant):
     for instance in (block, plain):
         instance.put(temperature=temperature[0], specific_force=force).begin()
     for row in range(1, len(hours)):
-        seen = [
+        acted = [
             instance.put(temperature=temperature[row], specific_force=force).step(
                 3600.0 * hours[row - 1], 3600.0 * (hours[row] - hours[row - 1])
             )["reading"]
             / G
             for instance in (block, plain)
         ]
-        lag.append(seen[0] - seen[1])
+        lag.append(acted[0] - acted[1])
     added = np.array(lag)
     assert not added[:, [0, 2]].any()
     expected = lagged(hours, temperature, np.array([constant]))[0][1:, 0]
@@ -156,13 +156,13 @@ def test_a_cell_adds_what_the_effect_does_at_the_ends_of_its_cell(name):
     nothing = np.zeros((len(hours), 3))
     rows = Rows(hours, hours, hours, nothing, nothing, nothing, temperature=temperature)
     place = EffectPlace(name, "accelerometer-3")
-    found = list(CellsAtRest(place, rows))
-    assert (found[0].ends[0], found[-1].ends[1]) == (0.0, LAST_HOUR)
-    for cell in (found[0], found[len(found) // 2], found[-2]):
+    cells = list(CellsAtRest(place, rows))
+    assert (cells[0].ends[0], cells[-1].ends[1]) == (0.0, LAST_HOUR)
+    for cell in (cells[0], cells[len(cells) // 2], cells[-2]):
         constant = cell.ends[1]
-        own = np.array([0.0, 2e-3]) if name == "warm-up" else np.array([0.0, 0.0, 5e-4, 1.5e-3])
-        size, *others, last = cell.values(own)
-        added = cell.columns @ own
+        sizes = np.array([0.0, 2e-3]) if name == "warm-up" else np.array([0.0, 0.0, 5e-4, 1.5e-3])
+        size, *settling, last = cell.values(sizes)
+        added = cell.columns @ sizes
         assert (size, last) == pytest.approx((2e-3, constant))
         by_hand = 2e-3 * (1.0 - np.exp(-hours / constant))
         if name == "thermal-lag":
@@ -170,25 +170,25 @@ def test_a_cell_adds_what_the_effect_does_at_the_ends_of_its_cell(name):
             far = temperature.max() - temperature.min()
             low, high = temperature.min() - BEFORE * far, temperature.max() + BEFORE * far
             begun = 0.25 * low + 0.75 * high - temperature[0]
-            assert others == pytest.approx([2e-3 * begun])
+            assert settling == pytest.approx([2e-3 * begun])
             steady = lagged(hours, temperature - 20.0, np.array([constant]))[0][:, 0]
             by_hand = 2e-3 * (steady + begun * np.exp(-hours / constant))
         assert added[:, 2] == pytest.approx(by_hand, abs=1e-15)
         assert not added[:, :2].any()
-    lengths = [cell.ends for cell in found]
+    lengths = [cell.ends for cell in cells]
     assert all(a[1] == b[0] for a, b in pairwise(lengths))
 
 
 def test_a_slip_of_the_mounting_is_exact_in_the_model_and_told_by_its_columns_to_first_order():
     place = EffectPlace("mounting-slip", "mounting")
     start, size = 0.5 * (HOURS[2] + HOURS[3]), np.array([4e-3, -6e-3, 5e-3])
-    (here, rows), seen = true_bench(), readings({place: (*size, start)})
-    (found,) = (cell for cell in CellsAtRest(place, rows) if cell.ends == (HOURS[2], HOURS[3]))
-    assert found.values(size) == pytest.approx((*size, start))
-    first_order = rows.prediction + found.columns @ size
-    assert 1e-6 < np.abs(first_order - seen).max() < size @ size
-    at = replace(here.positions, slips=np.where((start < HOURS)[:, None], size, 0.0))
-    assert predicted_reading(here.parametrisation, here.point, at) == pytest.approx(seen, abs=2e-14)
+    (bench, rows), acted = true_bench(), readings({place: (*size, start)})
+    (cells,) = (cell for cell in CellsAtRest(place, rows) if cell.ends == (HOURS[2], HOURS[3]))
+    assert cells.values(size) == pytest.approx((*size, start))
+    first_order = rows.prediction + cells.columns @ size
+    assert 1e-6 < np.abs(first_order - acted).max() < size @ size
+    at = replace(bench.positions, slips=np.where((start < HOURS)[:, None], size, 0.0))
+    assert predicted_reading(bench.parametrisation, bench.point, at) == pytest.approx(acted, abs=2e-14)
 
 
 @pytest.mark.parametrize(
@@ -196,17 +196,17 @@ def test_a_slip_of_the_mounting_is_exact_in_the_model_and_told_by_its_columns_to
 )
 def test_a_step_of_bias_or_scale_is_one_of_the_cells_from_its_time_on(place):
     start, size = 0.5 * (HOURS[2] + HOURS[3]), 3e-3
-    rows, seen = true_bench()[1], readings({place: (size, start)})
+    rows, acted = true_bench()[1], readings({place: (size, start)})
     every = CellsAtRest(place, rows)
-    found = [cell for cell in every if cell.ends[0] <= start <= cell.ends[1]]
-    assert len(found) == 1
-    assert found[0].ends == (HOURS[2], HOURS[3])
-    assert rows.prediction + found[0].columns @ np.array([size]) == pytest.approx(seen, abs=1e-14)
-    assert found[0].values(np.array([size])) == pytest.approx((size, start))
+    cells = [cell for cell in every if cell.ends[0] <= start <= cell.ends[1]]
+    assert len(cells) == 1
+    assert cells[0].ends == (HOURS[2], HOURS[3])
+    assert rows.prediction + cells[0].columns @ np.array([size]) == pytest.approx(acted, abs=1e-14)
+    assert cells[0].values(np.array([size])) == pytest.approx((size, start))
     # Two rows at least on each side.
     assert [cell.ends for cell in every] == list(pairwise(HOURS[1:-1]))
     within = replace(rows, hours=np.linspace(HOURS[2], HOURS[3], len(HOURS)))
-    assert np.array_equal(found[0].undecided(within, 1e-5).any(axis=1), [0, 1, 1, 1, 1, 1, 0])
+    assert np.array_equal(cells[0].undecided(within, 1e-5).any(axis=1), [0, 1, 1, 1, 1, 1, 0])
 
 
 def test_a_wander_is_straight_between_its_times_and_zero_at_the_first():
@@ -221,8 +221,8 @@ def test_a_wander_is_straight_between_its_times_and_zero_at_the_first():
     plain = extended_instance("AccelerometerBlock", {})
     for instance in (block, plain):
         instance.put(temperature=20.0, specific_force=np.ones(3)).begin()
-    seen = [instance.step(0.0, 3600.0 * 1.25)["reading"] for instance in (block, plain)]
-    assert (seen[0] - seen[1]) / G == pytest.approx([-5e-4, 0.0, 0.0], abs=1e-14)
+    acted = [instance.step(0.0, 3600.0 * 1.25)["reading"] for instance in (block, plain)]
+    assert (acted[0] - acted[1]) / G == pytest.approx([-5e-4, 0.0, 0.0], abs=1e-14)
     assert "wanders over 3.00e-03 g, by up to 2.00e-03 g an hour" in effect.sentence(
         place, {"value_2": 1e-3, "value_3": -2e-3}
     )

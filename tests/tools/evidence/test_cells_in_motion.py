@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from generator.carried import camera_attitude, drawn_motion, strapdown_record
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.bounded.programmes import chebyshev_radius
-from trihedron.tools.bounded.sets import Work
-from trihedron.tools.bounded.sweep import apart
+from trihedron.tools.bounded import Work, apart, chebyshev_radius
 from trihedron.tools.diagnosis.procedure import diagnosed
 from trihedron.tools.evidence.carried_record import carried_evidence
 from trihedron.tools.evidence.carried_run import Carried
@@ -30,7 +28,7 @@ SCALE = EffectPlace("gyro-scale-misalignment", "gyro-block")
 SCALE_STEP = EffectPlace("gyro-scale-step", "gyro-block")
 
 
-def made(
+def drawn_evidence(
     *, filmed: bool, step: float = 0.0, scale: float = 0.0, at: float = 0.5, settling: tuple[float, float] = (0.0, 1.0)
 ) -> Evidence:
     """Evidence of drawn moves; bias [rad/s] and scale factor of gyro 2 may change by a step at a part of the time.
@@ -58,7 +56,7 @@ def with_rows(evidence: Evidence, rows: Rows) -> Evidence:
 
 @cache
 def drawn_once(filmed: bool) -> Evidence:
-    return made(filmed=filmed)
+    return drawn_evidence(filmed=filmed)
 
 
 def stacked(columns: Sequence[np.ndarray]) -> np.ndarray:
@@ -69,7 +67,7 @@ def stacked(columns: Sequence[np.ndarray]) -> np.ndarray:
 @pytest.mark.parametrize("filmed", [False, True])
 def test_a_stretch_holds_what_each_time_within_it_does(filmed):
     """Columns of an effect that sets in within a stretch lie in those of the stretch, where these are known."""
-    evidence = made(filmed=filmed)
+    evidence = drawn_evidence(filmed=filmed)
     for cells in evidence.model.cells.values():
         if not isinstance(cells, Onsets):
             continue
@@ -78,41 +76,41 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
             begin, end = int(edges[low]), int(edges[high])
             within, missed = cells.range(begin, end, stacked, np.ones(3))
             assert missed == 0.0
-            kept = np.isfinite(within).all(axis=1)
-            assert kept.any()
+            known_rows = np.isfinite(within).all(axis=1)
+            assert known_rows.any()
             for row in (begin, (begin + end) // 2, end - 1):
-                target = stacked(cells.columns(row)[0])[kept]
-                scale = np.linalg.norm(within[kept], axis=0)
-                basis = within[kept][:, scale > 0.0] / scale[scale > 0.0]
-                left = target - basis @ np.linalg.lstsq(basis, target, rcond=1e-12)[0]
-                assert np.abs(left).max() < 1e-7 * np.abs(target).max()
+                target = stacked(cells.columns(row)[0])[known_rows]
+                scale = np.linalg.norm(within[known_rows], axis=0)
+                basis = within[known_rows][:, scale > 0.0] / scale[scale > 0.0]
+                remaining = target - basis @ np.linalg.lstsq(basis, target, rcond=1e-12)[0]
+                assert np.abs(remaining).max() < 1e-7 * np.abs(target).max()
 
 
 @pytest.mark.parametrize("filmed", [False, True])
 def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_is_said(filmed):
     """Straight lines between neighbours, and the few columns of a stretch, against the exponential itself."""
-    evidence, rng = made(filmed=filmed), np.random.default_rng(2)
+    evidence, rng = drawn_evidence(filmed=filmed), np.random.default_rng(2)
     cells = evidence.model.cells[WARM_UP]
     assert isinstance(cells, TimeConstants)
 
     def exactly(number: float) -> np.ndarray:
         return evidence.model.with_onset(WARM_UP, number).rows.columns_of([WARM_UP])
 
-    size, worst, told = limits_of([WARM_UP])[1], 0.0, slice(len(evidence.rows.residual))
+    size, worst, rows_of_errors = limits_of([WARM_UP])[1], 0.0, slice(len(evidence.rows.residual))
     for begin, parts in ((0, 1), (1200, 1), (1200, 5), (len(cells.times) - 81, 1)):
         numbers = begin + np.arange(80 * parts + 1) / parts
         rows, error = evidence.model._rows_of_times(WARM_UP, (), numbers)
-        rows, error = rows.chosen(told), error[told]
+        rows, error = rows.chosen(rows_of_errors), error[rows_of_errors]
         columns, missed = evidence.model._range(WARM_UP, begin, begin + 80)
         assert missed < 2e-3
         far = apart(rows, error)
-        for one in rng.uniform(0.0, 80.0 * parts, 6):
-            between, first = exactly(begin + one / parts), int(one)
-            ways = (first + 1 - one) * rows.ways[first] + (one - first) * rows.ways[first + 1]
+        for single in rng.uniform(0.0, 80.0 * parts, 6):
+            between, first = exactly(begin + single / parts), int(single)
+            ways = (first + 1 - single) * rows.ways[first] + (single - first) * rows.ways[first + 1]
             off = np.abs(rows.moving @ ways - between)
             assert (off <= error + 1e-12 * np.abs(between).max()).all()
             worst = max(worst, (off / error).max())
-            away = np.abs(rows.moving @ rows.ways[round(one)] - between)
+            away = np.abs(rows.moving @ rows.ways[round(single)] - between)
             assert (away <= far + 1e-12 * np.abs(between).max()).all()
             assert chebyshev_radius(columns, between @ size, np.ones(len(between)))[0] <= missed
     assert worst > 0.5
@@ -120,16 +118,16 @@ def test_time_constants_between_those_that_are_tried_are_missed_by_no_more_than_
 
 def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_found():
     """Of thousands of bounds none that is a part of a thousand away would stand."""
-    clean, number = made(filmed=True), 3200.5
+    clean, number = drawn_evidence(filmed=True), 3200.5
     clean = with_rows(clean, clean.rows.with_bounds([0.02 * part.bound for part in clean.rows.parts]))
-    there = clean.model.with_onset(WARM_UP, number)
-    unit, sizes = there.rows.columns_of([WARM_UP]), np.array([1.0, -0.4, 0.3])
+    with_onset = clean.model.with_onset(WARM_UP, number)
+    unit, sizes = with_onset.rows.columns_of([WARM_UP]), np.array([1.0, -0.4, 0.3])
     sizes *= 5000.0 / np.abs(unit @ sizes).max()
     noise = 0.9 * np.sign(np.random.default_rng(3).normal(size=len(unit)))
     evidence = with_rows(clean, clean.rows.with_errors(clean.rows.split(unit @ sizes + noise)))
     assert all(evidence.model.with_onset(WARM_UP, near).refit([WARM_UP]).radius > 1.2 for near in (3200, 3201))
     (fit,) = evidence.model.mended([WARM_UP], Work())
-    for true, (low, high) in zip((*sizes, there.set_in[WARM_UP]), fit.intervals()[0], strict=True):
+    for true, (low, high) in zip((*sizes, with_onset.set_in[WARM_UP]), fit.intervals()[0], strict=True):
         assert low <= true <= high
     low, high = fit.intervals()[0][-1]
     assert high / low < 1.002
@@ -137,7 +135,7 @@ def test_a_large_effect_with_a_time_constant_between_those_that_are_tried_is_fou
 
 @pytest.mark.parametrize("filmed", [False, True])
 def test_an_effect_that_sets_in_at_the_beginning_is_the_one_that_always_acts(filmed):
-    evidence = made(filmed=filmed)
+    evidence = drawn_evidence(filmed=filmed)
     latency, step = EffectPlace("latency", "gyro-block"), EffectPlace("latency-step", "gyro-block")
     first = evidence.model.with_onset(step, 0)
     assert first.rows.columns_of([step]) == pytest.approx(evidence.rows.columns_of([latency]), abs=1e-9)
@@ -149,7 +147,7 @@ def test_an_effect_that_sets_in_at_the_beginning_is_the_one_that_always_acts(fil
 
 @pytest.mark.parametrize("at", [0.23, *(pytest.param(at, marks=pytest.mark.acceptance) for at in (0.5, 0.71))])
 def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
-    evidence = made(filmed=True, step=2e-3, at=at)
+    evidence = drawn_evidence(filmed=True, step=2e-3, at=at)
     (fit,) = evidence.model.mended([STEP], Work())
     ((*sizes, start),) = fit.values()
     (intervals,) = fit.intervals()
@@ -172,7 +170,7 @@ def test_the_time_of_a_change_is_found_and_held_by_its_interval(at):
     ],
 )
 def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(filmed, part, size):
-    evidence = made(filmed=bool(filmed), settling=(size, part))
+    evidence = drawn_evidence(filmed=bool(filmed), settling=(size, part))
     assert evidence.model.radius > evidence.model.limit
     (fit,) = evidence.model.mended([WARM_UP], Work())
     (intervals,) = fit.intervals()
@@ -189,17 +187,17 @@ def test_the_time_constant_of_what_settles_is_found_and_held_by_its_interval(fil
 @pytest.mark.acceptance
 def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
     """An exponential with ten times the record's length is nearly straight; its mean is taken out."""
-    evidence = made(filmed=True)
+    evidence = drawn_evidence(filmed=True)
     cells = evidence.model.cells[WARM_UP]
     assert isinstance(cells, TimeConstants)
     assert cells.times[-1] == pytest.approx(10.0 * cells.hours[-1])
     slow = evidence.model.with_onset(WARM_UP, len(cells.times) - 1).rows.columns_of([WARM_UP])
     drift = evidence.rows.columns_of([DRIFT])
-    left = slow - drift @ np.linalg.lstsq(drift, slow, rcond=None)[0]
-    assert 0.0 < np.abs(left).max() < 0.02 * np.abs(slow).max()
+    remaining = slow - drift @ np.linalg.lstsq(drift, slow, rcond=None)[0]
+    assert 0.0 < np.abs(remaining).max() < 0.02 * np.abs(slow).max()
     assert contains([WARM_UP], [DRIFT])
     assert not contains([DRIFT], [WARM_UP])
-    drifting = made(filmed=True, settling=(0.04, 10.0))
+    drifting = drawn_evidence(filmed=True, settling=(0.04, 10.0))
     assert drifting.model.radius > drifting.model.limit
     result = diagnosed(drifting, rerun=False)
     assert (result.verdict, [cause.place for cause in result.causes]) == ("explained", [DRIFT])
@@ -210,9 +208,9 @@ def test_what_settles_slowly_is_a_drift_and_no_rival_of_it():
 @pytest.mark.parametrize("at", [0.0, pytest.param(0.5, marks=pytest.mark.acceptance)])
 def test_what_can_act_from_the_beginning_on_is_not_said_to_set_in(at):
     """The first moves hardly show a scale factor: one that always acts looks like one that sets in after them."""
-    evidence, places = made(filmed=True, scale=0.01, at=at), [SCALE, SCALE_STEP]
-    found = {place: evidence.model.mended([place], Work()) for place in places}
-    ((*_, (start, _)),) = found[SCALE_STEP][0].intervals()
+    evidence, places = drawn_evidence(filmed=True, scale=0.01, at=at), [SCALE, SCALE_STEP]
+    by_place = {place: evidence.model.mended([place], Work()) for place in places}
+    ((*_, (start, _)),) = by_place[SCALE_STEP][0].intervals()
     assert (start == 0.0) == (at == 0.0)
     result = diagnosed(evidence, rerun=False)
     assert [cause.place for cause in result.causes] == [SCALE if at == 0.0 else SCALE_STEP]
@@ -244,8 +242,8 @@ def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, pla
     clean, rng = drawn_once(filmed), np.random.default_rng(seed)
     rows, cells = clean.rows, clean.model.cells[place]
     low, high = (1000, 2400) if isinstance(cells, TimeConstants) else cells.edges[[2, -3]]
-    there = clean.model.with_onset(place, low + part * (high - low))
-    unit = there.rows.columns_of([place])
+    with_onset = clean.model.with_onset(place, low + part * (high - low))
+    unit = with_onset.rows.columns_of([place])
     sizes = rng.normal(size=unit.shape[1])
     # Some eight bounds, of sizes that are possible.
     sizes *= min(8.0 / np.abs(unit @ sizes).max(), float((0.9 * limits_of([place])[1] / np.abs(sizes)).min()))
@@ -255,23 +253,23 @@ def test_a_truth_at_any_row_or_time_constant_is_within_the_intervals(filmed, pla
     (fit,) = evidence.model.mended([place], Work())
     most_rows = evidence.model.effort.most_rows
     intervals, ends = fit.intervals(most_rows=most_rows)[0], fit.ends(0.0, most_rows)
-    for true, (least, most) in zip((*sizes, there.set_in[place]), intervals, strict=True):
+    for true, (least, most) in zip((*sizes, with_onset.set_in[place]), intervals, strict=True):
         assert least <= true <= most
     assert ((ends[:, 0] <= rows.point + steps) & (rows.point + steps <= ends[:, 1])).all()
 
 
 @pytest.mark.parametrize("at", [0.23, pytest.param(0.5, marks=pytest.mark.acceptance)])
 def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_stand(at):
-    evidence = made(filmed=True, step=2e-3, at=at)
+    evidence = drawn_evidence(filmed=True, step=2e-3, at=at)
     (fit,) = evidence.model.mended([STEP], Work())
     (intervals,) = fit.intervals()
     start, end = (np.searchsorted(evidence.model.cells[STEP].hours, hour) for hour in intervals[-1])
     single = [evidence.model.with_onset(STEP, int(row)).refit([STEP]) for row in range(start, end)]
     reached = []
-    for one in single:
-        if one.radius <= evidence.model.limit:
-            possible = one.possible()
-            reached.append([np.add(possible.ends(k), one.central[k]) for k in range(3)])
+    for at_row in single:
+        if at_row.radius <= evidence.model.limit:
+            possible = at_row.possible()
+            reached.append([np.add(possible.ends(k), at_row.central[k]) for k in range(3)])
     low, high = np.min(reached, axis=0)[:, 0], np.max(reached, axis=0)[:, 1]
     assert np.array(intervals)[:3].ravel() == pytest.approx(np.stack((low, high), axis=1).ravel(), abs=1e-9)
 
@@ -279,7 +277,7 @@ def test_intervals_of_what_sets_in_are_those_of_all_rows_of_the_windows_that_sta
 @pytest.mark.acceptance
 def test_a_gain_that_needs_gyros_that_nobody_has_is_none():
     """Beyond the limits of the components nothing can be run."""
-    evidence = made(filmed=True, step=2e-3)
+    evidence = drawn_evidence(filmed=True, step=2e-3)
     fit = evidence.model.refit([DRIFT])
     assert evidence.gain(fit) is not None
     assert (

@@ -25,27 +25,30 @@ TRUE_G = (2e-3, 0.0, 0.0, 0.0, -1e-3, 0.0, 0.0, 0.0, 1.5e-3)
 
 
 @pytest.fixture(scope="module")
-def whole():
+def full_record():
     """A record of 40 positions, with an effect on an encoder that is large: its second order counts."""
     (record,) = of_one_instrument(3, 1, positions=40, shared=[(ENCODER, (3e-3, 0.4))])
     return record
 
 
 @pytest.fixture(scope="module")
-def halves(whole):
-    rows = np.arange(len(whole))
+def halves(full_record):
+    rows = np.arange(len(full_record))
     parts = {"even": rows[::2], "odd": rows[1::2]}
-    return {label: bench_evidence(whole.selected(own), noise_bound=SIGMA) for label, own in parts.items()}
+    return {
+        label: bench_evidence(full_record.selected(rows_of_half), noise_bound=SIGMA)
+        for label, rows_of_half in parts.items()
+    }
 
 
-def test_halves_that_share_everything_are_the_whole_record(whole, halves):
+def test_halves_that_share_everything_are_the_whole_record(full_record, halves):
     """To the exact model: fits, radius and intervals, without an effect and with one beyond its first order."""
-    one, both = bench_evidence(whole, noise_bound=SIGMA), join(halves, shared=["*"])
-    assert both.rows.names == one.rows.names
-    assert both.model.baseline.radius == pytest.approx(one.model.refit(()).radius, rel=1e-6)
-    whole_fit, joint_fit = one.model.refit([ENCODER]), both.model.refit([ENCODER])
+    alone, joint = bench_evidence(full_record, noise_bound=SIGMA), join(halves, shared=["*"])
+    assert joint.rows.names == alone.rows.names
+    assert joint.model.baseline.radius == pytest.approx(alone.model.refit(()).radius, rel=1e-6)
+    whole_fit, joint_fit = alone.model.refit([ENCODER]), joint.model.refit([ENCODER])
     assert joint_fit.radius == pytest.approx(whole_fit.radius, rel=1e-6)
-    assert joint_fit.radius < 1.0 < one.model.radius
+    assert joint_fit.radius < 1.0 < alone.model.radius
     np.testing.assert_allclose(joint_fit.ends(), whole_fit.ends(), rtol=1e-6, atol=1e-10)
 
 
@@ -53,7 +56,7 @@ def test_halves_that_share_nothing_are_two_records(halves):
     """The radius of both is the larger of the two, and an interval is that of its own record."""
     apart = join(halves, own=["*"])
     assert apart.model.shared == ()
-    fits = {label: one.model.refit([ENCODER]) for label, one in halves.items()}
+    fits = {label: half.model.refit([ENCODER]) for label, half in halves.items()}
     of_each = [in_record(ENCODER, label) for label in halves]
     together = apart.model.refit(of_each)
     assert together.radius == pytest.approx(max(fit.radius for fit in fits.values()), rel=1e-6)
@@ -65,16 +68,16 @@ def test_halves_that_share_nothing_are_two_records(halves):
 
 def test_a_record_about_what_mends_it_by_itself_stands_as_with_that_effect_of_its_own(halves):
     """So a set that is not sought in several records is tried beside the others: as it acts where it was found."""
-    alone = {label: mended(one, one.model.refit([ENCODER]), [ENCODER]) for label, one in halves.items()}
+    alone = {label: mended(half, half.model.refit([ENCODER]), [ENCODER]) for label, half in halves.items()}
     of_each = [in_record(ENCODER, label) for label in halves]
-    beside, together = join(alone), join(halves)
-    assert not beside.model.falsified
+    with_own, together = join(alone), join(halves)
+    assert not with_own.model.falsified
     assert together.model.falsified
-    assert beside.model.baseline.radius == pytest.approx(together.model.refit(of_each).radius, abs=2e-3)
+    assert with_own.model.baseline.radius == pytest.approx(together.model.refit(of_each).radius, abs=2e-3)
     # One that is mended in one of them alone does not stand.
     assert join({"even": alone["even"], "odd": halves["odd"]}).model.falsified
     # What is left to all records is taken out of the fit again.
-    without = join({label: mended(one, one.model.refit([ENCODER]), []) for label, one in halves.items()})
+    without = join({label: mended(half, half.model.refit([ENCODER]), []) for label, half in halves.items()})
     assert without.model.falsified
     assert without.model.refit([ENCODER]).radius == pytest.approx(together.model.refit([ENCODER]).radius, abs=2e-3)
 
@@ -89,23 +92,23 @@ def test_what_is_the_instruments_by_default_and_by_what_is_asked():
 def test_a_shared_parameter_that_differs_in_one_record_is_found_by_how_much_it_differs():
     rng = np.random.default_rng(8)
     bench = random_bench(rng)
-    other = bench + 0.0
-    other[9] += 4e-4
-    made = {
+    changed = bench + 0.0
+    changed[9] += 4e-4
+    records = {
         "first": simulated(bench, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))),
-        "second": simulated(other, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))),
+        "second": simulated(changed, noise=rng.uniform(-SIGMA, SIGMA, (24, 3))),
     }
-    both = join({label: bench_evidence(record, noise_bound=SIGMA) for label, record in made.items()})
-    assert both.model.falsified
+    joint = join({label: bench_evidence(record, noise_bound=SIGMA) for label, record in records.items()})
+    assert joint.model.falsified
     place = Differs("parameter", "X4", record="second", unit="1")
-    assert place in both.model.places
-    fit = both.model.refit([place])
-    assert fit.radius <= both.model.limit
+    assert place in joint.model.places
+    fit = joint.model.refit([place])
+    assert fit.radius <= joint.model.limit
     ((low, high),) = fit.intervals()[0]
     assert low < 4e-4 < high
     # Of two records it is not told which one differs.
-    assert both.model.classes.equivalents(place) == (Differs("parameter", "X4", record="first", unit="1"),) or any(
-        isinstance(other, Differs) for other in both.model.classes.whole_class(place)
+    assert joint.model.classes.equivalents(place) == (Differs("parameter", "X4", record="first", unit="1"),) or any(
+        isinstance(changed, Differs) for changed in joint.model.classes.whole_class(place)
     )
 
 
@@ -123,23 +126,25 @@ def carried():
     """Two records of one block beside the true attitude, whose gyros feel gravity on both days."""
     cases = [draw_clean_block(77, k, "truth") for k in range(2)]
     same = cases[0].instrument.instruments
-    found = {}
+    evidence_of_day = {}
     for label, case in zip(("first", "second"), cases, strict=True):
         block, bias = case.instrument, {"bias": case.instrument.instruments.gyros["bias"]}
         of_day = replace(same, gyros={**same.gyros, **bias})
         hidden = Hidden(G_SENSITIVITY, TRUE_G)
         record = replace(block, instruments=of_day, temperature=None).measured(7, case.index, [hidden])
-        found[label] = carried_evidence(record)
-    return found
+        evidence_of_day[label] = carried_evidence(record)
+    return evidence_of_day
 
 
 def test_strapdown_records_share_an_effect_within_the_interval_of_each(carried):
-    both = join(carried)
-    assert both.model.falsified
-    fit = both.model.refit([G_SENSITIVITY])
-    assert fit.radius <= both.model.limit
+    joint = join(carried)
+    assert joint.model.falsified
+    fit = joint.model.refit([G_SENSITIVITY])
+    assert fit.radius <= joint.model.limit
     for (low, high), *alone in zip(
-        fit.intervals()[0], *(one.model.refit([G_SENSITIVITY]).intervals()[0] for one in carried.values()), strict=True
+        fit.intervals()[0],
+        *(day.model.refit([G_SENSITIVITY]).intervals()[0] for day in carried.values()),
+        strict=True,
     ):
         for least, most in alone:
             assert least - 1e-9 <= low <= high <= most + 1e-9

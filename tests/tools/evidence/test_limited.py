@@ -17,8 +17,8 @@ BIAS = np.array([0.01, -0.02, 0.015])
 GAMMA = np.array([[0.004, 0.0, 0.0], [-0.003, 0.006, 0.0], [0.002, -0.005, -0.004]])
 
 
-def drawn(seed: int, **more) -> StrapdownRecord:
-    return strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS, force_noise=0.01, **more)
+def drawn(seed: int, **options) -> StrapdownRecord:
+    return strapdown_record(seed=seed, gamma=GAMMA, bias_g=BIAS, force_noise=0.01, **options)
 
 
 def clipped(record: StrapdownRecord, axis: int, least: float, most: float, digits: int = 7) -> StrapdownRecord:
@@ -28,7 +28,7 @@ def clipped(record: StrapdownRecord, axis: int, least: float, most: float, digit
     return replace(record, specific_force=np.round(force, digits))
 
 
-def named(result: Diagnosis) -> list[EffectPlace]:
+def places_named(result: Diagnosis) -> list[EffectPlace]:
     return [cause.place for cause in result.causes]
 
 
@@ -38,7 +38,7 @@ def test_an_accelerometer_that_saturates_in_rests_is_named_with_its_level(axis, 
     """Clipped in the two rests where it points up or down, whatever the noise; the level is in its interval."""
     result: Any = diagnose(clipped(drawn(axis), axis, -level, level), rerun=False)
     assert result.verdict == "explained"
-    assert named(result) == [EffectPlace("saturation", f"accelerometer-{axis + 1}")]
+    assert places_named(result) == [EffectPlace("saturation", f"accelerometer-{axis + 1}")]
     (parameter,) = result.causes[0].parameters
     assert parameter.low <= level <= parameter.high
     assert parameter.high - parameter.low < 1e-7
@@ -55,7 +55,7 @@ def test_a_limit_that_is_reached_on_one_side_alone_is_saturation_where_the_other
     poses = np.delete(POSES, 3 if turned > 0.0 else 2, axis=0)
     record = drawn(5, motion=true_motion(poses))
     result: Any = diagnose(clipped(record, 1, -0.85, 0.85), rerun=False)
-    assert named(result) == [EffectPlace("saturation", "accelerometer-2")]
+    assert places_named(result) == [EffectPlace("saturation", "accelerometer-2")]
 
 
 def test_a_limit_on_one_side_of_two_is_not_named_and_said():
@@ -70,7 +70,7 @@ def test_a_limit_on_one_side_of_two_is_not_named_and_said():
 def test_two_accelerometers_at_their_limits_are_both_named():
     result: Any = diagnose(clipped(clipped(drawn(7), 0, -0.9, 0.9), 2, -0.8, 0.8), rerun=False)
     assert result.verdict == "explained"
-    assert named(result) == [EffectPlace("saturation", f"accelerometer-{p}") for p in (1, 3)]
+    assert places_named(result) == [EffectPlace("saturation", f"accelerometer-{p}") for p in (1, 3)]
 
 
 def test_a_limit_that_the_model_can_do_without_is_a_warning():

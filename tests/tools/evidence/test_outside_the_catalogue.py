@@ -60,11 +60,11 @@ def late_from_the_middle_on(time, rate, rng):
 
 def low_passed(time, rate, rng):
     """Each gyro with a time constant of its own, one of them fast."""
-    kept = np.exp(-PERIOD / np.array([0.02, 1e-4, 0.012]))
-    shown = np.array(rate)
+    retained = np.exp(-PERIOD / np.array([0.02, 1e-4, 0.012]))
+    passed = np.array(rate)
     for k in range(1, len(rate)):
-        shown[k] = rate[k] + (shown[k - 1] - rate[k]) * kept
-    return shown
+        passed[k] = rate[k] + (passed[k - 1] - rate[k]) * retained
+    return passed
 
 
 def step_of_the_bias(time, rate, rng):
@@ -88,11 +88,11 @@ def two_biases(time, rate, rng):
     return rate + changes * rng.uniform(1e-3, 3e-3, 3)
 
 
-def first_words(found: Diagnosis) -> tuple[str, str]:
+def first_words(result: Diagnosis) -> tuple[str, str]:
     """The verdict as the page's headline says it, and the terminal's lines."""
-    page = page_of(found)
+    page = page_of(result)
     assert page is not None
-    return page.verdict, str(found)
+    return page.verdict, str(result)
 
 
 @pytest.mark.acceptance
@@ -100,16 +100,16 @@ def first_words(found: Diagnosis) -> tuple[str, str]:
 @pytest.mark.parametrize("change", [swinging_scale, pytest.param(rate_in_waves, marks=pytest.mark.acceptance)])
 def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_stretches_no_bound(change, seed):
     clean = carried_evidence(drawn_record(seed, unchanged, filmed=True)[0]).reader.head()["noise_bound_arcmin"]
-    found: Any = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
-    assert (found.verdict, found.causes) == ("unexplained", ())
-    assert found.radius > 2.0
+    result: Any = diagnose(drawn_record(seed, change, filmed=True)[0], rerun=False)
+    assert (result.verdict, result.causes) == ("unexplained", ())
+    assert result.radius > 2.0
     # The bound is that of the instruments: what is hidden is not in it.
-    assert found.noise_bound_arcmin == pytest.approx(clean, rel=0.5)
-    (objection,) = [text for text in found.not_named or () if "all effects of the catalogue together" in text]
+    assert result.noise_bound_arcmin == pytest.approx(clean, rel=0.5)
+    (objection,) = [text for text in result.not_named or () if "all effects of the catalogue together" in text]
     needed, explained = map(float, re.findall(r"have to be ([0-9.]+) arcmin, .* explain ([0-9.]+);", objection)[0])
-    assert explained == pytest.approx(found.noise_bound_arcmin, rel=0.01)
+    assert explained == pytest.approx(result.noise_bound_arcmin, rel=0.01)
     assert needed > explained
-    assert all(objection in said for said in first_words(found))
+    assert all(objection in objected for objected in first_words(result))
 
 
 @pytest.mark.acceptance
@@ -117,10 +117,10 @@ def test_beside_the_true_attitude_what_is_not_in_the_catalogue_is_no_cause_and_s
 @pytest.mark.parametrize("change", [swinging_bias, pytest.param(two_biases, marks=pytest.mark.acceptance)])
 def test_a_bias_that_is_not_constant_at_rest_is_said_in_the_verdict_and_is_no_noise(change, seed):
     record, clean = (drawn_record(seed, which, filmed=False)[0] for which in (change, unchanged))
-    found, without = diagnose(record, rerun=False), carried_evidence(clean).reader.head()["noise_bound_arcmin"]
-    assert (found.verdict, found.causes) == ("unexplained", ())
-    assert found.noise_bound_arcmin < 3.0 * without
-    assert all("not constant at rest" in said for said in first_words(found))
+    result, without = diagnose(record, rerun=False), carried_evidence(clean).reader.head()["noise_bound_arcmin"]
+    assert (result.verdict, result.causes) == ("unexplained", ())
+    assert result.noise_bound_arcmin < 3.0 * without
+    assert all("not constant at rest" in objected for objected in first_words(result))
     gyros = inspect_record(record).gyros
     assert gyros is not None
     assert (gyros.verdict, gyros.standing) == ("wandering", ())
@@ -135,13 +135,13 @@ def test_biases_that_change_once_are_named_with_the_time_and_said_not_to_be_cons
     drawn_motion(rng, moves=18, rest=3.0, period=PERIOD)
     size = rng.uniform(1e-3, 3e-3, 3) * rng.choice([-1.0, 1.0], 3)
     start = rng.uniform(0.35, 0.65) * record.time_s[-1] / 3600.0
-    found: Any = diagnose(record, rerun=False)
-    assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-bias-step"])
-    (cause,) = found.causes
+    result: Any = diagnose(record, rerun=False)
+    assert (result.verdict, [cause.effect for cause in result.causes]) == ("explained", ["gyro-bias-step"])
+    (cause,) = result.causes
     for true, (low, high) in zip((*size, start), cause.intervals, strict=True):
         assert low <= true <= high
-    assert found.noise_bound_arcmin < 2.0 * carried_evidence(clean).reader.head()["noise_bound_arcmin"]
-    assert all("not constant at rest" in said for said in (first_words(found)[1], *found.warnings))
+    assert result.noise_bound_arcmin < 2.0 * carried_evidence(clean).reader.head()["noise_bound_arcmin"]
+    assert all("not constant at rest" in objected for objected in (first_words(result)[1], *result.warnings))
     gyros = inspect_record(record).gyros
     assert gyros is not None
     assert gyros.verdict == "wandering"
@@ -183,17 +183,17 @@ ALSO_ELSEWHERE = (
     [pytest.param(n, marks=pytest.mark.acceptance) if n in ALSO_ELSEWHERE else n for n in CATALOGUE],
 )
 def test_what_is_in_the_catalogue_is_named_within_the_bound_of_the_instruments(name):
-    found = diagnose(drawn_record(7, CATALOGUE[name], filmed=True)[0], rerun=False)
-    assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", [name])
+    result = diagnose(drawn_record(7, CATALOGUE[name], filmed=True)[0], rerun=False)
+    assert (result.verdict, [cause.effect for cause in result.causes]) == ("explained", [name])
 
 
 def test_without_a_rest_nothing_tells_the_noise_and_nothing_is_judged():
     rng = np.random.default_rng(3)
     time, rate, n, attitude = drawn_motion(rng, rest=0.3)
     record = strapdown_record((time, rate_cubed(time, rate, rng), n), seed=3, rate_noise=WHITE)
-    found = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
-    assert found.verdict == "insufficient"
-    assert "a rest" in str(found.missing)
+    result = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
+    assert result.verdict == "insufficient"
+    assert "a rest" in str(result.missing)
 
 
 def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
@@ -202,9 +202,9 @@ def test_fast_turns_are_not_taken_for_a_true_attitude_of_another_kind():
     time, rate, n, attitude = drawn_motion(rng)
     fast = 6.0
     record: Any = strapdown_record((time / fast, fast * rate, n), seed=2, rate_noise=WHITE)
-    found = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
+    result = diagnose(replace(record, attitude=camera_attitude(rng, attitude, 0.5 * ARCMIN)), rerun=False)
     assert np.abs(record.rate).max() > 15.0
-    assert found.verdict in ("consistent", "insufficient")
+    assert result.verdict in ("consistent", "insufficient")
 
 
 def test_means_of_flicker_noise_differ_over_a_record_as_the_allan_deviation_within_short_pieces_says():

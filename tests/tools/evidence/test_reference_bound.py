@@ -59,9 +59,9 @@ def narrow(record, least) -> Diagnosis:
     return diagnose(record, rerun=False, reference_bound=least)
 
 
-def too_large(found: Diagnosis) -> list[str]:
+def too_large(result: Diagnosis) -> list[str]:
     """What is said of errors that all effects together leave."""
-    return [text for text in found.not_named or () if "all effects of the catalogue together" in text]
+    return [text for text in result.not_named or () if "all effects of the catalogue together" in text]
 
 
 def needed(text: str) -> float:
@@ -71,59 +71,59 @@ def needed(text: str) -> float:
 @pytest.mark.acceptance
 def test_without_it_the_objection_says_what_the_true_attitude_would_have_to_err_by(without):
     assert (without.verdict, without.causes) == ("unexplained", ())
-    (said,) = too_large(without)
-    scatter = float(re.findall(r"at rest it scatters by ([0-9.]+)", said)[0])
+    (objection,) = too_large(without)
+    scatter = float(re.findall(r"at rest it scatters by ([0-9.]+)", objection)[0])
     # The cameras err by this at most: no more is needed.
-    assert 0.1 < scatter < 0.25 * needed(said) < 0.25 * (ERROR + 0.5)
-    assert said in str(without).splitlines()[0]
-    assert said in str(without)
+    assert 0.1 < scatter < 0.25 * needed(objection) < 0.25 * (ERROR + 0.5)
+    assert objection in str(without).splitlines()[0]
+    assert objection in str(without)
     helps = (without.not_named or ("",))[-1]
-    assert needed(said) <= needed(helps) <= ERROR + 0.5
+    assert needed(objection) <= needed(helps) <= ERROR + 0.5
     assert without.reference_bound_arcmin is None
 
 
 @pytest.mark.acceptance
 def test_with_the_true_bound_the_effect_is_named_and_on_whose_word_is_said(record, least, narrow):
-    found = diagnose(record, rerun=False, reference_bound=ERROR + 0.5)
-    assert (found.verdict, [cause.effect for cause in found.causes]) == ("explained", ["gyro-scale-misalignment"])
-    for (low, high), true in zip(found.causes[0].intervals, GAMMA.ravel(), strict=True):
+    result = diagnose(record, rerun=False, reference_bound=ERROR + 0.5)
+    assert (result.verdict, [cause.effect for cause in result.causes]) == ("explained", ["gyro-scale-misalignment"])
+    for (low, high), true in zip(result.causes[0].intervals, GAMMA.ravel(), strict=True):
         assert low <= true <= high
-    assert found.calibration.sigma.basis == (
+    assert result.calibration.sigma.basis == (
         "the noise of the gyros at rest, Earth's rate, and the true attitude's error at a row, as stated: 8.5 arcmin"
     )
-    assert found.to_json()["reference_bound_arcmin"] == pytest.approx(8.5)
+    assert result.to_json()["reference_bound_arcmin"] == pytest.approx(8.5)
     proviso = "his holds if the true attitude errs by 8.5 arcmin at most at any row, as stated"
     # Less would be enough, and then the intervals would miss what is true.
     assert least < 0.7 * ERROR
-    assert f"less than {least:.2f} would not do" in str(found).splitlines()[0]
+    assert f"less than {least:.2f} would not do" in str(result).splitlines()[0]
     ends = zip(narrow.causes[0].intervals, GAMMA.ravel(), strict=True)
     assert not all(low <= true <= high for (low, high), true in ends)
-    assert proviso in str(found).splitlines()[0]
-    assert proviso in str(found).splitlines()[0]
+    assert proviso in str(result).splitlines()[0]
+    assert proviso in str(result).splitlines()[0]
 
 
 @pytest.mark.acceptance
 def test_a_record_that_is_consistent_by_what_is_stated_says_so():
     # In radians it is not the number that was given.
-    found = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=303.447)
-    assert found.verdict == "consistent"
-    assert "as stated: 303.447 arcmin" in found.evidence.reader.bounds_from
-    assert "as stated" in str(found).splitlines()[0]
-    assert "as stated" in str(found).splitlines()[0]
+    result = diagnose(filmed(in_motion=0.0), rerun=False, reference_bound=303.447)
+    assert result.verdict == "consistent"
+    assert "as stated: 303.447 arcmin" in result.evidence.reader.bounds_from
+    assert "as stated" in str(result).splitlines()[0]
+    assert "as stated" in str(result).splitlines()[0]
 
 
 @pytest.mark.acceptance
 @pytest.mark.parametrize("part", [1.0, 0.9])
 def test_what_is_needed_is_enough_and_less_is_not(record, without, part):
-    (said,) = too_large(without)
-    stated = round(part * needed(said), 6)
-    found = diagnose(record, rerun=False, reference_bound=stated)
+    (objection,) = too_large(without)
+    stated = round(part * needed(objection), 6)
+    result = diagnose(record, rerun=False, reference_bound=stated)
     if part == 1.0:
-        assert too_large(found) == []
+        assert too_large(result) == []
         return
-    assert found.verdict == "unexplained"
-    (again,) = too_large(found)
-    assert needed(again) == needed(said)
+    assert result.verdict == "unexplained"
+    (again,) = too_large(result)
+    assert needed(again) == needed(objection)
     assert f"{stated:g} is stated" in again
     assert "as stated explain" in again
 

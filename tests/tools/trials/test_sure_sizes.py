@@ -11,7 +11,7 @@ from generator.stands import random_bench, record
 from trihedron.models.bench import elementary_reading
 from trihedron.models.effects import CATALOGUE, EffectPlace
 from trihedron.models.effects.last_stage import place_of
-from trihedron.tools.bounded.programmes import chebyshev_radius, spread_directions
+from trihedron.tools.bounded import chebyshev_radius, spread_directions
 from trihedron.tools.calibration import Linearisation, fit_record
 from trihedron.tools.evidence.bench_visits import circumstances_of, signature_columns
 from trihedron.tools.evidence.cells import Cell
