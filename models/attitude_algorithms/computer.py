@@ -374,15 +374,19 @@ def gauss_jordan(rows: Sequence[Sequence[Fraction]], right: Sequence[Sequence[Fr
     return solution
 
 
-WEIGHTS = tuple(
-    float(x)
-    for mixed in (False, True)
-    for samples in range(1, MOST_SAMPLES + 1)
-    for row in (
-        weights_of(samples, mixed) if not mixed or samples % 2 == 0 else [[Fraction()] * (samples + 1)] * samples
-    )
-    for x in row
-)
+def _all_weights() -> tuple[float, ...]:
+    weights: list[float] = []
+    for mixed in (False, True):
+        for samples in range(1, MOST_SAMPLES + 1):
+            rows = [[Fraction()] * (samples + 1)] * samples
+            if not mixed or samples % 2 == 0:
+                rows = weights_of(samples, mixed)
+            for row in rows:
+                weights += map(float, row)
+    return tuple(weights)
+
+
+WEIGHTS = _all_weights()
 """Of rates, then of mixed inputs, for 1 to 8 samples."""
 
 

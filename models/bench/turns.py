@@ -24,17 +24,17 @@ from .rests import small_turn
 from .table import EARTH_RATE
 
 GYRO_PARAMETERS = (
-    *(f"B{p}" for p in (1, 2, 3)),
-    *(f"M{p}{q}" for p in (1, 2, 3) for q in (1, 2, 3)),
-    *(f"S{p}{q}" for p in (1, 2, 3) for q in (1, 2, 3)),
+    "B1", "B2", "B3",
+    "M11", "M12", "M13", "M21", "M22", "M23", "M31", "M32", "M33",
+    "S11", "S12", "S13", "S21", "S22", "S23", "S31", "S32", "S33",
     "L",
-)
+)  # fmt: skip
 """Biases b [rad/s], scale factors and misalignments Γ, sensitivities S to specific force [rad/s per g], lag τ [s]."""
 
 MOMENTS = (
-    *("turn_1_cos", "turn_1_sin", "turn_1", "turn_3"),
-    *(f"{a}_{b}" for a in ("one", "cos", "sin") for b in ("one", "cos", "sin")),
-)
+    "turn_1_cos", "turn_1_sin", "turn_1", "turn_3",
+    "one_one", "one_cos", "one_sin", "cos_one", "cos_cos", "cos_sin", "sin_one", "sin_cos", "sin_sin",
+)  # fmt: skip
 """Integrals over a piece: cos β, sin β and 1 over dα; 1 over dβ; products of 1, cos, sin of α and of β over time."""
 
 BIAS, MATRIX, SENSITIVITY, LAG = slice(0, 3), slice(3, 12), slice(12, 21), 21
