@@ -520,19 +520,24 @@ def _is_determined(system: Linearisation, weights: NDArray) -> bool:
     return outside <= NOT_OUTSIDE * float(np.linalg.norm(weights))
 
 
+def simplest_directions(beyond: NDArray) -> NDArray:
+    """Return unit vectors (K, P) that span as columns (P, K) do; each has a parameter that is in no other."""
+    if not beyond.size:
+        return np.zeros((0, len(beyond)))
+    of_one = qr(beyond.T, mode="r", pivoting=True)[1][: beyond.shape[1]]
+    directions = beyond @ np.linalg.inv(beyond[of_one])
+    return (directions / np.linalg.norm(directions, axis=0)).T
+
+
 def open_directions(system: Linearisation, targets: Sequence[Target], close_by: str) -> list[Open]:
     """Return the directions that measurements leave open, each with the targets that it changes.
 
-    They are chosen so that each changes as few parameters as may be: of each some parameter is in no other.
+    They are chosen so that each changes few parameters: of each some parameter is in no other.
     """
     rank = system.span.shape[1]
     beyond = np.linalg.svd(system.span, full_matrices=True)[0][:, rank:]
-    if not beyond.size:
-        return []
-    of_one = qr(beyond.T, mode="r", pivoting=True)[1][: beyond.shape[1]]
-    directions = beyond @ np.linalg.inv(beyond[of_one])
     found = []
-    for direction in (directions / np.linalg.norm(directions, axis=0)).T:
+    for direction in simplest_directions(beyond):
         symbols = []
         for target in targets:
             if abs(target.weights @ direction) > NOT_OUTSIDE * float(np.linalg.norm(target.weights)):

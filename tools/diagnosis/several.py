@@ -21,11 +21,12 @@ from ..calibrated import (
     ReadingError,
     each_by_itself,
 )
+from ..calibration.estimates import simplest_directions
 from ..calibration.targets import corners, error_weights
 from ..errors import InputError, nearest
 from ..evidence.evidence import Evidence, undetermined, words_of
 from ..evidence.fit import Fit
-from ..evidence.joint import Joint, join
+from ..evidence.joint import LEAST_PART, Joint, join
 from ..evidence.of_record import Differs, in_record, is_asked, is_of_instrument, mended, named_alike, names_of
 from .cause import Cause, Finding, NamedEffect, SizedParameter, causes_of, centred, parameters_of
 from .helps import cross_gains
@@ -435,10 +436,25 @@ def calibrated_together(
         "convention": "A1",
         "baseline": first.baseline,
         "parameters": _where_determined(together.parameters),
-        "open": [Open(parameters=[name]) for name in missing],
+        "open": _open_directions(joint, missing),
         "of_record": of_record,
     }
     return together.model_copy(update=changed)
+
+
+def _open_directions(joint: Evidence, missing: Sequence[str]) -> list[Open]:
+    """Return the directions that the records leave open together, and what else is not determined by itself."""
+    if not missing:
+        return []
+    reader: Any = joint.reader
+    directions = np.linalg.svd(joint.rows.nominal, full_matrices=True)[2][reader.rank :]
+    names = [name for name, _ in joint.rows.names]
+    of_direction = []
+    for direction in simplest_directions(directions.T):
+        moved = [name for name, part in zip(names, direction, strict=True) if abs(part) > LEAST_PART]
+        of_direction.append(Open(parameters=moved))
+    in_some = {name for direction in of_direction for name in direction.parameters}
+    return of_direction + [Open(parameters=[name]) for name in missing if name not in in_some]
 
 
 def _where_determined(parameters: Sequence[Parameter]) -> list[Parameter]:

@@ -310,15 +310,20 @@ class JointReader(Reader):
         """The model whose shared parameters have one value."""
         return {"baseline_model": "shared parameters"}
 
+    @property
+    def rank(self) -> int:
+        """How many directions of the parameters all records together determine."""
+        values = np.linalg.svd(self.rows.nominal, compute_uv=False)
+        return int((values > max(member.rows.least_singular for member in self.model.members)).sum())
+
     def missing(self) -> Mapping[str, Any]:
         """Parameters that all records together do not determine; no more readings than parameters prove nothing."""
         model, rows = self.model, self.rows
         if not rows.names:
             return {}
         ends = model.baseline.ends(model.room, model.effort.most_rows)
-        _, values, directions = np.linalg.svd(rows.nominal, full_matrices=True)
-        rank = int((values > max(member.rows.least_singular for member in model.members)).sum())
-        loose = np.abs(directions[rank:]).max(axis=0, initial=0.0) > LEAST_PART
+        directions = np.linalg.svd(rows.nominal, full_matrices=True)[2]
+        loose = np.abs(directions[self.rank :]).max(axis=0, initial=0.0) > LEAST_PART
         missing = []
         for (name, unit), (low, high), is_loose in zip(rows.names, ends, loose, strict=True):
             wide = unit == "1" and high - low > 2.0 * LARGEST
