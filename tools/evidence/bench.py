@@ -47,7 +47,6 @@ from .bench_predictions import (
     separating_positions,
     simulate_rows,
 )
-from .bench_scenario import extension_of_bench
 from .bench_search import (
     SECOND_ORDER,
     BenchSearch,
@@ -56,7 +55,7 @@ from .bench_search import (
 from .bench_visits import Circumstances, circumstances_of, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
 from .evidence import Effort, Evidence, Reader, Trial, own_with, parameters_with
-from .extension import Extension, Sized
+from .extension import Extension, Sized, extension_of_bench
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
 from .power import powers

@@ -38,18 +38,16 @@ from .bench import (
     bench_limit,
     untried_in,
 )
-from .bench_again import effects_of_model, simulated_turns
-from .bench_in_time import NOT_EXCLUDED, SLACK, SLIP, Moving, TurnsInTime, fades
+from .bench_in_time import NOT_EXCLUDED, SLACK, SLIP, Moving, TurnsInTime, effects_of_model, fades, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
 from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
-from .bench_scenario import extension_of_bench
 from .bench_search import BenchSearch
 from .bench_visits import Circumstances, is_linear
 from .carried import SHOWN_BY
 from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
 from .evidence import Effort, Evidence, Trial, linear_fit
-from .extension import Extension, Sized, Start
+from .extension import Extension, Sized, Start, extension_of_bench
 from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .pairs import Pair

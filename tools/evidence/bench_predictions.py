@@ -30,9 +30,9 @@ from ..calibration.model import (
 )
 from ..orchestrator import run_scenario
 from .bench_model import LARGEST_OF_BENCH, MAX_LEVERAGE, Cast, Readings, fitted, leverages
-from .bench_scenario import COMPONENTS, READINGS, Visited, can_be_run
 from .bench_visits import Circumstances, Visits, acted_on, is_linear, readings_at, signature_columns, untold_readings
 from .cells import Cell
+from .extension import READINGS, TABLE_AND_BLOCK, Visited, can_be_run
 from .fit import Fit, Gain, contains, gain_of, with_effects
 
 SEPARATING_STEP_DEG, DENSE_STEP_DEG = 5.0, 15.0
@@ -477,7 +477,7 @@ def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -
             values = dict(zip(TARGETS, p.selection[index] @ bench, strict=True))
             parameters = component_parameters(values, gravity, p.matrices[index])
             fmus = with_effects(
-                {name: (component, parameters[component]) for name, component in COMPONENTS.items()},
+                {name: (component, parameters[component]) for name, component in TABLE_AND_BLOCK.items()},
                 effect_entries(fit),
             )
             visited = Visited.of(readings, commands, rows_mounted)

@@ -1,21 +1,58 @@
-"""Components that start with what was found of a record, and scenarios with which they give the record again."""
+"""Components that start with what was found of a record, and scenarios with which they give the record again.
+
+Of a record of a table each rest lies about the time of its row, so that what a run averages over it belongs to that
+row; the first begins with the run, for there the hours begin.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...fmus import build
 from ...fmus.catalogue import COMPONENTS
 from ...fmus.component import Component, can_extend, extend, started
-from ...fmus.parameters import Parameters, parameter_set
+from ...fmus.parameters import Parameters, component_parameters, elements_of, parameter_set
+from ...models.bench import TARGETS
 from ...models.effects import EffectPlace, parameter_name
 from ..bounded.programmes import Interval
 from ..files import whole_file
 from ..orchestrator.scenario import Scenario, write_scenario
+from .bench_model import Readings
+from .bench_visits import Circumstances
+from .fit import Fit
 
 Sized = Mapping[EffectPlace, tuple[Sequence[float], Sequence[Interval]]]
 """Effects, each with the values of its parameters and the intervals of these."""
+FAST = 1e6
+"""Rate [rad/s] and acceleration [rad/s²] of a simulated table whose moves take no time to speak of."""
+APPROACH = 0.02
+"""From so far [rad] the simulated table comes to a position in the sense of the record."""
+STEPS_PER_GAP = 64
+"""Steps in the shortest time between two rows."""
+HALF_REST = 12
+"""Steps for which the table stands at a position before its time, and after it."""
+SHORT_STOP = 6
+"""Steps of a stop that no search for rests takes for one."""
+MAX_STEPS = 400_000
+"""A record whose rows crowd together within a long time is not simulated again."""
+RUN_OF_TABLE: dict[str, object] = {
+    "encoder_fluctuation_bound": 0.0,
+    "earth_rotation": False,
+    "max_rate": [FAST, FAST],
+    "max_acceleration": [FAST, FAST],
+}
+"""Parameters of the table that belong to such a run."""
+TABLE_AND_BLOCK = {"table": "TurntableMotion", "block": "AccelerometerBlock"}
+FED = {"specific_force": "specific_force", "angle": "angle", "block_rate": "rate"}
+"""What the block hears of the table, effects' needs among it: outputs and the inputs that they feed."""
+READINGS = {f"f{p}_mps2": f"block.reading[{p}]" for p in (1, 2, 3)}
+ANGLES = {"alpha_deg": "table.angle_reading[1]", "beta_deg": "table.angle_reading[2]"}
+"""Columns of a record, and what is recorded as them."""
 
 
 @dataclass(frozen=True)
@@ -82,3 +119,144 @@ class Extension:
         for name, scenario in self.scenarios.items():
             files += write_scenario(scenario, folder / f"{name}.toml")
         return files
+
+
+# Records of a table
+
+
+@dataclass(frozen=True)
+class Visited:
+    """Positions that are visited one after the other.
+
+    `commands` (n, 2): angles [rad] to which the table is brought; `senses`, `moved` (n, 2): sense of the last move of
+    each axis, and whether it turned on the way; `circumstances`: of each position. Where the record says in which sense
+    a position was reached the table comes to it in that sense, else straight from the position before.
+    """
+
+    commands: NDArray[np.float64]
+    senses: NDArray[np.float64]
+    moved: NDArray[np.bool_]
+    circumstances: Circumstances
+
+    @staticmethod
+    def of(readings: Readings, commands: NDArray, rows: NDArray) -> "Visited":
+        """Some rows (n,) of int of a record, with the commands (N, 2) of all."""
+        moved, mine = np.stack(readings.moved_axes(), axis=1)[rows], readings.circumstances.selected(rows)
+        senses = np.stack((mine.sense_alpha, mine.sense_beta), axis=1)
+        # The shorter turn from position to position has the sense that is concluded from them.
+        turns = np.remainder(np.diff(commands[rows], axis=0) + np.pi, 2.0 * np.pi) - np.pi
+        straight = commands[rows[0]] + np.vstack([np.zeros((1, 2)), np.cumsum(turns, axis=0)])
+        return Visited(commands[rows] if mine.approached else straight, senses, moved, mine)
+
+    @property
+    def seconds(self) -> NDArray[np.float64]:
+        """Times (n,) [s] since the record's first row."""
+        return 3600.0 * self.circumstances.hours
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times (n,) [s] of the record."""
+        return self.circumstances.began + self.seconds
+
+    @property
+    def step(self) -> float:
+        """Step of a run [s]."""
+        return smallest_gap(self.circumstances) / STEPS_PER_GAP
+
+    @property
+    def away(self) -> NDArray[np.float64]:
+        """What each position differs by (n, 2) [rad] from where the table comes to it from."""
+        # An axis that did not turn must not decide the inputs' senses, but where neither did.
+        turning = self.moved | ~self.moved.any(axis=1, keepdims=True)
+        return APPROACH * self.senses * turning
+
+    def rows(self) -> dict[str, NDArray[np.float64]]:
+        """Timed rows of commands [rad] and temperature: each holds from its time on.
+
+        Between rests the table swings about the position before, so that no stop there is taken for one.
+        """
+        seconds, longest, half = self.seconds, SHORT_STOP * self.step, HALF_REST * self.step
+        # A command is where the table stands at the end of the step that it is given for.
+        arrive, leave = np.maximum(seconds - half - self.step, 0.0), seconds + half - self.step
+        temperature = self.circumstances.temperature
+        degrees = np.full(len(seconds), 20.0) if temperature is None else temperature
+        rows = []
+        for k, (command, away) in enumerate(zip(self.commands, self.away, strict=True)):
+            begin, before = (leave[k - 1], self.commands[k - 1]) if k else (0.0, command)
+            stops = math.ceil((arrive[k] - begin) / longest - 1e-6)
+            # Straight from one position to the next: the last stop is where the table stood.
+            stops += stops % 2 if not self.circumstances.approached else 0
+            swung = before - (away if away.any() else APPROACH)
+            places = [before if n % 2 else swung for n in range(stops)]
+            if stops and self.circumstances.approached:
+                places[-1] = command - away
+            times = begin + (arrive[k] - begin) * np.arange(stops) / max(stops, 1)
+            # What follows the temperature with a lag needs it on the way, too.
+            warmth = [*np.interp(times + 0.5 * longest, seconds, degrees), degrees[k]]
+            timed = zip([*times, arrive[k]], [*places, command], warmth, strict=True)
+            rows += [(self.circumstances.began + time, *place, warm) for time, place, warm in timed]
+        names = ("time_s", "alpha_rad", "beta_rad", "temperature_degC")
+        return dict(zip(names, np.array(rows).T, strict=True))
+
+    def scenario(self, title: str, fmus: Mapping[str, Mapping[str, Any]], columns: Mapping[str, str]) -> Scenario:
+        """The run of the FMUs `table` and `block`, each as a scenario file says it; `columns` are recorded of them."""
+        initial = (self.commands[0] - self.away[0]).tolist()
+        own = {**RUN_OF_TABLE, "initial_angle": initial, **fmus["table"].get("parameters", {})}
+        driven = {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"}
+        driven |= dict.fromkeys(("table.temperature", "block.temperature"), "temperature_degC")
+        began, steps = self.circumstances.began, math.ceil(self.seconds[-1] / self.step) + HALF_REST
+        timed = {name: values.tolist() for name, values in self.rows().items()}
+        said = {
+            "schema": "trihedron.scenario/1",
+            "title": title,
+            "run": {"start_s": began, "step_s": self.step, "stop_s": began + steps * self.step},
+            "fmus": {**fmus, "table": {**fmus["table"], "parameters": own}},
+            "connections": [{"from": f"table.{given}", "to": f"block.{name}"} for given, name in FED.items()],
+            "stimuli": [{"table": timed, "columns": driven}],
+            "record": {"columns": dict(columns)},
+        }
+        return Scenario.model_validate(said)
+
+
+def extension_of_bench(readings: Readings, fit: Fit, ends: NDArray, effects: Sized, gravity: float) -> Extension:
+    """Table and block that start with a fit's parameters, ends (P, 2), and with effects; a run for each mounting.
+
+    `gravity` is the model's g [m/s²]. The FMUs start with the first mounting; what another one changes stands in its
+    scenario.
+    """
+    p, point = readings.parametrisation, fit.estimate[: len(fit.point)]
+    at = readings.true_angles(point, [(place, fit.stated[block]) for place, block, _ in fit.ways])
+    commands = np.stack((at.alpha, at.beta), axis=1)
+    starts, scenarios = [], {}
+    for index, (mounting, matrix) in enumerate(zip(p.mountings, p.matrices, strict=True)):
+        # Of each target which parameter it is.
+        own, columns = "" if index == 0 else f"-{index + 1}", np.argmax(p.selection[index], axis=1)
+
+        def said(values: NDArray, columns: NDArray = columns, matrix: NDArray = matrix) -> dict[str, Parameters]:
+            return component_parameters(dict(zip(TARGETS, values[columns].tolist(), strict=True)), gravity, matrix)
+
+        found, low, high, depends = (said(v) for v in (point, *ends.T, np.full(len(point), np.nan)))
+        fmus: dict[str, dict[str, Any]] = {}
+        for name, component in TABLE_AND_BLOCK.items():
+            fmus[name] = {"fmu": f"{component}.fmu"}
+            least, most, told = (elements_of(values[component]) for values in (low, high, depends))
+            intervals = {element: (least[element], most[element]) for element, v in told.items() if np.isnan(v)}
+            if index == 0 or name == "table":
+                starts.append(Start.of(component, found[component], intervals, effects, own))
+        if index:
+            fmus["table"]["parameters"] = {key: found["TurntableMotion"][key] for key in ("mounting", "mounting_error")}
+        visited = Visited.of(readings, commands, np.flatnonzero(at.mounting == index))
+        if can_be_run(visited.circumstances):
+            title = f"the positions of a record again, with what was found of it (mounting {mounting})"
+            scenarios[f"scenario{own}"] = visited.scenario(title, fmus, ANGLES | READINGS)
+    return Extension(starts, scenarios)
+
+
+def smallest_gap(circumstances: Circumstances) -> float:
+    """Shortest time [s] between two rows."""
+    return float(np.diff(3600.0 * circumstances.hours).min()) if len(circumstances.hours) > 1 else 8.0
+
+
+def can_be_run(circumstances: Circumstances) -> bool:
+    """Whether a run through all rows has not too many steps."""
+    return 3600.0 * circumstances.hours[-1] * STEPS_PER_GAP <= MAX_STEPS * smallest_gap(circumstances)

@@ -20,8 +20,8 @@ from trihedron.tools.diagnosis.dependence import dependence
 from trihedron.tools.diagnosis.hypothesis import answered, places_of
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence import bench_in_motion
-from trihedron.tools.evidence.bench_again import simulated_turns
 from trihedron.tools.evidence.bench_in_motion import whole_evidence
+from trihedron.tools.evidence.bench_in_time import simulated_turns
 from trihedron.tools.evidence.observation import Travel, approached
 from trihedron.tools.evidence.pairs import Form
 from trihedron.tools.evidence.rows import reading_at
