@@ -121,6 +121,7 @@ class CarriedReader(RecordReader):
     is more than one bound; `limits` are those that the accelerometers show in rests.
     """
 
+    model: Carried
     bounds_from: str = ""
     least_radius: float | None = None
     limits: tuple[ReadOff, ...] = ()
@@ -427,8 +428,8 @@ class CarriedRerun:
         undone = {p: (p.definition.component, p.definition.stage) == ("GyroBlock", "reading_effects") for p in effects}
         places = [p for p in effects if p in rows.places and undone[p]]
         sizes = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
-        effects = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), sizes]))
-        return places, {"rate": None, "increment": compensated_increments(model.motion, effects, model.found.gravity)}
+        values = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), sizes]))
+        return places, {"rate": None, "increment": compensated_increments(model.motion, values, model.found.gravity)}
 
     def extension(self, fit: Fit, effects: Sized) -> Extension:
         """Gyros, attitude computer and, where gravity is the reference, accelerometers as they are found, and a run.

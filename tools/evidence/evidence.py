@@ -362,7 +362,7 @@ class Lengths:
     """
 
     quoted: int
-    model_of: Callable[..., Model]
+    model_of: Callable[..., Any]
     as_measured: Rows | None
     would_need: Callable[[Sequence[EffectPlace]], str]
 
@@ -448,9 +448,12 @@ class Reader:
 @final
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What a record says against a model: its rows, the model that is fitted to them, the reader of both."""
+    """What a record says against a model: its rows, the model that is fitted to them, the reader of both.
 
-    model: Model
+    The engine asks the model what `Model` has; what else it is, its own kind of record knows.
+    """
+
+    model: Any
     reader: Reader
 
     @staticmethod
@@ -487,7 +490,7 @@ def trials_in_time(rows: Rows, fit: Fit) -> Iterator[Trial]:
 
 
 def own_with(
-    model: Model, effects: Mapping[EffectPlace, NDArray]
+    model: Any, effects: Mapping[EffectPlace, NDArray]
 ) -> tuple[list[EffectPlace], NDArray[np.float64], NDArray[np.float64]]:
     """Those of some effects that a record can show, their given coefficients (K,), and its own parameters (P,).
 

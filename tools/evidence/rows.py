@@ -70,7 +70,7 @@ class Part:
     @property
     def middles(self) -> NDArray[np.float64]:
         """The middle row of each piece (S,)."""
-        return 0.5 * (self.pieces.first + self.pieces.last)
+        return np.asarray(0.5 * (self.pieces.first + self.pieces.last), dtype=float)
 
     def selected(self, index: NDArray) -> "Part":
         """Some of the pieces: mask or numbers."""
