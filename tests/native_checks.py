@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from native_driver import DISCARD, ERROR, OK, Library
 
@@ -41,10 +42,11 @@ class Subject:
                 return e
         return None
 
-    def refused(self, call: Callable[[], int], *, status: int = ERROR) -> str:
-        """The message with which a call is refused; anything else is a failure."""
+    def refused(self, call: Callable[..., Any], *arguments: Any, status: int = ERROR) -> str:
+        """The message with which a call is refused; anything else is a failure. A status may stand before values."""
         before = len(self.library.log)
-        actual = call()
+        answer = call(*arguments)
+        actual = answer[0] if isinstance(answer, tuple) else answer
         assert actual == status, f"status {actual} instead of {status}"
         lines = self.library.log[before:]
         assert len(lines) == 1, f"{len(lines)} log lines"
@@ -142,7 +144,7 @@ def check_every_call_in_every_phase(subject: Subject) -> None:
             if phase in ALLOWED[name]:
                 assert call(instance) == OK, f"{name} {phase}: {library.log[-1:]}"
             else:
-                subject.refused(lambda call=call, instance=instance: call(instance))
+                subject.refused(call, instance)
             assert library.call("Reset", instance) == OK
             library.start(instance)
             assert library.step(instance, 0.0, 0.01) == OK
@@ -155,10 +157,10 @@ def check_that_the_experiment_is_set_up(subject: Subject) -> None:
     if library.fmi == 3:
         return
     instance = subject.new()
-    assert "SetupExperiment" in subject.refused(lambda: library.call("EnterInitializationMode", instance))
+    assert "SetupExperiment" in subject.refused(library.call, "EnterInitializationMode", instance)
     assert library.enter(instance) == OK
     assert library.call("Reset", instance) == OK
-    assert "SetupExperiment" in subject.refused(lambda: library.call("EnterInitializationMode", instance))
+    assert "SetupExperiment" in subject.refused(library.call, "EnterInitializationMode", instance)
     library.start(instance)
     library.free(instance)
 
@@ -216,38 +218,38 @@ def check_values(subject: Subject) -> None:
     assert library.enter(instance) == OK
     last = subject.table[-1].references[-1]
     for beyond in (last + 1, last + 2, 100_000):
-        assert "no value reference" in subject.refused(lambda r=beyond: library.get(instance, "real", [r], 1)[0])
-    assert "no value reference" in subject.refused(lambda: library.set(instance, "real", [2**32 - 1], [1.0]))
-    assert "another type" in subject.refused(lambda: library.get(instance, "boolean", [0], 1)[0])
+        assert "no value reference" in subject.refused(library.get, instance, "real", [beyond], 1)
+    assert "no value reference" in subject.refused(library.set, instance, "real", [2**32 - 1], [1.0])
+    assert "another type" in subject.refused(library.get, instance, "boolean", [0], 1)
     counts = [ct.c_size_t(1)] if library.fmi == 3 else []
     texts = ((ct.c_uint * 1)(1), ct.c_size_t(1), (ct.c_char_p * 1)(b"text"), *counts)
     for call in ("GetString", "SetString"):
-        assert "no variable" in subject.refused(lambda call=call: library.call(call, instance, *texts))
+        assert "no variable" in subject.refused(library.call, call, instance, *texts)
     name = "Real" if library.fmi == 2 else "Float64"
     for arrays in (
         (None, ct.c_size_t(1), (ct.c_double * 1)(), *counts),
         ((ct.c_uint * 1)(0), ct.c_size_t(1), None, *counts),
     ):
-        assert "missing" in subject.refused(lambda arrays=arrays: library.call(f"Get{name}", instance, *arrays))
-        assert "missing" in subject.refused(lambda arrays=arrays: library.call(f"Set{name}", instance, *arrays))
+        assert "missing" in subject.refused(library.call, f"Get{name}", instance, *arrays)
+        assert "missing" in subject.refused(library.call, f"Set{name}", instance, *arrays)
     assert library.call(f"Get{name}", instance, None, ct.c_size_t(0), None, *[ct.c_size_t(0)] * len(counts)) == OK
     array = next((e for e in subject.table if e.count > 1 and e.kind == "real"), None)
     if library.fmi == 3 and array is not None:
         for wrong in (array.count - 1, array.count + 1, 0):
-            message = subject.refused(lambda wrong=wrong: library.get(instance, "real", array.references, wrong)[0])
+            message = subject.refused(library.get, instance, "real", array.references, wrong)
             assert f"{wrong} values are given for {array.count} elements" in message
     parameter = subject.find("parameter")
     if parameter is not None:
         for value in (math.nan, math.inf):
             values = [*parameter.starts[:-1], value]
-            message = subject.refused(lambda v=values: library.set(instance, "real", parameter.references, v))
+            message = subject.refused(library.set, instance, "real", parameter.references, values)
             assert "not a finite number" in message
         status, current = library.get(instance, "real", parameter.references, parameter.count)
         assert (status, current) == (OK, parameter.starts)
     choice = subject.find("parameter", kind="enumeration")
     if choice is not None:
-        assert "outside" in subject.refused(lambda: library.set(instance, "enumeration", choice.references, [0]))
-        assert "outside" in subject.refused(lambda: library.set(instance, "enumeration", choice.references, [10**6]))
+        assert "outside" in subject.refused(library.set, instance, "enumeration", choice.references, [0])
+        assert "outside" in subject.refused(library.set, instance, "enumeration", choice.references, [10**6])
     library.free(instance)
 
 
@@ -255,8 +257,8 @@ def check_time(subject: Subject) -> None:
     """Steps that are none, from elsewhere, past the end; a last step of nothing does no harm."""
     library = subject.library
     instance = subject.new()
-    assert "before the start" in subject.refused(lambda: library.enter(instance, 2.0, 1.0))
-    assert "not a finite number" in subject.refused(lambda: library.enter(instance, math.nan))
+    assert "before the start" in subject.refused(library.enter, instance, 2.0, 1.0)
+    assert "not a finite number" in subject.refused(library.enter, instance, math.nan)
     assert library.enter(instance, 1.0, 2.0) == OK
     assert library.leave(instance) == OK
     for time, step in (
@@ -269,7 +271,7 @@ def check_time(subject: Subject) -> None:
         (0.0, 0.1),
         (1.0, 1.5),
     ):
-        subject.refused(lambda t=time, h=step: library.step(instance, t, h))
+        subject.refused(library.step, instance, time, step)
     for k in range(10):
         assert library.step(instance, 1.0 + k * 0.1, 0.1) == OK, library.log
     outputs = [e for e in subject.table if e.causality == "output"]
@@ -281,7 +283,7 @@ def check_time(subject: Subject) -> None:
     if library.fmi == 3:
         places = [ct.c_bool(True), None, None, None, None]
         assert "no place" in subject.refused(
-            lambda: library.call("DoStep", instance, ct.c_double(2.0), ct.c_double(0.1), *places)
+            library.call, "DoStep", instance, ct.c_double(2.0), ct.c_double(0.1), *places
         )
     library.free(instance)
 
@@ -320,17 +322,17 @@ def check_states(subject: Subject) -> None:
     assert carried.value is None
     assert library.discard(second, carried) == OK
     for wrong in (b"", block[:-1], block + b"\0", bytes(len(block)), block[:-8] + b"damaged!", b"\xff" * len(block)):
-        subject.refused(lambda wrong=wrong: library.deserialise(first, wrong)[0])
+        subject.refused(library.deserialise, first, wrong)
     for at in (0, 9, 17, 25, 33, 40, len(block) - 1):
         flipped = block[:at] + bytes([block[at] ^ 4]) + block[at + 1 :]
-        subject.refused(lambda flipped=flipped: library.deserialise(first, flipped)[0])
+        subject.refused(library.deserialise, first, flipped)
     blob = ct.create_string_buffer(block[:32] + bytes(len(block) - 32), len(block))
-    subject.refused(lambda: library.restore(first, ct.cast(blob, ct.c_void_p)))
-    subject.refused(lambda: library.restore(first, ct.c_void_p(None)))
-    subject.refused(lambda: library.call(f"Get{library.state_word}", first, None))
-    subject.refused(lambda: library.call(f"Serialize{library.state_word}", first, state, None, ct.c_size_t(len(block))))
-    subject.refused(lambda: library.call(f"Serialize{library.state_word}", first, state, blob, ct.c_size_t(3)))
-    subject.refused(lambda: library.call(f"Serialized{library.state_word}Size", first, state, None))
+    subject.refused(library.restore, first, ct.cast(blob, ct.c_void_p))
+    subject.refused(library.restore, first, ct.c_void_p(None))
+    subject.refused(library.call, f"Get{library.state_word}", first, None)
+    subject.refused(library.call, f"Serialize{library.state_word}", first, state, None, ct.c_size_t(len(block)))
+    subject.refused(library.call, f"Serialize{library.state_word}", first, state, blob, ct.c_size_t(3))
+    subject.refused(library.call, f"Serialized{library.state_word}Size", first, state, None)
     assert library.discard(first, state) == OK
     library.free(first)
     library.free(second)
@@ -355,7 +357,7 @@ def check_logging(subject: Subject) -> None:
         assert library.step(instance, 0.0, 0.1) == ERROR
         assert len(library.log) == before + logged, names
     for wrong in ((ct.c_char_p * 1)(b"logNothing"), (ct.c_char_p * 1)(None), None):
-        subject.refused(lambda w=wrong: library.call("SetDebugLogging", instance, yes, ct.c_size_t(1), w))
+        subject.refused(library.call, "SetDebugLogging", instance, yes, ct.c_size_t(1), wrong)
     assert library.call("SetDebugLogging", instance, no, ct.c_size_t(0), None) == OK
     before = len(library.log)
     assert library.step(instance, 0.0, 0.1) == ERROR
@@ -373,27 +375,25 @@ def check_what_is_lacking(subject: Subject) -> None:
         real = (ct.c_double * 1)()
         order = (ct.c_int * 1)(1)
         for name in ("SetRealInputDerivatives", "GetRealOutputDerivatives"):
-            subject.refused(lambda n=name: library.call(n, instance, reference, ct.c_size_t(1), order, real))
+            subject.refused(library.call, name, instance, reference, ct.c_size_t(1), order, real)
         size = ct.c_size_t(1)
         subject.refused(
-            lambda: library.call("GetDirectionalDerivative", instance, reference, size, reference, size, real, real)
+            library.call, "GetDirectionalDerivative", instance, reference, size, reference, size, real, real
         )
-        subject.refused(lambda: library.call("CancelStep", instance))
+        subject.refused(library.call, "CancelStep", instance)
         for name in ("GetStatus", "GetIntegerStatus", "GetStringStatus"):
-            subject.refused(lambda n=name: library.call(n, instance, 0, real), status=DISCARD)
+            subject.refused(library.call, name, instance, 0, real, status=DISCARD)
         last = ct.c_double()
         assert library.call("GetRealStatus", instance, 2, ct.byref(last)) == OK
         assert last.value == 0.0
-        subject.refused(lambda: library.call("GetRealStatus", instance, 0, ct.byref(last)), status=DISCARD)
+        subject.refused(library.call, "GetRealStatus", instance, 0, ct.byref(last), status=DISCARD)
     else:
         for name in ("EnterEventMode", "EnterStepMode", "EnterConfigurationMode", "EnterContinuousTimeMode"):
-            subject.refused(lambda n=name: library.call(n, instance))
+            subject.refused(library.call, name, instance)
         count = ct.c_size_t()
-        subject.refused(lambda: library.call("GetNumberOfContinuousStates", instance, ct.byref(count)))
+        subject.refused(library.call, "GetNumberOfContinuousStates", instance, ct.byref(count))
         for kind in ("Float32", "Int8", "UInt64", "Binary"):
-            subject.refused(
-                lambda k=kind: library.call(f"Get{k}", instance, reference, ct.c_size_t(1), None, None, ct.c_size_t(1))
-            )
+            subject.refused(library.call, f"Get{kind}", instance, reference, ct.c_size_t(1), None, None, ct.c_size_t(1))
     library.free(instance)
 
 
