@@ -21,8 +21,7 @@ from trihedron.tools.bounded import (
     solver,
 )
 from trihedron.tools.bounded import solved as highs_solved
-from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.kinds import evidence_of
+from trihedron.tools.diagnosis import diagnose, evidence_of
 from trihedron.tools.trials import NOISE_BOUND, Case, Hidden, diagnosed_case, draw_bench
 
 pytestmark = pytest.mark.benchmark_ratio

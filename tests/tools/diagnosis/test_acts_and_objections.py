@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis.cause import Cause, Finding
+from trihedron.tools.diagnosis import Cause
+from trihedron.tools.diagnosis.cause import Finding
 from trihedron.tools.diagnosis.witness import Witness
 from trihedron.tools.evidence.evidence import Trial, Worst
 from trihedron.tools.evidence.fit import Fit

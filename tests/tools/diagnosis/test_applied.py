@@ -14,8 +14,7 @@ from generator.positions import of_one_instrument
 from trihedron.models.effects import EffectPlace
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.cli import main
-from trihedron.tools.diagnosis import Diagnosis, applied_to, evidence_of
-from trihedron.tools.diagnosis.cause import Cause
+from trihedron.tools.diagnosis import Cause, Diagnosis, applied_to, evidence_of
 from trihedron.tools.diagnosis.result import Explanation, OneRecord
 from trihedron.tools.errors import InputError
 from trihedron.tools.evidence.evidence import undetermined

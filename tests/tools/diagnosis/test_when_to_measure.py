@@ -11,8 +11,7 @@ import pytest
 
 from generator.stands import random_bench, simulated
 from trihedron.models.effects import EffectPlace
-from trihedron.tools.diagnosis import diagnose
-from trihedron.tools.diagnosis.result import Diagnosis
+from trihedron.tools.diagnosis import Diagnosis, diagnose
 from trihedron.tools.records import PositionRecord
 from trihedron.tools.reports import page_of
 from trihedron.tools.trials import NOISE_BOUND

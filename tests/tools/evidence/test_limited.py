@@ -90,3 +90,18 @@ def test_a_limit_that_the_model_can_do_without_is_a_warning():
 def test_no_sound_record_shows_a_limit():
     for seed in range(4):
         assert carried_evidence(drawn(20 + seed)).reader.read_off == ()
+
+
+@pytest.mark.acceptance
+def test_a_limit_stands_beside_what_the_other_rests_show():
+    """Gyros that depend on gravity are named without the limit, and with it, too."""
+    sensitivity = 3e-3 * np.array([[1.0, 0.0, 0.5], [0.0, -1.0, 0.0], [0.0, 0.5, 1.0]])
+    record = strapdown_record(seed=8, bias_g=np.array([0.01, -0.02, 0.015]), force_noise=0.01, sensitivity=sensitivity)
+    of_gyros = EffectPlace("gyro-g-sensitivity", "gyro-block")
+    for limited, expected in (
+        (record, [of_gyros]),
+        (clipped(record, 1, -0.8, 0.8, digits=16), [EffectPlace("saturation", "accelerometer-2"), of_gyros]),
+    ):
+        result: Any = diagnose(limited)
+        assert (result.verdict, places_named(result)) == ("explained", expected)
+        assert result.gain.held_out_rms_after < result.gain.held_out_rms_before
