@@ -9,4 +9,4 @@ from .session import Measured as Measured
 from .session import Session as Session
 from .session import SessionOptions as SessionOptions
 from .visits import Present as Present
-from .visits import TableVisit as TableVisit
+from .visits import RestVisit as RestVisit

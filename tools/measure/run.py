@@ -17,7 +17,7 @@ from ..records import PositionRecord, read_record, write_record
 from .programme import TableProgramme
 from .readings import RecordLines, Source, by_count
 from .session import Ending, Measured, Session, SessionOptions, measured
-from .visits import Present, TableVisit, Watch
+from .visits import Present, RestVisit, Watch
 
 PAUSE_S = 0.1
 """Between two looks at a source from which nothing came."""
@@ -279,7 +279,7 @@ class Measurement:
         self._visited(self.watch.end())
         self.files.positions(self.session.record())
 
-    def _visited(self, visits: Sequence[TableVisit]) -> None:
+    def _visited(self, visits: Sequence[RestVisit]) -> None:
         for visit in visits:
             self.session = self.session.after(visit)
             self.news.append(("visit", visit))

@@ -24,7 +24,7 @@ from ..records.channels import Channels
 from ..result import Result
 from ..rounding import exactly
 from .programme import SAME_DEG, TableProgramme, TableSetting
-from .visits import TableVisit, record_of_visits
+from .visits import RestVisit, record_of_visits
 
 State = Literal["open", "repeat", "done"]
 Ending = Literal["source", "operator", "patience"]
@@ -112,17 +112,17 @@ class Session:
     programme: TableProgramme
     asked: SessionOptions
     path: Path
-    visits: tuple[TableVisit, ...] = ()
+    visits: tuple[RestVisit, ...] = ()
     setting_of: tuple[int | None, ...] = ()
     dropped: frozenset[int] = frozenset()
     history: tuple[SessionStanding, ...] = ()
 
-    def counts(self, visit: TableVisit) -> bool:
+    def counts(self, visit: RestVisit) -> bool:
         """Whether a visit is good, and is not to be repeated."""
         return not visit.bad and visit.number not in self.dropped
 
     @property
-    def good(self) -> list[TableVisit]:
+    def good(self) -> list[RestVisit]:
         """The visits that count, in the order of time."""
         return [visit for visit in self.visits if self.counts(visit)]
 
@@ -131,11 +131,11 @@ class Session:
         channels = self.asked.channels_read
         return channels.alpha * float(np.degrees(alpha)), channels.beta * float(np.degrees(beta))
 
-    def visit_angles_deg(self, visit: TableVisit) -> tuple[float, float]:
+    def visit_angles_deg(self, visit: RestVisit) -> tuple[float, float]:
         """Angles of the table at a visit [deg]."""
         return self.angles_deg(float(visit.average.alpha[0]), float(visit.average.beta[0]))
 
-    def visits_to(self, setting: TableSetting) -> list[TableVisit]:
+    def visits_to(self, setting: TableSetting) -> list[RestVisit]:
         """The visits to a setting."""
         numbered = zip(self.visits, self.setting_of, strict=True)
         return [visit for visit, number in numbered if number == setting.number]
@@ -203,7 +203,7 @@ class Session:
             "dwell_s": self.asked.dwell_s,
         }
 
-    def after(self, visit: TableVisit) -> "Session":
+    def after(self, visit: RestVisit) -> "Session":
         """The session after a visit: it belongs to the nearest setting, an open one before a measured one."""
         angles = self.visit_angles_deg(visit)
         candidates = []

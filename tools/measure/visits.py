@@ -40,7 +40,7 @@ MAGNITUDES = (0.5, 1.5)
 
 
 @dataclass(frozen=True)
-class TableVisit:
+class RestVisit:
     """A rest that is over.
 
     Attributes
@@ -113,10 +113,10 @@ class Watch:
         self._resolution, self._steps = 0.0, [np.inf, np.inf]
         self._present, self._looked, self._cost = Present(), 0.0, 0.0
 
-    def take(self, rows: NDArray, resolution: float = 0.0) -> list[TableVisit]:
+    def take(self, rows: NDArray, resolution: float = 0.0) -> list[RestVisit]:
         """The visits that end within rows (n, 8); the readings are written to half a digit of `resolution` [m/s²]."""
         self._resolution = resolution
-        visits: list[TableVisit] = []
+        visits: list[RestVisit] = []
         for piece in np.array_split(rows, len(rows) // 65536 + 1):
             self._append(piece)
             while (departure := self._leaves()) is not None:
@@ -126,7 +126,7 @@ class Watch:
                     self._anchor = departure
         return visits
 
-    def end(self) -> list[TableVisit]:
+    def end(self) -> list[RestVisit]:
         """The rest that is going on, where the source ends in one."""
         return self._over(self._count, ended=True)
 
@@ -197,7 +197,7 @@ class Watch:
                 stops.append(stop)
         return angles, tolerance, stops
 
-    def _over(self, end: int, *, ended: bool = False) -> list[TableVisit]:
+    def _over(self, end: int, *, ended: bool = False) -> list[RestVisit]:
         """The visits among the rows up to `end`, at which the table has left its place, or the source ended."""
         raw = self._raw(end)
         angles, tolerance, stops = self._stops(raw)
@@ -220,7 +220,7 @@ class Watch:
             self._cut(max(last[0], last[1] + 1 - TAIL))
         return visits
 
-    def _visit(self, raw: RawRecord, rest: Rest) -> TableVisit:
+    def _visit(self, raw: RawRecord, rest: Rest) -> RestVisit:
         average = average_rests(raw, [replace(rest, refused=None)])
         self._found += 1
         for k, sense in enumerate((average.approach_alpha, average.approach_beta)):
@@ -228,7 +228,7 @@ class Watch:
                 self._sense[k] = int(sense[0])
         bad, scatter = self.judged(raw, rest, average)
         average = replace(average, raw=None, rests=(), dwell_noise=None, warnings=())
-        return TableVisit(
+        return RestVisit(
             number=self._found,
             first_row=int(raw.row[rest.first]),
             last_row=int(raw.row[rest.last]),
@@ -294,7 +294,7 @@ class Watch:
         return replace(present, state=state, lasted_s=lasted, kept_s=kept_s, scatter=scatter, why=why)
 
 
-def record_of_visits(visits: Sequence[TableVisit], path: Path) -> PositionRecord:
+def record_of_visits(visits: Sequence[RestVisit], path: Path) -> PositionRecord:
     """The position record of visits: as a whole record's, a row for each."""
     averages = [visit.average for visit in visits]
     first = averages[0]

@@ -2,7 +2,7 @@
 
 from ..document.blocks import Page, Section
 from ..document.notation import listed
-from ..measure import Measured, Present, Session, TableSetting, TableVisit
+from ..measure import Measured, Present, RestVisit, Session, TableSetting
 from ..rounding import digits, exactly, residual, upwards
 
 
@@ -85,7 +85,7 @@ def present_text(session: Session, present: Present) -> str:
     return f"{lasted}: {scatter}; {enough if present.state == 'enough' else 'stay'}"
 
 
-def visit_text(session: Session, visit: TableVisit) -> str:
+def visit_text(session: Session, visit: RestVisit) -> str:
     """What became of a rest."""
     at = angles_text(*session.visit_angles_deg(visit))
     number = session.setting_of[visit.number - 1]
