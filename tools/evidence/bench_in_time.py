@@ -39,7 +39,7 @@ from .bench import Bench
 from .bench_model import Readings
 from .bench_visits import Circumstances
 from .carried import LATENCY
-from .cells_in_motion import Cells, Slips, cells_of
+from .cells_in_motion import Cells, OverBounds, Slips, cells_of
 from .fit import Fit, coefficient_count, composed, estimated
 from .observation import FINE, Group, Travel, interpolated, moves_of, senses_of_moves
 from .rows import About, Pieces
@@ -194,7 +194,7 @@ def _circumstances(rests: Bench, raw: BenchRecord, seen: InMotion, order: NDArra
 # A slip, and what gyros do
 
 
-def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | None) -> Slips:
+def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | None, over_bounds: OverBounds) -> Slips:
     """Return a slip, linear at half that of a fit and its parameters; by default at none, and the nominal model's."""
     turns, own_count, count = fitted.turns, fitted.own, len(fitted.point)
     point, half = np.append(fitted.point, 0.0), np.zeros(3)
@@ -232,6 +232,7 @@ def slips_of(raw: BenchRecord, fitted: WithTurns, moving: Moving, about: Fit | N
         np.zeros(len(time), dtype=bool),
         integral,
         np.zeros_like(integral),
+        over_bounds,
         (slopes_read, across),
         step / finer,
     )
@@ -245,7 +246,9 @@ def block_turns(raw: BenchRecord, fitted: WithTurns, point: NDArray) -> NDArray[
     return integrated_readings(targets, ideal, moments, still, fitted.turns.mounting, fitted.turns.earth)
 
 
-def cells_of_turns(place: EffectPlace, raw: BenchRecord, fitted: WithTurns, travel: Travel) -> Cells:
+def cells_of_turns(
+    place: EffectPlace, raw: BenchRecord, fitted: WithTurns, travel: Travel, over_bounds: OverBounds
+) -> Cells:
     """Return the cells of an effect of gyros on a table."""
     hours = (raw.time_s - raw.time_s[0]) / 3600.0
     sums = travel.gyros.sums(place.definition.signature(place, travel.motion))
@@ -253,7 +256,7 @@ def cells_of_turns(place: EffectPlace, raw: BenchRecord, fitted: WithTurns, trav
     _, axes, count = sums.shape
     integral = interpolated(hours, travel.hours, sums.reshape(len(sums), -1)).reshape(len(hours), axes, count)
     pieces = Pieces("turns", "turns", fitted.turns.first, fitted.turns.last)
-    return cells_of(place, hours, (replace(travel.gyros.groups[0], pieces=pieces),), integral)
+    return cells_of(place, hours, (replace(travel.gyros.groups[0], pieces=pieces),), over_bounds, integral)
 
 
 class TurnsInTime(SettingIn):
@@ -283,8 +286,8 @@ class TurnsInTime(SettingIn):
     def make_cells(self, place: EffectPlace) -> Cells:
         """Return those of the slip, or of an effect of the gyros."""
         if place == SLIP:
-            return slips_of(self.raw, self.whole, self.moving, self.slipping)
-        return cells_of_turns(place, self.raw, self.whole, self.travel)
+            return slips_of(self.raw, self.whole, self.moving, self.slipping, self.over_bounds)
+        return cells_of_turns(place, self.raw, self.whole, self.travel, self.over_bounds)
 
     def with_onset(self, place: EffectPlace, row: float) -> Self:
         """The evidence with an effect that sets in after a row, or with the time constant of that number, too."""

@@ -113,7 +113,8 @@ class Carried(SettingIn):
         if self.at_rest is not None:
             counted[1:] = added * self.resting[1:, None, None] / max(int(self.resting[1:].sum()), 1)
         hours = (time - time[0]) / 3600.0
-        return cells_of(place, hours, self.groups, self.observation.sums(added), counted, self.resting)
+        integral = self.observation.sums(added)
+        return cells_of(place, hours, self.groups, self.over_bounds, integral, counted, self.resting)
 
     @cached_property
     def pairs(self) -> Sequence[Pair]:

@@ -72,7 +72,7 @@ class InMotion:
 
     `hours` (N,) of each row since the first; `resting` (N,) whether a row belongs to a rest; `integral` (N, 3, K) what
     it turns up to each row, and `counted` (N, 3, K) each row's part of the mean over all rests; zeros where no mean is
-    taken out.
+    taken out. `over_bounds`: columns (S, d, K) of each group -> rows (M, K) over the bounds of their errors.
     """
 
     hours: NDArray[np.float64]
@@ -80,6 +80,7 @@ class InMotion:
     resting: NDArray[np.bool_]
     integral: NDArray[np.float64]
     counted: NDArray[np.float64]
+    over_bounds: OverBounds
 
     @cached_property
     def boundaries(self) -> NDArray[np.int_]:
@@ -152,25 +153,25 @@ class Onsets(InMotion):
         turn[~(holding | apart)] = np.nan
         return turn
 
-    def range(self, begin: int, end: int, over_bounds: OverBounds, largest: NDArray) -> Range:
+    def range(self, begin: int, end: int, largest: NDArray) -> Range:
         """Return the columns at the last row and those that move, which miss nothing."""
         end -= self.at_once
         rested = bool(self.resting[begin : end + 1].any())
-        columns = [over_bounds(self.columns(end)[0]), over_bounds(self.moving(begin, end, rested=rested))]
-        return np.hstack(columns), 0.0
+        columns = self.over_bounds(self.columns(end)[0])
+        return np.hstack([columns, self.over_bounds(self.moving(begin, end, rested=rested))]), 0.0
 
-    def swept(self, begin: int, end: int) -> tuple[Columns, Columns, NDArray[np.float64]]:
+    def swept(self, begin: int, end: int) -> tuple[NDArray, NDArray, NDArray[np.float64]]:
         """Return what the effect does at every row from one to another.
 
-        Columns (S, d, K) of each group, columns (S, d, t) that move, and of each row the ways (R, t, K) in which they
-        are added.
+        Rows (M, K) at the last, NaN where nothing is told; rows (M, t) that move, and of each value the ways (R, t, K)
+        in which they are added.
         """
         rows = slice(begin, end + 1)
         ways = [self.integral[end] - self.integral[rows]]
         if self.groups[0].mean is not None:
             ways.append(self.at_rest[rows] - self.at_rest[end])
-        moving = self.moving(begin, end, rested=True)
-        return self.columns(end)[0], moving, np.concatenate(ways, axis=1)
+        moving = np.nan_to_num(self.over_bounds(self.moving(begin, end, rested=True)))
+        return self.over_bounds(self.columns(end)[0]), moving, np.concatenate(ways, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +211,7 @@ class Slips(Onsets):
 class TimeConstants(InMotion):
     """An effect that fades with a time constant: its number counts these from the shortest that is sought."""
 
-    samples: dict[int, Columns] = field(default_factory=dict)
+    samples: dict[int, NDArray[np.float64]] = field(default_factory=dict)
 
     @cached_property
     def times(self) -> NDArray[np.float64]:
@@ -258,45 +259,36 @@ class TimeConstants(InMotion):
         mean = np.einsum("nik,n->ik", self.counted[1:], part)
         return errors_between(self.groups, self.boundaries, sums, mean), mean
 
-    def range(self, begin: int, end: int, over_bounds: OverBounds, largest: NDArray) -> Range:
+    def range(self, begin: int, end: int, largest: NDArray) -> Range:
         """Return few columns that hold those of a few time constants; they miss what polynomials through these do."""
-        samples = [self._sample(number) for number in self._nodes(begin, end)]
-        columns = [np.concatenate(groups, axis=2) for groups in zip(*samples, strict=True)]
         missed = self._at_most(np.full(len(self.turning), MISSED))
         size = WEIGHED * np.linalg.norm(largest)
-        few, left_away = held(over_bounds(columns), LEFT_AWAY / float(size))
-        error = over_bounds(missed) @ largest + left_away * size
-        return few, float(error.max())
+        few, left_away = held(np.hstack(self._samples(self._nodes(begin, end))), LEFT_AWAY / float(size))
+        return few, float((missed @ largest + left_away * size).max())
 
-    def swept(self, numbers: NDArray) -> tuple[Columns, NDArray[np.float64], Columns]:
+    def swept(self, numbers: NDArray) -> tuple[NDArray, NDArray, NDArray[np.float64]]:
         """Return what the effect does with time constants of some numbers (R,), evenly spaced.
 
-        Columns (S, d, t) of each group that move, ways (R, t, K) in which they are added, polynomials of the logarithm;
-        and by how much (S, d, K) what it does with any time constant between two neighbours may miss the straight line
-        between theirs.
+        Rows (M, t) that move, ways (R, t, K) in which they are added, polynomials of the logarithm; and by how much
+        (M, K) what it does with any time constant between two neighbours may miss the straight line between theirs.
         """
         nodes = self._nodes(numbers[0], numbers[-1])
-        samples = [self._sample(number) for number in nodes]
-        stacked = np.array([_stacked(sample) for sample in samples])
-        count, rows, per_row = stacked.shape
-        basis, sizes, parts = np.linalg.svd(stacked.transpose(1, 0, 2).reshape(rows, -1), full_matrices=False)
-        retained, basis = sizes > HELD * sizes[0], basis * sizes
+        samples = np.stack(self._samples(nodes), axis=1)
+        rows, count, per_row = samples.shape
+        # What is left away is judged in the units of the errors.
+        units = self.over_bounds([np.ones((*group.gain.shape[:2], 1)) for group in self.groups])
+        errors = samples.reshape(rows, -1) / np.where(units > 0.0, units, 1.0)
+        basis, sizes, parts = np.linalg.svd(errors, full_matrices=False)
+        retained, basis = sizes > HELD * sizes[0], basis * sizes * units
         at = parts[retained].reshape(-1, count, per_row).transpose(1, 0, 2)
         places = (numbers - nodes[0]) / SPACING
         own_nodes = np.clip(places.astype(int) - AROUND, 0, count - DEGREE - 1)[:, None] + np.arange(DEGREE + 1)
         ways = np.einsum("rj,rjtk->rtk", lagrange(places, own_nodes), at[own_nodes])
-        ends = np.cumsum([columns[..., 0].size for columns in samples[0]])[:-1]
         width = self.step * (numbers[1] - numbers[0])
         slow = np.array([[self.value(numbers[0]), self.value(numbers[-1])]])
         bent = most_bent(self.hours[1:, None] / slow)[:, 0] * width**2 / 8.0
-        bases = np.split(basis[:, retained], ends)
-        left_away = np.split(WEIGHED * np.linalg.norm(basis[:, ~retained], axis=1), ends)
-        moving, missed = [], []
-        for k, straight in enumerate(self._at_most(bent + MISSED)):
-            pieces, axes, _ = straight.shape
-            moving.append(bases[k].reshape(pieces, axes, -1))
-            missed.append(straight + left_away[k].reshape(pieces, axes, 1))
-        return moving, ways, missed
+        left_away = WEIGHED * np.linalg.norm(basis[:, ~retained], axis=1)
+        return basis[:, retained], ways, self._at_most(bent + MISSED) + left_away[:, None]
 
     @staticmethod
     def _nodes(begin: float, end: float) -> NDArray[np.int_]:
@@ -304,18 +296,19 @@ class TimeConstants(InMotion):
         first, last = math.floor(begin / SPACING) - AROUND, math.ceil(end / SPACING) + AROUND
         return SPACING * np.arange(first, max(last, first + DEGREE) + 1)
 
-    def _sample(self, number: int) -> Columns:
-        """Columns with a time constant, kept for the ranges that share it."""
-        sample = self.samples.get(number)
-        if sample is None:
-            sample = self.samples[number] = self.columns(number)[0]
-        return sample
+    def _samples(self, numbers: NDArray[np.int_]) -> list[NDArray[np.float64]]:
+        """Rows (M, K) with some time constants, kept for the ranges that share them."""
+        for number in numbers.tolist():
+            if number not in self.samples:
+                self.samples[number] = self.over_bounds(self.columns(number)[0])
+        return [self.samples[number] for number in numbers.tolist()]
 
-    def _at_most(self, part: NDArray) -> Columns:
-        """What a part (N - 1,), of either sign, of what the effect does at each row does to the errors at most."""
+    def _at_most(self, part: NDArray) -> NDArray[np.float64]:
+        """What a part (N - 1,), of either sign, of what the effect does at each row adds to errors (M, K) at most."""
         sums = _up_to(np.abs(self.turning) * part[:, None, None], self.boundaries)
         mean = np.einsum("nik,n->ik", np.abs(self.counted[1:]), part)
-        return errors_between([group.largest for group in self.groups], self.boundaries, sums, mean)
+        largest = [group.largest for group in self.groups]
+        return self.over_bounds(errors_between(largest, self.boundaries, sums, mean))
 
 
 Cells = Onsets | TimeConstants
@@ -326,6 +319,7 @@ def cells_of(
     place: EffectPlace,
     hours: NDArray[np.float64],
     groups: tuple[Group, ...],
+    over_bounds: OverBounds,
     integral: NDArray[np.float64],
     counted: NDArray[np.float64] | None = None,
     resting: NDArray[np.bool_] | None = None,
@@ -337,8 +331,8 @@ def cells_of(
     if counted is None or resting is None:
         counted, resting = np.zeros_like(integral), np.zeros(len(hours), dtype=bool)
     if place.definition.searched == TIME_CONSTANT:
-        return TimeConstants(hours, groups, resting, integral, counted)
-    return Onsets(hours, groups, resting, integral, counted)
+        return TimeConstants(hours, groups, resting, integral, counted, over_bounds)
+    return Onsets(hours, groups, resting, integral, counted, over_bounds)
 
 
 def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
@@ -347,11 +341,6 @@ def _up_to(additions: NDArray, rows: NDArray) -> NDArray[np.float64]:
     some, sums = rows > starts, np.zeros((len(rows), *additions.shape[1:]))
     sums[some] = np.add.reduceat(additions[: rows[-1]], starts[some], axis=0)
     return np.cumsum(sums, axis=0)
-
-
-def _stacked(columns: Columns) -> NDArray[np.float64]:
-    """Columns (S, d, K) of each part as rows (M, K)."""
-    return np.concatenate([part.reshape(-1, part.shape[2]) for part in columns])
 
 
 def lagrange(at: NDArray, nodes: NDArray) -> NDArray[np.float64]:

@@ -230,22 +230,21 @@ class SettingIn(Linear):
         cells = self.cells[place]
         assert isinstance(cells, TimeConstants)
         moving, ways, error = cells.swept(numbers)
-        before, errors_over = self.rows.matrix(linear), self.over_bounds(error)
+        before = self.rows.matrix(linear)
         largest = np.abs(limits_of([place])).max(axis=0)
         (count, columns_before), none = before.shape, np.zeros((len(largest), len(largest)))
         fixed = np.zeros((count + len(largest), columns_before + len(largest)))
         fixed[:count, :columns_before], fixed[count:, columns_before:] = before, np.eye(len(largest))
-        columns = np.vstack([self.over_bounds(moving), np.zeros((len(largest), ways.shape[1]))])
+        columns = np.vstack([moving, np.zeros((len(largest), ways.shape[1]))])
         residual, bound = np.append(self.rows.residual, none[0]), np.append(self.rows.bound, largest)
         rows = Rows(fixed, columns, ways, columns_before + np.arange(len(largest)), residual, bound)
-        return rows, np.vstack([errors_over, none])
+        return rows, np.vstack([error, none])
 
     def _swept(self, place: EffectPlace, linear: Sequence[EffectPlace], ends: tuple[int, int]) -> Swept:
         """An effect beside others at every row between two."""
         cells = self.cells[place]
         assert isinstance(cells, Onsets)
-        columns, columns_moving, ways = cells.swept(*ends)
-        fixed, moving = self.over_bounds(columns), np.nan_to_num(self.over_bounds(columns_moving))
+        fixed, moving, ways = cells.swept(*ends)
         matrix, residual = np.hstack([self.rows.matrix(linear), fixed]), self.rows.residual.copy()
         numbers_moving = np.arange(matrix.shape[1] - fixed.shape[1], matrix.shape[1])
         # What is not told there says nothing.
@@ -306,7 +305,7 @@ class SettingIn(Linear):
         known = self.ranges.get((place, begin, end))
         if known is None:
             largest = np.abs(limits_of([place])).max(axis=0)
-            known = self.ranges[place, begin, end] = self.cells[place].range(begin, end, self.over_bounds, largest)
+            known = self.ranges[place, begin, end] = self.cells[place].range(begin, end, largest)
         return known
 
 

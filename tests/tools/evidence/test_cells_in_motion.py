@@ -74,7 +74,7 @@ def test_a_stretch_holds_what_each_time_within_it_does(filmed):
         edges = cells.edges
         for low, high in ((5, 6), (5, 9), (len(edges) // 2, len(edges) - 1)):
             begin, end = int(edges[low]), int(edges[high])
-            within, missed = cells.range(begin, end, stacked, np.ones(3))
+            within, missed = replace(cells, over_bounds=stacked).range(begin, end, np.ones(3))
             assert missed == 0.0
             known_rows = np.isfinite(within).all(axis=1)
             assert known_rows.any()
