@@ -417,12 +417,12 @@ class Calibration(Part):
 
     def each(self, symbol: str) -> dict[str, Parameter]:
         """Return a parameter as each record tells it by itself, by the labels of those that do."""
-        told = {}
+        by_label = {}
         for label, record in self.of_record.items():
             for p in record.parameters:
                 if p.symbol == symbol:
-                    told[label] = p
-        return told
+                    by_label[label] = p
+        return by_label
 
     def __getitem__(self, target: str) -> Parameter:
         """Return a parameter by its symbol, as X4, or its name, as bias-1; an InputError where there is none."""

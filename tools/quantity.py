@@ -61,12 +61,12 @@ def quantities_of(kind: type[BaseModel]) -> dict[str, Quantity]:
 
     Those of its properties stand in its `derived`.
     """
-    shown: dict[str, Quantity] = dict(getattr(kind, "derived", {}))
+    quantities: dict[str, Quantity] = dict(getattr(kind, "derived", {}))
     for name, field in kind.model_fields.items():
         for note in field.metadata:
             if isinstance(note, Quantity):
-                shown[name] = note
-    return shown
+                quantities[name] = note
+    return quantities
 
 
 def cell_of(row: BaseModel, name: str, quantity: Quantity) -> Any:
@@ -90,5 +90,5 @@ def _at_the_place_of_the_interval(row: Any, value: float, rounding: Rounding) ->
 
 def cells_of(row: BaseModel, names: Sequence[str]) -> list[Any]:
     """Return some fields of a result as a table shows them."""
-    known = quantities_of(type(row))
-    return [cell_of(row, name, known[name]) for name in names]
+    quantities = quantities_of(type(row))
+    return [cell_of(row, name, quantities[name]) for name in names]

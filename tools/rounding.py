@@ -58,9 +58,9 @@ class Stated(float):
         text = format(float(self), form)
         if not self.low <= self <= self.high or _within(text, self.low, self.high) or "." not in form:
             return text
-        more = re.sub(r"\.(\d+)", lambda places: f".{int(places[1]) + 1}", form)
-        if int(more.partition(".")[2][:-1]) <= MOST_DIGITS:
-            return format(self, more)
+        longer = re.sub(r"\.(\d+)", lambda places: f".{int(places[1]) + 1}", form)
+        if int(longer.partition(".")[2][:-1]) <= MOST_DIGITS:
+            return format(self, longer)
         return text
 
 
@@ -143,10 +143,10 @@ def interval(
     largest = max(map(abs, finite), default=Decimal(0))
     if bound is None or not 0.0 < bound < math.inf:
         if low is None or high is None or low < high:
-            own = 3
+            places = 3
         else:
-            own = MOST_DIGITS
-        return tuple(_significant(number, own, how) for number, how in ways)  # type: ignore[return-value]
+            places = MOST_DIGITS
+        return tuple(_significant(number, places, how) for number, how in ways)  # type: ignore[return-value]
     size = 0
     if largest:
         size = largest.adjusted()
@@ -155,11 +155,11 @@ def interval(
         power = 0
     else:
         power = size
-    shown, below, above = (_placed(number, place, power, how) for number, how in ways)
+    central, below, above = (_placed(number, place, power, how) for number, how in ways)
     # Of a positive number that is known to some powers of ten the place of the width would show nothing.
     if value is not None and low is not None and 0.0 <= low <= value and 0.0 < value < DECADES * bound:
-        shown = digits(value)
-    return shown, below, above
+        central = digits(value)
+    return central, below, above
 
 
 def outwards(low: float | None, high: float | None, bound: float | None = None) -> tuple[Number, Number]:

@@ -113,17 +113,17 @@ def main(arguments: list[str] | None = None) -> int:
     words = [word for word in words[:end] if word not in QUIET] + words[end:]
     if words and words[0] in GONE_COMMANDS:
         return refuse(f'Unknown command "{words[0]}". {GONE_COMMANDS[words[0]]}')
-    if gone := gone_option(words[:end]):
-        return refuse(gone)
+    if advice := gone_option(words[:end]):
+        return refuse(advice)
     return exit_status(lambda: say(lambda: app(words, exit_on_error=False, print_error=False), quiet=quiet))
 
 
 def gone_option(words: list[str]) -> str:
     """Return what to do in place of an option that a command had before; empty where none is given."""
     for option, instead in GONE_OPTIONS.get(words[0] if words else "", {}).items():
-        kept = option == "--minutes" and not set(words).isdisjoint(OF_IMU)
+        stays = option == "--minutes" and not set(words).isdisjoint(OF_IMU)
         text = " ".join(words).replace("=", " ") + " "
-        if f" {option} " in text and not kept:
+        if f" {option} " in text and not stays:
             return f"Unknown option: {option}: {instead}"
     return ""
 

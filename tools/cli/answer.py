@@ -299,6 +299,6 @@ def typed(parameter: inspect.Parameter) -> Any:
     parts = {kind, *get_args(kind)} - {type(None)}
     hyphen = name in WITH_HYPHEN or bool(parts & {int, float})
     if hyphen or name in NAMES or option.name:
-        shown = option.name or NAMES.get(name)
-        return Annotated[kind, Parameter(name=shown, allow_leading_hyphen=hyphen)]
+        typed_name = option.name or NAMES.get(name)
+        return Annotated[kind, Parameter(name=typed_name, allow_leading_hyphen=hyphen)]
     return kind

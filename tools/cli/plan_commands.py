@@ -92,13 +92,13 @@ def positions(
         if report is not None:
             raise InputError("--report: does not go with --curve; it is the page of one set")
         return _curve(count, options, curve, out, json)
-    found = library.plan_positions(count, **options, progress=True)
+    chosen = library.plan_positions(count, **options, progress=True)
     files = []
     if out is not None:
-        files = reports.write_plan(found, out, dwell_s=dwell)
+        files = reports.write_plan(chosen, out, dwell_s=dwell)
     if report is not None:
-        document.write_page(report, reports.operator_page(found, dwell))
-    return answer(found, json, files=files)
+        document.write_page(report, reports.operator_page(chosen, dwell))
+    return answer(chosen, json, files=files)
 
 
 NOT_OF_A_CURVE = (
@@ -148,13 +148,13 @@ def imu(
         Folder for programme, operator's page and plan.
     """
     distinct_files({"--json": json, "--report": report})
-    found = library.plan_imu(minutes, **options, progress=True)
+    programme = library.plan_imu(minutes, **options, progress=True)
     files = []
     if out is not None:
-        files = reports.write_imu_plan(found, out)
+        files = reports.write_imu_plan(programme, out)
     if report is not None:
-        reports.write_report(report, found)
-    return answer(found, json, files=files)
+        reports.write_report(report, programme)
+    return answer(programme, json, files=files)
 
 
 @plan.default

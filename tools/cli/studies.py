@@ -149,7 +149,7 @@ def hidden_command(
         _refuse(of_one, f"is of one record, {suites}; give one of the two{files}")
         if suite is not None:
             _refuse({**drawn, "--effect": effect or None, "--clean": clean or None}, "is what --suite decides")
-    with own_effects.with_effects_of(effects_from) as own:
+    with own_effects.with_effects_of(effects_from) as own_names:
         chosen = mode or ("single" if records in (None, 1) else "pairs")
         settings: dict[str, Any] = {
             "mode": "clean" if clean else chosen,
@@ -159,7 +159,7 @@ def hidden_command(
             "size": size,
             "strapdown": strapdown,
             "records": 1 if records is None else records,
-            "own": own,
+            "own": own_names,
             "whole": bench,
         }
         if record is not None:
@@ -174,18 +174,18 @@ def hidden_command(
             content = {"schema": "trihedron.hidden-record/1", "record": str(record), "seed": seed}
             return answer(str(record), json, content)
         if suite is None:
-            named = trials.NamedSuite(trials.Options(**settings), 100, 0)
+            drawn_suite = trials.NamedSuite(trials.Options(**settings), 100, 0)
         else:
-            named = trials.named_suite(suite)
-            named = replace(named, options=replace(named.options, own=own))
+            drawn_suite = trials.named_suite(suite)
+            drawn_suite = replace(drawn_suite, options=replace(drawn_suite.options, own=own_names))
         folder = None
         if out is not None:
             folder = out / "records"
             made_folder(folder, out)
         result = trials.run_suite(
-            named.options,
-            named.cases if cases is None else cases,
-            named.seed if seed is None else seed,
+            drawn_suite.options,
+            drawn_suite.cases if cases is None else cases,
+            drawn_suite.seed if seed is None else seed,
             records=folder,
             jobs=jobs,
             progress=True,
@@ -384,8 +384,8 @@ def add(
     serial
         Its serial number.
     """
-    given = {f"--record {k}": path for k, path in enumerate(records, start=1)}
-    distinct_files({"the result": result, **given, "--json": json})
+    record_files = {f"--record {k}": path for k, path in enumerate(records, start=1)}
+    distinct_files({"the result": result, **record_files, "--json": json})
     entry = folders.add_to_instrument(
         folder, result, records=records, date=date, temperature=temperature, serial=serial
     )
@@ -453,7 +453,7 @@ def trend(folder: Path, /, *, json: JsonFile = None, report: ReportFile = None) 
         The instrument's folder.
     """
     distinct_files({"--json": json, "--report": report})
-    found = folders.trend_of_instrument(folder)
+    changes = folders.trend_of_instrument(folder)
     if report is not None:
-        reports.write_report(report, found)
-    return answer(found, json)
+        reports.write_report(report, changes)
+    return answer(changes, json)

@@ -85,8 +85,8 @@ def table_of(
     """
     if not results:
         return Table([], [])
-    known = quantities_of(type(results[0]))
-    header = [known[name].heading for name in names]
+    quantities = quantities_of(type(results[0]))
+    header = [quantities[name].heading for name in names]
     rows: list[list[Cell]] = []
     for result in results:
         cells = cells_of(result, names)

@@ -124,7 +124,7 @@ OPTIONS = (
 
 def converter() -> str | None:
     """The program that makes PDF on this machine; None where there is none."""
-    return next((found for name in CONVERTERS if (found := shutil.which(name))), None)
+    return next((path for name in CONVERTERS if (path := shutil.which(name))), None)
 
 
 def report_file(path: Path, option: str = "--report") -> None:
@@ -159,25 +159,25 @@ def write_html(path: Path, page: str) -> None:
     if program is None:
         report_file(path)
         return
-    with own_folder() as folder, whole_file(path) as beside:
-        source, made = folder / "page.html", folder / "page.pdf"
+    with own_folder() as folder, whole_file(path) as unfinished:
+        source, printed = folder / "page.html", folder / "page.pdf"
         source.write_text(page, encoding="utf-8", newline="\n")
-        _print(program, source, made, path)
-        beside.write_bytes(repeatable(made.read_bytes()))
+        _print(program, source, printed, path)
+        unfinished.write_bytes(repeatable(printed.read_bytes()))
 
 
-def _print(program: str, source: Path, made: Path, path: Path) -> None:
-    command = [program, *OPTIONS, f"--user-data-dir={source.parent / 'profile'}", f"--print-to-pdf={made}"]
+def _print(program: str, source: Path, printed: Path, path: Path) -> None:
+    command = [program, *OPTIONS, f"--user-data-dir={source.parent / 'profile'}", f"--print-to-pdf={printed}"]
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         # A browser does not run for the superuser within its sandbox; the page is ours.
         command.append("--no-sandbox")
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [*command, source.as_uri()], capture_output=True, timeout=SECONDS, stdin=subprocess.DEVNULL, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise InputError(f"{path}: {Path(program).name} did not print it; give a name in .html") from error
-    if done.returncode != 0 or not made.is_file() or not made.read_bytes().startswith(b"%PDF"):
+    if process.returncode != 0 or not printed.is_file() or not printed.read_bytes().startswith(b"%PDF"):
         raise InputError(f"{path}: {Path(program).name} did not print it; give a name in .html")
 
 

@@ -149,7 +149,7 @@ def next_positions_csv(positions: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join([*lines, ""])
 
 
-def next_sections(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Section]:
+def next_sections(linearised: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Section]:
     """Return the proposed positions on the sphere, as a table and as a file; none where none are proposed."""
     if not positions:
         return []
@@ -163,12 +163,12 @@ def next_sections(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -
             cells.append(_optional_text(name, position[name]) if name in position else None)
         apart = position.get("apart_g")
         cells.append(", ".join(position.get("separates", ())) or None)
-        cells.append(None if apart is None else downwards(max(apart, 0.0) / here.bound.min()))
+        cells.append(None if apart is None else downwards(max(apart, 0.0) / linearised.bound.min()))
         rows.append(cells)
         separates = separates or bool(position.get("separates"))
     purpose = "Readings at these positions besides would determine what is open."
     if separates:
-        sure = len(deciding(here, positions))
+        sure = len(deciding(linearised, positions))
         purpose = (
             "Predictions of the two candidates that a position is for differ there, or at another of the positions for "
             "the same two, by at least the last column, whatever their parameters. More than 2 σ decides between them "
@@ -185,7 +185,7 @@ def next_sections(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -
         Section(
             "Where and when to measure next" if in_time else "Where to measure next",
             [purpose],
-            next_directions(here.positions.alpha, here.positions.beta, alpha, beta, labels),
+            next_directions(linearised.positions.alpha, linearised.positions.beta, alpha, beta, labels),
             "The vertical as the inner frame sees it at each position; equal areas are equal solid angles.",
             Table(header, rows),
             download=Download(file, next_positions_csv(positions), f"{file}, to take to the table"),
@@ -200,9 +200,9 @@ def _optional_text(name: str, value: Any) -> str:
     return exactly(float(value)) if name == "hours" else str(value)
 
 
-def deciding(here: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def deciding(linearised: Linearisation, positions: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """The positions at which two candidates surely differ."""
-    return [p for p in positions if p.get("apart_g") is not None and p["apart_g"] > 2.0 * here.bound.min()]
+    return [p for p in positions if p.get("apart_g") is not None and p["apart_g"] > 2.0 * linearised.bound.min()]
 
 
 def provenance(result: Calibration, seeds: Mapping[str, object] | None = None) -> dict[str, object]:

@@ -168,11 +168,11 @@ def rest_sections(record: PositionRecord) -> list[Section]:
          rest.refused]
         for rest in refused
     ]  # fmt: skip
-    used = len(record.rests) - len(refused)
+    usable = len(record.rests) - len(refused)
     picture, *further = refused_rests(raw, record.rests)
     first = Section(
         "Rests that were left out",
-        [f"{len(record.rests)} rests were found, {used} are used, {len(refused)} are not."],
+        [f"{len(record.rests)} rests were found, {usable} are used, {len(refused)} are not."],
         picture,
         "Angles and readings, less their medians, during the rests that were refused.",
         Table(["first row", "last row", "lasts [s]", "why"], rows),
@@ -255,8 +255,8 @@ def beside_texts(result: Calibration) -> list[str]:
 
 def stands_beside(result: Calibration) -> list[Parameter]:
     """The targets of which other estimates are known; a file of the first schema has no others."""
-    known = [e for e in result.targets if e.a_priori is not None]
-    return known if result.estimator != "a priori" else []
+    estimated = [e for e in result.targets if e.a_priori is not None]
+    return estimated if result.estimator != "a priori" else []
 
 
 def few(symbols: Sequence[str]) -> str:

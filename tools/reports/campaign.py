@@ -306,8 +306,8 @@ def scalar_words(name: str) -> tuple[str, str]:
     """A scalar or a parameter of a campaign in words, and its unit where the name tells it."""
     symbol, _, what = name.rpartition("_")
     if symbol in NAMES and what in OF_TARGETS:
-        known, unit = NAMES[symbol]
-        return OF_TARGETS[what].format(physical_words(known)), unit_text(unit)
+        target_name, unit = NAMES[symbol]
+        return OF_TARGETS[what].format(physical_words(target_name)), unit_text(unit)
     unit = SUFFIXES.get(what, "")
     return SAID.get(name, (symbol if unit else name).replace("_", " ")), unit
 

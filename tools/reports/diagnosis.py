@@ -127,25 +127,25 @@ def cause_section(result: Diagnosis, files: list[Path]) -> Section | None:
     sets = sets_of(result)
     if not sets:
         return None
-    named = result.verdict == "explained"
+    is_named = result.verdict == "explained"
     first_sets = sets[:MOST_SETS]
     rows: list[list[Cell]] = []
     for number, finding in enumerate(sets, start=1):
         for cause in finding.causes:
             for p, value, ends in zip(cause.parameters, cause.values, cause.intervals, strict=True):
                 size = [p.name, *interval(value, *ends), unit_text(p.unit), residual(finding.fit.radius)]
-                rows.append([None if named else number, cause.place.title, *size])
+                rows.append([None if is_named else number, cause.place.title, *size])
     paragraphs = []
     for number, finding in enumerate(first_sets, start=1):
         text = sentences_of(finding, result)
-        paragraphs.append(sentence(text if named else f"set {number}: {text}"))
+        paragraphs.append(sentence(text if is_named else f"set {number}: {text}"))
     paragraphs += _cause_remarks(result)
     equations = []
     for finding in first_sets:
         equations += cause_lines(finding.causes)
     header = ["set", "effect", "parameter", "estimate", "low", "high", "unit", "leaves, over its bound"]
     table = Table(header, rows)
-    title = "The cause" if named else "Causes that remain"
+    title = "The cause" if is_named else "Causes that remain"
     return Section(title, paragraphs, table=table, files=files, equations=equations)
 
 

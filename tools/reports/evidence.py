@@ -112,8 +112,8 @@ def bias_texts(result: Diagnosis) -> list[str]:
     """Return in a sentence the gyros' mean at rest that was taken out."""
     if result.bias_at_rest is None:
         return []
-    shown = ", ".join([digits(math.degrees(rate), 4) for rate in result.bias_at_rest.radps])
-    text = f"Gyro bias at rest, taken out: {shown} deg/s"
+    rates = ", ".join([digits(math.degrees(rate), 4) for rate in result.bias_at_rest.radps])
+    text = f"Gyro bias at rest, taken out: {rates} deg/s"
     if result.bias_at_rest.rms_if_left_in_arcmin is not None:
         text += f"; left in it would make the errors {digits(result.bias_at_rest.rms_if_left_in_arcmin)} arcmin rms"
     return [f"{text}."]
@@ -352,13 +352,13 @@ def structure_section(result: Diagnosis) -> Section | None:
     """What a residual that is not explained depends on."""
     if not result.residual_structure:
         return None
-    shown = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
-    of = "accelerometer" if "accelerometer" in shown[0] else "axis"
+    entries = sorted(result.residual_structure, key=lambda entry: -float(entry["explained"]))[:MOST_BARS]
+    of = "accelerometer" if "accelerometer" in entries[0] else "axis"
     return Section(
         "What the residual depends on",
         f"This is how much of the residual of each {of} a smooth function of one quantity, or of several together, "
         "predicts where it was left out; the band is what is more than noise within its bound.",
-        pictures.shares(shown, of),
+        pictures.shares(entries, of),
         "Part of the residual's sum of squares that is predicted.",
     )
 
@@ -437,9 +437,9 @@ def _quantity_words(entry: Mapping[str, Any], key: str) -> str:
     """Return a quantity of an unlisted fault, or its factor, as a table has it."""
     kind, number = entry["place"][:-2], entry["place"][-1]
     words = {"tilt": "tilt of the axis"}
-    for (instrument, name), own in OWN_QUANTITIES.items():
+    for (instrument, name), own_name in OWN_QUANTITIES.items():
         if instrument == kind:
-            words[name + number] = own
+            words[name + number] = own_name
     name = entry.get(key) or ""
     return _in_short(words.get(name, name))
 

@@ -280,9 +280,9 @@ def care_lines(run: AttitudeRun | AttitudeComparison) -> list[str]:
 
 def split_lines(run: AttitudeRun) -> list[str]:
     """The error as a slowly growing and a periodic part; nothing where the run is too short to tell them apart."""
-    known = run.judged
+    judged = run.judged
     try:
-        split = split_error(run.time_s[known], np.degrees(run.error_rad[known]))
+        split = split_error(run.time_s[judged], np.degrees(run.error_rad[judged]))
     except InputError:
         return []
     rate = ", ".join(digits(60.0 * value) for value in split.rate)

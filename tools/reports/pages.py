@@ -72,10 +72,10 @@ def page_of(result: Result, record: Any = None) -> Page | None:
     record : PositionRecord, StrapdownRecord, optional
         what the result was made from, where that is not known to the result
     """
-    named = _maker(result)
-    if named is None:
+    maker_of_kind = _maker(result)
+    if maker_of_kind is None:
         return None
-    module, maker = named
+    module, maker = maker_of_kind
     make: Callable[..., Page] = getattr(import_module(f"{__package__}.{module}"), maker)
     if maker in OF_RECORDS:
         return make(result, getattr(result, "made_of", None) if record is None else record)
@@ -149,8 +149,8 @@ def figures(result: Result, record: Any = None) -> "dict[str, Figure]":
 
 def _page_with_record(result: Result, record: Any) -> Page:
     """Return the page of a result; an InputError where it needs a record that is not known."""
-    known = record is not None or getattr(result, "made_of", None) is not None
-    if not known and _maker(result) == PAGES["Calibration"]:
+    has_record = record is not None or getattr(result, "made_of", None) is not None
+    if not has_record and _maker(result) == PAGES["Calibration"]:
         raise InputError("the page of a calibration from a file needs the record that it was made from")
     page = page_of(result, record)
     if page is None:

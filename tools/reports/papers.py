@@ -105,8 +105,8 @@ def _angles_text(angles: Sequence[float] | np.ndarray) -> str:
 
 
 def _ratios(values: Sequence[float] | np.ndarray) -> str:
-    shown = [f"{digits(value, 5 if value >= 1e-3 else 1):>7}" for value in values]
-    return " ".join(shown)
+    texts = [f"{digits(value, 5 if value >= 1e-3 else 1):>7}" for value in values]
+    return " ".join(texts)
 
 
 def write_reproduction(result: Reproduction, out: Path) -> list[Path]:

@@ -216,12 +216,14 @@ def wanted_lines(plan: "PositionPlan") -> list[str]:
                 f"σ = {exactly(request.noise_bound)} g"
             )
     if plan.accuracy_kept is not None:
-        kept, fewer = (
+        error_kept, fewer = (
             None if error is None else request.error_text(error / request.noise_bound)
             for error in (plan.accuracy_kept, plan.fewer_keep)
         )
         less = f"with a position less than the fewest the best that was found is {fewer}"
-        lines.append(f"keeps --accuracy {request.accuracy}: {kept}; {less if fewer else 'with fewer no set was found'}")
+        lines.append(
+            f"keeps --accuracy {request.accuracy}: {error_kept}; {less if fewer else 'with fewer no set was found'}"
+        )
     if plan.fewest_possible is not None:
         lines.append(f"no fewer than {plan.fewest_possible} positions of the pool keep it, proven")
     return lines
@@ -272,10 +274,12 @@ def operator_page(plan: "PositionPlan", dwell_s: float) -> Page:
     header = ["no.", "α [deg]", "β [deg]", "mounting", "dwell [s]", "α read [deg]", "β read [deg]", "remarks", "done"]
     rows: list[list[Cell]] = []
     for number, at in enumerate(plan.programme, start=1):
-        one, first = plan.positions[at - 1], plan.programme.index(at) + 1
-        angles = [exactly(round(angle, MOST_DECIMALS)) for angle in (one.alpha_deg, one.beta_deg)]
+        position, first = plan.positions[at - 1], plan.programme.index(at) + 1
+        angles = [exactly(round(angle, MOST_DECIMALS)) for angle in (position.alpha_deg, position.beta_deg)]
         remark = f"again no. {first}" if first < number else ROOM
-        rows.append([number, *angles, one.mounting if several else None, exactly(dwell_s), READ, READ, remark, "☐"])
+        rows.append(
+            [number, *angles, position.mounting if several else None, exactly(dwell_s), READ, READ, remark, "☐"]
+        )
     minutes = (plan.duration + dwell_s * len(plan.programme)) / 60.0
     reserve = plan.reserve_deg
     sections = [

@@ -89,8 +89,8 @@ def two_witnesses(result: Diagnosis) -> list[str]:
         return []
     radii = []
     for alone in turns.alone:
-        shown = [residual(radius) for radius in alone]
-        radii.append(" -> ".join(shown if result.findings else shown[:1]))
+        texts = [residual(radius) for radius in alone]
+        radii.append(" -> ".join(texts if result.findings else texts[:1]))
     rests = result.calibration.positions
     return [
         f"Two witnesses, each by itself: accelerometers, over {rests} rests, radius {radii[0]}; gyros, over "
