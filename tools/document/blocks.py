@@ -51,6 +51,8 @@ class Table:
     """text as it stands, numbers that are no counts rounded by `trihedron.tools.rounding`, None as a dash"""
     caption: str = ""
     """what it shows"""
+    fixed: bool = False
+    """whether columns stay that have nothing in any row, as room to write"""
 
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, start=1):
@@ -101,7 +103,7 @@ def table_of(
 class Section:
     """A part of the page: prose, equations, then its picture, its table and the files that belong to it.
 
-    Columns of the table that have nothing in any row are left out, and so is a table without rows.
+    Columns of the table that have nothing in any row are left out, and so is a table without rows, unless it is fixed.
     """
 
     title: str
@@ -121,8 +123,9 @@ class Section:
     def __post_init__(self) -> None:
         if isinstance(self.paragraphs, str):
             object.__setattr__(self, "paragraphs", (self.paragraphs,))
-        if self.table is not None:
-            object.__setattr__(self, "table", self.table.without_empty_columns() if self.table.rows else None)
+        table = self.table
+        if table is not None and not table.fixed:
+            object.__setattr__(self, "table", table.without_empty_columns() if table.rows else None)
         if not all(equation.startswith("<math ") for equation in self.equations):
             raise ValueError("an equation is not MathML: it begins with '<math '")
 

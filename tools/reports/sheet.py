@@ -109,7 +109,7 @@ def _numbers(title: str, result: Calibration, parameters: Sequence[Parameter]) -
     columns = ("symbol", "name", "central", "error_bound", "low", "high", "unit")
     numbers = table_of(parameters, columns, WORDS | {"unit": lambda unit: unit_text(unit) or "1"})
     header = ["symbol", "quantity", "value", "guaranteed error", "at least", "at most", "unit"]
-    return Section(title, table=Table(header, numbers.rows))
+    return Section(title, table=Table(header, numbers.rows, fixed=True))
 
 
 def write_sheet(
