@@ -134,7 +134,10 @@ def what_helps(evidence: Evidence, lengths: Sequence[Length]) -> tuple[tuple[Eff
 
 def is_stable(orders: Sequence[OrderOfEffects | None]) -> bool:
     """Whether no two lengths put two effects that both have in opposite orders, and all begin with the same effect."""
-    ordered = [[step.place for step in order.steps] for order in orders if order is not None]
+    ordered = []
+    for order in orders:
+        if order is not None:
+            ordered.append([step.place for step in order.steps])
     for first in ordered:
         for second in ordered:
             common = [place for place in first if place in second]
@@ -171,7 +174,10 @@ def only_at_one_length(evidence: Evidence, fit: Fit, lengths: Sequence[Length]) 
 
 def _needs(length: Length, place: EffectPlace) -> bool:
     """Whether an effect is in one of the smallest sets of a length."""
-    return any(place in [effect.place for effect in chosen] for chosen in length.smallest_sets)
+    needed: set[EffectPlace] = set()
+    for effects in length.smallest_sets:
+        needed.update(effect.place for effect in effects)
+    return place in needed
 
 
 # In other records

@@ -116,7 +116,10 @@ class Candidates:
         every = [finding_of(evidence, group) for group in groups[: evidence.model.effort.most_sets]]
         acting = [finding for finding in every if finding.acts]
         idle = [finding for finding in every if not finding.acts]
-        containing = [finding for finding in every if any(finding.contains(rival) for rival in acting)]
+        containing = []
+        for finding in every:
+            if any(finding.contains(rival) for rival in acting):
+                containing.append(finding)
         acting.sort(key=lambda finding: finding in containing)
         return Candidates(groups, acting, idle, containing)
 

@@ -453,7 +453,9 @@ def _open_directions(joint: Evidence, missing: Sequence[str]) -> list[Open]:
     for direction in simplest_directions(directions.T):
         moved = [name for name, part in zip(names, direction, strict=True) if abs(part) > LEAST_PART]
         of_direction.append(Open(parameters=moved))
-    in_some = {name for direction in of_direction for name in direction.parameters}
+    in_some: set[str] = set()
+    for direction in of_direction:
+        in_some.update(direction.parameters)
     return of_direction + [Open(parameters=[name]) for name in missing if name not in in_some]
 
 

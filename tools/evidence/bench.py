@@ -360,12 +360,13 @@ class BenchReader(Reader):
         effect = place.definition
         turned = self.model.bounds[0] * (place.order or 1) if place.where == "inner-axis" else 0.0
         factors = [(1.0 + sign * self.model.bounds[1]) ** -effect.degree for sign in (-1.0, 1.0)]
-        return tuple(
-            (low - turned, high + turned)
-            if parameter.name.endswith("phase")
-            else (min(low * f for f in factors), max(high * f for f in factors))
-            for parameter, (low, high) in zip(effect.parameters, ends, strict=True)
-        )
+        intervals = []
+        for parameter, (low, high) in zip(effect.parameters, ends, strict=True):
+            if parameter.name.endswith("phase"):
+                intervals.append((low - turned, high + turned))
+            else:
+                intervals.append((min(low * f for f in factors), max(high * f for f in factors)))
+        return tuple(intervals)
 
     def power(self) -> Sequence[Mapping[str, Any]]:
         """The power of the positions against the nominal model, of each place and quantity."""
@@ -459,11 +460,13 @@ def untried_in(search: BenchSearch, size: int) -> str | None:
 
 def extended_calibration(nominal: Calibration, keys: Mapping[str, Any]) -> Calibration:
     """A calibration with other parameters; what rests on those of the nominal model is left out."""
-    gone = ("gyros", "reading_errors", "open", "next_positions", "stands_with_sigma", "no_estimate", "warnings")
-    kept = {name: getattr(nominal, name) for name in type(nominal).model_fields if name not in gone}
-    for name in ("linearised", "feasible", "made_of", "schema_"):
-        kept.pop(name)
-    return Calibration(**{**kept, "estimator": "analytic centre", **keys})
+    of_nominal = ("gyros", "reading_errors", "open", "next_positions", "stands_with_sigma", "no_estimate", "warnings")
+    beside_result = ("linearised", "feasible", "made_of", "schema_")
+    extended = {"estimator": "analytic centre", **keys}
+    for name in type(nominal).model_fields:
+        if name not in (*of_nominal, *beside_result):
+            extended.setdefault(name, getattr(nominal, name))
+    return Calibration(**extended)
 
 
 GYROS_LEFT_OUT = (
@@ -478,20 +481,19 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Evidence:
     Options are noise_bound, gravity, baseline, bounds and mounting; they and the errors are as for
     `trihedron.tools.calibration.calibrate`.
     """
-    asked, nominal = Asked(**options), calibrate(record, **options)
+    options_given, nominal = Asked(**options), calibrate(record, **options)
     if isinstance(record.raw, BenchRecord):
         nominal = nominal.model_copy(update={"warnings": [*nominal.warnings, GYROS_LEFT_OUT]})
-    here, circumstances = nominal.linearised, circumstances_of(record)
+    linear, circumstances = nominal.linearised, circumstances_of(record)
     if nominal.verdict == "falsified":
-        here = with_usual_signs(here, circumstances, nominal.noise_bound, asked.bounds)
-    names = tuple((symbol, NAMES[symbol.partition("@")[0]][1]) for symbol in here.symbols)
-    readings = Readings.of(here, circumstances, record.written_to(asked.gravity))
-    # Every effect that is not in the baseline's model, and of which nothing is missing in the record.
-    known = [
-        effect
-        for effect in POSITION_EFFECTS.values()
-        if effect.within != asked.baseline and all(getattr(circumstances, need) is not None for need in effect.needs)
-    ]
-    places = tuple(place for effect in known for place in effect.places)
-    model = Bench(names, places, nominal, here, readings, record.position, asked.bounds)
+        linear = with_usual_signs(linear, circumstances, nominal.noise_bound, options_given.bounds)
+    names = tuple((symbol, NAMES[symbol.partition("@")[0]][1]) for symbol in linear.symbols)
+    readings = Readings.of(linear, circumstances, record.written_to(options_given.gravity))
+    places: list[EffectPlace] = []
+    for effect in POSITION_EFFECTS.values():
+        # Every effect that is not in the baseline's model, and of which nothing is missing in the record.
+        has_all = all(getattr(circumstances, need) is not None for need in effect.needs)
+        if has_all and effect.within != options_given.baseline:
+            places += effect.places
+    model = Bench(names, tuple(places), nominal, linear, readings, record.position, options_given.bounds)
     return Evidence.of(BenchReader(model))

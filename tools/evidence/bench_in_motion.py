@@ -48,7 +48,7 @@ from .cells_in_motion import SEARCHED
 from .dependences import pairs_of_whole
 from .evidence import Effort, Evidence, Trial, linear_fit
 from .extension import Extension, Sized, Start, extension_of_bench
-from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, width_of
+from .fit import ARCMIN, Classes, Fit, Gain, blocks_of, estimated, gain_of, not_in_all, width_of
 from .observation import IN_MOTION, OF_GYROS, Travel, acts_at_rest, approached, effects_of_gyros
 from .pairs import Pair
 from .rows import About, Channel, Rows, reading_at
@@ -458,10 +458,11 @@ class WholeReader(BenchReader):
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """Positions that tell sets apart, where accelerometers or table tell; for gyros turns and rests in words."""
-        common = set(fits[0].places).intersection(*(fit.places for fit in fits[1:]))
-        apart = dict.fromkeys(place for fit in fits for place in fit.places if place not in common)
+        apart = not_in_all(fits)
         if all(acts_at_rest(place) for place in apart) and all(fit.linear for fit in fits):
-            alone = [self.model.rests.refit([p for p in fit.places if acts_at_rest(p)]) for fit in fits]
+            alone = []
+            for fit in fits:
+                alone.append(self.model.rests.refit([place for place in fit.places if acts_at_rest(place)]))
             return self.rests.probe(alone)
         sentences = dict.fromkeys(SHOWN_BY[place.effect] for place in apart if place.effect in SHOWN_BY)
         return {"next": list(sentences)}

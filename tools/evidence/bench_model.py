@@ -79,11 +79,12 @@ class Paid:
     @staticmethod
     def of(places: Mapping[EffectPlace, int], rate: NDArray[np.float64]) -> "list[Paid]":
         """Of effects of one coefficient, with its column, those for whose size bounds grow by `rate` (M, n)."""
-        return [
-            Paid(slice(column, column + 1), *(float(end[0]) for end in coefficient_limits(place)))
-            for place, column in places.items()
-            if rate[:, column].any()
-        ]
+        coefficients = []
+        for place, column in places.items():
+            if rate[:, column].any():
+                (low,), (high,) = coefficient_limits(place)
+                coefficients.append(Paid(slice(column, column + 1), float(low), float(high)))
+        return coefficients
 
 
 def growths_of(paid: Sequence[Paid], rate: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[Growth, ...]:

@@ -6,7 +6,7 @@ a second mounting, those are named that tell candidate causes apart.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -139,7 +139,10 @@ def separating_positions(
     at least, over all parameters; more than 2 σ decides. What contains another candidate is never told from it.
     """
     chosen = list(fits[:MOST_CANDIDATES])
-    lasting = sorted({p for fit in chosen for p in lasting_part(fit)[0]}, key=lambda place: place.title)
+    every: set[EffectPlace] = set()
+    for fit in chosen:
+        every.update(lasting_part(fit)[0])
+    lasting = sorted(every, key=lambda place: place.title)
     programme = Programme.of(readings, point, chosen, lasting)
     visits, sided = programme.visits, programme.sided
     at, p = visits.at, visits.parametrisation
@@ -233,18 +236,22 @@ class Programme:
         """A grid of positions with every mounting, those where outliers would be, and repeats where time matters."""
         p, circumstances, own = measured.parametrisation, measured.circumstances, measured.at
         grid = every_position(p, np.radians(np.arange(0.0, 360.0, SEPARATING_STEP_DEG)))
-        outliers = {place for fit in fits for place in fit.places if place.effect == "outlier"}
-        again = sorted({int(place.where.removeprefix("position-")) - 1 for place in outliers})
+        repeated: set[int] = set()
+        for fit in fits:
+            outliers = [place for place in fit.places if place.effect == "outlier"]
+            repeated.update(int(place.where.removeprefix("position-")) - 1 for place in outliers)
+        again = sorted(repeated)
         count, span = len(circumstances.hours), float(circumstances.hours[-1])
         now = round(span * (1.0 + 1.0 / max(count - 1, 1)), HOUR_DIGITS)
 
         def seen_by(visits: Visits) -> NDArray:
             """What a unit of each coefficient of the candidates does there (3 n, K)."""
             rows = visits.rows(point)
-            later = [
-                elsewhere(rows).reshape(3 * len(visits), -1) for fit in fits for _, _, elsewhere in later_part(fit)
-            ]
-            return np.hstack([signature_columns(lasting, rows), *later])
+            columns = [signature_columns(lasting, rows)]
+            for fit in fits:
+                for _, _, elsewhere in later_part(fit):
+                    columns.append(elsewhere(rows).reshape(3 * len(visits), -1))
+            return np.hstack(columns)
 
         def at_hours(when: float, rows: NDArray) -> Visits:
             """The record's own positions at a time, with the temperature that was last."""
@@ -273,7 +280,7 @@ class Programme:
             columns.append(signature_columns(lasting, replace(few, circumstances=moved).rows(point)))
         if not np.any(columns[0] != columns[1]):
             return Programme(plain, False, timed, numbers)
-        sided = [_approached(plain, a, b) for a in (-1.0, 1.0) for b in (-1.0, 1.0)]
+        sided = [_approached(plain, *senses) for senses in product((-1.0, 1.0), repeat=2)]
         return Programme(_together(sided), True, timed, np.tile(numbers, len(sided)))
 
 
@@ -490,7 +497,8 @@ def simulate_rows(readings: Readings, fit: Fit, rows: NDArray, gravity: float) -
 
 def effect_entries(fit: Fit) -> list[dict[str, object]]:
     """Effects of a fit at its estimate, as a scenario writes them."""
-    return [
-        place.entry | dict(zip((parameter.name for parameter in place.definition.parameters), values, strict=True))
-        for place, values in zip(fit.places, fit.values(fit.estimate[len(fit.point) :]), strict=True)
-    ]
+    entries = []
+    for place, values in zip(fit.places, fit.values(fit.estimate[len(fit.point) :]), strict=True):
+        names = [parameter.name for parameter in place.definition.parameters]
+        entries.append(place.entry | dict(zip(names, values, strict=True)))
+    return entries

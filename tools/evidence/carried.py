@@ -39,7 +39,7 @@ from .evidence import (
     undetermined,
 )
 from .extension import Extension, Sized, Start, takes
-from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of
+from .fit import ARCMIN, Fit, Gain, estimated, extended_fmus, gain_of, not_in_all
 from .pairs import Pair
 from .power import powers_of_record
 from .references import Gravity, Truth, has_truth
@@ -351,8 +351,7 @@ class CarriedReader(RecordReader):
 
     def probe(self, fits: Sequence[Fit]) -> Mapping[str, Any]:
         """What to add to the record, for the effects that not all sets have."""
-        common = set(fits[0].places).intersection(*(fit.places for fit in fits[1:]))
-        open_effects = dict.fromkeys(place.effect for fit in fits for place in fit.places if place not in common)
+        open_effects = dict.fromkeys(place.effect for place in not_in_all(fits))
         shown_by: dict[str, list[str]] = {}
         for name in open_effects:
             shown_by.setdefault(SHOWN_BY.get(name, OF_ACCELEROMETERS), []).append(name)

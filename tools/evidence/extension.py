@@ -77,20 +77,22 @@ class Start:
         A ValueError for a value beyond what it takes. `ending` is that of its files' name.
         """
         nominal = COMPONENTS[component]
-        mine = {place: found for place, found in effects.items() if can_extend(nominal, place)}
-        own, possible = dict(values), dict(ends)
-        for place, (sizes, intervals) in mine.items():
+        acting = {place: sizes_and_ends for place, sizes_and_ends in effects.items() if can_extend(nominal, place)}
+        parameters, possible = dict(values), dict(ends)
+        for place, (sizes, intervals) in acting.items():
             for parameter, size, interval in zip(place.definition.parameters, sizes, intervals, strict=True):
                 name = parameter_name(place, parameter.name)
-                own[name], possible[name] = float(size), interval
-        return Start(f"{component}{ending}", started(extend(nominal, list(mine)), own), own, possible)
+                parameters[name], possible[name] = float(size), interval
+        return Start(f"{component}{ending}", started(extend(nominal, list(acting)), parameters), parameters, possible)
 
 
 def takes(
     component: str, values: Mapping[str, float | list[float]], effects: Mapping[EffectPlace, Sequence[float]]
 ) -> bool:
     """Whether a component takes values of its parameters and of its effects."""
-    sized = {place: (own, [(-math.inf, math.inf)] * len(own)) for place, own in effects.items()}
+    sized = {}
+    for place, sizes in effects.items():
+        sized[place] = sizes, [(-math.inf, math.inf)] * len(sizes)
     try:
         Start.of(component, dict(values), {}, sized)
     except ValueError:
@@ -141,12 +143,12 @@ class Visited:
     @staticmethod
     def of(readings: Readings, commands: NDArray, rows: NDArray) -> "Visited":
         """Some rows (n,) of int of a record, with the commands (N, 2) of all."""
-        moved, mine = np.stack(readings.moved_axes(), axis=1)[rows], readings.circumstances.selected(rows)
-        senses = np.stack((mine.sense_alpha, mine.sense_beta), axis=1)
+        moved, circumstances = np.stack(readings.moved_axes(), axis=1)[rows], readings.circumstances.selected(rows)
+        senses = np.stack((circumstances.sense_alpha, circumstances.sense_beta), axis=1)
         # The shorter turn from position to position has the sense that is concluded from them.
         turns = np.remainder(np.diff(commands[rows], axis=0) + np.pi, 2.0 * np.pi) - np.pi
         straight = commands[rows[0]] + np.vstack([np.zeros((1, 2)), np.cumsum(turns, axis=0)])
-        return Visited(commands[rows] if mine.approached else straight, senses, moved, mine)
+        return Visited(commands[rows] if circumstances.approached else straight, senses, moved, circumstances)
 
     @property
     def seconds(self) -> NDArray[np.float64]:
@@ -201,21 +203,21 @@ class Visited:
     def scenario(self, title: str, fmus: Mapping[str, Mapping[str, Any]], columns: Mapping[str, str]) -> Scenario:
         """The run of the FMUs `table` and `block`, each as a scenario file says it; `columns` are recorded of them."""
         initial = (self.commands[0] - self.away[0]).tolist()
-        own = {**RUN_OF_TABLE, "initial_angle": initial, **fmus["table"].get("parameters", {})}
+        parameters_of_table = {**RUN_OF_TABLE, "initial_angle": initial, **fmus["table"].get("parameters", {})}
         driven = {"table.command[1]": "alpha_rad", "table.command[2]": "beta_rad"}
         driven |= dict.fromkeys(("table.temperature", "block.temperature"), "temperature_degC")
         began, steps = self.circumstances.began, math.ceil(self.seconds[-1] / self.step) + HALF_REST
         timed = {name: values.tolist() for name, values in self.rows().items()}
-        said = {
+        description = {
             "schema": "trihedron.scenario/1",
             "title": title,
             "run": {"start_s": began, "step_s": self.step, "stop_s": began + steps * self.step},
-            "fmus": {**fmus, "table": {**fmus["table"], "parameters": own}},
-            "connections": [{"from": f"table.{given}", "to": f"block.{name}"} for given, name in FED.items()],
+            "fmus": {**fmus, "table": {**fmus["table"], "parameters": parameters_of_table}},
+            "connections": [{"from": f"table.{output}", "to": f"block.{name}"} for output, name in FED.items()],
             "stimuli": [{"table": timed, "columns": driven}],
             "record": {"columns": dict(columns)},
         }
-        return Scenario.model_validate(said)
+        return Scenario.model_validate(description)
 
 
 def extension_of_bench(readings: Readings, fit: Fit, ends: NDArray, effects: Sized, gravity: float) -> Extension:
@@ -230,25 +232,26 @@ def extension_of_bench(readings: Readings, fit: Fit, ends: NDArray, effects: Siz
     starts, scenarios = [], {}
     for index, (mounting, matrix) in enumerate(zip(p.mountings, p.matrices, strict=True)):
         # Of each target which parameter it is.
-        own, columns = "" if index == 0 else f"-{index + 1}", np.argmax(p.selection[index], axis=1)
+        ending, columns = "" if index == 0 else f"-{index + 1}", np.argmax(p.selection[index], axis=1)
 
         def said(values: NDArray, columns: NDArray = columns, matrix: NDArray = matrix) -> dict[str, Parameters]:
             return component_parameters(dict(zip(TARGETS, values[columns].tolist(), strict=True)), gravity, matrix)
 
-        found, low, high, depends = (said(v) for v in (point, *ends.T, np.full(len(point), np.nan)))
+        parameters, low, high, depends = (said(v) for v in (point, *ends.T, np.full(len(point), np.nan)))
         fmus: dict[str, dict[str, Any]] = {}
         for name, component in TABLE_AND_BLOCK.items():
             fmus[name] = {"fmu": f"{component}.fmu"}
-            least, most, told = (elements_of(values[component]) for values in (low, high, depends))
-            intervals = {element: (least[element], most[element]) for element, v in told.items() if np.isnan(v)}
+            least, most, unknown = (elements_of(values[component]) for values in (low, high, depends))
+            intervals = {element: (least[element], most[element]) for element, v in unknown.items() if np.isnan(v)}
             if index == 0 or name == "table":
-                starts.append(Start.of(component, found[component], intervals, effects, own))
+                starts.append(Start.of(component, parameters[component], intervals, effects, ending))
         if index:
-            fmus["table"]["parameters"] = {key: found["TurntableMotion"][key] for key in ("mounting", "mounting_error")}
+            of_table = parameters["TurntableMotion"]
+            fmus["table"]["parameters"] = {key: of_table[key] for key in ("mounting", "mounting_error")}
         visited = Visited.of(readings, commands, np.flatnonzero(at.mounting == index))
         if can_be_run(visited.circumstances):
             title = f"the positions of a record again, with what was found of it (mounting {mounting})"
-            scenarios[f"scenario{own}"] = visited.scenario(title, fmus, ANGLES | READINGS)
+            scenarios[f"scenario{ending}"] = visited.scenario(title, fmus, ANGLES | READINGS)
     return Extension(starts, scenarios)
 
 

@@ -270,6 +270,15 @@ class Fit:
         return tuple(widest)
 
 
+def not_in_all(fits: Sequence[Fit]) -> list[EffectPlace]:
+    """Effects that some of the fits have and others have not."""
+    places: dict[EffectPlace, int] = {}
+    for fit in fits:
+        for place in fit.places:
+            places[place] = places.get(place, 0) + 1
+    return [place for place, count in places.items() if count < len(fits)]
+
+
 def contains(places: Sequence[EffectPlace], others: Sequence[EffectPlace]) -> bool:
     """Whether a set of effects is another one but for effects that contain others of that set at the same place."""
     more = [place for place in places if place not in others]
@@ -466,15 +475,18 @@ def with_effects(
     fmus: Mapping[str, tuple[str, Mapping[str, Any]]], effects: Sequence[Mapping[str, object]]
 ) -> dict[str, dict[str, Any]]:
     """Components and their parameters, each with those of the effects that extend it, as a scenario file says them."""
-    entries = [(place_from_mapping(entry)[0].definition.component, dict(entry)) for entry in effects]
-    return {
-        name: {
+    of_component: dict[str, list[dict[str, object]]] = {}
+    for entry in effects:
+        place, _ = place_from_mapping(entry)
+        of_component.setdefault(place.definition.component, []).append(dict(entry))
+    described: dict[str, dict[str, Any]] = {}
+    for name, (component, values) in fmus.items():
+        described[name] = {
             "component": component,
-            "effects": [entry for extended, entry in entries if extended == component],
+            "effects": of_component.get(component, []),
             "parameters": values,
         }
-        for name, (component, values) in fmus.items()
-    }
+    return described
 
 
 def composed(

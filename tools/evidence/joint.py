@@ -43,7 +43,9 @@ def join(records: Mapping[str, Evidence], shared: Sequence[str] = (), own: Seque
     names: dict[str, tuple[str, str]] = {}
     columns: list[list[str]] = []
     common: dict[str, None] = {}
-    every = [name for record in records.values() for name, _ in record.rows.names]
+    every: list[str] = []
+    for record in records.values():
+        every += dict(record.rows.names)
     for label, record in records.items():
         columns.append([])
         for name, unit in record.rows.names:
@@ -124,7 +126,9 @@ class Joint(Linear):
     @cached_property
     def not_searched(self) -> tuple[str, ...]:
         """Names of effects that are not sought in several records together."""
-        searched_names = {place.effect for places in self.searched for place in places} | {"outlier"}
+        searched_names = {"outlier"}
+        for places in self.searched:
+            searched_names.update(place.effect for place in places)
         names: dict[str, None] = {}
         for member in self.members:
             names |= dict.fromkeys(place.effect for place in member.rows.places if place.effect not in searched_names)

@@ -55,8 +55,8 @@ class Differs(InRecord):
     @property
     def definition(self) -> Effect:
         """One number: by how much the parameter is larger there than in the others."""
-        said = "by how much the parameter is larger there"
-        parameter = EffectParameter("difference", self.unit, said, LARGEST_OF_BENCH)
+        meaning = "by how much the parameter is larger there"
+        parameter = EffectParameter("difference", self.unit, meaning, LARGEST_OF_BENCH)
         return Effect(self.effect, (), (parameter,), lambda place, _: place.title)
 
     @property
@@ -112,16 +112,16 @@ class Mended(Linear):
 def mended(before: Evidence, fit: Fit, effects: Sequence[EffectPlace]) -> Evidence:
     """The record with some effects of a fit to it; the fit's others may act in all records, and are taken out."""
     widths = [block.stop - block.start for block in fit.blocks]
-    held = np.append(np.full(len(fit.point), True), np.repeat([place in effects for place in fit.places], widths))
-    residual = fit.residual + fit.jacobian[:, ~held] @ fit.at[~held]
-    more = tuple((f"{fit.title} {k}", "") for k in range(int(held.sum()) - len(fit.point)))
+    in_rows = np.append(np.full(len(fit.point), True), np.repeat([place in effects for place in fit.places], widths))
+    residual = fit.residual + fit.jacobian[:, ~in_rows] @ fit.at[~in_rows]
+    names_of_effects = tuple((f"{fit.title} {k}", "") for k in range(int(in_rows.sum()) - len(fit.point)))
     rows = replace(
         before.rows,
-        names=(*before.rows.names, *more),
-        point=fit.at[held],
+        names=(*before.rows.names, *names_of_effects),
+        point=fit.at[in_rows],
         places=tuple(place for place in before.rows.places if place not in effects),
         residual=residual,
-        nominal=fit.jacobian[:, held],
+        nominal=fit.jacobian[:, in_rows],
         bound=fit.allowed,
         least_singular=0.0,
     )
@@ -135,16 +135,16 @@ def named_alike(records: Mapping[str, Evidence]) -> dict[str, Evidence]:
 
     A scale factor has it only where the table's does not depend on the sign, for then alone it is the same.
     """
-    known: dict[str, str] = {}
+    units: dict[str, str] = {}
     for record in records.values():
-        known |= dict(record.rows.names)
-    signed = {plus for plus, minus in SYMMETRIC_PAIRS if minus in known}
+        units |= dict(record.rows.names)
+    signed = {plus for plus, minus in SYMMETRIC_PAIRS if minus in units}
     alike = {}
     for label, record in records.items():
         names = []
         for name, unit in record.rows.names:
-            other = AT_A_TABLE.get(name, name)
-            names.append((other, known[other]) if other in known and other not in signed else (name, unit))
+            at_table = AT_A_TABLE.get(name, name)
+            names.append((at_table, units[at_table]) if at_table in units and at_table not in signed else (name, unit))
         alike[label] = record
         if tuple(names) != record.rows.names and record.reader.lengths is not None:
             model = record.reader.lengths.model_of(rows=replace(record.rows, names=tuple(names)))
@@ -157,9 +157,10 @@ def is_of_instrument(name: str, shared: Sequence[str] = (), own: Sequence[str] =
     return not is_asked(name, own) and is_asked(name, (*shared, *OF_INSTRUMENT))
 
 
-def is_asked(name: str, asked: Sequence[str]) -> bool:
+def is_asked(name: str, patterns: Sequence[str]) -> bool:
     """Whether a parameter is meant by one of some names, in which a star stands for anything."""
-    return any(fnmatchcase(one, pattern) for pattern in asked for one in names_of(name))
+    spellings = names_of(name)
+    return any(any(fnmatchcase(spelling, pattern) for spelling in spellings) for pattern in patterns)
 
 
 def names_of(name: str) -> tuple[str, ...]:
