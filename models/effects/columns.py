@@ -394,7 +394,7 @@ def values_read(text: str, values: str, component: str, rows: Rows | MotionRows)
     return added_by(on_columns(kernel), *rows.seen_by(component), (), 1)[:, 0]
 
 
-def turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.float64]:
+def small_turns(effect: "Effect", place: "EffectPlace", rows: Rows) -> NDArray[np.float64]:
     """Return the small turns (N, 4, K) [rad] at given encoder readings: of κ, outer, of ε, inner.
 
     The true angle is the reading less what an encoder errs by. With the angles that the turns are functions of taken as

@@ -264,22 +264,14 @@ class Effect:
         """Whether it is linear and acts on the table, by small turns behind the encoders or by errors of these."""
         return self.component == "TurntableMotion" and self.linear
 
-    def turns(self, place: EffectPlace, rows: Rows) -> NDArray[np.float64]:
-        """Small turns (N, 4, K) [rad] of an effect that turns the table, as of `columns.turns`."""
-        return columns.turns(self, place, rows)
-
     def signature(self, place: EffectPlace, rows: Rows | MotionRows) -> NDArray[np.float64]:
         """How readings (N, 3, K) [g, rad/s] change with each coefficient; TypeError where the effect is not linear.
 
-        Of an effect on the table `ports` says what it adds, and an observation what that does to readings or turns.
+        Of an effect on the table `columns.ports` says what it adds, an observation what that does to readings or turns.
         """
         if self.variants is not None:
             raise TypeError(f"{place.title} is not linear: it has variants, no signature")
         return columns.signature(self, place, rows)
-
-    def ports(self, place: EffectPlace, rows: Rows | MotionRows, number: float | None = None) -> NDArray[np.float64]:
-        """What a unit of each linear coefficient adds at the stage (N, ports, K), as of `columns.ports`."""
-        return columns.ports(self, place, rows, number)
 
     def from_coefficients(self, coefficients: NDArray[np.float64]) -> tuple[float, ...]:
         """Values of the linear parameters, amplitude and phase of each harmonic; TypeError where it is not linear."""

@@ -20,6 +20,7 @@ from trihedron.models.effects import (
     parameter_name,
     place_from_mapping,
 )
+from trihedron.models.effects.columns import small_turns
 from trihedron.models.effects.last_stage import place_of
 from trihedron.tools.calibration import Positions, linearise, parametrise
 from trihedron.tools.evidence.bench_visits import Circumstances, Visits, left_open, signature_columns, untold_readings
@@ -106,12 +107,12 @@ def test_small_turns_are_exact_for_large_effects(place):
     effect = CATALOGUE[place.effect].at(place)
     model, rows = true_bench()
     coefficients = 8e-3 * np.array([0.6, -0.8, -0.5, 0.7])[: len(effect.parameters)]
-    turns = effect.turns(place, rows) @ coefficients
+    turns = small_turns(effect, place, rows) @ coefficients
     if effect.stage == "encoder_effects":
         # Functions of the true angles, which have the turns in.
         for _ in range(40):
             moved = dataclasses.replace(rows, alpha=rows.alpha + turns[:, 1], beta=rows.beta + turns[:, 3])
-            turns = effect.turns(place, moved) @ coefficients
+            turns = small_turns(effect, place, moved) @ coefficients
     targets = np.tile(model.parametrisation.selection[0] @ model.point, (ROWS, 1))
     targets[:, TARGETS.index("X1")] += turns[:, 0]
     targets[:, TARGETS.index("X3")] += turns[:, 2]

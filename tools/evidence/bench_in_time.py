@@ -26,7 +26,7 @@ from ...models.bench import (
     small_turn,
 )
 from ...models.effects import EffectPlace, MotionRows
-from ...models.effects.columns import TIME_CONSTANT
+from ...models.effects.columns import TIME_CONSTANT, small_turns
 from ...models.effects.steps import MOUNTING_SLIP
 from ..bounded.sets import Work
 from ..calibration.in_motion import CERTAIN, InMotion, slopes_by_angles
@@ -393,7 +393,8 @@ def simulated_turns(
                 values.append(set_in[place])
             on_gyros.append((place, values))
         elif place.definition.turns_table:
-            added = (travel.table.sums(place.definition.turns(place, travel.rows)) @ coefficients) @ travel.to_block.T
+            turns = small_turns(place.definition, place, travel.rows)
+            added = (travel.table.sums(turns) @ coefficients) @ travel.to_block.T
             hours = (time - time[0]) / 3600.0
             turned = turned + interpolated(hours, travel.hours, added)
         elif place == SLIP:

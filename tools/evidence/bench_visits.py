@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...models.bench import SYMMETRIC_PAIRS, TARGETS
 from ...models.effects import EffectPlace, Rows
 from ...models.effects.accelerometer import NOMINAL_TEMPERATURE
+from ...models.effects.columns import ports, small_turns
 from ...models.restricted import CONTEXT_SIZE, HOURS, INPUT, KEPT, TEMPERATURE
 from ..calibration.model import (
     Linearisation,
@@ -220,7 +221,7 @@ class Visits:
         turns = np.zeros((len(at.alpha), 4))
         for place, coefficients in sized:
             if place.definition.turns_table:
-                turns += place.definition.turns(place, rows) @ coefficients
+                turns += small_turns(place.definition, place, rows) @ coefficients
         return turns
 
     def true_angles(self, point: NDArray, sized: Sized) -> Positions:
@@ -267,7 +268,7 @@ def signature_columns(places: Sequence[EffectPlace], rows: Rows) -> NDArray:
     columns = [np.zeros((3 * len(rows.hours), 0))]
     for place in places:
         effect = place.definition
-        columns.append(observation_of_rests(rows, effect.stage).of(effect.ports(place, rows)))
+        columns.append(observation_of_rests(rows, effect.stage).of(ports(effect, place, rows)))
     return np.hstack(columns)
 
 

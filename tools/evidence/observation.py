@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...models.bench import axes_of_turns, turning_of
 from ...models.effects import CATALOGUE, STRAPDOWN_EFFECTS, EffectPlace, MotionRows, Rows
+from ...models.effects.columns import small_turns
 from ..calibration.model import Positions, predicted_input
 from ..calibration.turns import WithTurns, motion_of, slopes_of
 from ..records import BenchRecord, PositionRecord, RawRecord
@@ -322,7 +323,7 @@ class Travel:
             return -self.coning.reshape(-1, 1)
         if not place.definition.turns_table:
             return np.zeros((3 * len(self.first), len(place.definition.linear_parameters)))
-        return self.table.of(place.definition.turns(place, self.rows))
+        return self.table.of(small_turns(place.definition, place, self.rows))
 
     @cached_property
     def gyros(self) -> Observation:
