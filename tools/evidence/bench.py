@@ -54,7 +54,7 @@ from .bench_search import (
 )
 from .bench_visits import Circumstances, circumstances_of, left_open, signature_columns, untold_readings
 from .dependences import pairs_of_bench
-from .evidence import Effort, Evidence, Reader, Trial, own_with, parameters_with
+from .evidence import Effort, Evidence, Reader, Trial, own_with, parameters_with, stacked_sizes
 from .extension import Extension, Sized, extension_of_bench
 from .fit import Classes, Fit, Gain, blocks_of
 from .pairs import Pair
@@ -441,8 +441,8 @@ class BenchRerun:
         model, linear = self.model, self.model.rows.linear_places
         *_, point = own_with(model, effects)
         places = [p for p in effects if p in linear and p.definition.stage == "reading_effects"]
-        known = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
-        added = (model.about(places, point, known).jacobian[:, len(point) :] @ known).reshape(-1, 3)
+        sizes = stacked_sizes(effects, places)
+        added = (model.about(places, point, sizes).jacobian[:, len(point) :] @ sizes).reshape(-1, 3)
         return places, {"specific_force": model.calibration.gravity * (model.readings.reading - added)}
 
 

@@ -40,7 +40,7 @@ from .bench import (
 )
 from .bench_in_time import NOT_EXCLUDED, SLACK, SLIP, Moving, TurnsInTime, effects_of_model, fades, simulated_turns
 from .bench_left_out import FOLDS, trials_of_each
-from .bench_model import LARGEST_OF_BENCH, least_radius, relinearised, with_possible_sizes
+from .bench_model import LARGEST_OF_BENCH, begun_with, least_radius, relinearised, with_possible_sizes
 from .bench_search import BenchSearch
 from .bench_visits import Circumstances, is_linear
 from .carried import SHOWN_BY
@@ -282,7 +282,7 @@ class BenchInMotion(TurnsInTime):
         for chosen in sets_of_size(problem, size, slack, MOST_OUTLIERS, work):
             if set(chosen.outliers) <= set(self.of_positions.tolist()):
                 outliers = [reading_at(row) for row in chosen.outliers]
-                candidate = (*(places[i] for i in chosen.effects), *outliers)
+                candidate = tuple([places[i] for i in chosen.effects] + outliers)
                 yielded.add(frozenset(candidate))
                 yield candidate
         gyros = [place for place in self.classes.places if place.definition.component in OF_GYROS]
@@ -297,11 +297,11 @@ class BenchInMotion(TurnsInTime):
                     continue
                 turned = tuple(place for place in bent if place.definition.turns_table)
                 for of_gyros in combinations(gyros, size - count):
-                    key = (*turned, *of_gyros)
+                    key = turned + of_gyros
                     if key not in allowed:
                         allowed[key] = self._turns_allow(key, slack, work)
-                    if allowed[key] and frozenset((*bent, *of_gyros)) not in yielded:
-                        yield (*bent, *of_gyros)
+                    if allowed[key] and frozenset(bent + of_gyros) not in yielded:
+                        yield bent + of_gyros
         if among is None:
             # About the nominal point the rows are not quite linear.
             yield from self.sets_in_time(size, work, SLACK)
@@ -334,8 +334,10 @@ class BenchInMotion(TurnsInTime):
     def _standing(self, fit: Fit, gyros: Sequence[EffectPlace]) -> Fit | None:
         """A fit of the readings with the turns beside it, and effects of the gyros; None where it does not stand."""
         count, count_of_fit = self.of_readings, len(fit.coefficients)
-        places = (*fit.places, *gyros)
-        blocks = (*fit.blocks, *(slice(b.start + count_of_fit, b.stop + count_of_fit) for b in blocks_of(gyros)))
+        places = fit.places + tuple(gyros)
+        blocks = fit.blocks
+        for block in blocks_of(gyros):
+            blocks += (slice(block.start + count_of_fit, block.stop + count_of_fit),)
         point = np.append(fit.point, self.point[self.whole.own :])
         sizes = np.append(fit.coefficients, np.zeros(width_of(gyros)))
         rows = self._beside_turns(fit, np.arange(count_of_fit), self.added(places, blocks), point, sizes)
@@ -351,8 +353,8 @@ class BenchInMotion(TurnsInTime):
 
         growths = tuple(map(grown, fit.growths))
         radius, step, branch = least_radius(jacobian, residual, bound, growths)
-        growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
-        variants = (*(way for _, _, way in fit.ways), *(None for _ in gyros))
+        growths = begun_with(growths, branch)
+        variants = tuple(way for _, _, way in fit.ways) + (None,) * len(gyros)
         values = (residual, bound, jacobian, radius, at + step, (at + step)[len(point) :])
         stacked = Fit(places, blocks, at, step, *values, variants, growths)
         return with_possible_sizes(stacked, self.limit, LARGEST_OF_BENCH) if radius <= self.limit else None
@@ -563,7 +565,7 @@ class WholeRerun:
         starts = [Start.of(name, said(point), intervals, further) for name in ("GyroBlock", "GyroCompensation")]
         if any(place.definition.component == "AttitudeComputer" for place in effects):
             starts.append(Start.of("AttitudeComputer", {}, {}, further))
-        return Extension([*at_rest_extension.starts, *starts], at_rest_extension.scenarios)
+        return Extension(list(at_rest_extension.starts) + starts, at_rest_extension.scenarios)
 
 
 def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evidence:
@@ -588,8 +590,8 @@ def whole_evidence(record: PositionRecord, place: Place, **options: Any) -> Evid
     moving = Moving.of(without, record, in_motion, travel.to_block, travel.lean, least)
     with_readings = with_turns(moving.read.here, fitted.turns, str(record.path))
     moving = moving.about(with_readings.point[: with_readings.own])
-    places = (*without.places, *IN_MOTION, *effects_of_gyros())
-    names = (*rests.names, *gyro_names(), ("accelerometer-lag", "s"))
+    places = without.places + IN_MOTION + effects_of_gyros()
+    names = rests.names + tuple(gyro_names()) + (("accelerometer-lag", "s"),)
     point = np.append(with_readings.point, 0.0)
     model = BenchInMotion(names, point, places, calibration, rests, moving, with_readings, travel, raw)
     return Evidence.of(WholeReader(model))

@@ -121,6 +121,14 @@ def least_radius(
     return (*fits[branch], branch)
 
 
+def begun_with(growths: Sequence[Growth], branch: int) -> tuple[Growth, ...]:
+    """The branches of the bounds' growth with one of them in front."""
+    ordered = list(growths)
+    if ordered:
+        ordered.insert(0, ordered.pop(branch))
+    return tuple(ordered)
+
+
 @dataclass(frozen=True)
 class Relaxation:
     """What any variant of an effect may do, and more: a set that is refused with it is refused with each of them.
@@ -364,7 +372,7 @@ def fitted(
         else:
             work.programme(*model.jacobian.shape)
             radius, step, branch = least_radius(model.jacobian, residual, model.bound, growths, any_step=any_step)
-            growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
+            growths = begun_with(growths, branch)
         at = (x, step, residual, model.bound, model.jacobian)
         return Fit(cast.places, blocks, *at, radius, estimate, x[count:], model.variants, growths)
 
@@ -423,7 +431,7 @@ def relinearised(at: Exact, places: Sequence[EffectPlace], start: NDArray, settl
             radius, step, branch = least_radius(jacobian, residual, bound, growths)
             if settled is not None:
                 step = settled(jacobian, residual, np.any(rate, axis=0, keepdims=True)[0], step)
-            growths = (*growths[branch : branch + 1], *growths[:branch], *growths[branch + 1 :])
+            growths = begun_with(growths, branch)
         own = (x, step, residual, bound, jacobian)
         return Fit(tuple(places), blocks, *own, radius, estimate, x[count:], (), growths)
 

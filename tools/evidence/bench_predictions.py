@@ -436,7 +436,7 @@ def measure_gain(readings: Readings, start: NDArray, fit: Fit, gravity: float) -
     if scored.sum() < FEWEST_SCORED:
         return None
     before, after = (np.where(scored, error, np.nan) for error in errors)
-    gain = gain_of(*(error[scored][:, None] for error in errors), rows=out)
+    gain = gain_of(errors[0][scored][:, None], errors[1][scored][:, None], rows=out)
     return gain.model_copy(update={"before": before, "after": after})
 
 

@@ -35,6 +35,7 @@ from .evidence import (
     own_with,
     parameters_with,
     rms_size,
+    stacked_sizes,
     trials_in_time,
     undetermined,
 )
@@ -239,9 +240,10 @@ class CarriedReader(RecordReader):
         ends = np.tile([-np.inf, np.inf], (len(names), 1))
         if stands:
             ends = fit.ends(0.0, self.model.effort.most_rows)
-        radius = max([fit.radius, *(effect.radius for effect in self.read_off)])
-        if stands and fit.places:
-            radius = fit.radius
+        radius = fit.radius
+        if not (stands and fit.places):
+            for effect in self.read_off:
+                radius = max(radius, effect.radius)
         falsified = not fit.places and (self.model.falsified or radius > self.model.limit)
         return Calibration(
             verdict="falsified" if falsified else "consistent",
@@ -426,7 +428,7 @@ class CarriedRerun:
         model, rows = self.model, self.model.rows
         undone = {p: (p.definition.component, p.definition.stage) == ("GyroBlock", "reading_effects") for p in effects}
         places = [p for p in effects if p in rows.places and undone[p]]
-        sizes = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
+        sizes = stacked_sizes(effects, places)
         values = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), sizes]))
         return places, {"rate": None, "increment": compensated_increments(model.motion, values, model.found.gravity)}
 

@@ -145,7 +145,7 @@ def linear_evidence(
                 of_part = gyros if is_of_gyros(place) else forces
                 of_part.append(place)
         attitude, at_rest = carried_attitude(motion, model, inspection.gravity), None
-        integral = integrals(motion, model, attitude, [*free_effects, *gyros], reference.rows)
+        integral = integrals(motion, model, attitude, list(free_effects) + gyros, reference.rows)
         if not free_effects:
             bias = blocks_of(gyros)[gyros.index(BIAS)]
             at_rest = means_at_rest(motion, model, gyros, inspection.rests.rows)
@@ -159,7 +159,7 @@ def linear_evidence(
         for place in free_effects:
             names += [(f"gyro {p.name}", p.unit) for p in place.definition.parameters]
             point.append(model.bias if place == BIAS else model.scale_misalignment)
-        rows = Rows.of(parts, names, np.concatenate(point), (*gyros, *forces))
+        rows = Rows.of(parts, names, np.concatenate(point), gyros + forces)
         starting = SEARCHED if with_effects and len(motion) <= LONG else ()
         return Carried(rows, inspection, free_effects, motion, model, attitude, reference, at_rest, starting)
 

@@ -498,13 +498,21 @@ def own_with(
     """
     linear = model.rows.linear_places
     places = [place for place in effects if place in linear]
-    sizes = np.concatenate([np.zeros(0), *(effects[place] for place in places)])
+    sizes = stacked_sizes(effects, places)
     point = model.rows.point
     for _ in range(ROUNDS_OF_OWN):
         at = model.about(places, point, sizes)
         rows = at.jacobian[:, : len(point)] / at.bound[:, None]
         point = point + estimated(rows, at.residual / at.bound) if len(point) else point
     return places, sizes, point
+
+
+def stacked_sizes(effects: Mapping[EffectPlace, NDArray], places: Sequence[EffectPlace]) -> NDArray[np.float64]:
+    """The coefficients (K,) of some effects, one after the other."""
+    sizes = [np.zeros(0)]
+    for place in places:
+        sizes.append(effects[place])
+    return np.concatenate(sizes)
 
 
 def parameters_with(
