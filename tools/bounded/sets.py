@@ -11,8 +11,7 @@ large) makes the bound sharp.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, pairwise
-from typing import Any
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,15 +77,19 @@ class Problem:
     @staticmethod
     def of(residual: NDArray, nominal: NDArray, columns: Sequence[NDArray], alike: int = 0) -> "Problem":
         """The problem with the columns (M, k) of each candidate."""
-        ends = np.cumsum([0, *(block.shape[1] for block in columns)]).tolist()
-        blocks = tuple(slice(start, stop) for start, stop in pairwise(ends))
-        return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), blocks, alike)
+        blocks, stop = [], 0
+        for of_candidate in columns:
+            start, stop = stop, stop + of_candidate.shape[1]
+            blocks.append(slice(start, stop))
+        return Problem(residual, nominal, np.hstack([np.zeros((len(residual), 0)), *columns]), tuple(blocks), alike)
 
     @cached_property
     def layout(self) -> tuple[NDArray, NDArray]:
         """First columns (n,) of the candidates, and their numbers of columns (n,)."""
-        ends = np.array([(block.start, block.stop) for block in self.blocks], dtype=np.int64).reshape(-1, 2)
-        return ends[:, 0].copy(), ends[:, 1] - ends[:, 0]
+        starts, sizes = np.zeros((2, len(self.blocks)), dtype=np.int64)
+        for k, block in enumerate(self.blocks):
+            starts[k], sizes[k] = block.start, block.stop - block.start
+        return starts, sizes
 
     def choices(self, size: int) -> NDArray[np.int64]:
         """Every choice (n, 3) of so many candidates that may be in one set; -1 stands for none."""
@@ -103,7 +106,7 @@ class Problem:
         """Some of the candidates (indices, in order), and every so many-th row."""
         columns = [self.columns[::step, self.blocks[k]] for k in some]
         apart = len(self.blocks) - self.alike
-        alike = sum(k >= apart for k in some)
+        alike = int(np.count_nonzero(np.asarray(some) >= apart))
         return Problem.of(self.residual[::step].copy(), self.nominal[::step], columns, alike)
 
     def of_some_rows(self) -> tuple["Problem", list[list[int]]]:
@@ -114,11 +117,22 @@ class Problem:
         step = max(1, len(self.residual) // SOME_ROWS)
         # Rows may be of three channels in turn.
         step += step % 3 == 0
-        apart, groups = len(self.blocks) - self.alike if self.alike else 0, dict[Any, list[int]]()
-        for k, block in enumerate(self.blocks):
-            same = k if k < apart else self.columns[::step, block].tobytes()
-            groups.setdefault(same, []).append(k)
-        return self.with_some([members[0] for members in groups.values()], step), list(groups.values())
+        groups: list[list[int]] = [[k] for k in range(self.beside_others)]
+        same: dict[bytes, list[int]] = {}
+        for k in range(len(groups), len(self.blocks)):
+            key = self.columns[::step, self.blocks[k]].tobytes()
+            if key not in same:
+                same[key] = []
+                groups.append(same[key])
+            same[key].append(k)
+        return self.with_some([group[0] for group in groups], step), groups
+
+    @property
+    def beside_others(self) -> int:
+        """How many candidates, the first ones, are not alike where others are; 0 where none are."""
+        if not self.alike:
+            return 0
+        return len(self.blocks) - self.alike
 
     @property
     def size_of_projection(self) -> float:
@@ -134,7 +148,9 @@ class Problem:
     @property
     def together(self) -> int:
         """How many columns, the first ones, are of candidates beside which others may stand in a set."""
-        return self.blocks[-self.alike].start if self.alike else self.columns.shape[1]
+        if not self.alike:
+            return self.columns.shape[1]
+        return int(self.blocks[-self.alike].start)
 
     @cached_property
     def system(self) -> tuple[NDArray, NDArray, int, NDArray, NDArray]:
@@ -176,7 +192,9 @@ def project(problem: Problem, weights: NDArray, together: bool = True) -> Projec
     after = np.einsum("cm,cm->c", columns, columns)
     columns[after < 1e-14 * before] = 0.0
     after[after < 1e-14 * before] = 0.0
-    width = problem.together if together else 0
+    width = 0
+    if together:
+        width = problem.together
     gram, squares = columns @ columns[:width].T, _own_products(columns, after, problem)
     return Projection(weights, basis, residual, columns, gram, squares, columns @ residual)
 
@@ -241,7 +259,8 @@ def sets_of_size(
     What it costs is added to the work.
     """
     work = work or Work()
-    problem = problem if size else problem.without_candidates
+    if not size:
+        problem = problem.without_candidates
     if len(problem.blocks) > MANY_CANDIDATES:
         some = standing_in_some_rows(problem, size, slack, most_outliers, work)
         for effect_set in _sets_of_size(problem.with_some(some), size, slack, most_outliers, work):
@@ -280,10 +299,10 @@ def _sets_of_size(problem: Problem, size: int, slack: float, most_outliers: int,
 def standing_in_some_rows(problem: Problem, size: int, slack: float, most_outliers: int, work: Work) -> list[int]:
     """Candidates (indices) that stand in any set by some of the rows, and all of those that are not alike."""
     fewer, groups = problem.of_some_rows()
-    standing = set(range(len(problem.blocks) - problem.alike)) if problem.alike else set[int]()
-    first = len(standing)
+    standing = set(range(problem.beside_others))
     for effect_set in _sets_of_size(fewer, size, slack, most_outliers, work):
-        standing.update(k for effect in effect_set.effects if effect >= first for k in groups[effect])
+        for effect in effect_set.effects:
+            standing.update(groups[effect])
         if len(standing) == len(problem.blocks):
             break
     return sorted(standing)
@@ -315,7 +334,7 @@ class OpenSets:
 def decided(
     problem: Problem,
     projections: Sequence[Projection],
-    left: OpenSets,
+    open_sets: OpenSets,
     slack: float,
     work: Work,
     *,
@@ -325,29 +344,30 @@ def decided(
     limit = (1.0 + slack) ** 2
     weights = [projection.weights for projection in projections]
     wait, pause = 0, 0
-    while len(left):
-        pick = int(np.argmin(left.bound))
-        chosen = left.sets[pick]
-        work.add(50.0 + 2.0 * len(problem.residual) + 0.001 * len(left))
-        verdict, sharp = settle(problem.system, chosen, weights[left.source[pick]], limit)
-        left = left.without(pick)
+    while len(open_sets):
+        pick = int(np.argmin(open_sets.bound))
+        chosen = open_sets.sets[pick]
+        work.add(50.0 + 2.0 * len(problem.residual) + 0.001 * len(open_sets))
+        verdict, sharp = settle(problem.system, chosen, weights[open_sets.source[pick]], limit)
+        open_sets = open_sets.without(pick)
         if verdict != REFUSED:
-            candidate = EffectSet(
-                tuple(int(i) for i in chosen[:3] if i >= 0), tuple(int(i) for i in chosen[3:] if i >= 0)
-            )
+            effects, outliers = chosen[:3], chosen[3:]
+            candidate = EffectSet(tuple(effects[effects >= 0].tolist()), tuple(outliers[outliers >= 0].tolist()))
             if verdict == UNDECIDED:
                 work.programme(2 * len(problem.residual), problem.nominal.shape[1] + 3)
             if verdict == ACCEPTED or linear_radius(problem, candidate) <= 1.0 + slack:
                 yield candidate
         elif wait > 0:
             wait -= 1
-        elif len(left) > FEW:
-            before = len(left)
+        elif len(open_sets) > FEW:
+            before = len(open_sets)
             work.add(problem.size_of_projection + 0.3 * before)
             weights.append(sharp)
-            left = left.tried(problem, project(problem, sharp, together), len(weights) - 1, limit)
+            open_sets = open_sets.tried(problem, project(problem, sharp, together), len(weights) - 1, limit)
             # Weights that refuse few others cost more than they save: leave more sets to themselves.
-            pause = 0 if before - len(left) >= FEW else min(2 * pause + FEW, 1024)
+            pause = min(2 * pause + FEW, 1024)
+            if before - len(open_sets) >= FEW:
+                pause = 0
             wait = pause
 
 
