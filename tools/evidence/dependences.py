@@ -8,12 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects import MotionRows, Rows
 from ...models.effects.definition import ACCELEROMETERS, GYRO_BLOCK
+from ...models.effects.lookup import FROM
 from ..bounded.programmes import column_space
 from ..motion.norm import inputs_of
 from .observation import Group, Observation, OnKnots, Travel
@@ -27,8 +29,6 @@ AROUND = 144
 """Nodes of a function of an angle of the whole bench: knots of all pieces round a circle are among them."""
 BLUR = 2e-3
 """Of functions on nodes, and of turns between rows that are looked at, about so much is not exact."""
-ROOM_TEMPERATURE = 20.0
-"""[degC]"""
 COMMON: Mapping[str, str] = {"w1": "rate", "dw1": "acceleration", "n1": "force"}
 """A quantity of gyro 1 alone, and the same where each gyro has its own."""
 
@@ -90,10 +90,10 @@ def pairs_of_accelerometer(p: int, rows: Rows) -> Iterator[Pair]:
     if rows.input_sense[:, p].any():
         yield replace(pair("sense", rows.input_sense[:, p]), told=True)
     for name, values in slow.items():
-        # A factor counts from where it is zero: what it does there is nothing.
-        zero = values - (ROOM_TEMPERATURE if name == "temperature" else 0.0)
         yield pair(name, values, own_input, inputs[own_input])
-        yield pair(own_input, inputs[own_input], name, zero / np.abs(zero).max())
+        # A factor counts from where it is zero: what it does there is nothing.
+        factor = values - FROM.get(name, 0.0)
+        yield pair(own_input, inputs[own_input], name, factor / np.abs(factor).max())
 
 
 @dataclass(frozen=True)
@@ -131,13 +131,14 @@ class Way:
     def values(self, rows: Rows) -> NDArray[np.float64]:
         """Return the quantity (N,)."""
         if self.quantity == "sense":
-            return rows.sense_alpha if self.where == "outer-axis" else rows.sense_beta
+            return {"outer-axis": rows.sense_alpha, "inner-axis": rows.sense_beta}[self.where]
         return np.asarray(getattr(rows, self.quantity))
 
     def slope(self, rows: Rows, turns: NDArray) -> NDArray[np.float64]:
         """Return what a unit does (N, 3), by what each of the four small turns does (4, N, 3)."""
-        turn_slope = turns[self.turn]
-        return turn_slope * np.sin(rows.alpha)[:, None] if self.factor == "sin alpha" else turn_slope
+        if self.factor == "sin alpha":
+            return turns[self.turn] * np.sin(rows.alpha)[:, None]
+        return turns[self.turn]
 
     def pair(self, values: NDArray, spread: Spread) -> Pair:
         """Return the pair at values (n,) of the quantity."""
@@ -199,7 +200,10 @@ def _of_both(way: Way, readings_rows: Rows, travel: Travel, bound: NDArray) -> P
         on_turns = travel.turned(functions, on_way, way.slope(travel.rows, travel.axes))
         return np.vstack([on_readings, on_turns]) / bound[:, None]
 
-    pair = way.pair(nodes[:AROUND] if way.circle else nodes, lambda functions: matrix() @ functions)
+    own_nodes = nodes
+    if way.circle:
+        own_nodes = nodes[:AROUND]
+    pair = way.pair(own_nodes, lambda functions: matrix() @ functions)
     return replace(pair, anything=True)
 
 
@@ -294,14 +298,19 @@ class GyroPairs:
 
     def pair(self, p: int, name: str, values: NDArray, factor: str = "", times: NDArray | float = 1.0) -> Pair:
         """Return one gyro's error as a function of values (R,), times a factor (R,)."""
-        time = name == "hours"
-        nodes = np.linspace(values.min(), values.max(), NODES_OF_TIME if time else NODES)
-        if not time and nodes[0] < 0.0 < nodes[-1]:
-            # At rest it is zero: what is taken there is exact.
-            nodes[np.abs(nodes).argmin()] = 0.0
-        spread, moves = OnNodes(self, p, nodes, values, times), self.moves if time and not factor else ()
-        fields = {"waves": time, "moves": moves, "anything": True, "missed": spread.missed}
-        return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, **fields)
+        fields: dict[str, Any] = {}
+        if name == "hours":
+            nodes = np.linspace(values.min(), values.max(), NODES_OF_TIME)
+            fields["waves"] = True
+            if not factor:
+                fields["moves"] = self.moves
+        else:
+            nodes = np.linspace(values.min(), values.max(), NODES)
+            if nodes[0] < 0.0 < nodes[-1]:
+                # At rest it is zero: what is taken there is exact.
+                nodes[np.abs(nodes).argmin()] = 0.0
+        spread = OnNodes(self, p, nodes, values, times)
+        return Pair(GYROS[p], name, nodes, spread, GYROS[p], factor, anything=True, missed=spread.missed, **fields)
 
 
 @dataclass(frozen=True, eq=False)
