@@ -207,8 +207,10 @@ class Beyond:
 
     def _refitted(self, places: Sequence[EffectPlace]) -> Fit | None:
         """The model with tables; None where there are none, a place knows no table, or the fit runs away."""
+        if not places:
+            return None
         try:
-            return self.evidence.including(places).model.refit(places) if places else None
+            return self.evidence.including(places).model.refit(places)
         except ValueError:
             return None
 
@@ -340,7 +342,10 @@ class Beyond:
                 rows = set(errors) if rows is None else rows & set(errors)
         in_order, alike = sorted(rows or ()), []
         for errors in folds:
-            alike.append(_rms(np.array([errors[row] for row in in_order])) if errors and in_order else np.inf)
+            if errors and in_order:
+                alike.append(_rms(np.array([errors[row] for row in in_order])))
+            else:
+                alike.append(np.inf)
         return alike
 
     def extension(self, rerun: bool) -> BeyondCatalogue | None:
@@ -376,7 +381,9 @@ class Beyond:
 
     def _with_gain(self, fits: Sequence[Fit], rerun: bool) -> tuple[Fit, Gain | None]:
         """The first of some fits of which what is held out can be simulated again, with its gain; else the first."""
-        for fit in fits if rerun else ():
+        for fit in fits:
+            if not rerun:
+                break
             gain = self.evidence.including(fit.places).gain(self._centred(fit))
             if gain is not None:
                 return fit, gain

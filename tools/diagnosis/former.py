@@ -121,10 +121,15 @@ def _each_by_itself(former: Any, records: Any) -> Any:
     return {**present, "of_record": of_record, "changes": changes}
 
 
+def _entries(former: Any) -> list[Any]:
+    """The entries of a list; none of what is no list."""
+    return former if isinstance(former, list) else []
+
+
 def _parameters(former: Any) -> list[Any]:
     """Parameters with name, unit, estimate and ends, as a calibration has them."""
     parameters = []
-    for entry in former if isinstance(former, list) else ():
+    for entry in _entries(former):
         if not isinstance(entry, Mapping):
             parameters.append(entry)
             continue
@@ -136,7 +141,7 @@ def _parameters(former: Any) -> list[Any]:
 def _targets(former: Any) -> list[Any]:
     """Targets beside the effects, as a calibration has them."""
     parameters = []
-    for entry in former if isinstance(former, list) else ():
+    for entry in _entries(former):
         if isinstance(entry, Mapping):
             values = {"estimate": entry.get("after"), "low": entry.get("low"), "high": entry.get("high")}
             symbol = str(entry.get("symbol"))
@@ -151,7 +156,7 @@ def _causes(former: Any) -> list[Any]:
     What they could not be told from was written by its title alone, and is left out.
     """
     causes = []
-    for entry in former if isinstance(former, list) else ():
+    for entry in _entries(former):
         if not isinstance(entry, Mapping):
             causes.append(entry)
             continue

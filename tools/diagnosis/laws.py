@@ -202,14 +202,17 @@ class Laws:
         two values no formula orders.
         """
         places = [_place_of(possible.pair, text) for possible in self.each]
-        return [place for place in places if place is not None] if None not in places else []
+        known = [place for place in places if place is not None]
+        return known if len(known) == len(places) else []
 
     def of_size(self, size: int) -> Iterator[Law]:
         """Formulas with so many unknown numbers that stand."""
         for text in formulas(self.possible.pair, size):
             if places := self.places_of(text):
                 yield from self.fitted(places)
-        for family in families(self.pair) if size == 2 and not self.pair.members else ():
+        if size != 2 or self.pair.members:
+            return
+        for family in families(self.pair):
             if not self.places_of(family.text.format(s=family.high)):
                 continue
             for low, high in self.open_shapes(family):

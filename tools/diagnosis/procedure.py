@@ -259,7 +259,8 @@ class Procedure:
         if holding is not None and not self.proves_quantity and several:
             # Other laws do as well as sets that one function holds, though no quantity is proven.
             beyond = Beyond(self.evidence, holding.pair, holding.form, tuple(fits))
-            caution += beyond.caution if beyond.bands else ()
+            if beyond.bands:
+                caution += beyond.caution
         return caution
 
     # Bound what is possible
@@ -308,7 +309,9 @@ class Procedure:
     def _without_a_set(self) -> Diagnosis:
         """Unexplained: nothing of the catalogue mends the model."""
         helpful, sentences = what_helps(self.evidence, self.lengths.get("lengths", ()))
-        gain = self.evidence.gain(self.evidence.model.refit(helpful)) if self.rerun and helpful else None
+        gain = None
+        if self.rerun and helpful:
+            gain = self.evidence.gain(self.evidence.model.refit(helpful))
         return self._unexplained((*self.objections, *sentences), self.functions, gain=gain)
 
     def _of_sets(self) -> Diagnosis:
@@ -384,7 +387,8 @@ class Procedure:
         functions = dict(self.functions)
         if "beyond" in functions and "extension" not in functions:
             extension = functions["beyond"].extension(self.rerun)
-            functions |= {} if extension is None else {"extension": extension}
+            if extension is not None:
+                functions["extension"] = extension
         rivals = tuple(Explanation.of_function(rival) for rival in self.unlisted.rivals)
         return self._result(
             "ambiguous",
@@ -407,8 +411,9 @@ class Procedure:
     ) -> Diagnosis:
         proven = self.proven if self.evidence.model.falsified else None
         if proven is not None:
-            keys["level"] = "quantity" if proven.quantity else "place"
-            keys["depends_on"] = (proven.on, *proven.same) if proven.quantity else proven.not_excluded
+            keys |= {"level": "place", "depends_on": proven.not_excluded}
+            if proven.quantity:
+                keys |= {"level": "quantity", "depends_on": (proven.on, *proven.same)}
         structure = residual_structure(self.evidence.reader.channels())
         return self._result(
             "unexplained",
@@ -454,14 +459,18 @@ class Procedure:
 
     @cached_property
     def _power(self) -> Mapping[str, Any]:
-        power = self.evidence.reader.power() if self.rerun else ()
+        if not self.rerun:
+            return {}
+        power = self.evidence.reader.power()
         return {"power": power} if power else {}
 
     @cached_property
     def _of_misfit(self) -> Mapping[str, Any]:
         """Keys of a falsified model: on what the misfit depends, the bound that would do, what single effects leave."""
         evidence = self.evidence
-        keys: dict[str, Any] = {"tried": single_radii(evidence.model) if evidence.model.effort.ranks_each else ()}
+        keys: dict[str, Any] = {"tried": ()}
+        if evidence.model.effort.ranks_each:
+            keys["tried"] = single_radii(evidence.model)
         if evidence.reader.stated_bound is not None:
             keys["noise_bound_needed"] = evidence.model.radius * evidence.reader.stated_bound
         if self.dependence is not None:

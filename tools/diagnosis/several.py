@@ -50,7 +50,10 @@ NOT_TRIED = (
 def labels_of(paths: Sequence[Path]) -> list[str]:
     """What records are called: by the names of their files without ending, or, where two are alike, by number too."""
     names = [path.name.split(".")[0] or path.name for path in paths]
-    return [f"{name}-{k}" if names.count(name) > 1 else name for k, name in enumerate(names, start=1)]
+    labels = []
+    for k, name in enumerate(names, start=1):
+        labels.append(f"{name}-{k}" if names.count(name) > 1 else name)
+    return labels
 
 
 def members_of(
@@ -126,7 +129,9 @@ def reason_apart(diagnosis: Diagnosis) -> str | None:
         return "nothing can be run: " + "; ".join(map(str, diagnosis.missing or ()))
     if diagnosis.verdict == "unexplained" and not diagnosis.unshown:
         return f"unexplained by itself: {(diagnosis.not_named or ('no set of effects mends it',))[0]}"
-    return _not_sought(evidence.reader.read_off[0].place.title) if evidence.reader.read_off else None
+    if evidence.reader.read_off:
+        return _not_sought(evidence.reader.read_off[0].place.title)
+    return None
 
 
 def _not_sought(title: str) -> str:
@@ -180,14 +185,18 @@ class Together:
         for member in joint.members:
             own_names |= dict.fromkeys(name for name, _ in member.rows.names if name not in joint.shared)
         keys: dict[str, Any] = {"shared": joint.shared, "own": tuple(own_names), "not_searched": joint.not_searched}
-        keys["findings"] = () if self.best is None else diagnosis.findings
+        keys["findings"] = ()
+        if self.best is not None:
+            keys["findings"] = diagnosis.findings
         if diagnosis.verdict == "insufficient":
             return keys
         places = self.best.fit.places if self.best is not None else ()
         keys["repeatability"] = repeated(self.alone, joint, places, *joint.asked)
         if diagnosis.verdict == "unexplained":
             size = diagnosis.cut_off_at
-            reason = NOTHING_MENDS if size is None else CUT_OFF.format(size=size)
+            reason = NOTHING_MENDS
+            if size is not None:
+                reason = CUT_OFF.format(size=size)
             keys["not_named"] = (*(diagnosis.not_named or (reason,)), *self._must_differ())
         elif self.best is not None:
             keys |= self._of_sets(self.best)
@@ -196,7 +205,9 @@ class Together:
     @cached_property
     def best(self) -> Finding | None:
         """The set that is named, or the first of those that remain."""
-        return self.found.findings[0] if self.found.verdict in ("explained", "ambiguous") else None
+        if self.found.verdict in ("explained", "ambiguous"):
+            return self.found.findings[0]
+        return None
 
     def _of_sets(self, best: Finding) -> dict[str, Any]:
         """Keys of the sets with which the records stand."""
@@ -229,7 +240,9 @@ class Together:
         """Where one record stands by itself, and the others together: what they cannot share, if that is enough."""
         joint, members = self.joint, dict(zip(self.joint.labels, self.joint.members, strict=True))
         sentences = []
-        for label in joint.labels[-1 if len(members) == 2 else 0 :]:
+        # Of two records what the first cannot share, the second cannot.
+        labels = joint.labels[-1:] if len(members) == 2 else joint.labels
+        for label in labels:
             ends_here = self._ends_of({label: members[label]})
             ends_beside = self._ends_of(_without(members, label))
             apart = set()

@@ -475,7 +475,7 @@ def with_effects(
     fmus: Mapping[str, tuple[str, Mapping[str, Any]]], effects: Sequence[Mapping[str, object]]
 ) -> dict[str, dict[str, Any]]:
     """Components and their parameters, each with those of the effects that extend it, as a scenario file says them."""
-    of_component: dict[str, list[dict[str, object]]] = {}
+    of_component: dict[str | None, list[dict[str, object]]] = {}
     for entry in effects:
         place, _ = place_from_mapping(entry)
         of_component.setdefault(place.definition.component, []).append(dict(entry))
