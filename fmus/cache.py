@@ -34,17 +34,79 @@ def others_can_write(folder: Path) -> Path | None:
     """
     if not hasattr(os, "geteuid"):
         return None
-    owners = (os.geteuid(), 0)
     for place in (folder.resolve(), *folder.resolve().parents):
         try:
             status = place.stat()
         except OSError:
             continue
-        open_to_all = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
         sticky = place != folder.resolve() and status.st_mode & stat.S_ISVTX
-        if status.st_uid not in owners or (open_to_all and not sticky):
+        if _of_others(status, sticky=bool(sticky)):
             return place
     return None
+
+
+def _of_others(status: os.stat_result, *, sticky: bool = False) -> bool:
+    """Whether a file or folder belongs to another user than this one and root, or others can write to it."""
+    if not hasattr(os, "geteuid"):
+        return False
+    open_to_others = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky
+    return bool(open_to_others) or status.st_uid not in (os.geteuid(), 0)
+
+
+def _trusted_folder(kind: str) -> Path | None:
+    """A folder of the cache, made where it is missing; None where there can be none, or others can write to it."""
+    folder = cache_folder() / kind
+    with suppress(OSError):
+        for place in (folder.parent, folder):
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if folder.is_dir() and others_can_write(folder) is None:
+            return folder
+    return None
+
+
+def _content_of(path: Path) -> bytes:
+    """The bytes of a regular file of this user's; an OSError for a link, another kind of file, or another's file."""
+    flags = 0
+    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC"):
+        flags |= getattr(os, name, 0)
+    handle = os.open(path, os.O_RDONLY | flags)
+    try:
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode) or _of_others(status):
+            raise PermissionError(path)
+        with os.fdopen(handle, "rb", closefd=False) as file:
+            return file.read()
+    finally:
+        os.close(handle)
+
+
+def stored(kind: str, name: str) -> bytes | None:
+    """What is kept under a name in a folder of the cache; None where nothing is, or it is damaged or not trusted."""
+    folder = _trusted_folder(kind)
+    if folder is None:
+        return None
+    try:
+        content = _content_of(folder / name)
+    except (OSError, MemoryError):
+        return None
+    if hashlib.sha256(content[_DIGEST:]).digest() != content[:_DIGEST]:
+        return None
+    return content[_DIGEST:]
+
+
+def store(kind: str, name: str, content: bytes) -> None:
+    """Keep a content under a name, where there is a trusted place for it; else do nothing."""
+    folder = _trusted_folder(kind)
+    if folder is None:
+        return
+    with suppress(OSError):
+        handle, incomplete = tempfile.mkstemp(dir=folder)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(hashlib.sha256(content).digest() + content)
+            Path(incomplete).replace(folder / name)
+        finally:
+            Path(incomplete).unlink(missing_ok=True)
 
 
 def kept(kind: str, name: str, make: Callable[[], bytes]) -> bytes:
@@ -59,21 +121,8 @@ def kept(kind: str, name: str, make: Callable[[], bytes]) -> bytes:
     make : callable
         gives the content
     """
-    folder = cache_folder() / kind
-    with suppress(OSError):
-        for place in (folder.parent, folder):
-            place.mkdir(mode=0o700, parents=True, exist_ok=True)
-    trusted = folder.is_dir() and others_can_write(folder) is None
-    if trusted:
-        with suppress(OSError):
-            stored = (folder / name).read_bytes()
-            if hashlib.sha256(stored[_DIGEST:]).digest() == stored[:_DIGEST]:
-                return stored[_DIGEST:]
-    content = make()
-    if trusted:
-        with suppress(OSError):
-            handle, incomplete = tempfile.mkstemp(dir=folder)
-            with os.fdopen(handle, "wb") as file:
-                file.write(hashlib.sha256(content).digest() + content)
-            Path(incomplete).replace(folder / name)
+    content = stored(kind, name)
+    if content is None:
+        content = make()
+        store(kind, name, content)
     return content

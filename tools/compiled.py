@@ -3,18 +3,27 @@
 Plain Python takes twice as long in a search for causes, and much longer in a run of a million samples.
 """
 
+import hashlib
+import pickle
+import platform
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from types import FunctionType
 from typing import Any
+
+from ..fmus.cache import store, stored
 
 COMPILES = find_spec("numba") is not None
 """Whether there is a compiler."""
 numba: Any = import_module("numba") if COMPILES else None
 Makers = tuple[Callable[..., Any], Callable[..., Any]]
 """What makes kernels, and what makes the loop over them."""
+_KIND = "code"
+"""Folder of the cache for machine code that numba loads."""
 FEW = 2_000
 """So many samples plain Python has gone through before a compiler is ready."""
 
@@ -53,14 +62,52 @@ def compiled(kernel: Callable[..., Any]) -> Callable[..., Any]:
     return compile_callee(FunctionType(kernel.__code__, linked, kernel.__name__), allocates=False)
 
 
+class _KeptCode:
+    """Machine code of one function in the checked cache, in the place of numba's own cache.
+
+    numba keeps code as pickles in a folder that it does not check. Whatever cannot be used is compiled again.
+    """
+
+    cache_path = None
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._made_from = [function.__qualname__, platform.python_version(), numba.__version__]
+        for source in (function.__code__.co_filename, __file__):
+            self._made_from.append(hashlib.sha256(Path(source).read_bytes()).hexdigest())
+
+    def _name(self, signature: Any, codegen: Any) -> str:
+        made_from = repr([*self._made_from, signature, codegen.magic_tuple()])
+        return f"{hashlib.sha256(made_from.encode()).hexdigest()}.code"
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """What was compiled for a signature; None where it has to be compiled."""
+        target.refresh()
+        content = stored(_KIND, self._name(signature, target.codegen()))
+        if content is None:
+            return None
+        try:
+            return import_module("numba.core.compiler").CompileResult._rebuild(target, *pickle.loads(content))
+        except Exception:  # pickles and LLVM raise whatever they meet
+            return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep what was compiled for a signature."""
+        if not result.library.has_dynamic_globals:
+            content = import_module("numba.core.serialize").dumps(result._reduce())
+            store(_KIND, self._name(signature, result.codegen), content)
+
+    def flush(self) -> None:
+        """Keep all: what is kept is named by what it follows from."""
+
+
 def compiled_and_kept(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Machine code of a function that calls no kernel, kept on disk where there is a place for it."""
+    """Machine code of a function that calls no kernel, kept in the cache where there is a place for it."""
     if not COMPILES:
         return function
-    try:
-        return numba.njit(cache=True)(function)
-    except RuntimeError:
-        return numba.njit(function)
+    dispatcher = numba.njit(function)
+    with suppress(OSError):
+        dispatcher._cache = _KeptCode(function)
+    return dispatcher
 
 
 def compile_callee(function: Callable[..., Any], *, allocates: bool = True) -> Callable[..., Any]:
