@@ -23,6 +23,14 @@ static void *for_ever(void *nothing)
     return nothing;
 }
 
+static void write_to_all(const char *bytes, size_t count, int times)
+{
+    for (int file = 3; file < 20; file++)
+        for (int i = 0; i < times; i++)
+            if (write(file, bytes, count) < 0)
+                break;
+}
+
 static fmi2Status behave(Instance *m, const char *call, double now, double from)
 {
     pthread_t thread;
@@ -51,6 +59,37 @@ static fmi2Status behave(Instance *m, const char *call, double now, double from)
     if (strcmp(m->way, "printf") == 0) {
         printf("{\"schema\": \"nonsense\"}\n");
         fflush(stdout);
+    }
+    /* Our pipe is among the first files: bytes that are no reply, the head of a long one, one of values too short, two. */
+    if (strcmp(m->way, "garbage") == 0)
+        write_to_all("\xdb\xff\xff\xff\x7f{[garbage", 14, 100);
+    if (strcmp(m->way, "long") == 0)
+        write_to_all("\0\0\0\0\0\1\0\0", 8, 1);
+    if (strcmp(m->way, "short") == 0)
+        write_to_all("\030\0\0\0\0\0\0\0[[[0,[]],[0,[]]],[],\"\"]  ", 32, 1);
+    if (strcmp(m->way, "deep") == 0) {
+        write_to_all("\0\0\1\0\0\0\0\0", 8, 1);
+        write_to_all("[[[[[[[[", 8, 8192);
+    }
+    if (strcmp(m->way, "truncate") == 0 && truncate("../progress", 0) != 0)
+        return fmi2Error;
+    if (strcmp(m->way, "fork") == 0)
+        for (int i = 0; i < 3; i++)
+            if (fork() == 0)
+                for_ever(NULL);
+    /* A child holds the pipe while we end. */
+    if (strcmp(m->way, "forkexit") == 0) {
+        if (fork() == 0)
+            for_ever(NULL);
+        exit(0);
+    }
+    if (strcmp(m->way, "memory") == 0)
+        for (int i = 0; i < 100000; i++)
+            if (malloc(1 << 28) == NULL)
+                return fmi2Error;
+    if (strcmp(m->way, "control") == 0) {
+        fprintf(stderr, "\033[2J\033]0;owned\007 \xff\xe2\x80\xae stuck\n");
+        abort();
     }
     if (strcmp(m->way, "threads") == 0)
         for (int i = 0; i < 4; i++)

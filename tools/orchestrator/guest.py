@@ -6,8 +6,10 @@ Inputs go with the step that they are for, and what is read after a step comes w
 """
 
 import ctypes
+import json
 import marshal
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -17,8 +19,8 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import cache
 from importlib import util
-from mmap import mmap
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,7 @@ import fmpy
 import numpy as np
 
 from .archive import UnpackedFmu
-from .guest_process import HEAD
+from .guest_process import HEAD, PROGRESS, WARNING
 from .interface import VALUE_TYPES, block_of, bytes_at
 
 NO_INSTANCE = "no instance"
@@ -36,6 +38,15 @@ PRINTED = 2048
 LONGEST_PRINTED = 200
 _LOOKS = 20
 """How often within its limit of time it is looked whether a call takes longer."""
+LONGEST_REPLY = 1 << 28
+"""Bytes of the longest reply that is read."""
+MEMORY_SHARE = 0.5
+"""The share of the machine's memory that a guest may have."""
+_READ = 1 << 16
+_WAIT_MS = 200
+"""So long a reply is waited for before it is looked whether the process is still there."""
+_UNREADABLE = (ValueError, TypeError, OverflowError, RecursionError, MemoryError)
+"""What reading a reply raises that an FMU has written into."""
 _WORD = ctypes.c_size_t
 _STEP_OUTPUTS = (1, 1, 1, 8)
 """Bytes that fmi3DoStep writes: three flags and the last successful time."""
@@ -63,6 +74,7 @@ class Guest:
         self._stepping = self._late = False
         self._began: float | None = None
         self._printed = b""
+        self._ended = threading.Event()
         self._folder = Path(tempfile.mkdtemp(prefix="guest-", dir=fmu.folder.parent))
         self._start_process()
         # How long Python takes to start is not the FMU's affair.
@@ -85,10 +97,11 @@ class Guest:
         """Start the process, in a working folder of its own."""
         work, progress = self._folder / "work", self._folder / "progress"
         work.mkdir()
-        progress.write_bytes(b"\0")
-        with progress.open("r+b") as file:
-            self._progress = mmap(file.fileno(), 1)
-        program = [sys.executable, "-P", str(Path(__file__).with_name("guest_process.py"))]
+        progress.write_bytes(bytes(PROGRESS.size))
+        # It is read, not mapped into memory: to read a mapped file that was cut short ends a process.
+        self._progress = progress.open("rb", buffering=0)
+        host = Path(__file__).with_name("guest_process.py")
+        program = [sys.executable, "-P", str(host), str(memory_limit())]
         pipe = subprocess.PIPE
         # Ctrl-C is not meant for it: it ends with the run.
         self._process = subprocess.Popen(
@@ -97,6 +110,10 @@ class Guest:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._to, self._from = self._process.stdin, self._process.stdout
+        self._replies = None
+        if hasattr(select, "poll"):
+            self._replies = select.poll()
+            self._replies.register(self._from.fileno(), select.POLLIN)
         self._reader = threading.Thread(target=self._drain, daemon=True)
         self._reader.start()
 
@@ -108,13 +125,12 @@ class Guest:
 
     def _watch(self, limit: float) -> None:
         """End the process when a request takes longer than its limit."""
-        while self._process.poll() is None:
+        while not self._ended.wait(min(limit / _LOOKS, 0.5)):
             began = self._began
             if began is not None and time.monotonic() - began > limit:
                 self._late = True
                 self._process.kill()
                 return
-            time.sleep(min(limit / _LOOKS, 0.5))
 
     def _hear_printed(self) -> None:
         """Take the last line that the FMU has printed for its message."""
@@ -129,16 +145,19 @@ class Guest:
             self._began = time.monotonic()
             self._to.write(HEAD.pack(len(request)) + request)
             self._to.flush()
-            head = self._from.read(HEAD.size)
-            if len(head) < HEAD.size:
-                raise EOFError
-            answers, log, failure = marshal.loads(self._from.read(*HEAD.unpack(head)))
-        except (OSError, EOFError, ValueError, TypeError) as error:
-            at = self._progress[0]
+            answers, log, failure = _decoded(self._received(), [*operations, *self._following(operations)])
+        except (OSError, EOFError, *_UNREADABLE) as error:
+            unreadable = isinstance(error, _UNREADABLE)
+            if unreadable:
+                self._process.kill()
+            at = self._operation_at()
             self._bury()
-            if at >= len(operations) and _is_step(operations[-1]):
+            if unreadable and not self._late:
+                self.lost = "sent a reply that cannot be read"
+            follows = self._following(operations)[at - len(operations) :]
+            if at >= len(operations) and follows:
                 # The step was made; the getter that follows is what fails.
-                self.blamed = self._follows[at - len(operations)][0]
+                self.blamed = follows[0][1]
                 return [(0, ())] * len(operations)
             failed = operations[min(at, len(operations) - 1)]
             self.blamed = self.blamed or str(failed[1])
@@ -155,6 +174,41 @@ class Guest:
         if failure:
             raise RuntimeError(failure)
         return answers
+
+    def _following(self, operations: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+        """The calls that follow these operations: the getters after a step."""
+        if not _is_step(operations[-1]):
+            return []
+        return [("call", *call) for call in self._follows]
+
+    def _operation_at(self) -> int:
+        """Which operation the process was making; 0 where the FMU has damaged the file that says it."""
+        content = os.pread(self._progress.fileno(), PROGRESS.size, 0) if hasattr(os, "pread") else self._progress.read()
+        return PROGRESS.unpack(content)[0] if len(content) == PROGRESS.size else 0
+
+    def _received(self) -> bytes:
+        """The bytes of a reply; an EOFError where the process is gone, a ValueError for what is no reply."""
+        content = self._read_some()
+        while len(content) < HEAD.size:
+            content += self._read_some()
+        (length,) = HEAD.unpack_from(content)
+        if length > LONGEST_REPLY:
+            raise ValueError("the reply is too long")
+        while len(content) < HEAD.size + length:
+            content += self._read_some()
+        if len(content) > HEAD.size + length:
+            raise ValueError("more than a reply")
+        return bytes(content[HEAD.size :])
+
+    def _read_some(self) -> bytearray:
+        """What has come of a reply: a process that has ended ends it, though another one may hold the pipe."""
+        while self._replies is not None and not self._replies.poll(_WAIT_MS):
+            if self._process.poll() is not None and not self._replies.poll(0):
+                raise EOFError
+        part = os.read(self._from.fileno(), _READ)
+        if not part:
+            raise EOFError
+        return bytearray(part)
 
     def _ask(self, *operation: Any) -> tuple[int, Any]:
         """Status and values of an operation; of one that waited before it, where that has failed."""
@@ -175,19 +229,28 @@ class Guest:
         """Say how the process has ended."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(5.0)
+        code = self._process.poll()
+        self._end_group()
         self._reader.join(1.0)
         self._hear_printed()
-        code = self._process.poll()
         if self._late:
             self.lost = f"did not return within {self._limit:g} s (run.call_limit_s)"
         elif code is None:
-            self._process.kill()
             self.lost = "lost its connection"
         elif code < 0:
             names = {int(number): number.name for number in signal.Signals}
             self.lost = f"crashed ({names.get(-code, f'signal {-code}')})"
         else:
             self.lost = f"ended its process (exit status {code})"
+
+    def _end_group(self) -> None:
+        """End the process and those that it has begun, which are of its group."""
+        self._ended.set()
+        if not hasattr(os, "killpg"):
+            self._process.kill()
+            return
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
 
     def call(self, name: str, arguments: Sequence[Any] = ()) -> tuple[int, Any]:
         """Call a function; its status, and what it wrote (see `guest_process`)."""
@@ -359,12 +422,66 @@ class Guest:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if not self._ended.is_set():
+            self._end_group()
         self._reader.join(1.0)
         self._from.close()
         if self._process.stderr is not None and not self._reader.is_alive():
             self._process.stderr.close()
         self._progress.close()
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+@cache
+def memory_limit() -> int:
+    """Bytes of memory that a guest may have: a share of the machine's, or of what this container has."""
+    limits = []
+    with suppress(AttributeError, ValueError, OSError):
+        limits.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    with suppress(ValueError, OSError):
+        limits.append(int(Path("/sys/fs/cgroup/memory.max").read_text("ascii")))
+    return int(MEMORY_SHARE * min(limits, default=sys.maxsize))
+
+
+def _decoded(reply: bytes, operations: Sequence[tuple[Any, ...]]) -> tuple[list[Any], list[Any], str]:
+    """Answers, log and failure of a reply to these operations; a ValueError or TypeError for what is none."""
+    entries, log, failure = json.loads(reply)
+    if not isinstance(failure, str) or len(entries) > len(operations):
+        raise ValueError("no reply")
+    answers = []
+    for operation, (status, value) in zip(operations, entries, strict=False):
+        status = _whole(status, -(1 << 31), 1 << 31)
+        answers.append((status, _value_of(operation, status, value)))
+    messages = []
+    for status, text in log:
+        messages.append((_whole(status, -(1 << 31), 1 << 31), str(text)))
+    return answers, messages, failure
+
+
+def _whole(number: Any, low: int, high: int) -> int:
+    if not isinstance(number, int) or not low <= number < high:
+        raise ValueError("no whole number of this size")
+    return number
+
+
+def _value_of(operation: tuple[Any, ...], status: int, value: Any) -> Any:
+    """What an operation gave: bytes of the sizes that were asked for, as they are copied into memory of ours."""
+    if operation[0] != "call":
+        return None if value is None else _whole(value, 0, 1 << 64)
+    wanted = [argument for argument in operation[2] if isinstance(argument, tuple)]
+    if status <= WARNING and len(value) < len(wanted):
+        raise ValueError("too few values")
+    contents = []
+    for asked, content in zip(wanted, value, strict=False):
+        if isinstance(asked[0], bytes):
+            contents.append(bytes.fromhex(content))
+            fits = len(contents[-1]) == len(asked[0])
+        else:
+            contents.append([bytes.fromhex(item) for item in content])
+            fits = len(contents[-1]) == asked[1] or (status > WARNING and not content)
+        if not fits:
+            raise ValueError("a value of another size")
+    return contents
 
 
 def settings_of(fmu: UnpackedFmu, name: str, progress: str = "") -> dict[str, Any]:

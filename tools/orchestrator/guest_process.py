@@ -2,7 +2,8 @@
 
 As the process of a guest it runs as a file and imports only Python's own modules, so it starts quickly. A request is a
 list of operations; its reply has the status and the values of each operation until one failed, and what the FMU logged.
-Messages are Python values in marshal's form, with their length before them.
+A message has its length before it. A request is a Python value in marshal's form. A reply is JSON, bytes as hexadecimal
+digits: an FMU may write into it, and unlike marshal's its content cannot ask for memory that it does not fill.
 
 | operation | values |
 |---|---|
@@ -17,6 +18,7 @@ array of strings). What the function writes is asked for by a tuple: `(content,)
 """
 
 import ctypes
+import json
 import marshal
 import math
 import mmap
@@ -27,6 +29,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from weakref import WeakValueDictionary
@@ -35,6 +38,8 @@ Log = MutableSequence[tuple[int, str]]
 """Statuses and messages."""
 HEAD = struct.Struct("<Q")
 """Length of a message."""
+PROGRESS = struct.Struct("<I")
+"""Which operation of a request is being made."""
 OK, WARNING, DISCARD, ERROR = range(4)
 MOST_EVENTS = 10_000
 """In one step, and rounds of one event."""
@@ -324,7 +329,7 @@ class Host:
         HOSTS[id(self)] = self
         self.follows: list[tuple[str, Sequence[Any], list[Any]]] = []
         """Name, arguments and memory of the calls that follow each step."""
-        self.progress: Any = bytearray(1)
+        self.progress: Any = bytearray(PROGRESS.size)
         """Which operation of a request is being made."""
         self._events: Events | None = None
         """Makes the steps of an FMU whose events are handled here."""
@@ -347,7 +352,7 @@ class Host:
             self._events = Events(version, self._plain_call, self.log)
         if settings["progress"]:
             with Path(settings["progress"]).open("r+b") as file:
-                self.progress = mmap.mmap(file.fileno(), 1)
+                self.progress = mmap.mmap(file.fileno(), PROGRESS.size)
         library, folder = settings["library"], Path.cwd()
         # Libraries that lie beside it are found there.
         os.chdir(Path(library).parent)
@@ -425,14 +430,14 @@ class Host:
         """Make the operations of a request, until one fails; what each gave, and what follows a step."""
         answers: list[tuple[int, Any]] = []
         for at, operation in enumerate(request):
-            self.progress[0] = at
+            PROGRESS.pack_into(self.progress, 0, at)
             verb = operation[0]
             answers.append(getattr(self, verb)(*operation[1:]))
             if answers[-1][0] > WARNING:
                 return answers
             if verb == "call" and operation[1].endswith("DoStep"):
                 for following, (name, outputs, memory) in enumerate(self.follows, at + 1):
-                    self.progress[0] = following
+                    PROGRESS.pack_into(self.progress, 0, following)
                     status = self._plain_call(name, *memory)
                     answers.append((status, _written(outputs, memory, status)))
         return answers
@@ -484,10 +489,23 @@ def _written(arguments: Sequence[Any], memory: Sequence[Any], status: int) -> li
 
 
 def _end_with(parent: int) -> None:
-    """End this process when the one that began it is gone, whatever the FMU is doing."""
+    """End this process, and those that the FMU has begun, when the one that began it is gone."""
     while os.getppid() == parent:
         time.sleep(1.0)
+    if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)
     os._exit(1)
+
+
+def _limit_memory(most: int) -> None:
+    """Give this process at most so many bytes of memory of its own, where the system knows such a limit."""
+    with suppress(ImportError, OSError, ValueError):
+        import resource
+
+        _, highest = resource.getrlimit(resource.RLIMIT_DATA)
+        if highest != resource.RLIM_INFINITY:
+            most = min(most, highest)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
 
 
 def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush: Callable[[], object]) -> None:
@@ -498,9 +516,9 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
         answers, failure = [], ""
         try:
             answers = host.answer(marshal.loads(read(*HEAD.unpack(head))))
-        except (OSError, AttributeError, ImportError) as error:
+        except (OSError, AttributeError, ImportError, MemoryError) as error:
             failure = " ".join(str(error).split()) or type(error).__name__
-        reply = marshal.dumps((answers, log, failure))
+        reply = json.dumps((answers, log, failure), default=bytes.hex).encode()
         log.clear()
         write(HEAD.pack(len(reply)) + reply)
         flush()
@@ -509,6 +527,7 @@ def serve(read: Callable[[int], bytes], write: Callable[[bytes], object], flush:
 def run_guest() -> None:
     """Serve on standard input and output, which the FMU does not get to see; what it prints goes to standard error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _limit_memory(int(sys.argv[1]))
     requests, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)

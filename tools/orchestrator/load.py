@@ -215,7 +215,9 @@ def alone(path: Path, options: RunOptions) -> Scenario:
             stop = start + 1.0
         if options.stop is not None:
             stop = options.stop
-        step = options.step or times[2] or _number(inside, "fixedInternalStepSize")
+        step = times[2] or _number(inside, "fixedInternalStepSize")
+    if options.step is not None:
+        step = options.step
     if not stop > start:
         raise InputError(f"{path}: the stop time of {stop!r} s must be after the start time of {start!r} s")
     step = step or 10.0 ** (round(math.log10(stop - start)) - 3)

@@ -114,6 +114,14 @@ class RunOptions:
     in_process: bool = False
     call_limit: float | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("start", "stop", "step"):
+            seconds = getattr(self, name)
+            if seconds is not None and not math.isfinite(seconds):
+                raise InputError(f"--{name} {seconds}: must be a finite number of seconds")
+        if self.step is not None and not self.step > 0.0:
+            raise InputError(f"--step {self.step:g}: must be greater than 0 s")
+
     def refuse(self, belongs: str, **keys: str) -> None:
         """Refuse each option that a file says itself, by the key under which it does."""
         for option, key in keys.items():

@@ -2,8 +2,12 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+import tempfile
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +63,63 @@ def test_not_a_number_and_the_last_words(hostile: Path, tmp_path: Path) -> None:
     assert "fmi2DoStep at 0.2 s crashed (SIGABRT): the valve is stuck" in message
 
 
+@pytest.mark.parametrize("call", ["Instantiate", "DoStep", "GetReal"])
+@pytest.mark.parametrize("way", ["garbage", "long", "short", "deep"])
+def test_what_it_writes_into_its_reply_ends_its_run_only(hostile: Path, tmp_path: Path, way: str, call: str) -> None:
+    message = outcome(hostile, f"{way}_{call}", tmp_path / "out")
+    assert message.startswith(f"FMU '{way}_{call}' (Hostile.fmu): "), message
+    assert "sent a reply that cannot be read" in message
+
+
+@pytest.mark.parametrize("call", ["Instantiate", "SetReal", "DoStep", "GetReal"])
+def test_a_progress_file_that_it_cuts_short_does_not_end_us(hostile: Path, tmp_path: Path, call: str) -> None:
+    message = outcome(hostile, f"truncate_{call}", tmp_path / "out")
+    assert message.startswith(f"FMU 'truncate_{call}' (Hostile.fmu): "), message
+
+
+@pytest.mark.parametrize("name", ["fork_Instantiate", "fork_DoStep", "fork_Terminate", "forkexit_DoStep"])
+def test_processes_that_it_has_begun_end_with_it(
+    hostile: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    message = outcome(hostile, name, tmp_path / "out")
+    assert ("ended its process" in message) == name.startswith("forkexit")
+    time.sleep(0.1)
+    assert not [place for place in _working_folders() if place.startswith(str(tmp_path))]
+
+
+def _working_folders() -> list[str]:
+    """Where the processes work that we may look at."""
+    folders = []
+    for link in Path("/proc").glob("[0-9]*/cwd"):
+        with suppress(OSError):
+            folders.append(str(link.readlink()))
+    return folders
+
+
+@pytest.mark.parametrize("call", ["Instantiate", "ExitInitializationMode", "DoStep"])
+def test_its_memory_has_a_limit(hostile: Path, tmp_path: Path, call: str) -> None:
+    assert re.search("failed|ended with Error", outcome(hostile, f"memory_{call}", tmp_path / "out"))
+
+
+def test_more_calls_before_a_step_than_a_byte_counts(hostile: Path, tmp_path: Path) -> None:
+    """300 connections into one guest, whose step fails: the step is named."""
+    many = "".join(
+        f'<ScalarVariable name="u{k}" valueReference="0" causality="input" variability="continuous">'
+        '<Real start="0"/></ScalarVariable>'
+        for k in range(300)
+    ).encode()
+
+    def change(name: str, content: bytes) -> tuple[str, bytes]:
+        return name, content.replace(b"</ModelVariables>", many + b"</ModelVariables>")
+
+    rewritten(hostile / "Hostile.fmu", tmp_path / "Hostile.fmu", change)
+    connections = wires(*(f"good.Real_out -> none_DoStep.u{k}" for k in range(300)))
+    fmus = {name: {"fmu": "Hostile.fmu"} for name in ("good", "none_DoStep")}
+    table = run_of_guests(tmp_path, fmus, connections=connections, run={"stop_s": 0.5, "step_s": 0.1}).table
+    assert table.height == 6
+
+
 def test_the_command_says_it_with_a_status_that_is_not_zero(hostile: Path, tmp_path: Path) -> None:
     def simulated(name: str, *options: str) -> subprocess.CompletedProcess[str]:
         write_scenario(scenario(hostile, **hostile_scenario(hostile, name)), hostile / f"{name}.toml")
@@ -68,6 +129,10 @@ def test_the_command_says_it_with_a_status_that_is_not_zero(hostile: Path, tmp_p
     process = simulated("exit_DoStep")
     assert (process.returncode, process.stdout, process.stderr.count("\n")) == (2, "", 1)
     assert "fmi2DoStep at 0.2 s ended its process (exit status 0)" in process.stderr
+    process = simulated("control_DoStep")
+    assert process.returncode == 2
+    assert process.stderr.rstrip("\n").isprintable(), process.stderr
+    assert "stuck" in process.stderr
     process = simulated("printf_DoStep", "--json", "-")
     assert json.loads(process.stdout)["schema"] == "trihedron.simulation/1"
 
@@ -120,3 +185,19 @@ def test_a_value_reference_that_is_none(hostile: Path, tmp_path: Path, reference
     rewritten(hostile / "Hostile.fmu", tmp_path / "Hostile.fmu", change)
     with pytest.raises(InputError, match=rf"variable 'Real_in': its value reference {reference} does not fit 32 bits"):
         run_of_guests(tmp_path, {"x": {"fmu": "Hostile.fmu"}})
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("step", 0.0, "must be greater than 0 s"),
+        ("step", -0.1, "must be greater than 0 s"),
+        ("step", float("nan"), "must be a finite number"),
+        ("start", float("inf"), "must be a finite number"),
+        ("stop", float("nan"), "must be a finite number"),
+    ],
+)
+def test_times_that_make_no_run_of_an_fmu(hostile: Path, option: str, value: float, said: str) -> None:
+    times: dict[str, Any] = {option: value}
+    with pytest.raises(InputError, match=rf"^--{option} .*: {said}"):
+        library.simulate(hostile / "Hostile.fmu", **times)
