@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from .errors import InputError
+from .files import inputs_kept
 from .options import completed
 
 P = ParamSpec("P")
@@ -42,7 +43,7 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
             if adapter is not None:
                 bound.arguments[name] = _checked(name, value, adapter)
         try:
-            with one_thread():
+            with one_thread(), inputs_kept():
                 return function(*bound.args, **bound.kwargs)
         except InputError as error:
             error.args = (_of_arguments(str(error), list(signature.parameters)), *error.args[1:])

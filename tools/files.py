@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,59 @@ Placed = tuple[Path, Path, Sequence[Path]]
 """What is written beside its place, its place, and what goes when it is there."""
 _PENDING: ContextVar[list[Placed] | None] = ContextVar("_PENDING", default=None)
 """What a block has written that keeps files together."""
+
+
+@dataclass
+class Touched:
+    """The files that a command has read, by device and inode, and the paths that it has written itself."""
+
+    read: dict[tuple[int, int], Path] = field(default_factory=dict)
+    written: set[str] = field(default_factory=set)
+
+
+_TOUCHED: ContextVar[Touched | None] = ContextVar("_TOUCHED", default=None)
+"""What the command that runs has read and written."""
+
+
+@contextmanager
+def inputs_kept() -> Iterator[None]:
+    """Let nothing that is read in the block be replaced in it; within another such block that one counts."""
+    if _TOUCHED.get() is not None:
+        yield
+        return
+    token = _TOUCHED.set(Touched())
+    try:
+        yield
+    finally:
+        _TOUCHED.reset(token)
+
+
+def note_read(path: Path, status: os.stat_result) -> None:
+    """Keep in mind that the command has read a file which it has not written itself."""
+    touched = _TOUCHED.get()
+    if touched is not None and os.path.realpath(path) not in touched.written:
+        touched.read[status.st_dev, status.st_ino] = path.absolute()
+
+
+def refuse_input(path: Path) -> None:
+    """Refuse to replace or remove a file that the command has read, by whatever path or link it was reached."""
+    touched = _TOUCHED.get()
+    if touched is None or not path.exists():
+        return
+    status = path.stat()
+    read = touched.read.get((status.st_dev, status.st_ino))
+    # A file that is gone may have left its inode to another.
+    if read is None or not read.exists() or not read.samefile(path):
+        return
+    also = "" if read == path.absolute() else f" as {read}"
+    raise InputError(f"{path}: this command has read it{also} and would replace it; give another file or folder")
+
+
+def note_own(path: Path) -> None:
+    """Keep in mind that a file is the command's own: it may be read, and then be written anew."""
+    touched = _TOUCHED.get()
+    if touched is not None:
+        touched.written.add(os.path.realpath(path))
 
 
 @contextmanager
@@ -66,26 +120,38 @@ def _place(pending: Sequence[Placed]) -> None:
     Where one cannot be moved, what stood in the places of the others comes back.
     """
     placed: set[Path] = set()
+    for draft, path, obsolete in pending:
+        for place in (*_places(draft, path), *obsolete):
+            refuse_input(place)
     with ExitStack() as tidy, ExitStack() as undo:
         for draft, path, _ in pending:
             with said_writable(path):
                 if draft.is_dir() and not path.is_dir():
                     path.mkdir()
                     undo.callback(_take_away, path)
-                moves = [(f, path / f.name) for f in sorted(draft.iterdir())] if draft.is_dir() else [(draft, path)]
-                for new, place in moves:
+                moves = _places(draft, path)
+                for place, new in moves.items():
                     if place.is_file() and len(pending) + len(moves) > 2:
-                        before = place.with_name(f".{place.name}.before")
-                        tidy.callback(before.unlink, missing_ok=True)
+                        aside = Path(tempfile.mkdtemp(dir=place.parent, prefix=f".{place.name}-"))
+                        tidy.callback(_take_away, aside)
+                        before = aside / f"{place.name}.before"
                         _second_name(place, before)
                         undo.callback(before.replace, place)
                     elif not place.exists():
                         undo.callback(_take_away, place)
                     new.replace(place)
                     placed.add(place)
+                    note_own(place)
         undo.pop_all()
     for stale in {path for _, _, obsolete in pending for path in obsolete} - placed:
         _take_away(stale)
+
+
+def _places(draft: Path, path: Path) -> dict[Path, Path]:
+    """Where what is written beside its place goes, and what goes there: a file, or each file of a folder."""
+    if not draft.is_dir():
+        return {path: draft}
+    return {path / file.name: file for file in sorted(draft.iterdir())}
 
 
 def _second_name(path: Path, name: Path) -> None:
@@ -228,7 +294,9 @@ def bytes_of(
         if not path.is_file():
             raise InputError(f"{name}: is not a regular file; {wanted}")
         with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
+            status = os.fstat(file.fileno())
+            note_read(path, status)
+            size = status.st_size
             if size > most:
                 raise InputError(f"{name}: is larger than {_size(most)}; not read")
             if archive and file.read(len(ZIP)) != ZIP:

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+import trihedron
 from trihedron.tools import cli
 from trihedron.tools.errors import InputError
 from trihedron.tools.files import (
@@ -295,3 +296,97 @@ def test_folders_may_be_as_deep_as_the_system_lets_them(
     capsys.readouterr()
     assert cli.main(["new", "scenario", str(Path(*["d"] * 4000) / "s.toml")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    """The files of a folder and what each holds."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+PROGRAMME = "alpha_deg,beta_deg\n20,25\n110,35\n"
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    """The scenario of a bench whose programme stands beside it."""
+    assert cli.main(["new", "scenario", str(tmp_path / "bench.toml"), "-q"]) == 0
+    scenario = tmp_path / "bench.toml"
+    text = re.sub(r'programme = "[^"]*"', 'programme = "positions.csv"', scenario.read_text())
+    scenario.write_text(text.replace("dwell_s = 20.0", "dwell_s = 2.0"))
+    (tmp_path / "positions.csv").write_text(PROGRAMME)
+    return scenario
+
+
+@pytest.mark.parametrize("way", ["folder", "linked folder", "linked programme", "second name", "json", "plot"])
+def test_a_run_never_replaces_the_programme_that_its_scenario_reads(way: str, bench: Path, capsys) -> None:
+    folder, out = bench.parent, bench.parent
+    further: list[str] = []
+    if way == "linked folder":
+        out = folder / "link"
+        out.symlink_to(folder, target_is_directory=True)
+    elif way in ("linked programme", "second name"):
+        out = folder / "out"
+        out.mkdir()
+        if way == "linked programme":
+            (out / "positions.csv").symlink_to(folder / "positions.csv")
+        else:
+            (out / "positions.csv").hardlink_to(folder / "positions.csv")
+    elif way == "json":
+        out, further = folder / "out", ["--json", str(folder / "positions.csv")]
+    elif way == "plot":
+        out, further = folder / "out", ["--plot", str(folder / "positions.html")]
+        (folder / "positions.csv").rename(folder / "positions.html")
+        bench.write_text(bench.read_text().replace("positions.csv", "positions.html"))
+    before = tree(folder)
+    assert cli.main(["simulate", str(bench), "--out", str(out), *further]) == 2
+    message = capsys.readouterr().err
+    assert "positions." in message
+    assert "give another" in message
+    assert tree(folder) == before
+
+
+def test_a_run_goes_where_nothing_of_it_was_read_and_again_to_the_same_place(bench: Path) -> None:
+    out = bench.parent / "out"
+    for _ in range(2):
+        assert cli.main(["simulate", str(bench), "--out", str(out), "-q"]) == 0
+    assert (bench.parent / "positions.csv").read_text() == PROGRAMME
+    assert (out / "positions.csv").exists()
+
+
+def test_in_python_a_run_never_replaces_what_it_reads(bench: Path) -> None:
+    before = tree(bench.parent)
+    with pytest.raises(InputError, match="give another"):
+        trihedron.simulate(bench, out=bench.parent)
+    assert tree(bench.parent) == before
+
+
+@pytest.mark.parametrize("option", ["--json", "--report", "--picture"])
+def test_a_plan_never_replaces_the_mounting_that_it_reads(option: str, tmp_path: Path, capsys) -> None:
+    mounting = tmp_path / "mounting.html"
+    mounting.write_text("0 1 0\n0 0 1\n1 0 0\n")
+    words = ["plan", "positions", "8", "--mounting", str(mounting), option, str(mounting)]
+    assert cli.main(words) == 2
+    assert "trihedron: " in capsys.readouterr().err
+    assert mounting.read_text() == "0 1 0\n0 0 1\n1 0 0\n"
+
+
+@pytest.mark.parametrize("linked", [True, False])
+def test_files_of_a_user_beside_a_folder_are_left_alone(linked: bool, tmp_path: Path) -> None:
+    """A name that looks like a working file of ours: `.NAME.before`, a file, or a link to one elsewhere."""
+    out, treasure = tmp_path / "out", tmp_path / "treasure"
+    out.mkdir()
+    treasure.write_text("mine")
+    for name in ("a", "b"):
+        (out / name).write_text("old")
+        if linked:
+            (out / f".{name}.before").symlink_to(treasure)
+        else:
+            (out / f".{name}.before").write_text("mine")
+    with whole_folder(out) as folder:
+        for name in ("a", "b"):
+            write_text(folder / name, "new")
+    assert treasure.read_text() == "mine"
+    for name in ("a", "b"):
+        assert (out / name).read_text() == "new"
+        assert (out / f".{name}.before").read_text() == "mine"
+    assert len(list(out.iterdir())) == 4

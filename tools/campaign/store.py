@@ -19,7 +19,17 @@ import polars as pl
 
 from ... import fmus, models
 from ..errors import InputError
-from ..files import LARGEST, LARGEST_TEXT, bytes_of, json_text, made_folder, said_writable, whole_file, write_text
+from ..files import (
+    LARGEST,
+    LARGEST_TEXT,
+    bytes_of,
+    json_text,
+    made_folder,
+    note_read,
+    said_writable,
+    whole_file,
+    write_text,
+)
 from ..locks import Taken, locked
 from ..orchestrator.scenario import read_scenario
 from .file import Campaign, parse_campaign
@@ -267,6 +277,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def open_result(folder: Path) -> tuple[Store, dict[str, Any]]:
     """The results that a folder holds, for reading."""
     manifest = read_manifest(folder)
+    for path in (folder / MANIFEST, *folder.joinpath(RUNS).glob("*.parquet")):
+        note_read(path, path.stat())
     text = str(manifest.get("campaign_file", ""))
     campaign = parse_campaign(text.encode(), folder / CAMPAIGN_FILE)
     return Store(folder, campaign), manifest

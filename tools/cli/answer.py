@@ -20,7 +20,7 @@ from cyclopts import CycloptsError, Parameter
 
 from .. import document
 from ..errors import InputError, full
-from ..files import json_text, ordinary_file, ordinary_folder, together, write_text
+from ..files import inputs_kept, json_text, ordinary_file, ordinary_folder, together, write_text
 from ..options import Option, docstring_words, option_of
 
 Command = TypeVar("Command", bound=Callable[..., object])
@@ -87,7 +87,7 @@ def say(command: Callable[[], object], *, quiet: bool) -> int:
         if quiet:
             silent.enter_context(redirect_stdout(StringIO()))
             silent.enter_context(redirect_stderr(StringIO()))
-        with together():
+        with inputs_kept(), together():
             outcome = command()
     if not quiet and monotonic() - began > LONG_S and find_spec("numba") is None:
         print("trihedron[fast], which brings numba, makes searches and long runs faster", file=sys.stderr)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from ..errors import InputError
-from ..files import at_once, bytes_of, is_workbook, ordinary_file, together, write_text
+from ..files import at_once, bytes_of, is_workbook, note_own, ordinary_file, together, write_text
 from ..records import PositionRecord, RawRecord, StrapdownRecord, write_record
 from ..records.columns import FORCE, SCATTER, VELOCITY
 from ..records.read import record_from
@@ -132,6 +132,8 @@ def make_record(
     is_own = mapping is not None and mapping_file is not None and mapping.resolve() == mapping_file.resolve()
     if mapping_file is not None and not is_own:
         refuse_edited(mapping_file)
+    if is_own and mapping_file is not None:
+        note_own(mapping_file)
     answers = {printable(key): printable(text) for key, text in (answers or {}).items()}
     filled = with_answers({} if mapping is None else read_mapping(mapping), answers)
     sheets = sheets_of(file, filled)

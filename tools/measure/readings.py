@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, reason
+from ..files import note_read
 from ..records.columns import (
     ANGLES,
     BENCH,
@@ -318,6 +319,7 @@ class GrowingFile:
                 if not self.path.is_file():
                     raise InputError(f"{self.path}: is not a regular file; give the file that grows")
                 self._file, self.trouble = self.path.open("rb"), ""
+                note_read(self.path, os.fstat(self._file.fileno()))
             if os.fstat(self._file.fileno()).st_size < self._file.tell():
                 raise InputError(f"{self.path}: has become shorter; a file that only grows is needed")
             return self._file.read(MOST_BYTES)

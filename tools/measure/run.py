@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from ..diagnosis import Diagnosis, diagnose
 from ..errors import InputError
-from ..files import LARGEST_TEXT, bytes_of, make_folders, said_writable
+from ..files import LARGEST_TEXT, bytes_of, make_folders, refuse_input, said_writable
 from ..locks import Taken, locked
 from ..records import PositionRecord, read_record, write_record
 from .programme import TableProgramme
@@ -73,6 +73,8 @@ class Files:
 
     def _begin(self, *, cut: bool) -> None:
         """Open the record, and write down what the session is of; with `cut` take away lines without an end."""
+        for path in (self.record, self.positions_file):
+            refuse_input(path)
         with said_writable(self.record):
             make_folders(self.record.parent)
             if not cut:
