@@ -10,12 +10,13 @@ from functools import cache, wraps
 from itertools import product
 from pathlib import Path
 from threading import Lock
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BeforeValidator, TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError
 
-from .errors import InputError
+from .errors import InputError, InvalidInput, as_in_python
 from .files import inputs_kept
 from .options import completed
 
@@ -24,6 +25,7 @@ R = TypeVar("R")
 
 PLAIN = (bool, int, float, str, Path, type(None), Any)
 UNIONS = (Union, type(int | str))
+NUMBERS = (int, float)
 
 
 def in_python(function: Callable[P, R]) -> Callable[P, R]:
@@ -31,7 +33,8 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
 
     Arguments of plain types (numbers, words, paths, sequences and mappings of them) are of these types; what an
     InputError says of an option it says of the argument. Arrays of NumPy stand for sequences. Linear algebra has one
-    thread meanwhile. The docstring has the words of shared options.
+    thread meanwhile. What is refused is a ValueError, or a FileNotFoundError. The docstring has the words of shared
+    options.
     """
     signature = inspect.signature(function)
 
@@ -47,7 +50,8 @@ def in_python(function: Callable[P, R]) -> Callable[P, R]:
                 return function(*bound.args, **bound.kwargs)
         except InputError as error:
             error.args = (_of_arguments(str(error), list(signature.parameters)), *error.args[1:])
-            raise
+            refusal = as_in_python(error)
+            raise refusal from error.__cause__
 
     called.__doc__ = completed(function)
     return called
@@ -67,7 +71,7 @@ def _adapters(function: Callable[..., Any]) -> dict[str, TypeAdapter[Any]]:
     adapters = {}
     for name, p in inspect.signature(function).parameters.items():
         if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD) and name in hints and _plain(hints[name]):
-            adapters[name] = TypeAdapter(hints[name])
+            adapters[name] = TypeAdapter(_without_text(hints[name]))
     return adapters
 
 
@@ -79,6 +83,25 @@ def _plain(hint: Any) -> bool:
     return origin in (*UNIONS, tuple, Sequence, Mapping) and all(map(_plain, get_args(hint)))
 
 
+def _without_text(hint: Any) -> Any:
+    """A type of plain ones whose numbers are not written as texts: "1e-5" is no number."""
+    if hint in NUMBERS:
+        return Annotated[hint, BeforeValidator(_no_text)]
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is None or origin is Literal:
+        return hint
+    parts = tuple(_without_text(part) for part in parts)
+    if origin in UNIONS:
+        return Union[parts]  # noqa: UP007
+    return origin[parts]
+
+
+def _no_text(value: Any) -> Any:
+    if isinstance(value, str | bytes | bool):
+        raise PydanticCustomError("number", "Input should be a valid number")
+    return value
+
+
 def _checked(name: str, value: Any, adapter: TypeAdapter[Any]) -> Any:
     """An argument, or an InputError that names it."""
     try:
@@ -88,7 +111,18 @@ def _checked(name: str, value: Any, adapter: TypeAdapter[Any]) -> Any:
         text = repr(value)
         if len(text) >= 60:
             text = type(value).__name__
-        raise InputError(f"{name}: should be {' or '.join(kinds)}, not {text}") from None
+        advice = ""
+        if isinstance(value, str) and _is_number(value) and "a valid number" in kinds:
+            advice = f"; write {name}={value.strip()}, without quotation marks"
+        raise InvalidInput(f"{name}: should be {' or '.join(kinds)}, not {text}{advice}") from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _of_arguments(text: str, names: Sequence[str]) -> str:

@@ -6,7 +6,7 @@ nothing is left out. Files of the schemas before are converted where they are re
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NotRequired
 
@@ -16,7 +16,7 @@ from typing_extensions import TypedDict
 from ..fmus import version
 from ..fmus.parameters import GRAVITIES, calibration_of
 from ..models.bench import GYRO_PARAMETERS
-from .errors import InputError, nearest
+from .errors import InvalidInput, nearest
 from .quantity import Quantity
 from .result import ABSENT, Result, finite_or_none
 
@@ -425,12 +425,27 @@ class Calibration(Part):
         return by_label
 
     def __getitem__(self, target: str) -> Parameter:
-        """Return a parameter by its symbol, as X4, or its name, as bias-1; an InputError where there is none."""
+        """Return a parameter by its symbol, as X4, or its name, as bias-1; a ValueError where there is none."""
         for p in self.parameters:
             if target in (p.symbol, p.name):
                 return p
         symbols = [p.symbol for p in self.parameters]
-        raise InputError(f"{target}: no target of this calibration; {nearest(target, symbols)}")
+        raise InvalidInput(f"{target}: no target of this calibration; {nearest(target, symbols)}")
+
+    def get(self, target: str, default: Any = None) -> Any:
+        """Return a parameter by its symbol or its name, or `default` where there is none."""
+        for p in self.parameters:
+            if target in (p.symbol, p.name):
+                return p
+        return default
+
+    def __contains__(self, target: object) -> bool:
+        """Whether there is a parameter of this symbol or name."""
+        return any(target in (p.symbol, p.name) for p in self.parameters)
+
+    def __iter__(self) -> Iterator[str]:  # type: ignore[override]
+        """Go through the symbols of the parameters."""
+        return iter([p.symbol for p in self.parameters])
 
     def sheet(self, path: str | Path, *, about: Mapping[str, str] | None = None, record: Any = None) -> Path:
         """Write one A4 page to sign: who measured what, the numbers, the correction, what they rest on.

@@ -1,7 +1,9 @@
 """Two runs or records held against each other, column by column: by how much they differ, and when."""
 
 import io
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,9 +15,14 @@ from pydantic import Field
 from .errors import InputError, nearest
 from .files import MAGIC, bytes_of, fault_of_parquet
 from .quantity import Quantity
+from .records.columns import INCREMENT
 from .records.read import table_in_memory
 from .result import Result
 
+PERIODS = {"deg": 360.0, "rad": math.tau, "arcmin": 21_600.0, "arcsec": 1_296_000.0}
+"""Unit behind the name of an angle -> a whole turn."""
+UNIT_LENGTH = 1e-3
+"""Four columns are a quaternion where their squares sum to 1 within this in every row."""
 TIME, POSITION = "time_s", "position"
 LARGEST = float(np.finfo(float).max)
 RUNS = ("run.parquet", "run.csv")
@@ -98,15 +105,15 @@ def compare(first: Any, second: Any, within: Sequence[str]) -> Compared:
     limits = limits_of(within, numbers)
     rows, places, matched = _matched(first_name, left, second_name, right)
     time = left[TIME].to_numpy()[rows].astype(float)
+    quaternions = _quaternions(numbers, left, right)
+    values_of_first = {column: left[column].cast(pl.Float64).to_numpy()[rows] for column in numbers}
+    values_of_second = _values_at(right, numbers, quaternions, places, by_time=matched == "time")
+    for names in quaternions:
+        _turn_to(names, values_of_first, values_of_second)
     columns, differences, both = [], {TIME: time}, {TIME: time}
     for column in numbers:
-        of_first = left[column].cast(pl.Float64).to_numpy()[rows]
-        of_second = right[column].cast(pl.Float64).to_numpy()
-        if matched == "time":
-            of_second = np.interp(places, right[TIME].to_numpy(), of_second)
-        else:
-            of_second = of_second[places]
-        difference = _difference(of_first, of_second)
+        of_first, of_second = values_of_first[column], values_of_second[column]
+        difference = _difference(of_first, of_second, _period(column))
         columns.append(_judged(column, time, (of_first, of_second, difference), limits[column]))
         differences[column] = difference
         both[f"first {column}"] = of_first
@@ -145,11 +152,78 @@ def _only(table: pl.DataFrame, partner: pl.DataFrame) -> list[str]:
     return [column for column in table.columns if column not in (*partner.columns, TIME, POSITION)]
 
 
-def _difference(first: NDArray, second: NDArray) -> NDArray:
-    """The second less the first, NaN where either has no finite value."""
+def _period(column: str) -> float | None:
+    """A whole turn in the unit of a column of angles; None of others, and of increments, which add up."""
+    unit = re.search(r"(?:_|\[|\()([a-z]+)[\])]?$", column)
+    if unit is None or column in INCREMENT:
+        return None
+    return PERIODS.get(unit[1])
+
+
+def _quaternions(columns: Sequence[str], left: pl.DataFrame, right: pl.DataFrame) -> list[tuple[str, ...]]:
+    """Names of four columns that are numbered in a row and have unit length in all rows of both tables."""
+    stems: dict[str, list[str]] = {}
+    for column in columns:
+        numbered = re.fullmatch(r"(.*?)\[?([0-4])\]?", column)
+        if numbered:
+            stems.setdefault(numbered[1], []).append(column)
+    quaternions = []
+    for names in stems.values():
+        if len(names) == 4 and _has_unit_length(left.select(names)) and _has_unit_length(right.select(names)):
+            quaternions.append(tuple(names))
+    return quaternions
+
+
+def _has_unit_length(table: pl.DataFrame) -> bool:
+    squares = np.square(table.cast(pl.Float64).to_numpy()).sum(axis=1)
+    known = squares[np.isfinite(squares)]
+    return bool(known.size) and bool(np.all(np.abs(known - 1.0) <= UNIT_LENGTH))
+
+
+def _values_at(
+    table: pl.DataFrame, columns: Sequence[str], quaternions: Sequence[Sequence[str]], places: NDArray, *, by_time: bool
+) -> dict[str, NDArray]:
+    """Values of the second in its rows, or at times: angles and quaternions are made steady before they are."""
+    values = {column: table[column].cast(pl.Float64).to_numpy() for column in columns}
+    if not by_time:
+        return {column: of_column[places] for column, of_column in values.items()}
+    for names in quaternions:
+        steady = _steady(np.column_stack([values[name] for name in names]))
+        values.update(zip(names, steady.T, strict=True))
+    time = table[TIME].to_numpy()
+    at_times = {}
+    for column, of_column in values.items():
+        period = _period(column)
+        if period is not None:
+            known = np.isfinite(of_column)
+            of_column = of_column.copy()
+            of_column[known] = np.unwrap(of_column[known], period=period)
+        at_times[column] = np.interp(places, time, of_column)
+    return at_times
+
+
+def _steady(quaternions: NDArray) -> NDArray:
+    """The same attitudes (N, 4), each with the sign that is nearer to the row before."""
+    agree = np.sum(quaternions[1:] * quaternions[:-1], axis=1)
+    signs = np.cumprod(np.where(agree < 0.0, -1.0, 1.0))
+    return quaternions * np.concatenate([[1.0], signs])[:, None]
+
+
+def _turn_to(names: Sequence[str], first: Mapping[str, NDArray], second: dict[str, NDArray]) -> None:
+    """Give quaternions of the second the sign of those of the first: q and -q are one attitude."""
+    agree = sum(first[name] * second[name] for name in names)
+    sign = np.where(agree < 0.0, -1.0, 1.0)
+    for name in names:
+        second[name] = sign * second[name]
+
+
+def _difference(first: NDArray, second: NDArray, period: float | None = None) -> NDArray:
+    """The second less the first, of angles the shorter way round; NaN where either has no finite value."""
     with np.errstate(over="ignore", invalid="ignore"):
         # Numbers near the largest have differences that are none.
         difference = np.clip(second - first, -LARGEST, LARGEST)
+        if period is not None:
+            difference -= period * np.round(difference / period)
     difference[~(np.isfinite(first) & np.isfinite(second))] = np.nan
     return difference
 

@@ -13,13 +13,34 @@ class InputError(Exception):
     """
 
 
+class NoSuchFileError(InputError):
+    """A file that is named does not exist."""
+
+
+class InvalidInput(InputError, ValueError):
+    """What a function called from Python raises of input that cannot be used: a ValueError, too."""
+
+
+class MissingFile(InputError, FileNotFoundError):
+    """What a function called from Python raises of a file that does not exist: a FileNotFoundError, too."""
+
+
+def as_in_python(error: InputError) -> InputError:
+    """Return the same refusal as one of Python's own kinds."""
+    if isinstance(error, InvalidInput | MissingFile):
+        return error
+    if isinstance(error, NoSuchFileError):
+        return MissingFile(*error.args)
+    return InvalidInput(*error.args)
+
+
 @contextmanager
 def said_of(where: str) -> Iterator[None]:
     """Put the name of a field or file before what is refused in the block."""
     try:
         yield
     except InputError as error:
-        raise InputError(f"{where}: {error}") from error
+        raise type(error)(f"{where}: {error}") from error
 
 
 LONGEST_MESSAGE = 800

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError, nearest_file, reason
+from .errors import InputError, NoSuchFileError, nearest_file, reason
 
 LARGEST, LARGEST_RESULT, LARGEST_TEXT = 2 << 30, 256 << 20, 16 << 20
 """Bytes of the largest file that is read: of any, of a result (JSON), and of what a person writes (TOML, Python)."""
@@ -290,7 +290,7 @@ def bytes_of(
         if path.is_dir():
             raise InputError(f"{name}: is a directory; {wanted}")
         if not path.exists():
-            raise InputError(f"{name}: no such file{nearest_file(path)}{looked}")
+            raise NoSuchFileError(f"{name}: no such file{nearest_file(path)}{looked}")
         if not path.is_file():
             raise InputError(f"{name}: is not a regular file; {wanted}")
         with path.open("rb") as file:

@@ -266,7 +266,7 @@ def compare(first: Any, second: Any, *, within: Sequence[str] = ()) -> "Compared
     """Hold two runs or records against each other: by how much each column differs, and when.
 
     Rows belong together by their times, those of position records by their numbers; of other times the second is
-    interpolated.
+    interpolated. Angles differ the shorter way round (359° and 1° by 2°), and q and -q are one attitude.
 
     Parameters
     ----------

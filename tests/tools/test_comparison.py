@@ -129,3 +129,49 @@ def test_no_other_script_runs_in_a_page_of_lines(tmp_path: Path, window: Window)
     window.open(page, 1280)
     assert window.page.title() != "run"
     assert any("Content Security Policy" in output for output in window.complaints)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("rad", 2.0 * np.pi), ("arcmin", 21_600.0)])
+@pytest.mark.parametrize("turns", [-3, 1, 7])
+def test_angles_differ_the_shorter_way_round(unit: str, turn: float, turns: int):
+    angle = turn * TIME / 4.0
+    first = pl.DataFrame({"time_s": TIME, f"heading_{unit}": angle % turn})
+    second = pl.DataFrame({"time_s": TIME, f"heading_{unit}": (angle + 1e-3 * turn) % turn + turns * turn})
+    [heading] = th.compare(first, second).columns
+    assert heading.largest == pytest.approx(1e-3 * turn, rel=1e-6)
+    later = second.with_columns(time_s=pl.col("time_s") + 0.004)
+    [heading] = th.compare(first, later).columns
+    assert heading.largest == pytest.approx(0.0, abs=1e-9 * turn)
+
+
+def test_rates_and_increments_are_not_taken_the_shorter_way_round():
+    columns = {"dtheta1_rad": 0.0 * TIME, "w1_deg_per_s": 0.0 * TIME}
+    first = pl.DataFrame({"time_s": TIME, **columns})
+    second = pl.DataFrame({"time_s": TIME, "dtheta1_rad": 2.0 * np.pi + 0.0 * TIME, "w1_deg_per_s": 360.0 + 0.0 * TIME})
+    assert [round(column.largest, 9) for column in th.compare(first, second).columns] == [6.283185307, 360.0]
+
+
+def quaternion(angle: np.ndarray, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Turns about (1, 2, 2) / 3 by an angle, q0 first."""
+    half = 0.5 * angle
+    parts = [np.cos(half), np.sin(half) / 3.0, 2.0 * np.sin(half) / 3.0, 2.0 * np.sin(half) / 3.0]
+    return dict(zip(names, parts, strict=True))
+
+
+@pytest.mark.parametrize("names", [("q0", "q1", "q2", "q3"), ("true_q0", "true_q1", "true_q2", "true_q3")])
+@pytest.mark.parametrize("shift", [0.0, 0.005])
+def test_a_quaternion_and_its_negative_are_one_attitude(names: tuple[str, ...], shift: float):
+    rng = np.random.default_rng(1)
+    first = pl.DataFrame({"time_s": TIME, **quaternion(TIME, names)})
+    signs = rng.choice([-1.0, 1.0], TIME.size)
+    values = {name: signs * value for name, value in quaternion(TIME + shift, names).items()}
+    second = pl.DataFrame({"time_s": TIME + shift, **values})
+    assert max(column.largest for column in th.compare(first, second).columns) < 1e-4
+    turned = th.compare(first, pl.DataFrame({"time_s": TIME, **quaternion(TIME + 0.02, names)}))
+    assert max(column.largest for column in turned.columns) == pytest.approx(0.01, rel=0.01)
+
+
+def test_four_columns_that_are_no_quaternion_keep_their_signs():
+    first = pl.DataFrame({"time_s": TIME, **{f"v{k}": np.full(TIME.size, 2.0) for k in range(4)}})
+    second = pl.DataFrame({"time_s": TIME, **{f"v{k}": np.full(TIME.size, -2.0) for k in range(4)}})
+    assert [column.largest for column in th.compare(first, second).columns] == [4.0] * 4

@@ -1,6 +1,8 @@
 """In Python as on the command line: arguments are named, tables of any library taken, pages and pictures made."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -180,3 +182,86 @@ def test_calls_in_calls_end_where_no_library_can_be_told(monkeypatch: pytest.Mon
     """As where NumPy was built with another one than OpenBLAS."""
     monkeypatch.setattr(arguments, "_libraries", list)
     assert in_python(lambda: in_python(lambda: 3)())() == 3
+
+
+def test_a_calibration_is_asked_by_symbol_and_name(calibration):
+    assert "X16" in calibration
+    assert "bias-1" in calibration
+    assert "X99" not in calibration
+    assert calibration.get("X16") == calibration["X16"]
+    assert calibration.get("X99") is None
+    assert calibration.get("X99", 3) == 3
+    assert list(calibration) == [p.symbol for p in calibration.parameters]
+    assert {symbol: calibration[symbol].unit for symbol in calibration}["X16"] == "g"
+
+
+def test_causes_are_named_where_the_record_is_explained_and_nowhere_else(record):
+    clean = th.diagnose(record, noise_bound=SIGMA)
+    assert (clean.causes, list(clean), "quadratic" in clean, clean.get("quadratic")) == ((), [], False, None)
+    n3 = record.specific_force[:, 2] / record.specific_force[:, 2].max()
+    bent = record.specific_force.copy()
+    bent[:, 2] += 9.8 * 1e-3 * n3 * n3
+    columns = record.to_polars().with_columns(f3_mps2=bent[:, 2])
+    explained = th.diagnose(columns, noise_bound=SIGMA)
+    assert explained.verdict in ("explained", "ambiguous")
+    assert ("quadratic" in explained) == (explained.verdict == "explained")
+    assert [cause.effect for cause in explained] == [cause.effect for cause in explained.causes]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda r: LOOSE.calibrate(r, noise_bound="1e-5"),
+        lambda r: LOOSE.diagnose(r, noise_bound="1e-5"),
+        lambda r: LOOSE.diagnose(r, noise_bound=True),
+        lambda r: LOOSE.calibrate(r, noise_bound=SIGMA, gravity="9.81"),
+        lambda r: LOOSE.plan_positions("8"),
+    ],
+)
+def test_a_number_written_as_text_is_refused_in_one_line(call, record):
+    with pytest.raises(ValueError, match="should be") as refusal:
+        call(record)
+    assert isinstance(refusal.value, th.InputError)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_text_that_is_a_number_is_answered_with_the_number(record):
+    with pytest.raises(ValueError, match="write noise_bound=1e-5, without quotation marks"):
+        LOOSE.calibrate(record, noise_bound="1e-5")
+
+
+@pytest.mark.parametrize("value", [np.float32(1e-5), np.float64(1e-5), np.array(1e-5)])
+def test_numbers_of_numpy_are_numbers(value, record):
+    assert th.calibrate(record, noise_bound=value).verdict == "consistent"
+
+
+def test_refusals_are_errors_of_pythons_own_kinds(record, calibration, tmp_path):
+    for call in (
+        lambda: th.calibrate(tmp_path / "absent.csv", noise_bound=SIGMA),
+        lambda: th.simulate(tmp_path / "absent.toml"),
+        lambda: th.inspect(tmp_path / "absent.csv"),
+        lambda: th.check(tmp_path / "absent.toml"),
+    ):
+        with pytest.raises(FileNotFoundError, match="no such file"):
+            call()
+        with pytest.raises(th.InputError):
+            call()
+    (tmp_path / "empty.csv").write_text("")
+    for call in (
+        lambda: th.calibrate(tmp_path / "empty.csv", noise_bound=SIGMA),
+        lambda: th.calibrate(record, noise_bound=-1.0),
+        lambda: calibration["X99"],
+    ):
+        with pytest.raises(ValueError) as refusal:  # noqa: PT011
+            call()
+        assert isinstance(refusal.value, th.InputError)
+        assert not isinstance(refusal.value, OSError)
+
+
+def test_python_dash_m_runs_the_command_line():
+    words = [sys.executable, "-m", "trihedron"]
+    run = subprocess.run([*words, "--version"], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout.strip()) == (0, th.__version__)
+    run = subprocess.run([*words, "check", "absent.csv"], capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr.startswith("trihedron: absent.csv: no such file")

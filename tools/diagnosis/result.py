@@ -1,7 +1,7 @@
 """The result of a diagnosis, whatever the kind and number of records: what is published, and what is kept beside it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NotRequired
 
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -425,6 +425,21 @@ class Diagnosis(Told):
             return self.calibration.sigma.value
         bounds = (record.diagnosis.noise_bound for record in self.records)
         return next((bound for bound in bounds if bound is not None), None)
+
+    def get(self, effect: str, default: Any = None) -> Any:
+        """Return the named cause that is this effect, or `default` where it is not named."""
+        for cause in self.causes:
+            if effect == cause.effect:
+                return cause
+        return default
+
+    def __contains__(self, effect: object) -> bool:
+        """Whether an effect, as "quadratic", is among the named causes."""
+        return any(effect == cause.effect for cause in self.causes)
+
+    def __iter__(self) -> Iterator[Cause]:  # type: ignore[override]
+        """Go through the named causes."""
+        return iter(self.causes)
 
     @property
     def best(self) -> Explanation | None:

@@ -1,0 +1,7 @@
+"""`python -m trihedron`: the command line."""
+
+import sys
+
+from .tools.cli import program
+
+sys.exit(program())
