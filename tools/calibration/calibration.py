@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...fmus.parameters import GRAVITIES
+from ...fmus.units import STANDARD_GRAVITY
 from ...models.bench import SYMMETRIC_PAIRS, admissible, nominal_input, up
 from ..bounded.programmes import RELATIVE_TOLERANCE, SolverError
 from ..calibrated import (
@@ -35,6 +36,7 @@ from ..records.channels import (
     far_better,
     reading_of,
 )
+from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
 from ..records.noise import NoiseBound, noise_bound_from
 from ..rounding import digits, exactly, residual, upwards
 from .estimates import Solution, fit, open_directions, solve_system
@@ -146,7 +148,8 @@ def calibrate(record: PositionRecord, **options: Any) -> Calibration:
         positions += next_positions(linearised, np.array([target.weights for target in targets]), request.bounds)
     if unbounded:
         positions += repeats(linearised)
-    warnings = list(record.warnings) + _remarks(linearised, falsified and bool(missing), unbounded)
+    warnings = list(record.warnings) + _of_correction(record)
+    warnings += _remarks(linearised, falsified and bool(missing), unbounded)
     if not solution.contradicted and solution.radius > 1.0 + RELATIVE_TOLERANCE + ROUNDING / sigma:
         warnings.append(
             "the readings are written too coarsely for this noise bound: half a last digit is "
@@ -246,7 +249,10 @@ def radius_limit(noise_bound: float, resolution: float) -> float:
 
 
 def fit_record(record: PositionRecord, noise_bound: float, request: Asked = Asked()) -> Linearisation:
-    """The exact model fitted to a record and linearised at the fit, σ as a fraction of g; errors as of `calibrate`."""
+    """The exact model fitted to a record and linearised at the fit, σ as a fraction of g; errors as of `calibrate`.
+
+    What an earlier correction of the record may be wrong by is added to σ.
+    """
     gravity, bounds = request.gravity, request.bounds
     if not GRAVITIES[0] <= gravity <= GRAVITIES[1]:
         least, most = map(exactly, GRAVITIES)
@@ -267,8 +273,9 @@ def fit_record(record: PositionRecord, noise_bound: float, request: Asked = Aske
     if advice_line := channels_advice(record, reading, p, positions):
         raise InputError(advice_line)
     extent = parameter_limits(p.symbols, bounds, asked_priors(request.priors, p, bounds))
+    bound = record.bounds_with(noise_bound, gravity)
     with said_of(str(record.path)):
-        return fit(p, positions, reading, noise_bound, bounds, extent)
+        return fit(p, positions, reading, bound, bounds, extent)
 
 
 def checked_noise_bound(value: float) -> float:
@@ -329,6 +336,18 @@ def _no_scale_factor(record: PositionRecord, axis: int, factor: float) -> str:
         f"{record.path}: column f{axis}_mps2: reads {digits(factor, 4)} times what the table "
         f"gives, where {exactly(least)} to {exactly(most)} is possible; {hint}, or is --mounting another?"
     )
+
+
+def _of_correction(record: PositionRecord) -> list[str]:
+    """Say what an earlier correction of the record may be wrong by, where there was one."""
+    if CORRECTED_WITHIN not in record.about:
+        return []
+    bounds = record.bounds_with(0.0, STANDARD_GRAVITY)
+    by = record.about.get(CORRECTED_BY, "an effect")
+    return [
+        f"the record is corrected ({by}), which may be wrong by {upwards(bounds.max())} g: all bounds allow for it; "
+        "the diagnosis of the record as it was measured states closer intervals, of effect and parameters together"
+    ]
 
 
 def _remarks(linearised: Linearisation, contradicts: bool, unbounded: bool) -> list[str]:

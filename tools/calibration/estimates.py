@@ -77,32 +77,32 @@ def fit(
     parametrisation: Parametrisation,
     positions: Positions,
     reading: NDArray,
-    noise_bound: float,
+    noise_bound: NDArray,
     bounds: tuple[float, float],
     extent: NDArray,
 ) -> Linearisation:
     """Fit the exact model to readings (N, 3) over g by least squares, relinearising to convergence; linear at the fit.
 
     The first estimate is from measurements whose sign is certain by (1.7), with its `bounds` u^max and v^0max; then all
-    are used, with the signs of the inputs from the estimate. Where the estimate leaves a sign open the bound, σ as a
-    fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Directions of the parameters that the measurements leave open stay at
-    zero, and the bounds are widened by what they may do, each at most of its `extent` (P,).
+    are used, with the signs of the inputs from the estimate. Where the estimate leaves a sign open the bound (3 N,), σ
+    as a fraction of g, is widened by |Γ⁺ − Γ⁻| |n|. Directions of the parameters that the measurements leave open stay
+    at zero, and the bounds are widened by what they may do, each at most of its `extent` (P,).
 
     Where all readings together lead nowhere, those decide that no aligned bench reads so wrong: channels may be
     exchanged. An InputError when the fit does not converge.
     """
-    bound = np.full(reading.size, noise_bound)
+    bound = noise_bound
     matrices = parametrisation.matrices[positions.mounting]
     certain = admissible(positions.alpha, positions.beta, matrices, bounds=bounds)
     nominal_sign = np.where(nominal_input(positions.alpha, positions.beta, matrices) >= 0.0, 1, -1)
-    span = determined(nominal_jacobian(parametrisation, positions), noise_bound)
+    span = determined(nominal_jacobian(parametrisation, positions), float(noise_bound.min()))
     problem = _Problem(parametrisation, positions, reading, span)
     point = np.zeros(len(parametrisation.symbols))
     point = point + problem.step(point, certain.ravel().astype(float), nominal_sign, COARSE)
     gross = np.abs(reading - nominal_input(positions.alpha, positions.beta, matrices)).ravel() > GROSS
     trusted = np.ones(reading.size)
     for _ in range(5):
-        weight = trusted * noise_bound / bound
+        weight = trusted * noise_bound.min() / bound
         point, sign, settled = problem.minimise(point, weight)
         if not settled and 0.0 < gross.mean() < MOST_GROSS:
             trusted = np.where(gross, 0.0, 1.0)
@@ -182,7 +182,9 @@ class _Problem:
         return point, sign, last < 1e-8
 
 
-def widening(linearised: Linearisation, certain: NDArray, noise_bound: float, bounds: tuple[float, float]) -> NDArray:
+def widening(
+    linearised: Linearisation, certain: NDArray, noise_bound: float | NDArray, bounds: tuple[float, float]
+) -> NDArray:
     """|Γ⁺ − Γ⁻| |n|, as large as the data allow, where the sign of an input is open; 0 elsewhere.
 
     What to add to the bound of each measurement (3 N,), as a fraction of g; `certain` (N, 3) is where the sign was
@@ -208,7 +210,7 @@ def widening(linearised: Linearisation, certain: NDArray, noise_bound: float, bo
     for _ in range(MAX_ROUNDS):
         still_open = ~certain & (size <= uncertainty)
         last, extra = extra, np.where(still_open, asymmetry * (size + uncertainty), 0.0)
-        if np.abs(extra - last).max() <= 1e-3 * noise_bound:
+        if np.abs(extra - last).max() <= 1e-3 * np.min(noise_bound):
             break
         spread = _spread(linearised, noise_bound + extra.ravel())
         i, k = np.nonzero(still_open)

@@ -1,5 +1,6 @@
 """What was found of records, put to use: applied to another record, or exported as FMUs that start with it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects import EffectPlace
 from ..calibration import Applied, AppliedEffect
 from ..errors import InputError
 from ..evidence.evidence import Evidence
 from ..files import LARGEST_RESULT, bytes_of, whole_folder
 from ..records import PositionRecord, StrapdownRecord
+from ..records.columns import CORRECTED_BY, CORRECTED_WITHIN
 from ..result import object_of, parsed_result
+from ..rounding import upwards
 from .cause import Cause, Finding
 from .helps import figures_of
 from .result import DIAGNOSES, Diagnosis, in_present_schema
@@ -43,12 +47,32 @@ def coefficients_of(cause: Cause) -> NDArray[np.float64]:
     return np.array(coefficients)
 
 
+def errors_of(cause: Cause) -> NDArray[np.float64]:
+    """What the coefficients (K,) of a cause may be wrong by at most."""
+    half = [max(high - value, value - low) for value, (low, high) in zip(cause.values, cause.intervals, strict=True)]
+    errors = []
+    for number, parameter in enumerate(cause.parameters):
+        if parameter.name.endswith("amplitude"):
+            # the chord of the phase at the largest amplitude, beside the amplitude's own error
+            turn = min(half[number + 1], np.pi)
+            error = half[number] + (abs(cause.values[number]) + half[number]) * 2.0 * np.sin(0.5 * turn)
+            errors += [error, error]
+        elif not parameter.name.endswith("phase"):
+            errors.append(half[number])
+    return np.array(errors)
+
+
 def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, evidence: Evidence) -> Applied:
     """What a diagnosis names, applied to another record, whose evidence is given.
 
     Of several records what is the instrument's, and what is the record's own where it is one of them. An InputError for
-    a diagnosis that names nothing, or a record that cannot be run.
+    a diagnosis that names nothing, a record that cannot be run, or was corrected by a diagnosis before.
     """
+    if CORRECTED_WITHIN in record.about:
+        raise InputError(
+            f"{record.path}: is corrected already ({record.about.get(CORRECTED_BY)}); apply the diagnosis to the "
+            "record as it was measured"
+        )
     if diagnosis.verdict != "explained":
         raise InputError(f"the diagnosis is {diagnosis.verdict}: it names nothing that could be applied")
     causes = diagnosis.causes_in(record.sha256)
@@ -80,8 +104,34 @@ def applied_to(diagnosis: Diagnosis, record: PositionRecord | StrapdownRecord, e
         for name, error in (("without", before), ("with", after)):
             errors |= {f"{key}_{name}": value for key, value in figures_of(error, scale).items()}
     if corrected:
-        errors["record"] = replace(record, **readings)
+        within = rerun.reach(sizes, {place: errors_of(cause) for place, cause in places.items()})
+        about = _corrected(diagnosis, corrected, within, record)
+        errors["record"] = replace(record, **readings, about=about)
     return Applied(effects=tuple(effects), **errors)
+
+
+def _corrected(
+    diagnosis: Diagnosis,
+    places: Sequence[EffectPlace],
+    within: NDArray | None,
+    record: PositionRecord | StrapdownRecord,
+) -> dict[str, str]:
+    """The comment lines of a corrected record: what was taken out, by which diagnosis, and how wrong that may be."""
+    titles = " and ".join(place.title for place in places)
+    lines = {CORRECTED_BY: f"{titles}, by {_origin(diagnosis)}"}
+    if within is not None:
+        if not np.isfinite(within).all():
+            raise InputError(f"{record.path}: not corrected: the diagnosis bounds no size of {titles}")
+        lines[CORRECTED_WITHIN] = " ".join(upwards(size, 4) for size in within.tolist())
+    return lines | dict(record.about)
+
+
+def _origin(diagnosis: Diagnosis) -> str:
+    """Return which diagnosis it is, by the record that it was made from."""
+    source = diagnosis.calibration.provenance
+    if source is None:
+        return "a diagnosis of several records"
+    return f"the diagnosis of {source.record} (SHA-256 {source.sha256 or 'none'})"
 
 
 def export_extended(diagnosis: Diagnosis, folder: Path, flavour: str = "python") -> list[Path]:

@@ -438,12 +438,23 @@ class BenchRerun:
 
     def without(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[Sequence[EffectPlace], dict[str, Any]]:
         """Readings less what effects of the accelerometers add to them, at the record's own fit beside all effects."""
+        places, columns = self._columns(effects)
+        added = (columns @ stacked_sizes(effects, places)).reshape(-1, 3)
+        return places, {"specific_force": self.model.calibration.gravity * (self.model.readings.reading - added)}
+
+    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+        """The largest over the readings."""
+        places, columns = self._columns(effects)
+        added = (np.abs(columns) @ stacked_sizes(errors, places)).reshape(-1, 3)
+        return self.model.calibration.gravity * added.max(axis=0)
+
+    def _columns(self, effects: Mapping[EffectPlace, NDArray]) -> tuple[list[EffectPlace], NDArray]:
+        """The effects of the accelerometers among some, and what their coefficients (M, K) add to the readings."""
         model, linear = self.model, self.model.rows.linear_places
         *_, point = own_with(model, effects)
         places = [p for p in effects if p in linear and p.definition.stage == "reading_effects"]
-        sizes = stacked_sizes(effects, places)
-        added = (model.about(places, point, sizes).jacobian[:, len(point) :] @ sizes).reshape(-1, 3)
-        return places, {"specific_force": model.calibration.gravity * (model.readings.reading - added)}
+        at = model.about(places, point, stacked_sizes(effects, places))
+        return places, at.jacobian[:, len(point) :]
 
 
 def bench_limit(sigma: float, resolution: float) -> float:
@@ -486,7 +497,8 @@ def bench_evidence(record: PositionRecord, **options: Any) -> Evidence:
         nominal = nominal.model_copy(update={"warnings": [*nominal.warnings, GYROS_LEFT_OUT]})
     linear, circumstances = nominal.linearised, circumstances_of(record)
     if nominal.verdict == "falsified":
-        linear = with_usual_signs(linear, circumstances, nominal.noise_bound, options_given.bounds)
+        bound = record.bounds_with(nominal.noise_bound, options_given.gravity)
+        linear = with_usual_signs(linear, circumstances, bound, options_given.bounds)
     names = tuple((symbol, NAMES[symbol.partition("@")[0]][1]) for symbol in linear.symbols)
     readings = Readings.of(linear, circumstances, record.written_to(options_given.gravity))
     places: list[EffectPlace] = []

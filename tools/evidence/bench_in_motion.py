@@ -494,6 +494,10 @@ class WholeRerun:
         """As of the rests."""
         return self.rests.without(effects)
 
+    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+        """As of the rests."""
+        return self.rests.reach(effects, errors)
+
     def _at_rest(self, fit: Fit) -> Fit | None:
         """What a fit says of bench and accelerometers, as a fit of the rests; None where these do not stand with it."""
         places = [place for place in fit.places if acts_at_rest(place)]

@@ -165,18 +165,18 @@ def usual_centre(readings: Readings, start: NDArray) -> Fit:
 
 
 def with_usual_signs(
-    linearised: Linearisation, circumstances: Circumstances, noise_bound: float, bounds: tuple[float, float]
+    linearised: Linearisation, circumstances: Circumstances, noise_bound: NDArray, bounds: tuple[float, float]
 ) -> Linearisation:
     """The nominal model with the signs of the inputs at the centre, where gross readings drew the fit far from it.
 
-    σ is a fraction of g, the bounds are u^max and v^0max of (1.7).
+    The noise bounds (3 N,) are fractions of g, the bounds are u^max and v^0max of (1.7).
     """
     p, at = linearised.parametrisation, linearised.positions
     point = usual_centre(Readings.of(linearised, circumstances), linearised.point).point
     sign = np.where(predicted_input(p, point, at) >= 0.0, 1, -1)
     if np.abs(point - linearised.point).max() <= bounds[1] or np.array_equal(sign, linearised.sign):
         return linearised
-    relinearised = linearise(p, at, linearised.reading, point, np.full_like(linearised.bound, noise_bound), sign)
+    relinearised = linearise(p, at, linearised.reading, point, noise_bound, sign)
     if p.symmetric:
         return relinearised
     matrices = p.matrices[at.mounting]

@@ -432,6 +432,10 @@ class CarriedRerun:
         values = model.values_of(places, np.concatenate([np.zeros(len(rows.names)), sizes]))
         return places, {"rate": None, "increment": compensated_increments(model.motion, values, model.found.gravity)}
 
+    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+        """None: only gyros are corrected."""
+        return None
+
     def extension(self, fit: Fit, effects: Sized) -> Extension:
         """Gyros, attitude computer and, where gravity is the reference, accelerometers as they are found, and a run.
 

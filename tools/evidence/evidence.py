@@ -344,6 +344,13 @@ class Rerun(Protocol):
         """Those of some effects, of given coefficients, that can be taken out, and the record's fields without."""
         ...
 
+    def reach(self, effects: Mapping[EffectPlace, NDArray], errors: Mapping[EffectPlace, NDArray]) -> NDArray | None:
+        """What `without` may leave in a reading of each accelerometer (3,) [m/s²], by errors of the coefficients.
+
+        None where it changes no accelerometer.
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class Lengths:

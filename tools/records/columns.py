@@ -50,6 +50,10 @@ RESOLUTION = {"resolution_mps2": "resolution", "resolution_deg": "angle", "resol
 """Half a last digit of what was written, where numbers come from another file: key -> field of `Comments`."""
 SCATTER = "scatter_mps2"
 """Standard error of a row's mean of each accelerometer, where several readings were averaged: three numbers."""
+CORRECTED_BY = "corrected_by"
+"""What was taken out of a record's readings, and by which diagnosis or calibration."""
+CORRECTED_WITHIN = "corrected_within_mps2"
+"""What the sizes that were taken out may be wrong by, in readings of each accelerometer: three numbers."""
 INERTIAL = ("attitude_reference", "inertial")
 """Key and value that say of a true attitude that it is against inertial space: Earth's rotation is in it."""
 MOST_COMMENTS = 200
@@ -81,12 +85,12 @@ def comments_of(lines: Iterable[tuple[int, str]]) -> tuple[Comments, tuple[int, 
             continue
         key, text = match[1], match[2]
         about.setdefault(key, text)
-        if key not in RESOLUTION and key != SCATTER:
+        if key not in (*RESOLUTION, SCATTER, CORRECTED_WITHIN):
             continue
         numbers = [_number(part) for part in text.split()]
-        count = 1
-        if key == SCATTER:
-            count = 3
+        count = 3
+        if key in RESOLUTION:
+            count = 1
         if len(numbers) != count or not all(0.0 <= number < math.inf for number in numbers):
             needed = "a number"
             if count == 3:
@@ -94,7 +98,7 @@ def comments_of(lines: Iterable[tuple[int, str]]) -> tuple[Comments, tuple[int, 
             return Comments(), (row, key, f"{text[:40]!r}: {needed} not below 0 must stand there")
         if key == SCATTER:
             scatter = tuple(numbers)
-        else:
+        elif key in RESOLUTION:
             values[RESOLUTION[key]] = numbers[0]
     return Comments(about, scatter=scatter, **values), None
 

@@ -17,6 +17,7 @@ from .channels import Channels
 from .columns import (
     ANGLES,
     APPROACH,
+    CORRECTED_WITHIN,
     FORCE,
     INCREMENT,
     MOUNTING,
@@ -369,6 +370,14 @@ class PositionRecord(_Record):
         super().__post_init__()
         if self.mounting is not None and len(self.mounting) != len(self):
             raise ValueError(f"{len(self.mounting)} names of mountings for {len(self)} rows")
+
+    def bounds_with(self, noise_bound: float, gravity: float) -> np.ndarray:
+        """The bound of each reading's error (3 N,), fractions of `gravity`: σ and what a correction may leave."""
+        text = self.about.get(CORRECTED_WITHIN, "0 0 0")
+        within = np.array([float(number) for number in text.split()])
+        if self.channels is not None:
+            within = np.full(3, within.max())
+        return np.tile(noise_bound + within / gravity, len(self))
 
     def written_to(self, gravity: float) -> float:
         """By how much rounding on paper may move a reading and the input of its two angles, fractions of `gravity`."""

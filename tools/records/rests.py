@@ -132,6 +132,7 @@ def average_rests(raw: RawRecord, rests: Sequence[Rest]) -> PositionRecord:
         row=raw.row[begins],
         path=raw.path,
         sha256=raw.sha256,
+        about=raw.about,
         channels=raw.channels,
         warnings=raw.warnings + _said(raw, rests),
         scatter=np.array([scatter_of_mean(raw.specific_force[rows]) for rows in slices]),
