@@ -147,13 +147,19 @@ def read_off(cell: str) -> float | None:
         return None
 
 
+def sets_shown(content: Mapping[str, Any]) -> list[list[dict[str, Any]]]:
+    """Sets of effects of a diagnosis, by its JSON, in the order of its page: the best, then the alternatives."""
+    if content["verdict"] not in NAMED:
+        return []
+    alternatives = content.get("alternatives") or []
+    sets = [entry["causes"] for entry in content["explanations"] if not entry.get("extension")]
+    return [causes for causes in sets if causes not in alternatives] + alternatives
+
+
 def wrong_on_page(page: str, content: Mapping[str, Any]) -> list[str]:
     """Ends of intervals that a page of a diagnosis shows inside those of its JSON, estimates that it shows outside."""
     rows = [row for row in rows_of_page(page) if {"low", "high"} <= set(row)]
-    sets = [
-        one["causes"] for one in content["explanations"] if content["verdict"] in NAMED and not one.get("extension")
-    ]
-    sizes = iter([p for causes in sets for cause in causes for p in cause["parameters"]])
+    sizes = iter([p for causes in sets_shown(content) for cause in causes for p in cause["parameters"]])
     targets = {entry["symbol"]: entry for entry in content.get("targets") or []}
     wrong = []
     for row in rows:

@@ -15,7 +15,7 @@ import pytest
 
 from generator import SIGMA
 from generator.fresh import POSITION_KINDS, STRAPDOWN_KINDS, Fresh, position_record, strapdown_record
-from shown_bounds import wrong_on_page
+from shown_bounds import sets_shown, wrong_on_page
 from trihedron.tools.calibration import calibrate
 from trihedron.tools.diagnosis import diagnose
 from trihedron.tools.document import html
@@ -75,7 +75,7 @@ def misleading(fresh: Fresh, seed: int) -> tuple[str, list[str]]:
     options: dict[str, Any] = {"noise_bound": SIGMA} if isinstance(record, PositionRecord) else {}
     result: Any = diagnose(record, **options)
     content, text = result.to_json(), str(result)
-    sets = [first["causes"] for first in content["explanations"] if result.best and not first.get("extension")]
+    sets = sets_shown(content)
     right = []
     for causes in sets:
         right += [cause for cause in causes if (cause["effect"], cause["where"]) in fresh.hidden]

@@ -234,7 +234,7 @@ def test_a_person_may_have_the_model_extended_though_the_catalogue_has_a_cause()
     reading[:, 1] += 1.2e-4 * reading[:, 1] ** 3
     record = position_record(reading, alpha, beta)
     result = diagnose(record, noise_bound=NOISE_BOUND, rerun=False, extend=True)
-    assert result.causes
+    assert result.alternatives
     assert result.extension is not None
     assert result.extension.kind in ("formula", "lookup")
 
