@@ -434,7 +434,6 @@ def strapdown_files(block: Block) -> list[LabFile]:
         LabFile(
             "seconds of the week",
             table(["week", "TOW [s]", *names], [["2300"] * len(t), t, *ours]),
-            needs={"columns.time_s": "TOW [s]"},
         ),
         LabFile("milliseconds as a name", table(["millis", *names], [ms, *ours])),
         LabFile("time of the epoch", table(["timestamp [s]", *names], [epoch, *ours])),

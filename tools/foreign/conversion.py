@@ -1,5 +1,6 @@
 """Rows of texts as the columns of a record: numbers in its units, times from the first row, readings averaged."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from ..records.columns import (
     MOUNTING,
     POSITION,
     QUATERNION,
+    RATE,
     TEMPERATURE,
     Comments,
     FileColumns,
@@ -28,29 +30,35 @@ from ..records.columns import (
 from ..records.read import significant_digits, written_resolution
 from .layout import COMMENT
 from .mapping import OPEN, plural
-from .names import DATE, SAMPLE, TIMES
+from .names import DATE, QUANTITY_OF, SAMPLE, TIMES
 from .numbers import (
     BLANKS,
     DEGREE,
+    OPPOSITE,
     TIME,
     LaboratoryUnit,
     bare,
+    bits_of_signed,
     clock,
     is_missing,
+    is_unknown_behind,
     known_unit,
     numbers_of,
     parsed_moment,
     scaled_unit,
+    sense_behind,
     sexagesimal,
     unit_behind,
 )
-from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable
+from .understanding import CLOCK, NAME, NUMBER, STANDING_DEG, UnderstoodTable, ask_of_senses
 
 DIGITS_OF = 2000
 """Rows from which it is seen how finely numbers are written."""
 MOST_LEFT_OUT = 0.2
 """Part of the rows that may lack a number before it is asked what to do with them."""
-DAY = 86400.0
+DAY, HOUR = 86400.0, 3600.0
+ZONE = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
+"""What a time ends with that is no local time."""
 EPOCH = 1e8
 """Times above that many seconds count from long ago: the first row is taken off, whose digits doubles would lose."""
 RESOLUTIONS = {"mps2": FORCE, "deg": ANGLES, "degC": (TEMPERATURE,)}
@@ -107,7 +115,8 @@ def converted(table: UnderstoodTable) -> Conversion:
             labels = np.array(texts[column])
             numbers[column] = np.cumsum(np.append(True, labels[1:] != labels[:-1]))
         elif column not in (MOUNTING, DATE):
-            values = (_values(table, column, texts[column], lines) - origin.offset) * origin.sign
+            values = _counts(table, column, _values(table, column, texts[column], lines))
+            values = (values - origin.offset) * origin.sign
             # Units of angles give degrees; of all columns those of increments alone are in radians.
             size = DEGREE if column in INCREMENT else 1.0
             if origin.unit is not None:
@@ -191,6 +200,11 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
     for text, line in zip(texts, lines, strict=True):
         if text[-1:].isdigit() or table.value(text) is None:
             continue
+        if is_unknown_behind(text):
+            what = f"column {origin.name!r}: {quoted(text.strip())}: {unit_behind(text)!r} is no unit that is known"
+            raise InputError(f"{at} {line}, {what}; write plain numbers, or --set columns.{column}=none leaves it out")
+        if sense_behind(text, QUANTITY_OF.get(column, "")):
+            continue
         unit = known_unit(unit_behind(text))
         if first is not None and unit is not None and unit != first:
             what = f"{quoted(text.strip())} is in another unit than {origin.name!r} or the rows before"
@@ -211,7 +225,47 @@ def _values(table: UnderstoodTable, column: str, texts: list[str], lines: Sequen
             hint = "--set missing=TEXT leaves such rows out"
             raise InputError(f"{at} {line}, column {origin.name!r}: {what}; {hint}")
         values.append(value)
-    return np.array(values)
+    return np.array(values) * _signs(table, column, texts, lines)
+
+
+def _signs(table: UnderstoodTable, column: str, texts: Sequence[str], lines: Sequence[int]) -> NDArray[np.float64]:
+    """+1 or -1 for each cell (N,) by the mark behind its number: CW or CCW; an InputError where some have no mark."""
+    quantity, origin = QUANTITY_OF.get(column, ""), table.origins[column]
+    senses = [sense_behind(text, quantity) for text in texts]
+    signs = np.ones(len(texts))
+    marked = sorted(set(senses) - {""})
+    if not marked:
+        return signs
+    positive = table.mapping.of(column).positive
+    if positive in ("", OPEN):
+        ask_of_senses(table, column, texts)
+        return signs
+    for row, (text, sense, line) in enumerate(zip(texts, senses, lines, strict=True)):
+        if sense == OPPOSITE[positive]:
+            signs[row] = -1.0
+        elif sense != positive and table.value(text) != 0.0:
+            what = f"column {origin.name!r}: {quoted(text.strip())} is neither {positive} nor {OPPOSITE[positive]}"
+            raise InputError(f"{table.sheet.path}: row {line}, {what}, as columns.{column}.positive says")
+    return signs
+
+
+def _counts(table: UnderstoodTable, column: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Counts of a channel (N,): those of two's complement, written without a sign, get it back."""
+    kind = table.mapping.integers
+    if column not in FORCE + RATE:
+        return values
+    if kind in ("", OPEN):
+        bits = bits_of_signed(values.tolist())
+        if bits:
+            why = f"{table.origins[column].name!r} has counts near both ends of {bits} bits"
+            table.ask("integers", (f"signed {bits}", "unsigned"), why)
+    if not kind.startswith("signed"):
+        return values
+    size = 2.0 ** int(kind.split()[1])
+    if values.min() < 0.0 or values.max() >= size:
+        what = f"{table.origins[column].name!r} has numbers from {values.min():g} to {values.max():g}"
+        raise InputError(f"{table.sheet.path}: integers = {kind!r}: {what}, not from 0 to {size - 1:.0f}")
+    return np.where(values >= 0.5 * size, values - size, values)
 
 
 def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[int]) -> NDArray[np.float64]:
@@ -238,13 +292,40 @@ def _times(table: UnderstoodTable, texts: dict[str, list[str]], lines: Sequence[
             raise InputError(f"{table.sheet.path}: row {line}, {what}")
         seconds.append(at + midnight)
     table.notes.append("times count from the first row")
-    values = np.array(seconds) - seconds[0]
+    values = _without_clock_changes(table, np.array(seconds), texts[TIMES], lines) - seconds[0]
     if origin.form == CLOCK and DATE not in texts:
         nights = np.cumsum(np.diff(values, prepend=values[0]) < -0.5 * DAY)
         if nights.any():
             table.notes.append(f"midnight passes {plural(int(nights[-1]), 'time')}")
         values = values + DAY * nights
     return values
+
+
+def _without_clock_changes(
+    table: UnderstoodTable, seconds: NDArray[np.float64], texts: Sequence[str], lines: Sequence[int]
+) -> NDArray[np.float64]:
+    """Local times (N,) [s] without the hours by which clocks are changed: asked where one jumps at a full hour."""
+    steps = np.diff(seconds)
+    answer = table.mapping.clock_changes
+    if not steps.size or answer == "none" or ZONE.search(texts[0].strip()):
+        return seconds
+    period = float(np.median(np.abs(steps)))
+    near = max(3.0 * period, 2.0)
+    is_change = np.abs(np.abs(steps - period) - HOUR) <= near
+    # before the change and after it the clock is near a full hour
+    for moments in (seconds[:-1], seconds[1:]):
+        is_change &= np.abs((moments + 0.5 * HOUR) % HOUR - 0.5 * HOUR) <= near
+    changes = np.flatnonzero(is_change)
+    if period > 0.1 * HOUR or not changes.size:
+        return seconds
+    if answer in ("", OPEN):
+        row = changes[0]
+        why = f"row {lines[row]} is of {texts[row].strip()!r}, the next of {texts[row + 1].strip()!r}"
+        table.ask("clock_changes", ("corrected", "none"), f"{why}: whether the clock was changed")
+        return seconds
+    jumps = np.zeros(len(seconds))
+    jumps[changes + 1] = -HOUR * np.sign(steps[changes] - period)
+    return seconds + np.cumsum(jumps)
 
 
 def _resolutions(table: UnderstoodTable, texts: dict[str, list[str]]) -> dict[str, float]:

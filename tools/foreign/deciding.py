@@ -32,16 +32,29 @@ from .numbers import (
     TIME,
     Marks,
     bare,
+    bits_of_signed,
     date_of,
     date_orders,
     is_clock,
     is_missing,
+    is_rate,
     parsed_moment,
     parsed_number,
     two_parts,
 )
 from .sheet import Sheet, cell
-from .understanding import CLOCK, MOMENT, NAME, NUMBER, STANDING_DEG, Field, Origin, UnderstoodTable, decide_units
+from .understanding import (
+    CLOCK,
+    MOMENT,
+    NAME,
+    NUMBER,
+    STANDING_DEG,
+    Field,
+    Origin,
+    UnderstoodTable,
+    ask_of_senses,
+    decide_units,
+)
 
 PARTS_OF_ANGLES = ("'", "′", '"', "″", "''", "min", "sec", "s", "m", "arcmin", "arcsec", "minutes", "seconds")
 """Units of minutes and seconds of an arc, beside degrees."""
@@ -74,6 +87,9 @@ def understood(sheet: Sheet, mapping: Mapping) -> UnderstoodTable:
     decide_units(table)
     _decide_attitude(table)
     _ask_of_words(table)
+    _ask_of_integers(table)
+    for column, origin in table.origins.items():
+        ask_of_senses(table, column, origin.field.texts)
     _decide_readings(table)
     columns = mapping.model_dump(by_alias=True)["columns"]
     for column, origin in sorted(table.origins.items(), key=lambda entry: entry[1].field.place):
@@ -92,10 +108,10 @@ def _fields_of_columns(table: UnderstoodTable) -> dict[str, Field]:
         if column not in COLUMNS:
             raise InputError(f"columns.{column}: is no column of a record; {nearest(column, sorted(COLUMNS))}")
         source = mapping.of(column)
-        if mapping.columns[column] != OPEN and source.source != "none":
+        if source.source not in ("", OPEN, "none"):
             fields[column] = _field_named(table, column, source.source)
             table.beside[column] = tuple(_field_named(table, column, name) for name in source.beside)
-    mapped = {column for column, source in mapping.columns.items() if source != OPEN}
+    mapped = {column for column in mapping.columns if mapping.of(column).source not in ("", OPEN)}
     filled = table.filled
     candidates: dict[str, list[Field]] = {}
     for field in filled:
@@ -284,6 +300,7 @@ def _decide_time(table: UnderstoodTable, fields: dict[str, Field]) -> None:
     """Decide what times come from: numbers, times of day, dates, sample numbers, or the order of the rows."""
     time, date = fields.get(TIMES), fields.get(DATE)
     if time is None and SAMPLE in fields and table.kind is not POSITION:
+        _refuse_period(table, f"{fields[SAMPLE].label!r} counts samples")
         table.origins[TIMES] = _origin(table, SAMPLE, fields[SAMPLE])
         return
     if time is None:
@@ -310,6 +327,7 @@ def _ask_for_time(table: UnderstoodTable) -> None:
     """Ask where times come from in a table without a column that is known to hold them."""
     if table.mapping.time == "order" or table.is_asked("kind"):
         return
+    _refuse_period(table, "no column is known as a time")
     is_position, has_unit = table.kind is POSITION, TIME in table.mapping.units
     timed = []
     for field in table.filled:
@@ -326,6 +344,31 @@ def _ask_for_time(table: UnderstoodTable) -> None:
         table.ask("time", ("order",), why.format("rows in their order"))
     elif not table.sheet.stated.time and not has_unit:
         table.ask("units.time", ("100 Hz",), why.format("rows at which rate"))
+
+
+def _refuse_period(table: UnderstoodTable, where: str) -> None:
+    """Refuse a unit of time where there are no times: rows that count need their rate."""
+    answer = table.mapping.units.get(TIME, OPEN)
+    if answer != OPEN and not is_rate(answer):
+        advice = "give the rate, as '100 Hz', or the column of the time by columns.time_s=NAME"
+        raise InputError(f"{table.sheet.path}: units.time = {answer!r}: {where}; {advice}")
+
+
+def _ask_of_integers(table: UnderstoodTable) -> None:
+    """Ask of counts near 0 and near 65535, and none between, whether they are signed."""
+    if table.mapping.integers not in ("", OPEN):
+        return
+    for column, origin in table.origins.items():
+        if column not in FORCE + RATE:
+            continue
+        values = table.values(origin.field.texts)
+        bits = bits_of_signed(values)
+        if bits:
+            why = (
+                f"{origin.name!r} has counts from {min(values):.0f} to {max(values):.0f}, near both ends of {bits} bits"
+            )
+            table.ask("integers", (f"signed {bits}", "unsigned"), why)
+            return
 
 
 def _decide_dates(table: UnderstoodTable, field: Field) -> None:

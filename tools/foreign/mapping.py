@@ -21,7 +21,7 @@ OPEN = "?"
 LARGEST = 1_000_000
 """Bytes of a mapping that is read."""
 _MARK = "# as proposed: "
-_USUAL = (("unit", ""), ("sign", 1), ("offset", 0.0), ("beside", []))
+_USUAL = (("unit", ""), ("sign", 1), ("offset", 0.0), ("positive", ""), ("beside", []))
 """What a source has where nothing is said."""
 
 
@@ -31,23 +31,26 @@ class ColumnSource(Section):
     Attributes
     ----------
     source : str
-        name of the column in the file, or its number from 1 ("from" in a file)
+        name of the column in the file, or its number from 1 ("from" in a file); "" where its name is understood
     unit : str
         where it has another than the other columns of its quantity
     sign : int
         -1 turns it round
     offset : float
         taken off first, in the file's unit
+    positive : str
+        CW or CCW, E or W, N or S, L or R: which of the marks behind numbers counts as positive
     beside : list of str
         columns with further readings of the same rest
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=True)
 
-    source: str = Field(alias="from")
+    source: str = Field(default="", alias="from")
     unit: str = ""
     sign: Literal[1, -1] = 1
     offset: float = 0.0
+    positive: Literal["CW", "CCW", "E", "W", "N", "S", "L", "R", "?", ""] = ""
     beside: list[str] = Field(default_factory=list)
 
 
@@ -76,6 +79,10 @@ class Mapping(Section):
         body to reference, reference to body, or none: what a quaternion turns
     time : str
         "order": no time was written, rows count as 1 s apart
+    integers : str
+        what large counts are: "signed 16" (two's complement of 16 bits), 24, 32, or "unsigned"
+    clock_changes : str
+        hours by which local times jump are "corrected", or "none" of them is a change of the clock
     missing : tuple of str
         texts that say that nothing was measured, beside the usual
     units : dict
@@ -102,6 +109,8 @@ class Mapping(Section):
     incomplete: Literal["leave out", "?", ""] = ""
     attitude: Literal["body to reference", "reference to body", "none", "?", ""] = ""
     time: Literal["order", "?", ""] = ""
+    integers: Literal["signed 16", "signed 24", "signed 32", "unsigned", "?", ""] = ""
+    clock_changes: Literal["corrected", "none", "?", ""] = ""
     missing: list[str] = Field(default_factory=list)
     units: dict[str, str] = Field(default_factory=dict)
     columns: dict[str, ColumnSource | str] = Field(default_factory=dict)
@@ -194,6 +203,8 @@ def _put_inside(section: dict[str, Any], name: str, inner: str, value: Any, opti
     before = section.get(key, OPEN)
     if isinstance(before, dict):
         source = before
+    elif before == OPEN:
+        source = {}
     else:
         source = {"from": before}
     if part:

@@ -77,7 +77,7 @@ _PATTERNS = (
         ("", TIME),
         r"(elapsed |rel |relative |mess)?(time|zeit)( stamp|stempel| rel| of day)?|t|timestamp|x value|elapsed|temps"
         r"|stamp|header stamp|(unix ?|utc ?)?epoch|unix( ?time)?|uhrzeit|clock|date ?time"
-        r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время",
+        r"|datum ?(/|und)? ?(uhr)?zeit|zeitpunkt|время|i?tow|(gps ?)?(tow|time of week)|gps ?time",
     ),
     (
         TEMPERATURES,
@@ -93,7 +93,7 @@ _PATTERNS = (
     (DATE, ("",), r"date|datum|дата"),
 )
 """Columns, the quantities that the unit of a head may have ("": none is known), and their names, in order."""
-_NAMED_BY_UNIT = {"seconds": "s"}
+_NAMED_BY_UNIT = dict.fromkeys(("seconds", "sec", "secs"), "s")
 """Names of times that are their units."""
 for _unit, _names in (("ms", "ms msec millis milliseconds"), ("us", "us μs usec micros microseconds")):
     _NAMED_BY_UNIT |= dict.fromkeys(_names.split(), _unit)

@@ -165,6 +165,54 @@ def unit_behind(text: str) -> str:
     return text.strip().removeprefix(bare(text)).strip()
 
 
+SENSES = {"CW": "CCW", "E": "W", "N": "S", "L": "R"}
+"""Marks behind numbers that say which way they count, each with its opposite."""
+OPPOSITE = SENSES | {second: first for first, second in SENSES.items()}
+
+
+def sense_behind(text: str, quantity: str = "") -> str:
+    """The sense behind a cell's number, as CW or W; "" where there is none, or it is a unit of the quantity."""
+    mark = unit_behind(text)
+    unit = known_unit(mark)
+    if unit is not None and unit.quantity == quantity:
+        return ""
+    mark = mark.upper()
+    if mark in OPPOSITE:
+        return mark
+    return ""
+
+
+def is_unknown_behind(text: str) -> bool:
+    """Whether what stands behind a cell's number is neither a unit nor a sense."""
+    mark = unit_behind(text)
+    if not mark or mark.upper() in OPPOSITE or spelled_unit(mark).lower() in DOUBTFUL:
+        return False
+    return known_unit(mark) is None
+
+
+def is_rate(text: str) -> bool:
+    """Whether a text is a rate, as 100 Hz or 2 kHz."""
+    return re.fullmatch(r"\d[\d.]*(e[+-]?\d+)?[km]?hz", spelled_unit(text), re.IGNORECASE) is not None
+
+
+BITS = (16, 24, 32)
+
+
+def bits_of_signed(values: Iterable[float]) -> int:
+    """The bits of signed counts that were written as unsigned: near 0 and near 2^bits, none between; else 0."""
+    counts = list(values)
+    if not counts or min(counts) < 0.0 or not all(value.is_integer() for value in counts):
+        return 0
+    for bits in BITS:
+        size = 2.0**bits
+        if max(counts) >= size:
+            continue
+        ends = min(counts) < 0.25 * size and max(counts) >= 0.75 * size
+        between = any(0.375 * size <= value < 0.625 * size for value in counts)
+        return bits if ends and not between else 0
+    return 0
+
+
 def has_degree_mark(text: str) -> bool:
     """Whether an angle is written with degrees and minutes beyond doubt."""
     return ("°" in text or "º" in text) and sexagesimal(text) is not None
@@ -400,8 +448,9 @@ def scaled_unit(text: str) -> LaboratoryUnit | None:
     if split is None or number is None:
         return None
     name = split["unit"]
-    if name.lower() == "hz":
-        return LaboratoryUnit(TIME, 1.0 / number)
+    if name.lower() in ("hz", "khz"):
+        size = 1.0 if name.lower() == "hz" else 1e3
+        return LaboratoryUnit(TIME, 1.0 / (size * number))
     unit = known_unit(name)
     if unit is not None:
         if unit.offset:

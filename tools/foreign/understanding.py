@@ -14,6 +14,7 @@ from .numbers import (
     COUNTS,
     DOUBTFUL,
     EXAMPLES,
+    OPPOSITE,
     QUANTITIES,
     TIME,
     LaboratoryUnit,
@@ -23,6 +24,7 @@ from .numbers import (
     of_converter,
     parsed_number,
     scaled_unit,
+    sense_behind,
     sexagesimal,
     spelled_unit,
     unit_behind,
@@ -199,6 +201,21 @@ class UnderstoodTable:
         return (degrees - unit.offset) / unit.factor
 
 
+def ask_of_senses(table: UnderstoodTable, column: str, texts: Sequence[str]) -> None:
+    """Ask which sense counts as positive where numbers have marks as CW and CCW behind them."""
+    if table.mapping.of(column).positive not in ("", OPEN):
+        return
+    quantity = QUANTITY_OF.get(column, "")
+    for text in texts:
+        sense = ""
+        if not text[-1:].isdigit():
+            sense = sense_behind(text, quantity)
+        if sense and table.value(text) is not None:
+            why = f"{table.origins[column].name!r} has {text.strip()!r}: which sense is positive"
+            table.ask(f"columns.{column}.positive", (sense, OPPOSITE[sense]), why)
+            return
+
+
 def decide_units(table: UnderstoodTable) -> None:
     """The unit of each column: as given for it, as given for its quantity, as its head says, or asked."""
     units = table.mapping.units
@@ -246,7 +263,10 @@ def _unit(table: UnderstoodTable, column: str, origin: Origin) -> tuple[Laborato
         key = f"columns.{column}.unit"
     else:
         key = f"units.{quantity}"
-    text = head.unit or next(filter(None, map(unit_behind, texts)), "")
+    text = head.unit
+    for written in texts:
+        if not text and not sense_behind(written, quantity):
+            text = unit_behind(written)
     doubtful = DOUBTFUL.get(spelled_unit(text).lower(), ())
     stated = None
     if not doubtful:
